@@ -1,0 +1,221 @@
+"""Read YAML safely and turn every mistake into one line with file, key, value and the way out."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from twin_gait.exceptions import ParameterFileError, TwinGaitError
+
+MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand
+
+
+class Strict(BaseModel):
+    """Base of all file schemas: an unknown key is an error."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def _no_boolean(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise ValueError(f"expected a number, got {str(value).lower()}")
+    return value
+
+
+Number = Annotated[float, BeforeValidator(_no_boolean), Field(allow_inf_nan=False)]
+Count = Annotated[int, BeforeValidator(_no_boolean)]
+
+_Model = TypeVar("_Model", bound=BaseModel)
+_Result = TypeVar("_Result")
+
+
+class _UniqueKeyLoader(yaml.SafeLoader):
+    """Safe loader that refuses a key given twice."""
+
+
+def _mapping_without_duplicates(loader: _UniqueKeyLoader, node: yaml.MappingNode) -> dict[Any, Any]:
+    seen = set()
+    for key_node, _ in node.value:
+        key = loader.construct_object(key_node, deep=True)  # type: ignore[no-untyped-call]
+        if not isinstance(key, str):
+            raise yaml.constructor.ConstructorError(
+                None, None, f"expected a name as key, got {key!r}", key_node.start_mark
+            )
+        if key in seen:
+            raise yaml.constructor.ConstructorError(
+                None, None, f"the key {key!r} is given twice", key_node.start_mark
+            )
+        seen.add(key)
+    return dict(loader.construct_pairs(node, deep=True))  # type: ignore[no-untyped-call]
+
+
+_UniqueKeyLoader.add_constructor(  # type: ignore[no-untyped-call]
+    yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping_without_duplicates
+)
+
+
+def parse_yaml(text: str, source: str) -> dict[str, Any]:
+    """Parse YAML text whose outermost element is a mapping.
+
+    Args:
+        text: The text.
+        source: File name for messages.
+
+    Returns:
+        The mapping.
+
+    Raises:
+        ParameterFileError: If it is not YAML, or not a mapping.
+    """
+    try:
+        data = yaml.load(text, Loader=_UniqueKeyLoader)  # noqa: S506 - a SafeLoader subclass
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = f"line {mark.line + 1}, column {mark.column + 1}" if mark is not None else ""
+        problem = getattr(error, "problem", None) or str(error)
+        raise ParameterFileError(source, place, f"not valid YAML: {_one_line(problem)}") from error
+    except (RecursionError, ValueError, OverflowError, AttributeError, TypeError) as error:
+        raise ParameterFileError(source, "", f"not valid YAML: {_one_line(str(error))}") from error
+    if not isinstance(data, dict):
+        raise ParameterFileError(source, "", f"expected keys and values, got {type(data).__name__}")
+    return data
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Read a YAML file whose outermost element is a mapping.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The mapping.
+
+    Raises:
+        ParameterFileError: If it cannot be read or is not such a file.
+    """
+    try:
+        if path.stat().st_size > MAXIMUM_FILE_SIZE:
+            raise ParameterFileError(path, "", f"larger than {MAXIMUM_FILE_SIZE} bytes; not a parameter file")
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ParameterFileError(path, "", f"cannot be read ({error.strerror}); check the path") from error
+    except UnicodeDecodeError as error:
+        raise ParameterFileError(path, "", "is not UTF-8 text") from error
+    return parse_yaml(text, str(path))
+
+
+def validate(model: type[_Model], data: Mapping[str, Any], source: str) -> _Model:
+    """Check a mapping against a schema.
+
+    Args:
+        model: The schema.
+        data: The mapping.
+        source: File name for messages.
+
+    Returns:
+        The validated schema object.
+
+    Raises:
+        ParameterFileError: With the key, the value and what was expected, for the first mistake.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        key = _dotted(first["loc"])
+        raise ParameterFileError(source, key, _explain(first, model)) from error
+
+
+def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result:
+    """Run a conversion and put file and key in front of what it complains about.
+
+    Args:
+        source: File name for messages.
+        key: Path of the key that is converted.
+        convert: The conversion.
+
+    Returns:
+        Its result.
+
+    Raises:
+        ParameterFileError: If the conversion raises an error of this package.
+    """
+    try:
+        return convert()
+    except ParameterFileError:
+        raise
+    except TwinGaitError as error:
+        raise ParameterFileError(source, key, str(error)) from error
+
+
+def _explain(first: Any, model: type[BaseModel]) -> str:
+    kind, value = first["type"], first.get("input")
+    if kind == "extra_forbidden":
+        known = _known_keys(model, first["loc"][:-1])
+        name = str(first["loc"][-1])
+        near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]!r}? " if near else ""
+        return f"unknown key; {hint}allowed: {', '.join(known)}" if known else "unknown key"
+    if kind == "missing":
+        return "is missing"
+    if kind == "value_error":
+        return str(first["msg"]).removeprefix("Value error, ")
+    return f"{_lower_first(first['msg'])}, got {_short(value)}"
+
+
+def _known_keys(model: type[BaseModel], location: tuple[Any, ...]) -> list[str]:
+    """Keys that are allowed at a place of the schema, as far as it can be followed."""
+    current: Any = model
+    for part in location:
+        if not (isinstance(current, type) and issubclass(current, BaseModel)):
+            return []
+        field = _field(current, part)
+        if field is None:
+            continue
+        current = _model_in(field.annotation)
+    if isinstance(current, type) and issubclass(current, BaseModel):
+        return [info.alias or name for name, info in current.model_fields.items()]
+    return []
+
+
+def _field(model: type[BaseModel], part: Any) -> Any:
+    for name, info in model.model_fields.items():
+        if part in (name, info.alias):
+            return info
+    return None
+
+
+def _model_in(annotation: Any) -> Any:
+    """First schema class inside an annotation such as ``dict[str, Phase] | None``."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for inner in getattr(annotation, "__args__", ()):
+        found = _model_in(inner)
+        if found is not None:
+            return found
+    return None
+
+
+def _dotted(location: tuple[Any, ...]) -> str:
+    text = ""
+    for part in location:
+        text += f"[{part}]" if isinstance(part, int) else (f".{part}" if text else str(part))
+    return text
+
+
+def _short(value: Any) -> str:
+    text = _one_line(repr(value))
+    return text if len(text) <= 60 else text[:57] + "…"
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _lower_first(text: str) -> str:
+    return text[:1].lower() + text[1:]

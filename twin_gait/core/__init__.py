@@ -1,0 +1,7 @@
+"""The laws, each once: pure typed functions on plain numbers and arrays.
+
+Nothing here imports anything but :mod:`math` and :mod:`numpy`, keeps state, reads a clock or draws
+a random number. The Pinocchio engine calls these functions as Python; the compiled engine registers
+the very same functions with numba from outside, so there is no second copy of a law to drift.
+Scalars use :mod:`math` and plain products, because numpy's tanh and powers differ in the last bit.
+"""

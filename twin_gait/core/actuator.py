@@ -1,0 +1,142 @@
+"""Motor, gear and battery as the joint sees them.
+
+Currents and voltages are those of the DC equivalent of the block-commutated motor (the convention
+of the motor's data sheet); torques are at the joint, behind the gear.
+"""
+
+from __future__ import annotations
+
+
+def saturate(value: float, limit: float) -> float:
+    """Limit a value symmetrically to ``[-limit, limit]``.
+
+    Args:
+        value: Any value; NaN passes through so that a guard above can see it.
+        limit: Positive bound in the unit of the value.
+
+    Returns:
+        The bounded value.
+    """
+    if value > limit:
+        return limit
+    if value < -limit:
+        return -limit
+    return value
+
+
+def torque_to_current(
+    joint_torque: float, torque_constant: float, gear_ratio: float, gear_efficiency: float
+) -> float:
+    r"""Motor current that yields a joint torque.
+
+    Equation (2.16) of the thesis with the efficiency of the gear:
+    :math:`I = T / (K_t\,\tau\,\eta)`.
+
+    Args:
+        joint_torque: :math:`T` in [N m].
+        torque_constant: :math:`K_t` in [N m] / [A].
+        gear_ratio: :math:`\tau`.
+        gear_efficiency: :math:`\eta` in (0, 1].
+
+    Returns:
+        Current in [A].
+    """
+    return joint_torque / (torque_constant * gear_ratio * gear_efficiency)
+
+
+def current_to_torque(
+    current: float, torque_constant: float, gear_ratio: float, gear_efficiency: float
+) -> float:
+    """Joint torque of a motor current, the inverse of :func:`torque_to_current`.
+
+    Args:
+        current: Motor current in [A].
+        torque_constant: In [N m] / [A].
+        gear_ratio: Motor turns per joint turn.
+        gear_efficiency: In (0, 1].
+
+    Returns:
+        Joint torque in [N m].
+    """
+    return current * torque_constant * gear_ratio * gear_efficiency
+
+
+def voltage_limited_current(
+    current: float,
+    joint_velocity: float,
+    bus_voltage: float,
+    resistance: float,
+    torque_constant: float,
+    gear_ratio: float,
+) -> float:
+    r"""Current that the bus voltage can drive through the winding against the back-EMF.
+
+    .. math::
+
+        \frac{-V_{bus} - K_e\,\tau\,\omega}{R} \le I \le \frac{V_{bus} - K_e\,\tau\,\omega}{R}
+
+    with :math:`K_e = K_t` in SI units.
+
+    Args:
+        current: Wanted current in [A].
+        joint_velocity: :math:`\omega` at the joint in [rad] / [s].
+        bus_voltage: :math:`V_{bus}` in [V].
+        resistance: :math:`R`, line to line, in [Ω].
+        torque_constant: :math:`K_t` in [N m] / [A].
+        gear_ratio: :math:`\tau`.
+
+    Returns:
+        Current in [A].
+    """
+    back_emf = torque_constant * gear_ratio * joint_velocity
+    highest = (bus_voltage - back_emf) / resistance
+    lowest = (-bus_voltage - back_emf) / resistance
+    if current > highest:
+        return highest
+    if current < lowest:
+        return lowest
+    return current
+
+
+def motor_electrical_power(
+    current: float,
+    joint_velocity: float,
+    resistance: float,
+    torque_constant: float,
+    gear_ratio: float,
+) -> float:
+    r"""Electrical power that a motor draws: copper loss and back-EMF power.
+
+    :math:`P = R I^2 + K_e\,\tau\,\omega\,I`, negative while the motor brakes and feeds the bus.
+
+    Args:
+        current: In [A].
+        joint_velocity: At the joint in [rad] / [s].
+        resistance: In [Ω].
+        torque_constant: In [N m] / [A].
+        gear_ratio: Motor turns per joint turn.
+
+    Returns:
+        Power in [W].
+    """
+    return resistance * current * current + torque_constant * gear_ratio * joint_velocity * current
+
+
+def sagged_bus_voltage(
+    open_circuit_voltage: float, internal_resistance: float, battery_power: float, bus_voltage: float
+) -> float:
+    """Bus voltage under load, from the voltage and the power of the tick before.
+
+    ``V = V_oc - R_i P / V_before``: the current is taken at the last voltage, so that no algebraic
+    loop has to be solved; at 1 kHz the difference is far below the sag itself.
+
+    Args:
+        open_circuit_voltage: In [V].
+        internal_resistance: Of the pack in [Ω].
+        battery_power: Drawn by all motors in the last tick in [W]; negative feeds the pack.
+        bus_voltage: Voltage of the last tick in [V], positive.
+
+    Returns:
+        Bus voltage in [V].
+    """
+    return open_circuit_voltage - internal_resistance * battery_power / bus_voltage

@@ -1,0 +1,117 @@
+"""Foot and ground, and the mechanical stops of the joints."""
+
+from __future__ import annotations
+
+import math
+
+
+def contact_normal_force(
+    penetration: float, penetration_rate: float, stiffness: float, dissipation: float
+) -> float:
+    r"""Normal force of a contact point: Hunt and Crossley (1975), Hertz exponent.
+
+    .. math::
+
+        F_n = k\,\delta^{3/2}\,\max(0,\ 1 + \tfrac{3}{2} c\,\dot\delta)
+
+    It is smooth at touch-down and never pulls.
+
+    Args:
+        penetration: :math:`\delta` in [m]; zero or less is no contact.
+        penetration_rate: :math:`\dot\delta` in [m] / [s].
+        stiffness: :math:`k` in [N] / [m]^1.5.
+        dissipation: :math:`c` in [s] / [m].
+
+    Returns:
+        Force in [N], zero or positive.
+    """
+    if penetration <= 0.0:
+        return 0.0
+    damping = 1.0 + 1.5 * dissipation * penetration_rate
+    if damping <= 0.0:
+        return 0.0
+    return stiffness * penetration * math.sqrt(penetration) * damping
+
+
+def contact_friction_force(
+    slip_velocity: float, normal_force: float, friction_coefficient: float, transition_velocity: float
+) -> float:
+    r"""Regularised Coulomb friction of a contact point.
+
+    :math:`F_t = -\mu F_n \tanh(v / v_t)`: sliding is opposed, sticking is a slow creep.
+
+    Args:
+        slip_velocity: Velocity of the point relative to the ground (belt) in [m] / [s].
+        normal_force: In [N].
+        friction_coefficient: :math:`\mu`.
+        transition_velocity: :math:`v_t` in [m] / [s], positive.
+
+    Returns:
+        Force along the direction of the velocity in [N].
+    """
+    if normal_force <= 0.0:
+        return 0.0
+    return -friction_coefficient * normal_force * math.tanh(slip_velocity / transition_velocity)
+
+
+def mechanical_stop_torque(
+    angle: float, velocity: float, lower: float, upper: float, stiffness: float, dissipation: float
+) -> float:
+    r"""Torque of the mechanical stops of a joint.
+
+    A one-sided spring with the same dissipation as the ground contact, so that the torque is
+    continuous at touch-down and never pulls the joint back to the stop:
+    :math:`\tau = k\,\delta\,\max(0, 1 + c\,\dot\delta)` towards the inside.
+
+    Args:
+        angle: Joint angle in [rad].
+        velocity: Joint velocity in [rad] / [s].
+        lower: Lower stop in [rad].
+        upper: Upper stop in [rad].
+        stiffness: :math:`k` in [N m] / [rad].
+        dissipation: :math:`c` in [s] / [rad].
+
+    Returns:
+        Torque on the joint in [N m]: positive at the lower stop, negative at the upper one.
+    """
+    if angle < lower:
+        damping = 1.0 - dissipation * velocity
+        return stiffness * (lower - angle) * damping if damping > 0.0 else 0.0
+    if angle > upper:
+        damping = 1.0 + dissipation * velocity
+        return -stiffness * (angle - upper) * damping if damping > 0.0 else 0.0
+    return 0.0
+
+
+def ground_contact_force(
+    height: float,
+    forward_velocity: float,
+    vertical_velocity: float,
+    belt_speed: float,
+    stiffness: float,
+    dissipation: float,
+    friction_coefficient: float,
+    transition_velocity: float,
+) -> tuple[float, float]:
+    """Force of a level belt on a point of the sole.
+
+    Args:
+        height: Of the point above the belt in [m]; negative is penetration.
+        forward_velocity: Of the point in the world in [m] / [s].
+        vertical_velocity: Of the point in [m] / [s], up positive.
+        belt_speed: Of the belt, running backwards, in [m] / [s].
+        stiffness: In [N] / [m]^1.5.
+        dissipation: In [s] / [m].
+        friction_coefficient: Coulomb coefficient.
+        transition_velocity: Of the regularised friction in [m] / [s].
+
+    Returns:
+        Forward and upward force on the point in [N].
+    """
+    if height >= 0.0:
+        return 0.0, 0.0
+    normal = contact_normal_force(-height, -vertical_velocity, stiffness, dissipation)
+    friction = contact_friction_force(
+        forward_velocity + belt_speed, normal, friction_coefficient, transition_velocity
+    )
+    return friction, normal

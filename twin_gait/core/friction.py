@@ -1,0 +1,42 @@
+"""Friction of a joint with motor and harmonic drive, seen at the joint."""
+
+from __future__ import annotations
+
+import math
+
+_SQRT_2E = math.sqrt(2.0 * math.e)
+
+
+def rotational_friction_torque(
+    velocity: float,
+    breakaway_torque: float,
+    coulomb_friction: float,
+    breakaway_velocity: float,
+    viscous_friction: float,
+) -> float:
+    r"""Magnitude of the rotational friction torque, with the sign of the velocity.
+
+    Equation (3.1) of the thesis, with breakaway torque :math:`a`, Coulomb friction :math:`b`,
+    breakaway velocity :math:`c` and viscous coefficient :math:`d`:
+
+    .. math::
+
+        T_{fr}(\omega) = \sqrt{2e}\,(a-b)\,e^{-(\omega/c)^2}\frac{\omega}{c}
+                         + b \tanh\frac{\omega}{c/10} + d\,\omega
+
+    The plant feels :math:`-T_{fr}`; a compensator adds :math:`+G\,T_{fr}`. With :math:`a < b`, as
+    in table 3.1, the first term is a dip near 0.13 rad/s instead of a Stribeck peak.
+
+    Args:
+        velocity: Joint velocity in [rad] / [s].
+        breakaway_torque: :math:`a` in [N m].
+        coulomb_friction: :math:`b` in [N m].
+        breakaway_velocity: :math:`c` in [rad] / [s], not zero.
+        viscous_friction: :math:`d` in [N m s] / [rad].
+
+    Returns:
+        Friction torque in [N m]; odd in the velocity.
+    """
+    x = velocity / breakaway_velocity
+    stribeck = _SQRT_2E * (breakaway_torque - coulomb_friction) * math.exp(-(x * x)) * x
+    return stribeck + coulomb_friction * math.tanh(10.0 * x) + viscous_friction * velocity

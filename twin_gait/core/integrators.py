@@ -1,0 +1,73 @@
+"""Fixed-step integrators of ``q̈ = a(q, q̇)`` on plain arrays.
+
+The acceleration is a function ``acceleration(q, v, out)`` that writes into ``out``; it may keep
+other results of its last evaluation for the caller (contact forces, powers).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray[Any, np.dtype[Any]]
+Acceleration = Callable[[Array, Array, Array], None]
+
+RK4_STAGES = 4
+
+
+def semi_implicit_euler_step(acceleration: Acceleration, q: Array, v: Array, step: float, a: Array) -> None:
+    """Advance by one step of the semi-implicit (symplectic) Euler method, of first order.
+
+    ``v ← v + h a(q, v)``, then ``q ← q + h v`` with the new velocity.
+
+    Args:
+        acceleration: Writes the acceleration of ``(q, v)`` into its third argument.
+        q: Coordinates, shape ``(n,)``; changed in place.
+        v: Velocities, shape ``(n,)``; changed in place.
+        step: h in [s].
+        a: Room for the acceleration, shape ``(n,)``; changed in place.
+    """
+    acceleration(q, v, a)
+    for i in range(q.shape[0]):
+        v[i] += step * a[i]
+        q[i] += step * v[i]
+
+
+def rk4_stage_weight(stage: int) -> float:
+    """Weight of a stage of the classical Runge-Kutta method: 1/6, 1/3, 1/3, 1/6."""
+    return 1.0 / 6.0 if stage == 0 or stage == RK4_STAGES - 1 else 1.0 / 3.0
+
+
+def rk4_step(acceleration: Acceleration, q: Array, v: Array, step: float, work: Array) -> None:
+    """Advance by one step of the classical Runge-Kutta method, of fourth order.
+
+    Args:
+        acceleration: Writes the acceleration of ``(q, v)`` into its third argument; called once a
+            stage, in order.
+        q: Coordinates, shape ``(n,)``; changed in place.
+        v: Velocities, shape ``(n,)``; changed in place.
+        step: h in [s].
+        work: Room for stages, shape ``(5, n)``; changed in place.
+    """
+    n = q.shape[0]
+    stage_q, stage_v, a, sum_v, sum_a = work[0], work[1], work[2], work[3], work[4]
+    for i in range(n):
+        stage_q[i] = q[i]
+        stage_v[i] = v[i]
+        sum_v[i] = 0.0
+        sum_a[i] = 0.0
+    for stage in range(RK4_STAGES):
+        acceleration(stage_q, stage_v, a)
+        weight = rk4_stage_weight(stage)
+        ahead = step if stage == 2 else 0.5 * step
+        for i in range(n):
+            sum_v[i] += weight * stage_v[i]
+            sum_a[i] += weight * a[i]
+            if stage < RK4_STAGES - 1:
+                stage_q[i] = q[i] + ahead * stage_v[i]
+                stage_v[i] = v[i] + ahead * a[i]
+    for i in range(n):
+        q[i] += step * sum_v[i]
+        v[i] += step * sum_a[i]

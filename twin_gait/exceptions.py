@@ -1,0 +1,65 @@
+"""Everything that twin_gait raises on purpose.
+
+Each message is one line: what was expected, what came, and the way out. The command line turns a
+:class:`TwinGaitError` into that one line and an exit status; library users catch the base class.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class TwinGaitError(Exception):
+    """Base class of all errors of this package."""
+
+
+class ParameterError(TwinGaitError, ValueError):
+    """A parameter is out of its range or inconsistent with another."""
+
+
+class ParameterFileError(TwinGaitError):
+    """A file that a user wrote has a wrong key or value.
+
+    Attributes:
+        file: The file that was read.
+        key: Path of the key inside the file, for example ``phases.late_stance.hip``.
+    """
+
+    def __init__(self, file: Path | str, key: str, problem: str) -> None:
+        """Compose the message ``file: key: problem``."""
+        self.file = str(file)
+        self.key = key
+        place = f"{self.file}: {key}" if key else self.file
+        super().__init__(f"{place}: {problem}")
+
+
+class ModelError(TwinGaitError):
+    """A URDF cannot be read, or lacks a joint or link that was asked for."""
+
+
+class GaitTableError(TwinGaitError, ValueError):
+    """A gait table contradicts itself: unknown phase, transition to nowhere, wrong guard."""
+
+
+class MeasurementError(TwinGaitError, ValueError):
+    """A measurement handed to the state machine or a controller is missing or not finite."""
+
+
+class RunDirectoryError(TwinGaitError):
+    """A run directory cannot be made, read or written."""
+
+
+class ViewerError(TwinGaitError):
+    """The viewer or its server could not be started."""
+
+
+class MissingOptionalDependency(TwinGaitError, ImportError):
+    """An extra that a feature needs is not installed."""
+
+    def __init__(self, package: str, extra: str, feature: str) -> None:
+        """Compose the message that names the feature, the package and the install command."""
+        self.package = package
+        self.extra = extra
+        super().__init__(
+            f"{feature} needs {package}, which is not installed: pip install 'twin-gait[{extra}]'"
+        )

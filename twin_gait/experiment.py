@@ -1,0 +1,251 @@
+"""One frozen value that says everything a run needs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from twin_gait.exceptions import ParameterError
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.leg_model import LegModel, PelvisGuide
+from twin_gait.parameters import (
+    HIP_ACTUATOR,
+    HIP_FRICTION,
+    KNEE_ACTUATOR,
+    KNEE_FRICTION,
+    ActuatorParameters,
+    AnkleParameters,
+    BatteryParameters,
+    FrictionParameters,
+    LimitParameters,
+    PatientParameters,
+    SensorParameters,
+    StopParameters,
+    require,
+    require_non_negative,
+    require_share,
+)
+from twin_gait.scenario.bench_leg import BenchLegScenario
+from twin_gait.scenario.treadmill import TreadmillScenario
+from twin_gait.scenario.world import LegSource, World, build_leg_model
+from twin_gait.vocabulary import JointName
+
+
+class Engine(StrEnum):
+    """What computes the forward dynamics."""
+
+    PINOCCHIO = "pinocchio"
+
+
+class IntegrationMethod(StrEnum):
+    """Fixed-step integrator of the plant."""
+
+    SEMI_IMPLICIT_EULER = "semi_implicit_euler"
+    RK4 = "rk4"
+
+
+class ControlMode(StrEnum):
+    """What the controller does with the gait table's impedance."""
+
+    IMPEDANCE = "impedance"
+    TRANSPARENT = "transparent"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Integration:
+    """Integrator and step.
+
+    Attributes:
+        method: The integrator.
+        step: In [s]; a whole number of steps must fill a tick of 1 ms.
+    """
+
+    method: IntegrationMethod = IntegrationMethod.SEMI_IMPLICIT_EULER
+    step: float = 0.25e-3
+
+    def __post_init__(self) -> None:
+        """Check that steps fill a tick."""
+        require(
+            math.isfinite(self.step) and 0.0 < self.step <= TICK,
+            "integration step",
+            f"above 0 and at most {TICK:g} s",
+            self.step,
+        )
+        ratio = TICK / self.step
+        require(
+            abs(ratio - round(ratio)) < 1e-9 * ratio,
+            "integration step",
+            f"a whole number of steps in {TICK:g} s, such as {TICK / max(1, round(ratio)):g} s",
+            self.step,
+        )
+
+    @property
+    def substeps(self) -> int:
+        """Steps in a tick."""
+        return round(TICK / self.step)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlParameters:
+    """What the controller knows and may do.
+
+    Attributes:
+        mode: Impedance of the gait table, or friction compensation only.
+        friction_model: The compensator's own friction model (thesis, table 3.1).
+        inertia_compensation: Gain g_in of the inertia term; off by default, because a differentiated
+            encoder is noisy (thesis 2.4.2).
+        target_torque: Added to the command in [N m] (thesis, equation 2.16).
+        limits: Of torque and current.
+        patient: The wearer that gravity compensation reckons with; None takes the true one.
+    """
+
+    mode: ControlMode = ControlMode.IMPEDANCE
+    friction_model: Mapping[JointName, FrictionParameters] = field(
+        default_factory=lambda: {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
+    )
+    inertia_compensation: float = 0.0
+    target_torque: Mapping[JointName, float] = field(
+        default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: 0.0}
+    )
+    limits: LimitParameters = field(default_factory=LimitParameters)
+    patient: PatientParameters | None = None
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_share("inertia_compensation", self.inertia_compensation)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantParameters:
+    """What the leg really is, beside its rigid bodies.
+
+    Attributes:
+        friction_ratio: True friction over the model of table 3.1, per joint.
+        friction: The friction law that the ratio scales.
+        actuators: Motor and gear per joint.
+        battery: The pack.
+        stops: Mechanical stops.
+        ankle: The orthosis.
+        gravity: In [m] / [s²].
+    """
+
+    friction_ratio: Mapping[JointName, float] = field(
+        default_factory=lambda: {JointName.HIP: 0.5, JointName.KNEE: 0.5}
+    )
+    friction: Mapping[JointName, FrictionParameters] = field(
+        default_factory=lambda: {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
+    )
+    actuators: Mapping[JointName, ActuatorParameters] = field(
+        default_factory=lambda: {JointName.HIP: HIP_ACTUATOR, JointName.KNEE: KNEE_ACTUATOR}
+    )
+    battery: BatteryParameters = field(default_factory=BatteryParameters)
+    stops: StopParameters = field(default_factory=StopParameters)
+    ankle: AnkleParameters = field(default_factory=AnkleParameters)
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        for joint, ratio in self.friction_ratio.items():
+            require_non_negative(f"friction_ratio of the {joint}", ratio)
+        require_non_negative("gravity", self.gravity)
+
+    def true_friction(self) -> dict[JointName, FrictionParameters]:
+        """Friction of the plant: the law times the ratio, per joint."""
+        return {joint: law.scaled(self.friction_ratio[joint]) for joint, law in self.friction.items()}
+
+
+Scenario = TreadmillScenario | BenchLegScenario
+
+
+@dataclass(frozen=True, kw_only=True)
+class Experiment:
+    """Everything that a run needs; two runs of equal experiments give equal logs.
+
+    Attributes:
+        name: Name of the preset or file.
+        scenario: The world.
+        leg: URDF and joint names.
+        table: The gait table, before scaling.
+        duration: In [s], a whole number of ticks.
+        patient: The wearer, or None for the empty device.
+        control: The controller.
+        plant: The leg.
+        sensors: Encoders and filters.
+        integration: Integrator and step.
+        engine: What computes the forward dynamics.
+        seed: Of every random draw.
+    """
+
+    name: str
+    scenario: Scenario
+    leg: LegSource
+    table: GaitTable
+    duration: float = 20.0
+    patient: PatientParameters | None = field(default_factory=PatientParameters)
+    control: ControlParameters = field(default_factory=ControlParameters)
+    plant: PlantParameters = field(default_factory=PlantParameters)
+    sensors: SensorParameters = field(default_factory=SensorParameters)
+    integration: Integration = field(default_factory=Integration)
+    engine: Engine = Engine.PINOCCHIO
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the duration, the joints of the table and the seed."""
+        require(
+            math.isfinite(self.duration) and TICK <= self.duration <= 24 * 3600.0,
+            "duration",
+            f"a number of seconds from {TICK:g} to 86400",
+            self.duration,
+        )
+        require(self.seed >= 0, "seed", "a whole number of 0 or more", self.seed)
+        if tuple(self.table.joints) != (JointName.HIP, JointName.KNEE):
+            raise ParameterError(
+                f"gait table {self.table.name!r} is for {', '.join(self.table.joints)}; "
+                "this device drives hip, knee"
+            )
+
+    @property
+    def n_ticks(self) -> int:
+        """Length of the run in ticks."""
+        return round(self.duration / TICK)
+
+    def build_world(self) -> World:
+        """Build the world with its rigid-body model.
+
+        Returns:
+            The world.
+
+        Raises:
+            ModelError: If the URDF cannot be used.
+            ParameterError: If something does not fit together.
+        """
+        model = build_leg_model(
+            self.leg,
+            patient=self.patient,
+            actuators=self.plant.actuators,
+            pelvis=self.scenario.pelvis,
+            gravity=self.plant.gravity,
+        )
+        return self.scenario.build(
+            model,
+            friction=self.plant.true_friction(),
+            stops=self.plant.stops,
+            ankle=self.plant.ankle,
+            gravity=self.plant.gravity,
+        )
+
+    def build_control_model(self) -> LegModel:
+        """Model that the controller reckons with: pelvis fixed, its own idea of the wearer.
+
+        Returns:
+            The model.
+        """
+        return build_leg_model(
+            self.leg,
+            patient=self.patient if self.control.patient is None else self.control.patient,
+            actuators=self.plant.actuators,
+            pelvis=PelvisGuide.FIXED,
+            gravity=self.plant.gravity,
+        )

@@ -1,0 +1,30 @@
+"""Phases, the gait table, its guards, and the state machine."""
+
+from twin_gait.gait.machine import GaitStateMachine, LegSignals, PhaseSwitch
+from twin_gait.gait.program import GuardProgram, compile_guards
+from twin_gait.gait.table import (
+    TICK,
+    Blending,
+    BlendingLaw,
+    GaitTable,
+    JointImpedance,
+    PhaseParameters,
+    Scaling,
+    Transition,
+)
+
+__all__ = [
+    "TICK",
+    "Blending",
+    "BlendingLaw",
+    "GaitStateMachine",
+    "GaitTable",
+    "GuardProgram",
+    "JointImpedance",
+    "LegSignals",
+    "PhaseParameters",
+    "PhaseSwitch",
+    "Scaling",
+    "Transition",
+    "compile_guards",
+]

@@ -1,0 +1,183 @@
+"""Guards of a gait table: their grammar and their tree.
+
+A guard is a strict linear inequality over one measured signal or the difference of two, a phase
+membership of the other leg, or ``all`` / ``any`` of guards. Thresholds are converted to SI here,
+once; :mod:`twin_gait.core.guards` evaluates what comes out.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from twin_gait.exceptions import GaitTableError
+
+_DEGREE = math.pi / 180.0
+OTHER = "other."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """A strict inequality ``signal [- minus] (< or >) threshold`` in the units of the table.
+
+    Attributes:
+        signal: Name of the signal, for example ``other.hip.angle_deg``.
+        minus: Name of a signal that is subtracted, or None.
+        operator: ``"<"`` or ``">"``.
+        threshold: In the unit that the signal's name carries.
+    """
+
+    signal: str
+    minus: str | None
+    operator: str
+    threshold: float
+
+    def __str__(self) -> str:
+        """Write the inequality as in the table."""
+        left = self.signal if self.minus is None else f"{self.signal} - {self.minus}"
+        return f"{left} {self.operator} {self.threshold:g}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseMembership:
+    """The other leg is in one of some phases.
+
+    Attributes:
+        phases: Names of the phases.
+    """
+
+    phases: tuple[str, ...]
+
+    def __str__(self) -> str:
+        """Write the membership as in the table."""
+        return f"other.phase in [{', '.join(self.phases)}]"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AllOf:
+    """Every one of some guards holds.
+
+    Attributes:
+        guards: The guards; an empty conjunction is true (a transition with a time-out only).
+    """
+
+    guards: tuple[Guard, ...]
+
+    def __str__(self) -> str:
+        """Write the conjunction."""
+        return " and ".join(_bracketed(guard) for guard in self.guards) or "true"
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnyOf:
+    """At least one of some guards holds.
+
+    Attributes:
+        guards: The guards, at least one.
+    """
+
+    guards: tuple[Guard, ...]
+
+    def __str__(self) -> str:
+        """Write the disjunction."""
+        return " or ".join(_bracketed(guard) for guard in self.guards)
+
+
+Guard = Comparison | PhaseMembership | AllOf | AnyOf
+
+
+def _bracketed(guard: Guard) -> str:
+    return f"({guard})" if isinstance(guard, (AllOf, AnyOf)) else str(guard)
+
+
+def signal_names(joints: Sequence[str]) -> list[str]:
+    """Signals of one leg, in the order of the signal array.
+
+    Args:
+        joints: Joints of the table.
+
+    Returns:
+        For each joint angle and velocity, then foot load and time in phase.
+    """
+    names = []
+    for joint in joints:
+        names += [f"{joint}.angle_deg", f"{joint}.velocity_deg_per_s"]
+    return [*names, "foot.load_bw", "time_in_phase_s"]
+
+
+def all_signal_names(joints: Sequence[str]) -> list[str]:
+    """Signals of this leg, then those of the other leg, in the order of the signal array.
+
+    Args:
+        joints: Joints of the table.
+
+    Returns:
+        Names; their positions are the indices used by the guard program.
+    """
+    own = signal_names(joints)
+    return own + [OTHER + name for name in own]
+
+
+def signal_scale(name: str) -> float:
+    """Factor from the unit in a signal's name to SI."""
+    return _DEGREE if name.endswith(("_deg", "_deg_per_s")) else 1.0
+
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_SIGNAL = r"[A-Za-z_][\w.]*"
+_COMPARISON = re.compile(rf"\s*({_SIGNAL})\s*(?:-\s*({_SIGNAL})\s*)?(<=|>=|<|>|==|=)\s*({_NUMBER})\s*")
+_MEMBERSHIP = re.compile(r"\s*other\.phase\s+in\s*\[([^\]]*)\]\s*")
+
+
+def parse_guard(text: str, joints: Sequence[str], phases: Sequence[str]) -> Guard:
+    """Parse one guard string.
+
+    Args:
+        text: For example ``"hip.angle_deg < -8"``, ``"other.hip.angle_deg - hip.angle_deg > 10"``
+            or ``"other.phase in [early_stance, middle_stance]"``.
+        joints: Joints of the table.
+        phases: Phases of the table.
+
+    Returns:
+        The guard.
+
+    Raises:
+        GaitTableError: If the text is not a guard, or names an unknown signal or phase.
+    """
+    membership = _MEMBERSHIP.fullmatch(text)
+    if membership:
+        members = tuple(name.strip() for name in membership.group(1).split(",") if name.strip())
+        if not members:
+            raise GaitTableError(f"guard {text!r}: expected at least one phase in the brackets")
+        for name in members:
+            if name not in phases:
+                raise GaitTableError(f"guard {text!r}: no phase {name!r}; there are {', '.join(phases)}")
+        return PhaseMembership(phases=members)
+    comparison = _COMPARISON.fullmatch(text)
+    if not comparison:
+        raise GaitTableError(
+            f"guard {text!r}: expected 'signal < number', 'signal - signal > number' "
+            "or 'other.phase in [phase, …]'"
+        )
+    signal, minus, operator, number = comparison.groups()
+    if operator not in ("<", ">"):
+        raise GaitTableError(f"guard {text!r}: inequalities are strict; write '<' or '>'")
+    known = all_signal_names(joints)
+    for name in (signal, minus):
+        if name is not None and name not in known:
+            raise GaitTableError(
+                f"guard {text!r}: no signal {name!r}; there are {', '.join(signal_names(joints))}, "
+                "and the same with 'other.' in front"
+            )
+    if minus is not None and signal_scale(signal) != signal_scale(minus):
+        raise GaitTableError(f"guard {text!r}: {signal} and {minus} have different units")
+    return Comparison(signal=signal, minus=minus, operator=operator, threshold=_finite(text, number))
+
+
+def _finite(text: str, number: str) -> float:
+    value = float(number)
+    if not math.isfinite(value):
+        raise GaitTableError(f"guard {text!r}: the threshold is not a finite number")
+    return value

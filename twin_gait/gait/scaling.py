@@ -1,0 +1,113 @@
+"""Adapt a gait table to wearer, support and belt speed, by the laws that the table states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from twin_gait.core.impedance import damping_from_ratio
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, signal_scale
+from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters
+from twin_gait.vocabulary import JointName, Side
+
+# Columns of a resolved phase: four per joint, then the share of gravity compensation.
+STIFFNESS, DAMPING, EQUILIBRIUM, GAIN = range(4)
+COLUMNS_PER_JOINT = 4
+
+InertiaAt = Callable[[Side, Mapping[str, float], str], float]
+
+
+def scale_table(table: GaitTable, *, carried_mass: float | None, speed: float | None) -> GaitTable:
+    """Apply the scaling laws of a table.
+
+    Args:
+        table: The gait table.
+        carried_mass: Mass of wearer and device times (1 - support) in [kg]; None leaves stance as it is.
+        speed: Belt speed in [m] / [s]; None leaves the hip excursion as it is.
+
+    Returns:
+        The adapted table; the same values where a law is off.
+    """
+    law = table.scaling
+    stiffness = 1.0
+    if law.carried_mass is not None and carried_mass is not None:
+        stiffness = carried_mass / law.carried_mass
+    excursion = 1.0
+    if law.speed is not None and speed is not None:
+        excursion = (speed / law.speed) ** law.speed_exponent
+
+    def adapt(phases: Mapping[str, PhaseParameters]) -> dict[str, PhaseParameters]:
+        return {
+            name: _scale_phase(
+                phase, stiffness if name in law.stance_phases else 1.0, excursion, law.hip_centre
+            )
+            for name, phase in phases.items()
+        }
+
+    return replace(
+        table,
+        phases=adapt(table.phases),
+        side_phases={side: adapt(phases) for side, phases in table.side_phases.items()},
+        transitions=tuple(
+            replace(item, guard=_scale_guard(item.guard, excursion, law.hip_centre))
+            for item in table.transitions
+        ),
+    )
+
+
+def _scale_phase(phase: PhaseParameters, stiffness: float, excursion: float, centre: float) -> PhaseParameters:
+    joints = {}
+    for name, joint in phase.joints.items():
+        equilibrium = joint.equilibrium_angle
+        if name == JointName.HIP:
+            equilibrium = centre + excursion * (equilibrium - centre)
+        joints[name] = replace(joint, stiffness=stiffness * joint.stiffness, equilibrium_angle=equilibrium)
+    return replace(phase, joints=joints)
+
+
+def _scale_guard(guard: Guard, excursion: float, centre: float) -> Guard:
+    if isinstance(guard, AllOf):
+        return AllOf(guards=tuple(_scale_guard(inner, excursion, centre) for inner in guard.guards))
+    if isinstance(guard, AnyOf):
+        return AnyOf(guards=tuple(_scale_guard(inner, excursion, centre) for inner in guard.guards))
+    if isinstance(guard, Comparison) and guard.signal.endswith(f"{JointName.HIP}.angle_deg"):
+        about = centre / signal_scale(guard.signal) if guard.minus is None else 0.0
+        return replace(guard, threshold=about + excursion * (guard.threshold - about))
+    return guard
+
+
+def resolve_phases(table: GaitTable, side: Side, inertia_at: InertiaAt) -> np.ndarray:
+    """Lay the phases of one side out as numbers, damping ratios resolved.
+
+    Args:
+        table: The gait table, already scaled.
+        side: The leg.
+        inertia_at: Effective inertia in [kg m²] of a joint of a side at the equilibrium angles of
+            all joints of a phase, armature included: M_jj with the pelvis fixed.
+
+    Returns:
+        Shape ``(n_phases, 4 n_joints + 1)``: k, b, θ0, G of each joint, then the gravity share.
+    """
+    rows = []
+    for phase in table.phases_of(side).values():
+        posture = {name: phase.joints[name].equilibrium_angle for name in table.joints}
+        row: list[float] = []
+        for name in table.joints:
+            joint = phase.joints[name]
+            row += [
+                joint.stiffness,
+                _damping(joint, lambda name=name: inertia_at(side, posture, name)),  # type: ignore[misc]
+                joint.equilibrium_angle,
+                joint.friction_compensation_gain,
+            ]
+        rows.append([*row, phase.gravity_compensation])
+    return np.array(rows)
+
+
+def _damping(joint: JointImpedance, inertia: Callable[[], float]) -> float:
+    if joint.damping is not None:
+        return joint.damping
+    assert joint.damping_ratio is not None  # JointImpedance holds exactly one of them
+    return damping_from_ratio(joint.damping_ratio, joint.stiffness, inertia())

@@ -1,0 +1,296 @@
+"""The gait table: per-phase impedances and the transitions between phases, as data.
+
+Everything reads it and nobody has a second copy of a threshold: the state machine, the engines,
+replay, checks, diagrams and tests. Angles are in [rad] and times in ticks of 1 ms here; the YAML
+edge (:mod:`twin_gait.configuration`) converts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from twin_gait.core import blending
+from twin_gait.exceptions import GaitTableError
+from twin_gait.gait.guards import AllOf, AnyOf, Guard, PhaseMembership
+from twin_gait.parameters import require, require_non_negative, require_positive, require_share
+from twin_gait.vocabulary import Side
+
+TICK = 1e-3  # [s], the firmware's control period (thesis, section 2.1.2)
+
+
+class BlendingLaw(StrEnum):
+    """How parameters fade from one phase to the next."""
+
+    NONE = "none"
+    LINEAR = "linear"
+    MINIMUM_JERK = "minimum_jerk"
+
+    @property
+    def code(self) -> int:
+        """Code of the law in :mod:`twin_gait.core.blending`."""
+        return {
+            BlendingLaw.NONE: blending.BLEND_NONE,
+            BlendingLaw.LINEAR: blending.BLEND_LINEAR,
+            BlendingLaw.MINIMUM_JERK: blending.BLEND_MINIMUM_JERK,
+        }[self]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Blending:
+    """Blending of k, b, θ0, G and the gravity share when a phase is entered.
+
+    Attributes:
+        law: Shape of the fade.
+        duration_ticks: Its length in ticks.
+    """
+
+    law: BlendingLaw = BlendingLaw.MINIMUM_JERK
+    duration_ticks: int = 60
+
+    def __post_init__(self) -> None:
+        """Check the range."""
+        require(self.duration_ticks >= 0, "blending.duration_ms", "0 or more", self.duration_ticks)
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointImpedance:
+    """Impedance of one joint in one phase; exactly one of damping and damping ratio is given.
+
+    Attributes:
+        stiffness: k in [N m] / [rad].
+        equilibrium_angle: θ0 in [rad].
+        friction_compensation_gain: G in [0, 1].
+        damping: b in [N m s] / [rad], or None.
+        damping_ratio: ζ, or None; b = 2 ζ √(k I) is resolved when the experiment is built.
+    """
+
+    stiffness: float
+    equilibrium_angle: float
+    friction_compensation_gain: float
+    damping: float | None = None
+    damping_ratio: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("stiffness", self.stiffness)
+        require(math.isfinite(self.equilibrium_angle), "equilibrium", "a finite angle", self.equilibrium_angle)
+        require_share("friction_compensation_gain", self.friction_compensation_gain)
+        require(
+            (self.damping is None) != (self.damping_ratio is None),
+            "damping",
+            "either a damping or a damping_ratio",
+            f"damping {self.damping}, damping_ratio {self.damping_ratio}",
+        )
+        if self.damping is not None:
+            require_non_negative("damping", self.damping)
+        if self.damping_ratio is not None:
+            require_non_negative("damping_ratio", self.damping_ratio)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PhaseParameters:
+    """What one phase of gait sets.
+
+    Attributes:
+        joints: Impedance per joint name.
+        gravity_compensation: Share of the leg's gravity torque that is fed forward.
+        minimum_ticks: The phase is not left before so many ticks.
+    """
+
+    joints: Mapping[str, JointImpedance]
+    gravity_compensation: float = 0.0
+    minimum_ticks: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_share("gravity_compensation", self.gravity_compensation)
+        require(self.minimum_ticks >= 0, "min_time_ms", "0 or more", self.minimum_ticks)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transition:
+    """One entry of the transition list.
+
+    Attributes:
+        source: Phase that is left.
+        target: Phase that is entered.
+        cause: Why, in one word; recorded with every switch.
+        guard: Condition; an empty ``AllOf`` for a pure time-out.
+        dwell_ticks: The guard must hold on so many consecutive ticks; it fires on the last.
+        time_out_ticks: Least time in the phase, or None; alone it is a time-out.
+    """
+
+    source: str
+    target: str
+    cause: str
+    guard: Guard = field(default_factory=lambda: AllOf(guards=()))
+    dwell_ticks: int = 1
+    time_out_ticks: int | None = None
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require(self.dwell_ticks >= 1, "dwell_ms", "1 or more", self.dwell_ticks)
+        if self.time_out_ticks is not None:
+            require(self.time_out_ticks >= 1, "after_s", "0.001 or more", self.time_out_ticks)
+        if self.time_out_ticks is None and self.guard == AllOf(guards=()):
+            raise GaitTableError(
+                f"transition {self.source} → {self.target} ({self.cause}) has no condition: "
+                "give all, any or after_s"
+            )
+
+    @property
+    def is_time_out(self) -> bool:
+        """Whether only the time in the phase fires this transition."""
+        return self.time_out_ticks is not None and self.guard == AllOf(guards=())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scaling:
+    """Laws that adapt a table to wearer, support and speed; each is off when its reference is None.
+
+    Attributes:
+        carried_mass: Stance stiffness is multiplied by ``(mass of wearer and device) (1 - support)
+            / carried_mass``, so that the leg sinks in as far as with the reference load, in [kg].
+        stance_phases: Phases that the stiffness law applies to.
+        speed: Hip equilibria and hip thresholds are drawn towards ``hip_centre`` by
+            ``(belt speed / speed) ** speed_exponent``: a slower belt needs shorter steps, in [m] / [s].
+        speed_exponent: See ``speed``.
+        hip_centre: Angle in [rad] that the hip excursion is scaled about.
+    """
+
+    carried_mass: float | None = None
+    stance_phases: tuple[str, ...] = ()
+    speed: float | None = None
+    speed_exponent: float = 0.0
+    hip_centre: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if self.carried_mass is not None:
+            require_positive("scaling.carried_mass_kg", self.carried_mass)
+        if self.speed is not None:
+            require_positive("scaling.speed_m_per_s", self.speed)
+        require(math.isfinite(self.speed_exponent), "scaling.speed_exponent", "a number", self.speed_exponent)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaitTable:
+    """Per-phase impedances and transitions.
+
+    Attributes:
+        name: What the table is called.
+        joints: Joint names, in the order of the parameter arrays.
+        phases: Parameters per phase, in the order of the cycle.
+        transitions: In order of priority: of several open exits the first listed wins.
+        blending: How parameters fade at a switch.
+        side_phases: Parameters that differ on one side (hemiparesis).
+        scaling: Laws that adapt the table.
+        description: What it is for and where its numbers come from.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    phases: Mapping[str, PhaseParameters]
+    transitions: tuple[Transition, ...]
+    blending: Blending = field(default_factory=Blending)
+    side_phases: Mapping[Side, Mapping[str, PhaseParameters]] = field(default_factory=dict)
+    scaling: Scaling = field(default_factory=Scaling)
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        """Check that the table is complete and closed."""
+        if not self.joints:
+            raise GaitTableError("joints: expected at least one joint, got none")
+        if not self.phases:
+            raise GaitTableError("phases: expected at least one phase, got none")
+        for mapping in (self.phases, *self.side_phases.values()):
+            for phase, parameters in mapping.items():
+                self._check_phase(phase, parameters)
+        for index, transition in enumerate(self.transitions):
+            self._check_transition(index, transition)
+        self._check_exits()
+        self._check_reachable()
+        for phase in self.scaling.stance_phases:
+            self._check_known(f"scaling.stance_phases: {phase}", phase)
+
+    def _check_known(self, place: str, phase: str) -> None:
+        if phase not in self.phases:
+            raise GaitTableError(f"{place}: no phase {phase!r}; there are {', '.join(self.phases)}")
+
+    def _check_phase(self, phase: str, parameters: PhaseParameters) -> None:
+        self._check_known("sides", phase)
+        missing = [joint for joint in self.joints if joint not in parameters.joints]
+        if missing:
+            raise GaitTableError(f"phases.{phase}: no impedance for {', '.join(missing)}")
+        unknown = [joint for joint in parameters.joints if joint not in self.joints]
+        if unknown:
+            raise GaitTableError(
+                f"phases.{phase}: unknown joint {', '.join(unknown)}; the table has {', '.join(self.joints)}"
+            )
+
+    def _check_transition(self, index: int, transition: Transition) -> None:
+        place = f"transitions[{index}] ({transition.cause})"
+        self._check_known(place, transition.source)
+        self._check_known(place, transition.target)
+        if transition.source == transition.target:
+            raise GaitTableError(f"{place}: leads from {transition.source} to itself")
+        for phase in _phases_in(transition.guard):
+            self._check_known(place, phase)
+        minimum = self.phases[transition.source].minimum_ticks
+        if transition.time_out_ticks is not None and transition.time_out_ticks < minimum:
+            raise GaitTableError(
+                f"{place}: after_s {transition.time_out_ticks * TICK:g} is below the min_time_ms "
+                f"{minimum} of {transition.source}"
+            )
+
+    def _check_exits(self) -> None:
+        for phase in self.phases:
+            if len(self.phases) > 1 and not any(item.source == phase for item in self.transitions):
+                raise GaitTableError(f"phases.{phase}: no transition leaves it; add one to transitions")
+
+    def _check_reachable(self) -> None:
+        """Every phase must be reachable from the first one."""
+        reached = {next(iter(self.phases))}
+        grown = True
+        while grown:
+            targets = {item.target for item in self.transitions if item.source in reached}
+            grown = not targets <= reached
+            reached |= targets
+        for phase in self.phases:
+            if phase not in reached:
+                raise GaitTableError(f"phases.{phase}: no chain of transitions reaches it")
+
+    @property
+    def phase_names(self) -> tuple[str, ...]:
+        """Names of the phases in the order of the cycle."""
+        return tuple(self.phases)
+
+    def phase_index(self, phase: str) -> int:
+        """Position of a phase in :attr:`phase_names`.
+
+        Args:
+            phase: Name of the phase.
+
+        Returns:
+            Index.
+
+        Raises:
+            GaitTableError: If there is no such phase.
+        """
+        self._check_known("phase", phase)
+        return self.phase_names.index(phase)
+
+    def phases_of(self, side: Side) -> Mapping[str, PhaseParameters]:
+        """Parameters of one side, its own differences laid over the common ones."""
+        return {**self.phases, **self.side_phases.get(side, {})}
+
+
+def _phases_in(guard: Guard) -> list[str]:
+    if isinstance(guard, PhaseMembership):
+        return list(guard.phases)
+    if isinstance(guard, (AllOf, AnyOf)):
+        return [phase for inner in guard.guards for phase in _phases_in(inner)]
+    return []

@@ -1,0 +1,138 @@
+"""Find and read URDF files, with errors that help."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import sys
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from importlib.resources import files
+from pathlib import Path
+
+import pinocchio as pin
+
+from twin_gait.exceptions import ModelError
+
+PACKAGED_URDFS = ("twin.urdf", "twin_leg.urdf")
+
+
+def packaged_urdf(name: str) -> Path:
+    """Path of a URDF that ships with the package, installed or in a checkout.
+
+    Args:
+        name: File name, for example ``twin.urdf``.
+
+    Returns:
+        Path of the file.
+
+    Raises:
+        ModelError: If there is no such file.
+    """
+    installed = Path(str(files("twin_gait"))) / "urdf" / name
+    checkout = Path(str(files("twin_gait"))).parent / "urdf" / name
+    for path in (installed, checkout):
+        if path.is_file():
+            return path
+    raise ModelError(f"no URDF {name!r} ships with twin_gait; there are {', '.join(PACKAGED_URDFS)}")
+
+
+def find_urdf(path_or_name: str | Path) -> Path:
+    """Resolve a path, or the bare name of a packaged URDF.
+
+    Args:
+        path_or_name: Path of a file, or for example ``twin.urdf``.
+
+    Returns:
+        Path of an existing file.
+
+    Raises:
+        ModelError: If there is no such file.
+    """
+    path = Path(path_or_name).expanduser()
+    if path.is_file():
+        return path
+    if str(path_or_name) in PACKAGED_URDFS:
+        return packaged_urdf(str(path_or_name))
+    raise ModelError(
+        f"{path}: no such URDF file; give a path, or one of {', '.join(PACKAGED_URDFS)}"
+    )
+
+
+def read_urdf(path: Path) -> str:
+    """Read a URDF as text, check that it is XML, and unwrap continuous joints.
+
+    Pinocchio gives a ``continuous`` joint two coordinates (cosine and sine). Every law here acts on
+    one angle, so such joints become revolute ones without limits.
+
+    Args:
+        path: The file.
+
+    Returns:
+        URDF text for Pinocchio.
+
+    Raises:
+        ModelError: If the file cannot be read or is not a URDF.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        root = ElementTree.fromstring(text)
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read ({error.strerror}); check the path and its rights") from error
+    except (ElementTree.ParseError, UnicodeDecodeError, ValueError) as error:
+        raise ModelError(f"{path}: not a URDF ({error}); expected XML with a <robot> element") from error
+    if root.tag != "robot":
+        raise ModelError(f"{path}: not a URDF: the outer element is <{root.tag}>, expected <robot>")
+    for joint in root.iter("joint"):
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            limit = joint.find("limit")
+            if limit is None:
+                limit = ElementTree.SubElement(joint, "limit", effort="1e3", velocity="1e3")
+            limit.set("lower", "-1e3")
+            limit.set("upper", "1e3")
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def build_model(path: Path, root_joint: tuple[pin.JointModel, str] | None = None) -> pin.Model:
+    """Build a Pinocchio model of a URDF file.
+
+    Args:
+        path: The file.
+        root_joint: Joint between world and root link with its name; None fixes the root link.
+
+    Returns:
+        The model.
+
+    Raises:
+        ModelError: If Pinocchio refuses the file.
+    """
+    text = read_urdf(path)
+    try:
+        with quiet_stderr():
+            if root_joint is None:
+                return pin.buildModelFromXML(text)
+            joint, name = root_joint
+            return pin.buildModelFromXML(text, joint, name)
+    except (ValueError, RuntimeError, IndexError) as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise ModelError(f"{path}: Pinocchio cannot build a model from it ({reason})") from error
+
+
+@contextlib.contextmanager
+def quiet_stderr() -> Iterator[None]:
+    """Silence the C++ URDF parser, which prints to the file descriptor before it raises."""
+    try:
+        descriptor = sys.stderr.fileno()
+    except (AttributeError, OSError, io.UnsupportedOperation):
+        yield
+        return
+    saved = os.dup(descriptor)
+    with open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), descriptor)
+        try:
+            yield
+        finally:
+            os.dup2(saved, descriptor)
+            os.close(saved)

@@ -1,0 +1,137 @@
+"""Body segments of the wearer and the sizes of the device that fit them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin_gait.exceptions import ParameterError
+from twin_gait.parameters import PatientParameters
+from twin_gait.vocabulary import Sex
+
+# Segment lengths as shares of the body height: Drillis and Contini, in Winter (2009), fig. 4.1.
+THIGH_LENGTH = 0.245
+SHANK_LENGTH = 0.246
+FOOT_LENGTH = 0.152
+FOOT_HEIGHT = 0.039
+HIP_BREADTH = 0.191
+# Greater trochanter to shoulder: (0.818 - 0.530) H; centre of mass and radius of gyration of head,
+# arms and trunk as shares of it: Winter (2009), table 4.1.
+TRUNK_LENGTH = 0.288
+TRUNK_CENTRE_OF_MASS = 0.626
+TRUNK_RADIUS_OF_GYRATION = 0.496
+
+# Sizes of the device (thesis, table 2.1: three waists, six femurs, one adjustable tibia). The
+# numbers are an assumption: they cover the 5th to 95th percentile, 1.50 to 1.88 m.
+FEMUR_SIZES = (0.36, 0.38, 0.40, 0.42, 0.44, 0.46)
+TIBIA_RANGE = (0.36, 0.48)
+WAIST_SIZES = (0.34, 0.38, 0.42)
+WAIST_CLEARANCE = 0.05  # of the two hip actuators beside the body [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """Body segment as shares of body mass and segment length.
+
+    Attributes:
+        mass: Share of the body mass.
+        centre_of_mass: Distance from the proximal end, share of the segment length.
+        transverse_radius: Radius of gyration about the medio-lateral axis, share of the length.
+        longitudinal_radius: Radius of gyration about the long axis, share of the length.
+    """
+
+    mass: float
+    centre_of_mass: float
+    transverse_radius: float
+    longitudinal_radius: float
+
+
+# de Leva (1996), J Biomech 29(9), table 4: thigh HJC-KJC, shank KJC-AJC, foot HEEL-TTIP.
+SEGMENTS: dict[Sex, dict[str, Segment]] = {
+    Sex.MALE: {
+        "thigh": Segment(mass=0.1416, centre_of_mass=0.4095, transverse_radius=0.329, longitudinal_radius=0.149),
+        "shank": Segment(mass=0.0433, centre_of_mass=0.4395, transverse_radius=0.246, longitudinal_radius=0.102),
+        "foot": Segment(mass=0.0137, centre_of_mass=0.4415, transverse_radius=0.245, longitudinal_radius=0.124),
+    },
+    Sex.FEMALE: {
+        "thigh": Segment(mass=0.1478, centre_of_mass=0.3612, transverse_radius=0.364, longitudinal_radius=0.162),
+        "shank": Segment(mass=0.0481, centre_of_mass=0.4352, transverse_radius=0.263, longitudinal_radius=0.092),
+        "foot": Segment(mass=0.0129, centre_of_mass=0.4014, transverse_radius=0.279, longitudinal_radius=0.139),
+    },
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeviceSizes:
+    """Sizes that the device is set to.
+
+    Attributes:
+        femur: Distance from hip to knee in [m], one of ``FEMUR_SIZES``.
+        tibia: Distance from knee to ankle in [m].
+        waist: Distance between the hips in [m], one of ``WAIST_SIZES``.
+    """
+
+    femur: float
+    tibia: float
+    waist: float
+
+
+def device_sizes(patient: PatientParameters) -> DeviceSizes:
+    """Sizes of the device that fit a wearer best.
+
+    The femur and waist are the nearest sizes; the tibia is adjusted to the shank of the wearer.
+    The joints of wearer and device are taken as aligned: what is left (at most 1 cm at the femur)
+    is neglected.
+
+    Args:
+        patient: The wearer.
+
+    Returns:
+        The sizes.
+
+    Raises:
+        ParameterError: If the shank is outside the range of the tibia.
+    """
+    tibia = SHANK_LENGTH * patient.height
+    if not TIBIA_RANGE[0] <= tibia <= TIBIA_RANGE[1]:
+        raise ParameterError(
+            f"patient height {patient.height:g} m needs a tibia of {tibia:.3f} m; "
+            f"the device adjusts from {TIBIA_RANGE[0]} to {TIBIA_RANGE[1]} m"
+        )
+    thigh = THIGH_LENGTH * patient.height
+    hips = HIP_BREADTH * patient.height + WAIST_CLEARANCE
+    return DeviceSizes(
+        femur=min(FEMUR_SIZES, key=lambda size: abs(size - thigh)),
+        tibia=tibia,
+        waist=min(WAIST_SIZES, key=lambda size: abs(size - hips)),
+    )
+
+
+def segment_inertia(
+    segment: Segment, body_mass: float, axis: np.ndarray
+) -> tuple[float, np.ndarray, np.ndarray]:
+    """Mass, centre of mass and rotational inertia of a limb segment.
+
+    Args:
+        segment: Shares of the segment.
+        body_mass: In [kg].
+        axis: From the proximal to the distal joint in [m], shape ``(3,)``.
+
+    Returns:
+        Mass in [kg], centre of mass from the proximal joint in [m], shape ``(3,)``, and inertia
+        about the centre of mass in [kg m²], shape ``(3, 3)``.
+    """
+    mass = segment.mass * body_mass
+    length = float(np.linalg.norm(axis))
+    along = np.outer(axis, axis) / (length * length)
+    transverse = (segment.transverse_radius * length) ** 2
+    longitudinal = (segment.longitudinal_radius * length) ** 2
+    inertia = mass * (transverse * (np.eye(3) - along) + longitudinal * along)
+    return mass, segment.centre_of_mass * axis, inertia
+
+
+def trunk_mass(patient: PatientParameters) -> float:
+    """Mass of head, arms and trunk with pelvis: what the legs leave over, in [kg]."""
+    legs = 2.0 * sum(segment.mass for segment in SEGMENTS[patient.sex].values())
+    return (1.0 - legs) * patient.mass

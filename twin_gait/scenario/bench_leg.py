@@ -1,0 +1,119 @@
+"""The hip-femur-knee bench leg: pelvis fixed, leg in the air (thesis, sections 2.5 and 3.6)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin_gait.leg_model import LegModel, PelvisGuide
+from twin_gait.parameters import (
+    AnkleParameters,
+    FrictionParameters,
+    StopParameters,
+    require,
+    require_non_negative,
+    require_positive,
+)
+from twin_gait.scenario.world import Hand, World, build_plant_rows
+from twin_gait.vocabulary import JointName
+
+
+@dataclass(frozen=True, kw_only=True)
+class HandParameters:
+    """A hand that leads one joint of the bench leg and then lets go.
+
+    Attributes:
+        joint: Joint that is moved.
+        amplitude: End to end of the path in [rad].
+        frequency: In [Hz].
+        stiffness: Of the grip in [N m] / [rad].
+        damping: Of the grip in [N m s] / [rad].
+        release_time: In [s]; infinite for a hand that never lets go.
+    """
+
+    joint: JointName = JointName.KNEE
+    amplitude: float = math.radians(40.0)
+    frequency: float = 0.25
+    stiffness: float = 400.0
+    damping: float = 40.0
+    release_time: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require(self.joint is not JointName.ANKLE, "hand joint", "hip or knee", str(self.joint))
+        require(math.isfinite(self.amplitude), "hand amplitude", "a finite angle", self.amplitude)
+        require_positive("hand frequency", self.frequency)
+        require_non_negative("hand stiffness", self.stiffness)
+        require_non_negative("hand damping", self.damping)
+        require(self.release_time >= 0.0, "hand release_time", "0 or more", self.release_time)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchLegScenario:
+    """One leg on a stand, stepping in the air.
+
+    Attributes:
+        start_angles: Hip and knee at time 0 in [rad].
+        initial_phase: Phase at time 0; the first of the table if None.
+        hand: A hand, or None.
+    """
+
+    start_angles: tuple[float, float] = (math.radians(20.0), math.radians(10.0))
+    initial_phase: str | None = None
+    hand: HandParameters | None = None
+
+    @property
+    def pelvis(self) -> PelvisGuide:
+        """The stand is fixed."""
+        return PelvisGuide.FIXED
+
+    def build(
+        self,
+        model: LegModel,
+        *,
+        friction: Mapping[JointName, FrictionParameters],
+        stops: StopParameters,
+        ankle: AnkleParameters,
+        gravity: float,
+    ) -> World:
+        """Put a model on the stand.
+
+        Args:
+            model: One leg with a fixed pelvis.
+            friction: True friction of hip and knee.
+            stops: Mechanical stops.
+            ankle: The orthosis, if the leg has one.
+            gravity: In [m] / [s²].
+
+        Returns:
+            The world.
+        """
+        require(len(model.legs) == 1, "legs", "one leg on the bench", len(model.legs))
+        (side,) = model.sides
+        q = np.zeros(model.nv)
+        for joint, angle in zip((JointName.HIP, JointName.KNEE), self.start_angles, strict=True):
+            q[model.index(side, joint)] = angle
+        hand = None
+        if self.hand is not None:
+            index = model.index(side, self.hand.joint)
+            hand = Hand(
+                index=index,
+                start_angle=float(q[index]),
+                amplitude=self.hand.amplitude,
+                frequency=self.hand.frequency,
+                stiffness=self.hand.stiffness,
+                damping=self.hand.damping,
+                release_time=self.hand.release_time,
+            )
+        return World(
+            model=model,
+            plant_rows=build_plant_rows(model, friction=friction, stops=stops, ankle=ankle),
+            start_q=q,
+            start_v=np.zeros(model.nv),
+            initial_phases={side: self.initial_phase},
+            body_weight=model.total_mass * gravity,
+            hand=hand,
+        )

@@ -1,0 +1,123 @@
+"""Both legs on a treadmill, pelvis guided vertically under body-weight support."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from twin_gait.core import plant
+from twin_gait.leg_model import LegModel, PelvisGuide
+from twin_gait.parameters import (
+    AnkleParameters,
+    ContactParameters,
+    FrictionParameters,
+    StopParameters,
+    SupportParameters,
+    require,
+)
+from twin_gait.scenario.world import World, build_plant_rows
+from twin_gait.vocabulary import JointName, Side
+
+_DEGREE = math.pi / 180.0
+# A drop of the pelvis by this share of the leg length (hip to sole) at the start counts as a fall.
+FALL_SHARE = 0.75
+
+
+@dataclass(frozen=True, kw_only=True)
+class TreadmillScenario:
+    """Treadmill with body-weight support.
+
+    The pelvis moves vertically only; the guide takes the horizontal force and the pitching moment,
+    and the log shows how much that is.
+
+    Attributes:
+        belt_speed: In [m] / [s]; 1.5 km/h is the device's target speed (thesis, table 2.1).
+        support: Body-weight support and guide.
+        contact: Of heels and toes.
+        leading: Leg that starts in front.
+        leading_angles: Hip and knee of the leading leg at the start in [rad].
+        trailing_angles: Hip and knee of the trailing leg in [rad].
+        initial_phases: Phases at the start of the leading and the trailing leg.
+    """
+
+    belt_speed: float = 1.5 / 3.6
+    support: SupportParameters = field(default_factory=SupportParameters)
+    contact: ContactParameters = field(default_factory=ContactParameters)
+    leading: Side = Side.LEFT
+    leading_angles: tuple[float, float] = (22.0 * _DEGREE, 5.0 * _DEGREE)
+    trailing_angles: tuple[float, float] = (-8.0 * _DEGREE, 10.0 * _DEGREE)
+    initial_phases: tuple[str, str] = ("early_stance", "late_stance")
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require(
+            math.isfinite(self.belt_speed) and 0.0 < self.belt_speed <= 2.0,
+            "belt speed",
+            "above 0 and at most 2 m/s",
+            self.belt_speed,
+        )
+
+    @property
+    def pelvis(self) -> PelvisGuide:
+        """The pelvis is guided vertically."""
+        return PelvisGuide.VERTICAL
+
+    def build(
+        self,
+        model: LegModel,
+        *,
+        friction: Mapping[JointName, FrictionParameters],
+        stops: StopParameters,
+        ankle: AnkleParameters,
+        gravity: float,
+    ) -> World:
+        """Put a model on the treadmill.
+
+        Args:
+            model: Both legs with a vertical pelvis.
+            friction: True friction of hip and knee.
+            stops: Mechanical stops.
+            ankle: The orthosis.
+            gravity: In [m] / [s²].
+
+        Returns:
+            The world.
+        """
+        require(len(model.legs) == 2, "legs", "two legs on a treadmill", len(model.legs))
+        frames = {side: leg.contact_frames for side, leg in model.legs.items()}
+        require(all(frames.values()), "contact_frames", "heel and toe frames on both feet", frames)
+        weight = model.total_mass * gravity
+        support_force = self.support.share * weight
+        rows = build_plant_rows(model, friction=friction, stops=stops, ankle=ankle)
+        pelvis = model.pelvis_index
+        assert pelvis is not None  # the pelvis of this scenario is vertical
+        rows[pelvis, plant.SPRING_DAMPING] = self.support.damping
+        rows[pelvis, plant.CONSTANT_FORCE] = support_force
+        q = np.zeros(model.nv)
+        phases: dict[Side, str | None] = {}
+        for side in model.sides:
+            leads = side is self.leading
+            hip, knee = self.leading_angles if leads else self.trailing_angles
+            q[model.index(side, JointName.HIP)] = hip
+            q[model.index(side, JointName.KNEE)] = knee
+            phases[side] = self.initial_phases[0 if leads else 1]
+        points = [name for names in frames.values() for name in names]
+        vertical = 2 if model.up_axis == "z" else 1
+        lowest = min(model.frame_position(q, name)[vertical] for name in points)
+        q[pelvis] = -lowest
+        return World(
+            model=model,
+            plant_rows=rows,
+            start_q=q,
+            start_v=np.zeros(model.nv),
+            initial_phases=phases,
+            belt_speed=self.belt_speed,
+            contact=self.contact,
+            support_force=support_force,
+            body_weight=weight,
+            fall_height=FALL_SHARE * q[pelvis],
+            contact_frames=frames,
+        )

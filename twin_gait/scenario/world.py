@@ -1,0 +1,162 @@
+"""What every world has in common: a model, what acts on it, and where it starts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from twin_gait.core import plant
+from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
+from twin_gait.parameters import (
+    ActuatorParameters,
+    AnkleParameters,
+    ContactParameters,
+    FrictionParameters,
+    PatientParameters,
+    StopParameters,
+)
+from twin_gait.vocabulary import JointName, Side
+
+
+@dataclass(frozen=True, kw_only=True)
+class LegSource:
+    """Where the leg model comes from.
+
+    Attributes:
+        urdf: Path of a URDF, or the name of a packaged one.
+        legs: Joint names per side.
+        fit_device: Whether to fit femur, tibia and waist to the wearer.
+        up_axis: Vertical axis of the URDF, ``"z"`` or ``"y"``.
+    """
+
+    urdf: str
+    legs: Mapping[Side, LegJoints]
+    fit_device: bool = True
+    up_axis: str = "z"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hand:
+    """A hand that leads one joint; see :func:`twin_gait.core.plant.hand_torque`.
+
+    Attributes:
+        index: Coordinate that it moves.
+        start_angle: Where its path begins in [rad].
+        amplitude: In [rad].
+        frequency: In [Hz].
+        stiffness: In [N m] / [rad].
+        damping: In [N m s] / [rad].
+        release_time: In [s].
+    """
+
+    index: int
+    start_angle: float
+    amplitude: float
+    frequency: float
+    stiffness: float
+    damping: float
+    release_time: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """A leg model in its surroundings, ready to be integrated.
+
+    Attributes:
+        model: The plant.
+        plant_rows: Parameters of the passive torques, shape ``(nv, PLANT_COLUMNS)``.
+        belt_speed: In [m] / [s]; 0 on the bench.
+        contact: Contact parameters, or None without ground.
+        start_q: Coordinates at time 0, shape ``(nv,)``.
+        start_v: Velocities at time 0, shape ``(nv,)``.
+        initial_phases: Phase of each leg at time 0.
+        support_force: Constant upward force on the pelvis in [N].
+        body_weight: Weight of the wearer and device in [N].
+        fall_height: Pelvis height in [m] below which the wearer has fallen, or None.
+        hand: A hand, or None.
+    """
+
+    model: LegModel
+    plant_rows: np.ndarray
+    start_q: np.ndarray
+    start_v: np.ndarray
+    initial_phases: Mapping[Side, str | None]
+    belt_speed: float = 0.0
+    contact: ContactParameters | None = None
+    support_force: float = 0.0
+    body_weight: float = 0.0
+    fall_height: float | None = None
+    hand: Hand | None = None
+    contact_frames: Mapping[Side, tuple[str, ...]] = field(default_factory=dict)
+
+
+def build_leg_model(
+    source: LegSource,
+    *,
+    patient: PatientParameters | None,
+    actuators: Mapping[JointName, ActuatorParameters],
+    pelvis: PelvisGuide,
+    gravity: float,
+) -> LegModel:
+    """Build the rigid-body model of a world.
+
+    Args:
+        source: URDF and names.
+        patient: The wearer, or None.
+        actuators: For the armature of hip and knee.
+        pelvis: How the pelvis is held.
+        gravity: In [m] / [s²].
+
+    Returns:
+        The model.
+    """
+    return LegModel(
+        source.urdf,
+        source.legs,
+        patient=patient,
+        fit_device=source.fit_device,
+        pelvis=pelvis,
+        armature={joint: item.armature for joint, item in actuators.items()},
+        gravity=gravity,
+        up_axis=source.up_axis,
+    )
+
+
+def build_plant_rows(
+    model: LegModel,
+    *,
+    friction: Mapping[JointName, FrictionParameters],
+    stops: StopParameters,
+    ankle: AnkleParameters,
+) -> np.ndarray:
+    """Parameters of friction, stops and ankle springs for every coordinate.
+
+    Args:
+        model: The plant.
+        friction: True friction of hip and knee.
+        stops: Of all joints; the limits come from the URDF.
+        ankle: The orthosis.
+
+    Returns:
+        Shape ``(nv, PLANT_COLUMNS)``.
+    """
+    rows = np.zeros((model.nv, plant.PLANT_COLUMNS))
+    rows[:, plant.FRICTION_C] = 1.0
+    for side, leg in model.legs.items():
+        for joint, _ in leg.items():
+            row = rows[model.index(side, joint)]
+            row[plant.STOP_LOWER], row[plant.STOP_UPPER] = model.position_limits(side, joint)
+            row[plant.STOP_STIFFNESS] = stops.stiffness
+            row[plant.STOP_DISSIPATION] = stops.dissipation
+            if joint is JointName.ANKLE:
+                row[plant.SPRING_STIFFNESS] = ankle.stiffness
+                row[plant.SPRING_DAMPING] = ankle.damping
+            else:
+                law = friction[joint].normalised()
+                row[plant.FRICTION_A] = law.breakaway_torque
+                row[plant.FRICTION_B] = law.coulomb_friction
+                row[plant.FRICTION_C] = law.breakaway_velocity
+                row[plant.FRICTION_D] = law.viscous_friction
+    return rows

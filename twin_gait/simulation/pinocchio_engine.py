@@ -1,0 +1,515 @@
+"""The engine that steps through the laws in Python on Pinocchio's forward dynamics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from twin_gait.control import Controller, ImpedanceController, JointMeasurement, JointSetpoint
+from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
+from twin_gait.core.contact import ground_contact_force
+from twin_gait.core.control_tick import blend_phase, drive_motor, leg_signals, measure_joints
+from twin_gait.core.estimation import first_order_step
+from twin_gait.core.integrators import rk4_stage_weight, rk4_step, semi_implicit_euler_step
+from twin_gait.core.plant import FRICTION, PASSIVE_COLUMNS, SPRING, STOP, hand_torque, passive_torques
+from twin_gait.experiment import IntegrationMethod
+from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
+from twin_gait.gait.scaling import COLUMNS_PER_JOINT
+from twin_gait.gait.table import TICK
+from twin_gait.leg_model.leg_model import PELVIS_JOINT
+from twin_gait.simulation.columns import WORK_SOURCES, LogLayout
+from twin_gait.simulation.problem import ActuatedJoint, Problem
+from twin_gait.simulation.run import RunStatus
+from twin_gait.vocabulary import JointName, Side
+
+# A joint that turns faster than this has left physics: the run has diverged.
+DIVERGED_VELOCITY = 1e3  # [rad] / [s]
+PROGRESS_TICKS = 100
+
+MOTOR_WORK, FRICTION_WORK, STOP_WORK, SPRING_WORK, CONTACT_WORK, PATIENT_WORK = range(len(WORK_SOURCES))
+
+ControllerFactory = Callable[[ActuatedJoint], Controller]
+
+
+class EngineResult(NamedTuple):
+    """What an engine hands back.
+
+    Attributes:
+        rows: Log numbers, shape ``(n_ticks, n_columns)``.
+        switches: Phase switches.
+        status: How the run ended.
+        reason: Why, if it did not complete.
+    """
+
+    rows: np.ndarray
+    switches: tuple[PhaseSwitch, ...]
+    status: RunStatus
+    reason: str
+
+
+def log_layout(problem: Problem) -> LogLayout:
+    """Columns that a problem's log has."""
+    legs = problem.world.model.legs
+    return LogLayout(
+        legs={side: tuple(JointName(name) for name in problem.table.joints) for side in legs},
+        ankles=tuple(side for side, leg in legs.items() if leg.ankle is not None),
+        feet=tuple(side for side in legs if problem.world.contact_frames.get(side)),
+        pelvis=problem.world.model.pelvis_index is not None,
+    )
+
+
+class _FootPoints(NamedTuple):
+    """Contact points of one foot, in the frame of its joint.
+
+    Attributes:
+        joint: Pinocchio's index of the joint that carries the foot.
+        points: Positions in [m].
+    """
+
+    joint: int
+    points: tuple[tuple[float, float, float], ...]
+
+
+class _Plant:
+    """Forward dynamics with everything that acts on the leg.
+
+    The results of the last evaluation stay readable: passive torques, contact forces, powers.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        world = problem.world
+        self.world = world
+        self.model, self.data = world.model.model, world.model.data
+        n = world.model.nv
+        self.q, self.v, self.a = world.start_q.copy(), world.start_v.copy(), np.zeros(n)
+        self.motor = np.zeros(n)
+        self.passive = np.zeros((n, PASSIVE_COLUMNS))
+        self.hand = 0.0
+        self.time = 0.0
+        self.powers = np.zeros(len(WORK_SOURCES))
+        self.works = np.zeros(len(WORK_SOURCES))
+        self.feet = {side: self._foot(names) for side, names in world.contact_frames.items() if names}
+        self.normal_force = dict.fromkeys(self.feet, 0.0)
+        self.friction_force = dict.fromkeys(self.feet, 0.0)
+        self.clearance = dict.fromkeys(self.feet, 0.0)
+        self.external = pin.StdVec_Force()
+        for _ in range(self.model.njoints):
+            self.external.append(pin.Force.Zero())
+        self._work = np.zeros((5, n))
+        self._stage = 0
+        self._stage_powers = np.zeros(len(WORK_SOURCES))
+        self._last_powers = np.zeros(len(WORK_SOURCES))
+
+    def _foot(self, names: tuple[str, ...]) -> _FootPoints:
+        frames = [self.model.frames[self.model.getFrameId(name)] for name in names]
+        points = tuple(tuple(float(x) for x in frame.placement.translation) for frame in frames)
+        return _FootPoints(int(frames[0].parentJoint), points)  # type: ignore[arg-type]
+
+    def update_contacts(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Contact forces at a state, per foot and as external forces on the joints."""
+        if not self.feet or self.world.contact is None:
+            return
+        contact = self.world.contact
+        pin.forwardKinematics(self.model, self.data, q, v)
+        power = 0.0
+        for side, foot in self.feet.items():
+            (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = self.data.oMi[foot.joint].rotation.tolist()
+            height = float(self.data.oMi[foot.joint].translation[2])
+            motion = self.data.v[foot.joint]
+            lx, ly, lz = motion.linear.tolist()
+            wx, wy, wz = motion.angular.tolist()
+            normal = friction = fx = fy = fz = mx = my = mz = 0.0
+            clearance = np.inf
+            for x, y, z in foot.points:
+                point_height = height + r20 * x + r21 * y + r22 * z
+                clearance = min(clearance, point_height)
+                if point_height >= 0.0:
+                    continue
+                ux, uy, uz = lx + wy * z - wz * y, ly + wz * x - wx * z, lz + wx * y - wy * x
+                forward = r00 * ux + r01 * uy + r02 * uz
+                upward = r20 * ux + r21 * uy + r22 * uz
+                along, up = ground_contact_force(
+                    point_height,
+                    forward,
+                    upward,
+                    self.world.belt_speed,
+                    contact.stiffness,
+                    contact.dissipation,
+                    contact.friction_coefficient,
+                    contact.transition_velocity,
+                )
+                normal += up
+                friction += along
+                power += along * forward + up * upward
+                px, py, pz = r00 * along + r20 * up, r01 * along + r21 * up, r02 * along + r22 * up
+                fx, fy, fz = fx + px, fy + py, fz + pz
+                mx, my, mz = mx + y * pz - z * py, my + z * px - x * pz, mz + x * py - y * px
+            self.normal_force[side], self.friction_force[side] = normal, friction
+            self.clearance[side] = clearance
+            self.external[foot.joint] = pin.Force(np.array([fx, fy, fz]), np.array([mx, my, mz]))
+        self.powers[CONTACT_WORK] = power
+
+    def acceleration(self, q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
+        """Accelerations of a state; keeps torques, forces and powers of this evaluation."""
+        passive_torques(q, v, self.world.plant_rows, self.passive)
+        torque = self.motor + self.passive.sum(axis=1)
+        hand = self.world.hand
+        if hand is not None:
+            self.hand = hand_torque(
+                self.time,
+                q[hand.index],
+                v[hand.index],
+                hand.start_angle,
+                hand.amplitude,
+                hand.frequency,
+                hand.stiffness,
+                hand.damping,
+                hand.release_time,
+            )
+            torque[hand.index] += self.hand
+            self.powers[PATIENT_WORK] = self.hand * v[hand.index]
+        self.update_contacts(q, v)
+        self.powers[MOTOR_WORK] = self.motor @ v
+        self.powers[FRICTION_WORK] = self.passive[:, FRICTION] @ v
+        self.powers[STOP_WORK] = self.passive[:, STOP] @ v
+        self.powers[SPRING_WORK] = self.passive[:, SPRING] @ v
+        out[:] = pin.aba(self.model, self.data, q, v, torque, self.external)
+
+    def step_euler(self, step: float) -> None:
+        """One semi-implicit Euler step; work by the mean of old and new velocity."""
+        before = self.v.copy()
+        semi_implicit_euler_step(self.acceleration, self.q, self.v, step, self.a)
+        mean = 0.5 * (before + self.v)
+        self.works[MOTOR_WORK] += step * float(self.motor @ mean)
+        self.works[FRICTION_WORK] += step * float(self.passive[:, FRICTION] @ mean)
+        self.works[STOP_WORK] += step * float(self.passive[:, STOP] @ mean)
+        self.works[SPRING_WORK] += step * float(self.passive[:, SPRING] @ mean)
+        if self.world.hand is not None:
+            self.works[PATIENT_WORK] += step * self.hand * float(mean[self.world.hand.index])
+        # The contact is only known at its evaluations: trapezoid between this one and the last.
+        now = self.powers[CONTACT_WORK]
+        self.works[CONTACT_WORK] += 0.5 * step * (now + self._last_powers[CONTACT_WORK])
+        self._last_powers[CONTACT_WORK] = now
+
+    def step_rk4(self, step: float) -> None:
+        """One Runge-Kutta step; work integrated with the weights of the stages."""
+        self._stage, start = 0, self.time
+        self._stage_powers[:] = 0.0
+
+        def staged(q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
+            self.time = start + step * (0.0, 0.5, 0.5, 1.0)[self._stage]
+            self.acceleration(q, v, out)
+            self._stage_powers += rk4_stage_weight(self._stage) * self.powers
+            self._stage += 1
+
+        rk4_step(staged, self.q, self.v, step, self._work)
+        self.time = start
+        self.works += step * self._stage_powers
+
+    def guide_wrench(self) -> tuple[float, float]:
+        """Horizontal force [N] and pitching moment [N m] of the pelvis guide at the present state."""
+        pin.rnea(self.model, self.data, self.q, self.v, self.a, self.external)
+        wrench = self.data.f[int(self.model.getJointId(PELVIS_JOINT))]
+        return float(wrench.linear[0]), float(wrench.angular[1])
+
+
+class PinocchioEngine:
+    """Runs one problem from start to end."""
+
+    def __init__(self, problem: Problem, controllers: ControllerFactory | None = None) -> None:
+        """Set everything to time 0.
+
+        Args:
+            problem: The experiment as arrays.
+            controllers: Makes the controller of each joint; the thesis's by default.
+        """
+        self.problem = problem
+        experiment = problem.experiment
+        models = experiment.control.friction_model
+        make = controllers or (lambda joint: ImpedanceController(models[joint.joint]))
+        self.controllers = [make(joint) for joint in problem.joints]
+        self.plant = _Plant(problem)
+        self.machines = {
+            side: GaitStateMachine(
+                problem.table,
+                side,
+                initial_phase=problem.world.initial_phases[side],
+                program=problem.program,
+            )
+            for side in problem.sides
+        }
+        n_joints, n_legs = len(problem.joints), len(problem.sides)
+        window = experiment.sensors.window
+        self._measured = np.zeros((n_joints, 3))
+        self._decimated_angle = np.zeros(n_joints)
+        self._ring = np.zeros((window, n_joints))
+        self._acceleration_estimate = np.zeros(n_joints)
+        self._last_fast = np.zeros(n_joints)
+        self._blend_start = np.array(
+            [
+                problem.phase_rows[leg, machine.phase_index]
+                for leg, machine in enumerate(self.machines.values())
+            ]
+        )
+        self._blended = self._blend_start.copy()
+        self._signals = np.full(2 * problem.signals_per_leg, np.nan)
+        self._foot_load = np.zeros(n_legs)
+        self._bus_voltage = experiment.plant.battery.voltage
+        self._index = np.array([joint.index for joint in problem.joints])
+        self._control_index = np.array([joint.control_index for joint in problem.joints])
+        self.layout = log_layout(problem)
+        self.switches: list[PhaseSwitch] = []
+
+    def run(
+        self,
+        progress: Callable[[int, int], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> EngineResult:
+        """Run to the end of the experiment, or to a fall, divergence or a request to stop.
+
+        Args:
+            progress: Called with ticks done and ticks in all, now and then.
+            should_stop: Asked now and then; True ends the run.
+
+        Returns:
+            The log up to there and how it ended.
+        """
+        total = self.problem.experiment.n_ticks
+        rows = np.zeros((total, len(self.layout.names)))
+        for tick in range(total):
+            if tick % PROGRESS_TICKS == 0:
+                if progress is not None:
+                    progress(tick, total)
+                if should_stop is not None and should_stop():
+                    return self._result(rows[:tick], RunStatus.INTERRUPTED, f"stopped at {tick * TICK:.3f} s")
+            self._tick(tick, rows[tick])
+            ending = self._ending(tick)
+            if ending is not None:
+                return self._result(rows[: tick + 1], *ending)
+        if progress is not None:
+            progress(total, total)
+        return self._result(rows, RunStatus.COMPLETED, "")
+
+    def _result(self, rows: np.ndarray, status: RunStatus, reason: str) -> EngineResult:
+        return EngineResult(rows, tuple(self.switches), status, reason)
+
+    def _ending(self, tick: int) -> tuple[RunStatus, str] | None:
+        plant, world = self.plant, self.problem.world
+        time = (tick + 1) * TICK
+        if not (np.isfinite(plant.q).all() and np.abs(plant.v).max() < DIVERGED_VELOCITY):
+            return RunStatus.DIVERGED, f"the state diverged at {time:.3f} s; try a smaller integration step"
+        if world.fall_height is not None and plant.q[world.model.pelvis_index] < world.fall_height:
+            return RunStatus.FELL, f"the pelvis fell below {world.fall_height:.2f} m at {time:.3f} s"
+        return None
+
+    # ------------------------------------------------------------------ one tick
+
+    def _tick(self, tick: int, row: np.ndarray) -> None:
+        """Measure, decide, control, record, integrate."""
+        self.plant.time = tick * TICK
+        self.plant.update_contacts(self.plant.q, self.plant.v)
+        self._measure(tick)
+        self._decide(tick)
+        feed_forward = self._feed_forward()
+        battery_power = 0.0
+        for number, joint in enumerate(self.problem.joints):
+            battery_power += self._control(number, joint, feed_forward, row)
+        self._record(row, battery_power)
+        battery = self.problem.experiment.plant.battery
+        self._bus_voltage = sagged_bus_voltage(
+            battery.voltage, battery.internal_resistance, battery_power, self._bus_voltage
+        )
+        self._integrate()
+
+    def _measure(self, tick: int) -> None:
+        problem = self.problem
+        noise = problem.noise[tick if len(problem.noise) > 1 else 0]
+        self._last_fast[:] = self._measured[:, 1]
+        measure_joints(
+            tick,
+            self.plant.q[self._index],
+            noise,
+            problem.resolution,
+            TICK,
+            problem.fast_gain,
+            problem.experiment.sensors.decimation,
+            self._measured,
+            self._decimated_angle,
+            self._ring,
+        )
+        if self.plant.feet:
+            for leg, side in enumerate(problem.sides):
+                self._foot_load[leg] = self.plant.normal_force[side] / problem.world.body_weight
+
+    def _decide(self, tick: int) -> None:
+        """Advance both legs on one snapshot, then blend their parameters."""
+        problem = self.problem
+        machines = list(self.machines.values())
+        ticks = np.array([tick - machine.entry_tick for machine in machines])
+        before = [machine.phase_index for machine in machines]
+        half = problem.signals_per_leg
+        for leg, machine in enumerate(machines):
+            self._write_signals(leg, ticks, 0)
+            other_phase = -1
+            if len(machines) == 2:
+                self._write_signals(1 - leg, ticks, half)
+                other_phase = before[1 - leg]
+            switch = machine.advance(tick, self._signals, other_phase)
+            if switch is not None:
+                self._blend_start[leg] = self._blended[leg]
+                self.switches.append(switch)
+        blending = problem.table.blending
+        for leg, machine in enumerate(machines):
+            blend_phase(
+                leg,
+                tick - machine.entry_tick,
+                blending.duration_ticks,
+                blending.law.code,
+                self._blend_start,
+                problem.phase_rows[leg, machine.phase_index],
+                self._blended,
+            )
+
+    def _write_signals(self, leg: int, ticks: np.ndarray, offset: int) -> None:
+        leg_signals(
+            leg,
+            self.problem.joints_per_leg,
+            self._measured,
+            self._foot_load,
+            ticks,
+            TICK,
+            self._signals,
+            offset,
+        )
+
+    def _feed_forward(self) -> np.ndarray:
+        """Gravity and inertia torques per joint, shape ``(n_joints, 2)``, before their shares."""
+        problem = self.problem
+        result = np.zeros((len(problem.joints), 2))
+        inertia_gain = problem.experiment.control.inertia_compensation
+        if not self._blended[:, -1].any() and inertia_gain == 0.0:
+            return result
+        q = np.zeros(problem.control_model.nv)
+        q[self._control_index] = self._measured[:, 0]
+        result[:, 0] = problem.control_model.gravity_torque(q)[self._control_index]
+        if inertia_gain > 0.0:
+            rate = (self._measured[:, 1] - self._last_fast) / TICK
+            for number in range(len(rate)):
+                self._acceleration_estimate[number] = first_order_step(
+                    self._acceleration_estimate[number], rate[number], problem.fast_gain
+                )
+            a = np.zeros(problem.control_model.nv)
+            a[self._control_index] = self._acceleration_estimate
+            result[:, 1] = inertia_gain * problem.control_model.inertia_torque(q, a)[self._control_index]
+        return result
+
+    def _control(self, number: int, joint: ActuatedJoint, feed_forward: np.ndarray, row: np.ndarray) -> float:
+        """Torque of one motor for this tick; returns its electrical power in [W]."""
+        problem = self.problem
+        control = problem.experiment.control
+        leg, position = divmod(number, problem.joints_per_leg)
+        column = COLUMNS_PER_JOINT * position
+        setpoint = JointSetpoint(*self._blended[leg, column : column + COLUMNS_PER_JOINT].tolist())
+        measurement = JointMeasurement(*self._measured[number].tolist())
+        impedance, friction = self.controllers[number].torques(measurement, setpoint)
+        gravity = self._blended[leg, -1] * feed_forward[number, 0]
+        inertia = feed_forward[number, 1]
+        target = control.target_torque.get(joint.joint, 0.0)
+        command = impedance + friction + gravity + inertia + target
+        actuator = problem.actuator(joint)
+        velocity = float(self.plant.v[joint.index])
+        target_current, current, torque = drive_motor(
+            command,
+            velocity,
+            self._bus_voltage,
+            control.limits.torque,
+            control.limits.current,
+            actuator.torque_constant,
+            actuator.gear_ratio,
+            actuator.gear_efficiency,
+            actuator.resistance,
+        )
+        self.plant.motor[joint.index] = torque
+        first = self.layout.first(f"{joint.side}_{joint.joint}_measured_angle_rad")
+        row[first : first + 10] = (
+            *measurement,
+            impedance,
+            friction,
+            gravity,
+            inertia,
+            target,
+            command,
+            torque,
+        )
+        electrical = self.layout.first(f"{joint.side}_{joint.joint}_target_current_A")
+        row[electrical : electrical + 6] = (target_current, current, *setpoint)
+        return motor_electrical_power(
+            current, velocity, actuator.resistance, actuator.torque_constant, actuator.gear_ratio
+        )
+
+    def _integrate(self) -> None:
+        integration = self.problem.experiment.integration
+        start = self.plant.time
+        for substep in range(integration.substeps):
+            self.plant.time = start + substep * integration.step
+            if integration.method is IntegrationMethod.RK4:
+                self.plant.step_rk4(integration.step)
+            else:
+                self.plant.step_euler(integration.step)
+
+    # ------------------------------------------------------------------ recording
+
+    def _record(self, row: np.ndarray, battery_power: float) -> None:
+        """Write everything that is not a controller's, at the state before integration."""
+        plant, world, layout = self.plant, self.problem.world, self.layout
+        plant.acceleration(plant.q, plant.v, plant.a)
+        for leg, machine in enumerate(self.machines.values()):
+            row[leg] = machine.phase_index
+        for joint in self.problem.joints:
+            name = f"{joint.side}_{joint.joint}"
+            first = layout.first(f"{name}_angle_rad")
+            row[first : first + 2] = plant.q[joint.index], plant.v[joint.index]
+            first = layout.first(f"{name}_friction_torque_Nm")
+            held = world.hand is not None and world.hand.index == joint.index
+            row[first : first + 3] = (
+                plant.passive[joint.index, FRICTION],
+                plant.passive[joint.index, STOP],
+                plant.hand if held else 0.0,
+            )
+        for side in layout.ankles:
+            index = world.model.index(side, JointName.ANKLE)
+            first = layout.first(f"{side}_ankle_angle_rad")
+            row[first : first + 3] = plant.q[index], plant.v[index], plant.passive[index, SPRING]
+        self._record_surroundings(row, battery_power)
+
+    def _record_surroundings(self, row: np.ndarray, battery_power: float) -> None:
+        plant, world, layout = self.plant, self.problem.world, self.layout
+        for side in layout.feet:
+            first = layout.first(f"{side}_foot_normal_force_N")
+            row[first : first + 3] = (
+                plant.normal_force[side],
+                plant.friction_force[side],
+                plant.clearance[side],
+            )
+        pelvis = world.model.pelvis_index
+        if pelvis is not None:
+            first = layout.first("pelvis_height_m")
+            row[first : first + 5] = (
+                plant.q[pelvis],
+                plant.v[pelvis],
+                plant.passive[pelvis, SPRING],
+                *plant.guide_wrench(),
+            )
+        first = layout.first("bus_voltage_V")
+        row[first : first + 4] = (
+            self._bus_voltage,
+            battery_power,
+            world.model.kinetic_energy(plant.q, plant.v),
+            world.model.potential_energy(plant.q),
+        )
+        row[first + 4 : first + 4 + len(WORK_SOURCES)] = plant.works
+
+

@@ -1,0 +1,151 @@
+"""An experiment laid out as the arrays that every engine steps through."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from twin_gait.core.estimation import first_order_gain
+from twin_gait.experiment import ControlMode, Experiment
+from twin_gait.gait.guards import signal_names
+from twin_gait.gait.program import GuardProgram, compile_guards
+from twin_gait.gait.scaling import COLUMNS_PER_JOINT, DAMPING, STIFFNESS, resolve_phases, scale_table
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.leg_model import LegModel
+from twin_gait.parameters import ActuatorParameters
+from twin_gait.scenario.treadmill import TreadmillScenario
+from twin_gait.scenario.world import World
+from twin_gait.vocabulary import JointName, Side
+
+
+class ActuatedJoint(NamedTuple):
+    """A joint with a motor.
+
+    Attributes:
+        side: Leg.
+        joint: Hip or knee.
+        index: Position in ``q`` and ``v`` of the plant.
+        control_index: Position in ``q`` of the controller's model.
+    """
+
+    side: Side
+    joint: JointName
+    index: int
+    control_index: int
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What an engine needs, beside the experiment.
+
+    Attributes:
+        experiment: The experiment.
+        world: Plant and surroundings.
+        control_model: The controller's rigid-body model.
+        table: The gait table after scaling.
+        program: Its guards.
+        joints: Actuated joints, leg by leg in the order of the table.
+        phase_rows: k, b, θ0, G per joint and gravity share: shape ``(n_legs, n_phases, n_columns)``.
+        noise: Sensor noise of every tick in [rad], shape ``(n_ticks, n_joints)`` or ``(1, n_joints)``.
+        resolution: Encoder resolution in [rad], shape ``(n_joints,)``.
+        fast_gain: Gain of the fast velocity filter.
+    """
+
+    experiment: Experiment
+    world: World
+    control_model: LegModel
+    table: GaitTable
+    program: GuardProgram
+    joints: tuple[ActuatedJoint, ...]
+    phase_rows: np.ndarray
+    noise: np.ndarray
+    resolution: np.ndarray
+    fast_gain: float
+
+    @property
+    def sides(self) -> tuple[Side, ...]:
+        """Legs in the order of the arrays."""
+        return self.world.model.sides
+
+    @property
+    def joints_per_leg(self) -> int:
+        """Actuated joints of a leg."""
+        return len(self.table.joints)
+
+    @property
+    def signals_per_leg(self) -> int:
+        """Signals of a leg in the signal array."""
+        return len(signal_names(self.table.joints))
+
+    def actuator(self, joint: ActuatedJoint) -> ActuatorParameters:
+        """Motor and gear of a joint."""
+        return self.experiment.plant.actuators[joint.joint]
+
+
+def build_problem(experiment: Experiment) -> Problem:
+    """Lay an experiment out.
+
+    Args:
+        experiment: The experiment.
+
+    Returns:
+        The problem.
+    """
+    world = experiment.build_world()
+    control_model = experiment.build_control_model()
+    table = scaled_table(experiment, world)
+    joints = tuple(
+        ActuatedJoint(side, JointName(name), world.model.index(side, JointName(name)),
+                      control_model.index(side, JointName(name)))
+        for side in world.model.sides
+        for name in table.joints
+    )
+    rows = np.array(
+        [resolve_phases(table, side, _inertia_of(control_model)) for side in world.model.sides]
+    )
+    if experiment.control.mode is ControlMode.TRANSPARENT:
+        for column in (STIFFNESS, DAMPING):
+            rows[:, :, column : COLUMNS_PER_JOINT * len(table.joints) : COLUMNS_PER_JOINT] = 0.0
+    sensors = experiment.sensors
+    ratio = np.array([experiment.plant.actuators[item.joint].gear_ratio for item in joints])
+    counts = sensors.encoder_counts * ratio
+    return Problem(
+        experiment=experiment,
+        world=world,
+        control_model=control_model,
+        table=table,
+        program=compile_guards(table),
+        joints=joints,
+        phase_rows=rows,
+        noise=_noise(experiment, len(joints)),
+        resolution=np.zeros(len(joints)) if sensors.ideal else 2.0 * np.pi / counts,
+        fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
+    )
+
+
+def scaled_table(experiment: Experiment, world: World) -> GaitTable:
+    """Gait table adapted to the carried mass and the belt speed of an experiment."""
+    if not isinstance(experiment.scenario, TreadmillScenario):
+        return experiment.table
+    carried = world.model.total_mass * (1.0 - experiment.scenario.support.share)
+    return scale_table(experiment.table, carried_mass=carried, speed=experiment.scenario.belt_speed)
+
+
+def _inertia_of(model: LegModel):  # type: ignore[no-untyped-def]
+    def inertia(side: Side, posture: Mapping[str, float], joint: str) -> float:
+        q = np.zeros(model.nv)
+        for name, angle in posture.items():
+            q[model.index(side, JointName(name))] = angle
+        return model.effective_inertia(q, model.index(side, JointName(joint)))
+
+    return inertia
+
+
+def _noise(experiment: Experiment, n_joints: int) -> np.ndarray:
+    if experiment.sensors.ideal or experiment.sensors.angle_noise == 0.0:
+        return np.zeros((1, n_joints))
+    generator = np.random.default_rng(experiment.seed)
+    return experiment.sensors.angle_noise * generator.standard_normal((experiment.n_ticks, n_joints))

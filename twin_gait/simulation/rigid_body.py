@@ -1,0 +1,376 @@
+"""Rigid-body algorithms on numbers or symbols: Newton-Euler, composite inertia, sparse L'DL.
+
+Written after Featherstone, Rigid Body Dynamics Algorithms (2008), chapters 5, 6 and 8, in body
+frames with three-vectors. Run over :class:`~twin_gait.simulation.tracing.Symbol` they write the
+specialised kernel of one model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+from twin_gait.simulation.tracing import Scalar, cosine, sine
+
+Vector = list[Scalar]
+Matrix = list[Vector]
+ZERO: Vector = [0.0, 0.0, 0.0]
+
+
+class BodyArrays(NamedTuple):
+    """One body and the joint that carries it.
+
+    Attributes:
+        parent: Index of the parent body, -1 for the world.
+        prismatic: Whether the joint slides instead of turning.
+        axis: Of the joint, in its own frame, shape ``(3,)``.
+        rotation: Of the joint frame in the parent frame at zero, shape ``(3, 3)``.
+        position: Of the joint frame in the parent frame in [m], shape ``(3,)``.
+        mass: In [kg].
+        first_moment: Mass times centre of mass in the joint frame in [kg m], shape ``(3,)``.
+        inertia: About the joint frame's origin in [kg m²], shape ``(3, 3)``.
+        armature: Inertia of the rotor at the joint.
+    """
+
+    parent: int
+    prismatic: bool
+    axis: Vector
+    rotation: Matrix
+    position: Vector
+    mass: Scalar
+    first_moment: Vector
+    inertia: Matrix
+    armature: Scalar
+
+
+class ContactPoint(NamedTuple):
+    """A point of a body that may touch the ground.
+
+    Attributes:
+        body: Index of the body.
+        position: In the body's joint frame in [m], shape ``(3,)``.
+    """
+
+    body: int
+    position: Vector
+
+
+class Dynamics(NamedTuple):
+    """What one evaluation gives.
+
+    Attributes:
+        acceleration: Of the coordinates, shape ``(n,)``.
+        contacts: Results of the contact law per point.
+        root_force: Force on the first body by its joint in world axes, shape ``(3,)``.
+        root_moment: Moment likewise, about its origin.
+    """
+
+    acceleration: Vector
+    contacts: list[list[Scalar]]
+
+
+def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
+    """Scalar product."""
+    total: Scalar = 0.0
+    for x, y in zip(a, b, strict=True):
+        total = total + x * y
+    return total
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Vector product."""
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def add(*vectors: Vector) -> Vector:
+    """Sum of vectors."""
+    total = list(vectors[0])
+    for vector in vectors[1:]:
+        total = [x + y for x, y in zip(total, vector, strict=True)]
+    return total
+
+
+def subtract(a: Vector, b: Vector) -> Vector:
+    """Difference of vectors."""
+    return [x - y for x, y in zip(a, b, strict=True)]
+
+
+def scale(a: Vector, factor: Scalar) -> Vector:
+    """Vector times number."""
+    return [x * factor for x in a]
+
+
+def times(matrix: Matrix, vector: Vector) -> Vector:
+    """Matrix times vector."""
+    return [dot(row, vector) for row in matrix]
+
+
+def transpose(matrix: Matrix) -> Matrix:
+    """Transposed matrix."""
+    return [[matrix[j][i] for j in range(3)] for i in range(3)]
+
+
+def product(a: Matrix, b: Matrix) -> Matrix:
+    """Matrix product."""
+    return [[dot(a[i], [b[k][j] for k in range(3)]) for j in range(3)] for i in range(3)]
+
+
+def joint_rotation(axis: Vector, angle: Scalar) -> Matrix:
+    """Rotation about a constant axis (Rodrigues), sparse for coordinate axes."""
+    s, c = sine(angle), cosine(angle)
+    nonzero = [i for i in range(3) if axis[i] != 0.0]
+    if len(nonzero) == 1 and abs(axis[nonzero[0]]) == 1.0:  # type: ignore[arg-type]
+        i = nonzero[0]
+        j, k = (i + 1) % 3, (i + 2) % 3
+        matrix: Matrix = [[0.0] * 3 for _ in range(3)]
+        matrix[i][i] = 1.0
+        matrix[j][j] = c
+        matrix[k][k] = c
+        matrix[j][k] = -(axis[i] * s)
+        matrix[k][j] = axis[i] * s
+        return matrix
+    x, y, z = axis
+    one = 1.0 - c
+    return [
+        [c + x * x * one, x * y * one - z * s, x * z * one + y * s],
+        [x * y * one + z * s, c + y * y * one, y * z * one - x * s],
+        [x * z * one - y * s, y * z * one + x * s, c + z * z * one],
+    ]
+
+
+class _Pose(NamedTuple):
+    """Pose of a body in its parent and its motion subspace."""
+
+    rotation: Matrix
+    position: Vector
+    angular: Vector
+    linear: Vector
+
+
+def _pose(body: BodyArrays, q: Scalar) -> _Pose:
+    if body.prismatic:
+        position = add(body.position, times(body.rotation, scale(body.axis, q)))
+        return _Pose(body.rotation, position, ZERO, body.axis)
+    rotation = product(body.rotation, joint_rotation(body.axis, q))
+    return _Pose(rotation, body.position, body.axis, ZERO)
+
+
+ContactLaw = Callable[[Vector, Vector], list[Scalar]]
+
+
+def _path_to_contacts(bodies: Sequence[BodyArrays], contacts: Sequence[ContactPoint]) -> set[int]:
+    needed = set()
+    for point in contacts:
+        index = point.body
+        while index >= 0:
+            needed.add(index)
+            index = bodies[index].parent
+    return needed
+
+
+def bias_forces(
+    bodies: Sequence[BodyArrays],
+    poses: Sequence[_Pose],
+    v: Sequence[Scalar],
+    gravity: Vector,
+    contacts: Sequence[ContactPoint],
+    contact_law: ContactLaw | None,
+) -> tuple[list[Scalar], list[list[Scalar]]]:
+    """Torques for zero acceleration: Coriolis, centrifugal, gravity, less the contact forces.
+
+    Args:
+        bodies: The model.
+        poses: Of the bodies.
+        v: Velocities.
+        gravity: Acceleration of gravity in the world frame.
+        contacts: Points that may touch the ground.
+        contact_law: From position and velocity of a point in the world to its force along world x
+            and z (first two results) and anything else.
+
+    Returns:
+        Torques and the results of the contact law per point.
+    """
+    velocity: list[tuple[Vector, Vector]] = []
+    force: list[list[Vector]] = []
+    acceleration: list[tuple[Vector, Vector]] = []
+    world: list[tuple[Matrix, Vector] | None] = []
+    needed = _path_to_contacts(bodies, contacts)
+    results: list[list[Scalar]] = [[] for _ in contacts]
+    for index, (body, pose) in enumerate(zip(bodies, poses, strict=True)):
+        back = transpose(pose.rotation)
+        if body.parent >= 0:
+            w0, l0 = velocity[body.parent]
+            aw0, al0 = acceleration[body.parent]
+        else:
+            w0, l0, aw0, al0 = ZERO, ZERO, ZERO, scale(gravity, -1.0)
+        joint_w, joint_l = scale(pose.angular, v[index]), scale(pose.linear, v[index])
+        w = add(times(back, w0), joint_w)
+        linear = add(times(back, add(l0, cross(w0, pose.position))), joint_l)
+        aw = add(times(back, aw0), cross(w, joint_w))
+        al = add(times(back, add(al0, cross(aw0, pose.position))), cross(w, joint_l), cross(linear, joint_w))
+        velocity.append((w, linear))
+        acceleration.append((aw, al))
+        momentum_l = add(scale(linear, body.mass), cross(w, body.first_moment))
+        momentum_w = add(times(body.inertia, w), cross(body.first_moment, linear))
+        moment = add(
+            times(body.inertia, aw), cross(body.first_moment, al), cross(w, momentum_w), cross(linear, momentum_l)
+        )
+        linear_force = add(scale(al, body.mass), cross(aw, body.first_moment), cross(w, momentum_l))
+        world.append(_world_pose(body, pose, world, index in needed))
+        for number, point in enumerate(contacts):
+            if point.body != index or contact_law is None:
+                continue
+            rotation, origin = world[index]  # type: ignore[misc]  # it is in needed
+            position = add(origin, times(rotation, point.position))
+            speed = times(rotation, add(linear, cross(w, point.position)))
+            results[number] = contact_law(position, speed)
+            local = times(transpose(rotation), [results[number][0], 0.0, results[number][1]])
+            linear_force = subtract(linear_force, local)
+            moment = subtract(moment, cross(point.position, local))
+        force.append([moment, linear_force])
+    bias: list[Scalar] = [0.0] * len(bodies)
+    for index in range(len(bodies) - 1, -1, -1):
+        pose, (moment, linear_force) = poses[index], force[index]
+        bias[index] = dot(pose.angular, moment) + dot(pose.linear, linear_force)
+        parent = bodies[index].parent
+        if parent >= 0:
+            turned = times(pose.rotation, linear_force)
+            force[parent][0] = add(
+                force[parent][0], times(pose.rotation, moment), cross(pose.position, turned)
+            )
+            force[parent][1] = add(force[parent][1], turned)
+    return bias, results
+
+
+def _world_pose(
+    body: BodyArrays, pose: _Pose, world: Sequence[tuple[Matrix, Vector] | None], needed: bool
+) -> tuple[Matrix, Vector] | None:
+    if not needed:
+        return None
+    if body.parent < 0:
+        return pose.rotation, pose.position
+    parent = world[body.parent]
+    assert parent is not None  # every ancestor of a needed body is needed
+    rotation, origin = parent
+    return product(rotation, pose.rotation), add(origin, times(rotation, pose.position))
+
+
+def mass_matrix(bodies: Sequence[BodyArrays], poses: Sequence[_Pose]) -> list[list[Scalar]]:
+    """Joint-space inertia (lower triangle along the tree), armature included."""
+    n = len(bodies)
+    composite = [(body.mass, body.first_moment, body.inertia) for body in bodies]
+    matrix: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
+    for index in range(n - 1, -1, -1):
+        pose, (mass, first, inertia) = poses[index], composite[index]
+        moment = add(times(inertia, pose.angular), cross(first, pose.linear))
+        force = add(scale(pose.linear, mass), cross(pose.angular, first))
+        matrix[index][index] = (
+            dot(pose.angular, moment) + dot(pose.linear, force) + bodies[index].armature
+        )
+        ancestor = index
+        while bodies[ancestor].parent >= 0:
+            turned = times(poses[ancestor].rotation, force)
+            moment = add(times(poses[ancestor].rotation, moment), cross(poses[ancestor].position, turned))
+            force = turned
+            ancestor = bodies[ancestor].parent
+            up = poses[ancestor]
+            matrix[index][ancestor] = dot(up.angular, moment) + dot(up.linear, force)
+        if bodies[index].parent >= 0:
+            parent = bodies[index].parent
+            composite[parent] = _join(composite[parent], composite[index], pose)
+    return matrix
+
+
+_Composite = tuple[Scalar, Vector, Matrix]
+
+
+def _join(parent: _Composite, child: _Composite, pose: _Pose) -> _Composite:
+    """Add a composite body, moved into the parent frame, to its parent."""
+    mass, first, inertia = child
+    p = pose.position
+    turned_first = times(pose.rotation, first)
+    turned = product(product(pose.rotation, inertia), transpose(pose.rotation))
+    trace = mass * dot(p, p) + 2.0 * dot(p, turned_first)
+    moved: Matrix = [[0.0] * 3 for _ in range(3)]
+    for i in range(3):
+        for j in range(i, 3):
+            element = turned[i][j] - (
+                mass * (p[i] * p[j]) + p[i] * turned_first[j] + turned_first[i] * p[j]
+            )
+            if i == j:
+                element = element + trace
+            moved[i][j] = moved[j][i] = element
+    parent_mass, parent_first, parent_inertia = parent
+    return (
+        parent_mass + mass,
+        add(parent_first, turned_first, scale(p, mass)),
+        [[parent_inertia[i][j] + moved[i][j] for j in range(3)] for i in range(3)],
+    )
+
+
+def solve_along_tree(
+    bodies: Sequence[BodyArrays], matrix: list[list[Scalar]], right: list[Scalar]
+) -> list[Scalar]:
+    """Solve M a = r with the branch-sparse L'DL factorisation (Featherstone, section 6.5)."""
+    n = len(bodies)
+    ancestors: list[list[int]] = []
+    for index in range(n):
+        chain, up = [], bodies[index].parent
+        while up >= 0:
+            chain.append(up)
+            up = bodies[up].parent
+        ancestors.append(chain)
+    matrix = [list(row) for row in matrix]
+    x = list(right)
+    for k in range(n - 1, -1, -1):
+        inverse = 1.0 / matrix[k][k]
+        for position, i in enumerate(ancestors[k]):
+            factor = matrix[k][i] * inverse
+            for j in ancestors[k][position:]:
+                matrix[i][j] = matrix[i][j] - factor * matrix[k][j]
+            matrix[k][i] = factor
+        matrix[k][k] = inverse
+    for i in range(n - 1, -1, -1):
+        for j in ancestors[i]:
+            x[j] = x[j] - matrix[i][j] * x[i]
+    x = [x[i] * matrix[i][i] for i in range(n)]
+    for i in range(n):
+        for j in ancestors[i]:
+            x[i] = x[i] - matrix[i][j] * x[j]
+    return x
+
+
+def forward_dynamics(
+    bodies: Sequence[BodyArrays],
+    q: Sequence[Scalar],
+    v: Sequence[Scalar],
+    tau: Sequence[Scalar],
+    gravity: Vector,
+    contacts: Sequence[ContactPoint] = (),
+    contact_law: ContactLaw | None = None,
+) -> Dynamics:
+    """Accelerations under joint torques and contact forces.
+
+    Args:
+        bodies: The model.
+        q: Coordinates.
+        v: Velocities.
+        tau: Torques.
+        gravity: Acceleration of gravity in the world frame.
+        contacts: Points that may touch the ground.
+        contact_law: See :func:`bias_forces`.
+
+    Returns:
+        Accelerations and contact results.
+    """
+    poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
+    bias, results = bias_forces(bodies, poses, v, gravity, contacts, contact_law)
+    right = [torque - load for torque, load in zip(tau, bias, strict=True)]
+    return Dynamics(solve_along_tree(bodies, mass_matrix(bodies, poses), right), results)
+
+
+def gravity_torques(bodies: Sequence[BodyArrays], q: Sequence[Scalar], gravity: Vector) -> list[Scalar]:
+    """Torques that hold a posture against gravity."""
+    poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
+    bias, _ = bias_forces(bodies, poses, [0.0] * len(bodies), gravity, (), None)
+    return bias

@@ -1,0 +1,78 @@
+"""What a simulation gives back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.experiment import Experiment
+from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.simulation.columns import LogLayout
+from twin_gait.vocabulary import Side
+
+
+class RunStatus(StrEnum):
+    """How a run ended."""
+
+    COMPLETED = "completed"
+    FELL = "fell"
+    DIVERGED = "diverged"
+    INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class Run:
+    """A finished simulation.
+
+    Attributes:
+        experiment: What was run.
+        table: The gait table after scaling to wearer, support and speed.
+        log: One row per tick; units are in the column names.
+        switches: Every change of phase with its cause.
+        status: How the run ended.
+        reason: Why, if it did not complete.
+        wall_s: Wall-clock time of the integration in [s].
+        body_weight: Weight of wearer and device in [N].
+    """
+
+    experiment: Experiment
+    table: GaitTable
+    log: pd.DataFrame
+    switches: tuple[PhaseSwitch, ...]
+    status: RunStatus
+    reason: str
+    wall_s: float
+    body_weight: float
+
+    @property
+    def duration(self) -> float:
+        """Simulated time in [s]."""
+        return len(self.log) * TICK
+
+    @property
+    def sides(self) -> tuple[Side, ...]:
+        """Legs in the log."""
+        return tuple(self.experiment.leg.legs)
+
+
+def log_table(rows: np.ndarray, layout: LogLayout, table: GaitTable) -> pd.DataFrame:
+    """Make the log table of the numbers that an engine wrote.
+
+    Args:
+        rows: Shape ``(n_ticks, n_columns)`` in the order of the layout.
+        layout: Names of the columns.
+        table: For the names of the phases.
+
+    Returns:
+        The table, with ``time_s`` in front and phases by name.
+    """
+    log = pd.DataFrame(rows, columns=list(layout.names))
+    log.insert(0, "time_s", np.arange(len(rows)) * TICK)
+    for side in layout.legs:
+        codes = rows[:, layout.positions[f"{side}_phase"]].astype(np.int64)
+        log[f"{side}_phase"] = pd.Categorical.from_codes(codes, categories=list(table.phase_names))
+    return log

@@ -1,0 +1,135 @@
+"""Symbols that write down what is done to them, as straight-line Python.
+
+A :class:`Symbol` behaves like a number; every operation on it appends a line to its
+:class:`Trace`. Constants are folded, zeros and ones vanish and equal sub-expressions are shared, so
+that a generic rigid-body algorithm run once over symbols leaves only the arithmetic that one model
+needs.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+
+Number = float
+
+
+class Trace:
+    """The lines written so far.
+
+    Attributes:
+        lines: Assignments in order.
+    """
+
+    def __init__(self) -> None:
+        """Begin an empty trace."""
+        self.lines: list[str] = []
+        self._known: dict[tuple[str, ...], Symbol] = {}
+        self._count = 0
+
+    def input(self, expression: str) -> Symbol:
+        """Make a symbol for something that exists already, such as ``q[0]``."""
+        return Symbol(self, expression)
+
+    def emit(self, key: tuple[str, ...], expression: str) -> Symbol:
+        """Append an assignment unless the same expression is known, and return its symbol."""
+        if key not in self._known:
+            symbol = Symbol(self, f"t{self._count}")
+            self._count += 1
+            self.lines.append(f"{symbol.name} = {expression}")
+            self._known[key] = symbol
+        return self._known[key]
+
+    def call(self, function: str, arguments: Sequence[Scalar], outputs: int) -> list[Symbol]:
+        """Append a call of a function with several results."""
+        names = [f"t{self._count + index}" for index in range(outputs)]
+        self._count += outputs
+        self.lines.append(f"{', '.join(names)} = {function}({', '.join(text(item) for item in arguments)})")
+        return [Symbol(self, name) for name in names]
+
+    def live_lines(self, outputs: Sequence[Scalar]) -> list[str]:
+        """Lines that the outputs depend on, in order."""
+        needed = {text(item) for item in outputs}
+        kept = []
+        for line in reversed(self.lines):
+            left, right = line.split(" = ", 1)
+            if any(name.strip() in needed for name in left.split(",")):
+                kept.append(line)
+                needed.update(re.findall(r"\bt\d+\b", right))
+        return kept[::-1]
+
+
+class Symbol:
+    """A number that is not known yet."""
+
+    __slots__ = ("name", "trace")
+
+    def __init__(self, trace: Trace, name: str) -> None:
+        """Name an expression of a trace."""
+        self.trace = trace
+        self.name = name
+
+    def __add__(self, other: Scalar) -> Scalar:
+        if not isinstance(other, Symbol) and other == 0.0:
+            return self
+        first, second = sorted((text(self), text(other)))
+        return self.trace.emit(("+", first, second), f"{text(self)} + {text(other)}")
+
+    __radd__ = __add__
+
+    def __sub__(self, other: Scalar) -> Scalar:
+        if not isinstance(other, Symbol) and other == 0.0:
+            return self
+        if isinstance(other, Symbol) and other.name == self.name:
+            return 0.0
+        return self.trace.emit(("-", text(self), text(other)), f"{text(self)} - {text(other)}")
+
+    def __rsub__(self, other: Number) -> Scalar:
+        if other == 0.0:
+            return -self
+        return self.trace.emit(("-", text(other), text(self)), f"{text(other)} - {text(self)}")
+
+    def __neg__(self) -> Symbol:
+        return self.trace.emit(("neg", self.name), f"-{self.name}")
+
+    def __mul__(self, other: Scalar) -> Scalar:
+        if not isinstance(other, Symbol):
+            if other == 0.0:
+                return 0.0
+            if other == 1.0:
+                return self
+            if other == -1.0:
+                return -self
+        first, second = sorted((text(self), text(other)))
+        return self.trace.emit(("*", first, second), f"{text(self)} * {text(other)}")
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Scalar) -> Symbol:
+        return self.trace.emit(("/", text(self), text(other)), f"{text(self)} / {text(other)}")
+
+    def __rtruediv__(self, other: Number) -> Symbol:
+        return self.trace.emit(("/", text(other), text(self)), f"{text(other)} / {text(self)}")
+
+
+Scalar = Symbol | Number
+
+
+def text(value: Scalar) -> str:
+    """Write a scalar as Python source; floats exactly."""
+    return value.name if isinstance(value, Symbol) else repr(float(value))
+
+
+def sine(angle: Scalar) -> Scalar:
+    """Sine of a number or symbol."""
+    if isinstance(angle, Symbol):
+        return angle.trace.emit(("sin", angle.name), f"math.sin({angle.name})")
+    return math.sin(angle)
+
+
+def cosine(angle: Scalar) -> Scalar:
+    """Cosine of a number or symbol."""
+    if isinstance(angle, Symbol):
+        return angle.trace.emit(("cos", angle.name), f"math.cos({angle.name})")
+    return math.cos(angle)

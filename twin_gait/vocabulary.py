@@ -1,0 +1,48 @@
+"""The words of the field that every other room shares: phases of gait, joints, sides."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+
+
+class GaitPhase(StrEnum):
+    """Phase of the gait cycle, in the order in which a leg passes through them.
+
+    The five phases are those of the thesis (section 5.1), after Sup et al. (2009).
+    """
+
+    EARLY_STANCE = "early_stance"
+    MIDDLE_STANCE = "middle_stance"
+    LATE_STANCE = "late_stance"
+    SWING_FLEXION = "swing_flexion"
+    SWING_EXTENSION = "swing_extension"
+
+    @property
+    def is_stance(self) -> bool:
+        """Whether the foot is meant to be on the ground in this phase."""
+        return self in STANCE_PHASES
+
+
+STANCE_PHASES = frozenset({GaitPhase.EARLY_STANCE, GaitPhase.MIDDLE_STANCE, GaitPhase.LATE_STANCE})
+
+
+class JointName(StrEnum):
+    """Joint of the leg. Hip and knee flexion and ankle dorsiflexion are positive."""
+
+    HIP = "hip"
+    KNEE = "knee"
+    ANKLE = "ankle"
+
+
+class Side(StrEnum):
+    """Side of the body."""
+
+    LEFT = "left"
+    RIGHT = "right"
+
+
+class Sex(StrEnum):
+    """Sex of the wearer, for the anthropometric tables."""
+
+    FEMALE = "female"
+    MALE = "male"
