@@ -1,5 +1,17 @@
 """YAML in and out: gait tables and experiments, validated at the edge."""
 
-from twin_gait.configuration.gait_table_file import load_gait_table, packaged_gait_table
+from twin_gait.configuration.experiments import LoadedExperiment, load_experiment, presets
+from twin_gait.configuration.gait_table_file import (
+    load_gait_table,
+    packaged_gait_table,
+    packaged_gait_tables,
+)
 
-__all__ = ["load_gait_table", "packaged_gait_table"]
+__all__ = [
+    "LoadedExperiment",
+    "load_experiment",
+    "load_gait_table",
+    "packaged_gait_table",
+    "packaged_gait_tables",
+    "presets",
+]

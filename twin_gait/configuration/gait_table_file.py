@@ -9,8 +9,9 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
+from twin_gait.configuration.overrides import merge
 from twin_gait.configuration.validation import Count, Number, Strict, converting, read_yaml, validate
-from twin_gait.exceptions import GaitTableError
+from twin_gait.exceptions import GaitTableError, ParameterFileError
 from twin_gait.gait.guards import AllOf, AnyOf, Guard, parse_guard
 from twin_gait.gait.table import (
     TICK,
@@ -111,10 +112,17 @@ class ScalingEntry(Strict):
     """Scaling laws."""
 
     carried_mass_kg: Number | None = Field(default=None, gt=0)
-    stance_phases: list[str] = []
+    stance_phases: tuple[str, ...] = ()
     speed_m_per_s: Number | None = Field(default=None, gt=0)
     speed_exponent: Number = 0.0
-    hip_centre_deg: Number = 0.0
+    hip_centre_deg: Number | None = None
+    hip_centre_rad: Number | None = None
+
+
+def _hip_centre(entry: ScalingEntry) -> float:
+    if entry.hip_centre_rad is not None:
+        return entry.hip_centre_rad
+    return 0.0 if entry.hip_centre_deg is None else entry.hip_centre_deg * _DEGREE
 
 
 class GaitTableFile(Strict):
@@ -128,7 +136,7 @@ class GaitTableFile(Strict):
     scaling: ScalingEntry = ScalingEntry()
     phases: dict[str, dict[str, Any]] = Field(min_length=1)
     transitions: list[TransitionEntry]
-    sides: dict[Side, dict[str, dict[str, Any]]] = {}
+    sides: dict[Side, dict[str, dict[str, Any]]] = Field(default_factory=dict)
 
 
 def load_gait_table(path: str | Path) -> GaitTable:
@@ -194,7 +202,7 @@ def gait_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Gai
     }
     if set(phases) < {str(item) for item in GaitPhase}:
         missing = [str(item) for item in GaitPhase if item not in phases]
-        converting(source, "phases", lambda: _raise(f"missing {', '.join(missing)}"))
+        raise ParameterFileError(source, "phases", f"missing {', '.join(missing)}")
     names = tuple(phases)
     transitions = tuple(
         _transition(item, joints, names, source, f"transitions[{index}]")
@@ -202,7 +210,9 @@ def gait_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Gai
     )
     side_phases = {
         side: {
-            phase: _phase(_merged(entry, phase, values, source, side), joints, source, f"sides.{side}.{phase}")
+            phase: _phase(
+                _merged(entry, phase, values, source, side), joints, source, f"sides.{side}.{phase}"
+            )
             for phase, values in differences.items()
         }
         for side, differences in entry.sides.items()
@@ -221,18 +231,14 @@ def gait_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Gai
             side_phases=side_phases,
             scaling=Scaling(
                 carried_mass=scaling.carried_mass_kg,
-                stance_phases=tuple(scaling.stance_phases),
+                stance_phases=scaling.stance_phases,
                 speed=scaling.speed_m_per_s,
                 speed_exponent=scaling.speed_exponent,
-                hip_centre=scaling.hip_centre_deg * _DEGREE,
+                hip_centre=_hip_centre(scaling),
             ),
             description=entry.description,
         ),
     )
-
-
-def _raise(message: str) -> None:
-    raise GaitTableError(message)
 
 
 def _merged(
@@ -240,32 +246,19 @@ def _merged(
 ) -> dict[str, Any]:
     """Lay the differences of one side over the common values of a phase."""
     if phase not in entry.phases:
-        converting(
-            source,
-            f"sides.{side}.{phase}",
-            lambda: _raise(f"no such phase; there are {', '.join(entry.phases)}"),
-        )
-    merged = dict(entry.phases[phase])
-    for key, value in differences.items():
-        common = merged.get(key)
-        if isinstance(common, dict) and isinstance(value, dict):
-            groups = ("stiffness", "damping", "equilibrium")
-            replaced = {group for group in groups for name in value if str(name).startswith(group)}
-            kept = {name: item for name, item in common.items() if not str(name).startswith(tuple(replaced))}
-            merged[key] = {**kept, **value} if replaced else {**common, **value}
-        else:
-            merged[key] = value
-    return merged
+        known = ", ".join(entry.phases)
+        raise ParameterFileError(source, f"sides.{side}.{phase}", f"no such phase; there are {known}")
+    return merge(entry.phases[phase], differences)
 
 
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> PhaseParameters:
     for name in values:
         if name not in (*joints, *_PHASE_KEYS):
             allowed = ", ".join((*joints, *_PHASE_KEYS))
-            converting(source, f"{key}.{name}", lambda: _raise(f"unknown key; allowed: {allowed}"))
+            raise ParameterFileError(source, f"{key}.{name}", f"unknown key; allowed: {allowed}")
     for joint in joints:
         if not isinstance(values.get(joint), dict):
-            converting(source, f"{key}.{joint}", lambda: _raise("is missing; expected an impedance"))
+            raise ParameterFileError(source, f"{key}.{joint}", "is missing; expected an impedance")
     entries = {joint: _at(JointEntry, values[joint], source, f"{key}.{joint}") for joint in joints}
     rest = _at(PhaseRest, {name: values[name] for name in _PHASE_KEYS if name in values}, source, key)
     return converting(
@@ -288,8 +281,6 @@ class PhaseRest(Strict):
 
 def _at(model: type[Any], data: Any, source: str, key: str) -> Any:
     """Validate a part of the file, with its place in front of the key."""
-    from twin_gait.exceptions import ParameterFileError
-
     try:
         return validate(model, data, source)
     except ParameterFileError as error:

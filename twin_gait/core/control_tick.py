@@ -211,9 +211,7 @@ def drive_motor(
         Target current in [A], measured current in [A], motor torque at the joint in [N m].
     """
     limited = saturate(command, torque_limit)
-    target = saturate(
-        torque_to_current(limited, torque_constant, gear_ratio, gear_efficiency), current_limit
-    )
+    target = saturate(torque_to_current(limited, torque_constant, gear_ratio, gear_efficiency), current_limit)
     current = voltage_limited_current(
         target, joint_velocity, bus_voltage, resistance, torque_constant, gear_ratio
     )

@@ -37,7 +37,9 @@ class Comparison:
     def __str__(self) -> str:
         """Write the inequality as in the table."""
         left = self.signal if self.minus is None else f"{self.signal} - {self.minus}"
-        return f"{left} {self.operator} {self.threshold:g}"
+        short = f"{self.threshold:g}"
+        exact = short if float(short) == self.threshold else repr(self.threshold)
+        return f"{left} {self.operator} {exact}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -118,7 +118,11 @@ class GaitStateMachine:
         return (tick - self.entry_tick) * TICK
 
     def step(
-        self, tick: int, own: LegSignals, other: LegSignals | None = None, other_phase: str | None = None,
+        self,
+        tick: int,
+        own: LegSignals,
+        other: LegSignals | None = None,
+        other_phase: str | None = None,
         other_time_in_phase: float = 0.0,
     ) -> PhaseSwitch | None:
         """Advance by one tick on named signals.

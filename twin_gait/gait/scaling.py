@@ -9,7 +9,7 @@ import numpy as np
 
 from twin_gait.core.impedance import damping_from_ratio
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, signal_scale
-from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters
+from twin_gait.gait.table import GaitTable, PhaseParameters
 from twin_gait.vocabulary import JointName, Side
 
 # Columns of a resolved phase: four per joint, then the share of gravity compensation.
@@ -57,7 +57,9 @@ def scale_table(table: GaitTable, *, carried_mass: float | None, speed: float | 
     )
 
 
-def _scale_phase(phase: PhaseParameters, stiffness: float, excursion: float, centre: float) -> PhaseParameters:
+def _scale_phase(
+    phase: PhaseParameters, stiffness: float, excursion: float, centre: float
+) -> PhaseParameters:
     joints = {}
     for name, joint in phase.joints.items():
         equilibrium = joint.equilibrium_angle
@@ -96,18 +98,11 @@ def resolve_phases(table: GaitTable, side: Side, inertia_at: InertiaAt) -> np.nd
         row: list[float] = []
         for name in table.joints:
             joint = phase.joints[name]
-            row += [
-                joint.stiffness,
-                _damping(joint, lambda name=name: inertia_at(side, posture, name)),  # type: ignore[misc]
-                joint.equilibrium_angle,
-                joint.friction_compensation_gain,
-            ]
+            damping = joint.damping
+            if damping is None:
+                assert joint.damping_ratio is not None  # JointImpedance holds exactly one of them
+                inertia = inertia_at(side, posture, name)
+                damping = damping_from_ratio(joint.damping_ratio, joint.stiffness, inertia)
+            row += [joint.stiffness, damping, joint.equilibrium_angle, joint.friction_compensation_gain]
         rows.append([*row, phase.gravity_compensation])
     return np.array(rows)
-
-
-def _damping(joint: JointImpedance, inertia: Callable[[], float]) -> float:
-    if joint.damping is not None:
-        return joint.damping
-    assert joint.damping_ratio is not None  # JointImpedance holds exactly one of them
-    return damping_from_ratio(joint.damping_ratio, joint.stiffness, inertia())

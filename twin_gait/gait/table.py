@@ -76,7 +76,9 @@ class JointImpedance:
     def __post_init__(self) -> None:
         """Check the ranges."""
         require_non_negative("stiffness", self.stiffness)
-        require(math.isfinite(self.equilibrium_angle), "equilibrium", "a finite angle", self.equilibrium_angle)
+        require(
+            math.isfinite(self.equilibrium_angle), "equilibrium", "a finite angle", self.equilibrium_angle
+        )
         require_share("friction_compensation_gain", self.friction_compensation_gain)
         require(
             (self.damping is None) != (self.damping_ratio is None),

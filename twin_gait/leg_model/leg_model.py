@@ -7,7 +7,6 @@ URDF given by the user must follow them or be adapted); all joints have one degr
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -17,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.exceptions import ModelError, ParameterError
-from twin_gait.leg_model.urdf import build_model, find_urdf
+from twin_gait.leg_model.urdf import build_model, find_urdf, urdf_hash
 from twin_gait.leg_model.wearer import (
     FOOT_HEIGHT,
     FOOT_LENGTH,
@@ -127,7 +126,7 @@ class LegModel:
         if not legs:
             raise ParameterError("legs: expected at least one leg, got none")
         self.urdf_path = find_urdf(urdf)
-        self.urdf_hash = hashlib.sha256(self.urdf_path.read_bytes()).hexdigest()
+        self.urdf_hash = urdf_hash(self.urdf_path)
         self.legs = dict(legs)
         self.pelvis = pelvis
         self.up_axis = up_axis
@@ -258,9 +257,7 @@ class LegModel:
         radius = TRUNK_RADIUS_OF_GYRATION * length
         along = np.outer(self._up(), self._up())
         inertia = mass * radius * radius * (np.eye(3) - 0.9 * along)
-        self._append(
-            self._joint_id(PELVIS_JOINT), mass, TRUNK_CENTRE_OF_MASS * length * self._up(), inertia
-        )
+        self._append(self._joint_id(PELVIS_JOINT), mass, TRUNK_CENTRE_OF_MASS * length * self._up(), inertia)
 
     def _append(self, joint: int, mass: float, lever: np.ndarray, inertia: np.ndarray) -> None:
         self.model.appendBodyToJoint(joint, pin.Inertia(mass, lever, inertia), pin.SE3.Identity())
@@ -333,7 +330,7 @@ class LegModel:
         Returns:
             :math:`g(q)`, shape ``(nv,)``; add it to compensate gravity.
         """
-        return np.asarray(pin.computeGeneralizedGravity(self.model, self.data, q)).copy()
+        return np.array(pin.computeGeneralizedGravity(self.model, self.data, q))
 
     def mass_matrix(self, q: np.ndarray) -> np.ndarray:
         """Joint-space inertia with armature, in [kg m²].
@@ -344,10 +341,10 @@ class LegModel:
         Returns:
             :math:`M(q)`, shape ``(nv, nv)``, symmetric.
         """
-        return np.asarray(pin.crba(self.model, self.data, q)).copy()
+        return np.array(pin.crba(self.model, self.data, q))
 
     def inertia_torque(self, q: np.ndarray, a: np.ndarray) -> np.ndarray:
-        """Torques that accelerate the joints: :math:`M(q)\\,\\ddot q`, armature included.
+        r"""Torques that accelerate the joints: :math:`M(q)\,\ddot q`, armature included.
 
         Args:
             q: Joint angles, shape ``(nv,)``.
@@ -356,14 +353,14 @@ class LegModel:
         Returns:
             Torques in [N m], shape ``(nv,)``.
         """
-        return self.mass_matrix(q) @ a
+        return np.asarray(self.mass_matrix(q) @ a)
 
     def effective_inertia(self, q: np.ndarray, index: int) -> float:
         """Effective inertia :math:`M_{jj}` of one joint, all others held, in [kg m²]."""
         return float(self.mass_matrix(q)[index, index])
 
     def nonlinear_effects(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Coriolis, centrifugal and gravity torques :math:`h(q, \\dot q)` in [N m].
+        r"""Coriolis, centrifugal and gravity torques :math:`h(q, \dot q)` in [N m].
 
         Args:
             q: Joint angles, shape ``(nv,)``.
@@ -372,7 +369,7 @@ class LegModel:
         Returns:
             Shape ``(nv,)``.
         """
-        return np.asarray(pin.nonLinearEffects(self.model, self.data, q, v)).copy()
+        return np.array(pin.nonLinearEffects(self.model, self.data, q, v))
 
     def inverse_dynamics(self, q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
         """Torques that give an acceleration, armature included (recursive Newton-Euler).
@@ -385,7 +382,7 @@ class LegModel:
         Returns:
             Torques in [N m], shape ``(nv,)``.
         """
-        return np.asarray(pin.rnea(self.model, self.data, q, v, a)).copy()
+        return np.array(pin.rnea(self.model, self.data, q, v, a))
 
     def forward_dynamics(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
         """Joint accelerations under torques (articulated-body algorithm).
@@ -425,4 +422,4 @@ class LegModel:
             known = ", ".join(item.name for item in self.model.frames)
             raise ModelError(f"{self.urdf_path}: no frame {frame!r}; it has {known}")
         pin.framesForwardKinematics(self.model, self.data, q)
-        return np.asarray(self.data.oMf[self.model.getFrameId(frame)].translation).copy()
+        return np.array(self.data.oMf[self.model.getFrameId(frame)].translation)

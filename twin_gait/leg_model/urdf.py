@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import os
 import sys
@@ -55,9 +56,7 @@ def find_urdf(path_or_name: str | Path) -> Path:
         return path
     if str(path_or_name) in PACKAGED_URDFS:
         return packaged_urdf(str(path_or_name))
-    raise ModelError(
-        f"{path}: no such URDF file; give a path, or one of {', '.join(PACKAGED_URDFS)}"
-    )
+    raise ModelError(f"{path}: no such URDF file; give a path, or one of {', '.join(PACKAGED_URDFS)}")
 
 
 def read_urdf(path: Path) -> str:
@@ -79,7 +78,9 @@ def read_urdf(path: Path) -> str:
         text = path.read_text(encoding="utf-8")
         root = ElementTree.fromstring(text)
     except OSError as error:
-        raise ModelError(f"{path}: cannot be read ({error.strerror}); check the path and its rights") from error
+        raise ModelError(
+            f"{path}: cannot be read ({error.strerror}); check the path and its rights"
+        ) from error
     except (ElementTree.ParseError, UnicodeDecodeError, ValueError) as error:
         raise ModelError(f"{path}: not a URDF ({error}); expected XML with a <robot> element") from error
     if root.tag != "robot":
@@ -93,6 +94,11 @@ def read_urdf(path: Path) -> str:
             limit.set("lower", "-1e3")
             limit.set("upper", "1e3")
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def urdf_hash(path: Path) -> str:
+    """SHA-256 of a URDF file's content, in hexadecimal."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def build_model(path: Path, root_joint: tuple[pin.JointModel, str] | None = None) -> pin.Model:

@@ -50,14 +50,26 @@ class Segment:
 # de Leva (1996), J Biomech 29(9), table 4: thigh HJC-KJC, shank KJC-AJC, foot HEEL-TTIP.
 SEGMENTS: dict[Sex, dict[str, Segment]] = {
     Sex.MALE: {
-        "thigh": Segment(mass=0.1416, centre_of_mass=0.4095, transverse_radius=0.329, longitudinal_radius=0.149),
-        "shank": Segment(mass=0.0433, centre_of_mass=0.4395, transverse_radius=0.246, longitudinal_radius=0.102),
-        "foot": Segment(mass=0.0137, centre_of_mass=0.4415, transverse_radius=0.245, longitudinal_radius=0.124),
+        "thigh": Segment(
+            mass=0.1416, centre_of_mass=0.4095, transverse_radius=0.329, longitudinal_radius=0.149
+        ),
+        "shank": Segment(
+            mass=0.0433, centre_of_mass=0.4395, transverse_radius=0.246, longitudinal_radius=0.102
+        ),
+        "foot": Segment(
+            mass=0.0137, centre_of_mass=0.4415, transverse_radius=0.245, longitudinal_radius=0.124
+        ),
     },
     Sex.FEMALE: {
-        "thigh": Segment(mass=0.1478, centre_of_mass=0.3612, transverse_radius=0.364, longitudinal_radius=0.162),
-        "shank": Segment(mass=0.0481, centre_of_mass=0.4352, transverse_radius=0.263, longitudinal_radius=0.092),
-        "foot": Segment(mass=0.0129, centre_of_mass=0.4014, transverse_radius=0.279, longitudinal_radius=0.139),
+        "thigh": Segment(
+            mass=0.1478, centre_of_mass=0.3612, transverse_radius=0.364, longitudinal_radius=0.162
+        ),
+        "shank": Segment(
+            mass=0.0481, centre_of_mass=0.4352, transverse_radius=0.263, longitudinal_radius=0.092
+        ),
+        "foot": Segment(
+            mass=0.0129, centre_of_mass=0.4014, transverse_radius=0.279, longitudinal_radius=0.139
+        ),
     },
 }
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.optimize import brentq
 
 from twin_gait.core import plant
 from twin_gait.leg_model import LegModel, PelvisGuide
@@ -47,8 +48,9 @@ class TreadmillScenario:
     support: SupportParameters = field(default_factory=SupportParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
     leading: Side = Side.LEFT
-    leading_angles: tuple[float, float] = (22.0 * _DEGREE, 5.0 * _DEGREE)
-    trailing_angles: tuple[float, float] = (-8.0 * _DEGREE, 10.0 * _DEGREE)
+    # About the postures of the default walk at heel strike; both feet reach the belt.
+    leading_angles: tuple[float, float] = (20.4 * _DEGREE, 12.5 * _DEGREE)
+    trailing_angles: tuple[float, float] = (-10.0 * _DEGREE, 12.0 * _DEGREE)
     initial_phases: tuple[str, str] = ("early_stance", "late_stance")
 
     def __post_init__(self) -> None:
@@ -104,10 +106,7 @@ class TreadmillScenario:
             q[model.index(side, JointName.HIP)] = hip
             q[model.index(side, JointName.KNEE)] = knee
             phases[side] = self.initial_phases[0 if leads else 1]
-        points = [name for names in frames.values() for name in names]
-        vertical = 2 if model.up_axis == "z" else 1
-        lowest = min(model.frame_position(q, name)[vertical] for name in points)
-        q[pelvis] = -lowest
+        q[pelvis] = stand_on_both_feet(model, q)
         return World(
             model=model,
             plant_rows=rows,
@@ -121,3 +120,35 @@ class TreadmillScenario:
             fall_height=FALL_SHARE * q[pelvis],
             contact_frames=frames,
         )
+
+
+def stand_on_both_feet(model: LegModel, q: np.ndarray) -> float:
+    """Bend the ankle of the foot that reaches lower until both feet stand on the belt.
+
+    Args:
+        model: Both legs.
+        q: Coordinates with the pelvis at 0; the bent ankle is changed in place.
+
+    Returns:
+        Height of the pelvis in [m] at which the lowest points of both feet touch the belt.
+    """
+    reach = {side: _lowest_point(model, side, q) for side in model.sides}
+    lower, higher = sorted(model.sides, key=lambda side: reach[side])
+    if model.legs[lower].ankle is None:
+        return -reach[lower]
+    ankle = model.index(lower, JointName.ANKLE)
+    limit = model.position_limits(lower, JointName.ANKLE)[1]
+
+    def gap(angle: float) -> float:
+        bent = q.copy()
+        bent[ankle] = angle
+        return _lowest_point(model, lower, bent) - reach[higher]
+
+    # Dorsiflexion lifts the toe; if even the stop does not level the feet, one starts in the air.
+    q[ankle] = brentq(gap, 0.0, limit) if gap(0.0) < 0.0 < gap(limit) else 0.0
+    return -min(_lowest_point(model, side, q) for side in model.sides)
+
+
+def _lowest_point(model: LegModel, side: Side, q: np.ndarray) -> float:
+    vertical = 2 if model.up_axis == "z" else 1
+    return min(float(model.frame_position(q, name)[vertical]) for name in model.legs[side].contact_frames)

@@ -23,7 +23,7 @@ from twin_gait.leg_model.leg_model import PELVIS_JOINT
 from twin_gait.simulation.columns import WORK_SOURCES, LogLayout
 from twin_gait.simulation.problem import ActuatedJoint, Problem
 from twin_gait.simulation.run import RunStatus
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName
 
 # A joint that turns faster than this has left physics: the run has diverged.
 DIVERGED_VELOCITY = 1e3  # [rad] / [s]
@@ -101,7 +101,7 @@ class _Plant:
         self._work = np.zeros((5, n))
         self._stage = 0
         self._stage_powers = np.zeros(len(WORK_SOURCES))
-        self._last_powers = np.zeros(len(WORK_SOURCES))
+        self._last_contact_power = 0.0
 
     def _foot(self, names: tuple[str, ...]) -> _FootPoints:
         frames = [self.model.frames[self.model.getFrameId(name)] for name in names]
@@ -116,7 +116,7 @@ class _Plant:
         pin.forwardKinematics(self.model, self.data, q, v)
         power = 0.0
         for side, foot in self.feet.items():
-            (r00, r01, r02), (r10, r11, r12), (r20, r21, r22) = self.data.oMi[foot.joint].rotation.tolist()
+            (r00, r01, r02), _, (r20, r21, r22) = self.data.oMi[foot.joint].rotation.tolist()
             height = float(self.data.oMi[foot.joint].translation[2])
             motion = self.data.v[foot.joint]
             lx, ly, lz = motion.linear.tolist()
@@ -147,9 +147,11 @@ class _Plant:
                 px, py, pz = r00 * along + r20 * up, r01 * along + r21 * up, r02 * along + r22 * up
                 fx, fy, fz = fx + px, fy + py, fz + pz
                 mx, my, mz = mx + y * pz - z * py, my + z * px - x * pz, mz + x * py - y * px
+            loaded = self.normal_force[side] > 0.0
             self.normal_force[side], self.friction_force[side] = normal, friction
             self.clearance[side] = clearance
-            self.external[foot.joint] = pin.Force(np.array([fx, fy, fz]), np.array([mx, my, mz]))
+            if normal > 0.0 or loaded:
+                self.external[foot.joint] = pin.Force(np.array([fx, fy, fz, mx, my, mz]))
         self.powers[CONTACT_WORK] = power
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
@@ -170,29 +172,29 @@ class _Plant:
                 hand.release_time,
             )
             torque[hand.index] += self.hand
-            self.powers[PATIENT_WORK] = self.hand * v[hand.index]
         self.update_contacts(q, v)
-        self.powers[MOTOR_WORK] = self.motor @ v
-        self.powers[FRICTION_WORK] = self.passive[:, FRICTION] @ v
-        self.powers[STOP_WORK] = self.passive[:, STOP] @ v
-        self.powers[SPRING_WORK] = self.passive[:, SPRING] @ v
         out[:] = pin.aba(self.model, self.data, q, v, torque, self.external)
+
+    def _update_powers(self, v: np.ndarray) -> None:
+        """Power of every source but the contact, which :meth:`update_contacts` keeps."""
+        self.powers[MOTOR_WORK] = self.motor @ v
+        friction, stop, spring = v @ self.passive
+        self.powers[FRICTION_WORK] = friction
+        self.powers[STOP_WORK] = stop
+        self.powers[SPRING_WORK] = spring
+        if self.world.hand is not None:
+            self.powers[PATIENT_WORK] = self.hand * v[self.world.hand.index]
 
     def step_euler(self, step: float) -> None:
         """One semi-implicit Euler step; work by the mean of old and new velocity."""
         before = self.v.copy()
         semi_implicit_euler_step(self.acceleration, self.q, self.v, step, self.a)
-        mean = 0.5 * (before + self.v)
-        self.works[MOTOR_WORK] += step * float(self.motor @ mean)
-        self.works[FRICTION_WORK] += step * float(self.passive[:, FRICTION] @ mean)
-        self.works[STOP_WORK] += step * float(self.passive[:, STOP] @ mean)
-        self.works[SPRING_WORK] += step * float(self.passive[:, SPRING] @ mean)
-        if self.world.hand is not None:
-            self.works[PATIENT_WORK] += step * self.hand * float(mean[self.world.hand.index])
+        contact = self.powers[CONTACT_WORK]
+        self._update_powers(0.5 * (before + self.v))
         # The contact is only known at its evaluations: trapezoid between this one and the last.
-        now = self.powers[CONTACT_WORK]
-        self.works[CONTACT_WORK] += 0.5 * step * (now + self._last_powers[CONTACT_WORK])
-        self._last_powers[CONTACT_WORK] = now
+        self.powers[CONTACT_WORK] = 0.5 * (contact + self._last_contact_power)
+        self._last_contact_power = contact
+        self.works += step * self.powers
 
     def step_rk4(self, step: float) -> None:
         """One Runge-Kutta step; work integrated with the weights of the stages."""
@@ -202,6 +204,7 @@ class _Plant:
         def staged(q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
             self.time = start + step * (0.0, 0.5, 0.5, 1.0)[self._stage]
             self.acceleration(q, v, out)
+            self._update_powers(v)
             self._stage_powers += rk4_stage_weight(self._stage) * self.powers
             self._stage += 1
 
@@ -258,8 +261,8 @@ class PinocchioEngine:
         self._signals = np.full(2 * problem.signals_per_leg, np.nan)
         self._foot_load = np.zeros(n_legs)
         self._bus_voltage = experiment.plant.battery.voltage
-        self._index = np.array([joint.index for joint in problem.joints])
-        self._control_index = np.array([joint.control_index for joint in problem.joints])
+        self._index = np.array([joint.coordinate for joint in problem.joints])
+        self._control_index = np.array([joint.control_coordinate for joint in problem.joints])
         self.layout = log_layout(problem)
         self.switches: list[PhaseSwitch] = []
 
@@ -420,7 +423,7 @@ class PinocchioEngine:
         target = control.target_torque.get(joint.joint, 0.0)
         command = impedance + friction + gravity + inertia + target
         actuator = problem.actuator(joint)
-        velocity = float(self.plant.v[joint.index])
+        velocity = float(self.plant.v[joint.coordinate])
         target_current, current, torque = drive_motor(
             command,
             velocity,
@@ -432,7 +435,7 @@ class PinocchioEngine:
             actuator.gear_efficiency,
             actuator.resistance,
         )
-        self.plant.motor[joint.index] = torque
+        self.plant.motor[joint.coordinate] = torque
         first = self.layout.first(f"{joint.side}_{joint.joint}_measured_angle_rad")
         row[first : first + 10] = (
             *measurement,
@@ -471,12 +474,12 @@ class PinocchioEngine:
         for joint in self.problem.joints:
             name = f"{joint.side}_{joint.joint}"
             first = layout.first(f"{name}_angle_rad")
-            row[first : first + 2] = plant.q[joint.index], plant.v[joint.index]
+            row[first : first + 2] = plant.q[joint.coordinate], plant.v[joint.coordinate]
             first = layout.first(f"{name}_friction_torque_Nm")
-            held = world.hand is not None and world.hand.index == joint.index
+            held = world.hand is not None and world.hand.index == joint.coordinate
             row[first : first + 3] = (
-                plant.passive[joint.index, FRICTION],
-                plant.passive[joint.index, STOP],
+                plant.passive[joint.coordinate, FRICTION],
+                plant.passive[joint.coordinate, STOP],
                 plant.hand if held else 0.0,
             )
         for side in layout.ankles:
@@ -511,5 +514,3 @@ class PinocchioEngine:
             world.model.potential_energy(plant.q),
         )
         row[first + 4 : first + 4 + len(WORK_SOURCES)] = plant.works
-
-

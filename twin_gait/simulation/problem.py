@@ -12,7 +12,14 @@ from twin_gait.core.estimation import first_order_gain
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.gait.guards import signal_names
 from twin_gait.gait.program import GuardProgram, compile_guards
-from twin_gait.gait.scaling import COLUMNS_PER_JOINT, DAMPING, STIFFNESS, resolve_phases, scale_table
+from twin_gait.gait.scaling import (
+    COLUMNS_PER_JOINT,
+    DAMPING,
+    STIFFNESS,
+    InertiaAt,
+    resolve_phases,
+    scale_table,
+)
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ActuatorParameters
@@ -27,14 +34,14 @@ class ActuatedJoint(NamedTuple):
     Attributes:
         side: Leg.
         joint: Hip or knee.
-        index: Position in ``q`` and ``v`` of the plant.
-        control_index: Position in ``q`` of the controller's model.
+        coordinate: Position in ``q`` and ``v`` of the plant.
+        control_coordinate: Position in ``q`` of the controller's model.
     """
 
     side: Side
     joint: JointName
-    index: int
-    control_index: int
+    coordinate: int
+    control_coordinate: int
 
 
 @dataclass(frozen=True)
@@ -98,14 +105,16 @@ def build_problem(experiment: Experiment) -> Problem:
     control_model = experiment.build_control_model()
     table = scaled_table(experiment, world)
     joints = tuple(
-        ActuatedJoint(side, JointName(name), world.model.index(side, JointName(name)),
-                      control_model.index(side, JointName(name)))
+        ActuatedJoint(
+            side,
+            JointName(name),
+            world.model.index(side, JointName(name)),
+            control_model.index(side, JointName(name)),
+        )
         for side in world.model.sides
         for name in table.joints
     )
-    rows = np.array(
-        [resolve_phases(table, side, _inertia_of(control_model)) for side in world.model.sides]
-    )
+    rows = np.array([resolve_phases(table, side, _inertia_of(control_model)) for side in world.model.sides])
     if experiment.control.mode is ControlMode.TRANSPARENT:
         for column in (STIFFNESS, DAMPING):
             rows[:, :, column : COLUMNS_PER_JOINT * len(table.joints) : COLUMNS_PER_JOINT] = 0.0
@@ -134,7 +143,7 @@ def scaled_table(experiment: Experiment, world: World) -> GaitTable:
     return scale_table(experiment.table, carried_mass=carried, speed=experiment.scenario.belt_speed)
 
 
-def _inertia_of(model: LegModel):  # type: ignore[no-untyped-def]
+def _inertia_of(model: LegModel) -> InertiaAt:
     def inertia(side: Side, posture: Mapping[str, float], joint: str) -> float:
         q = np.zeros(model.nv)
         for name, angle in posture.items():

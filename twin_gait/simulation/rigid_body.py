@@ -213,7 +213,10 @@ def bias_forces(
         momentum_l = add(scale(linear, body.mass), cross(w, body.first_moment))
         momentum_w = add(times(body.inertia, w), cross(body.first_moment, linear))
         moment = add(
-            times(body.inertia, aw), cross(body.first_moment, al), cross(w, momentum_w), cross(linear, momentum_l)
+            times(body.inertia, aw),
+            cross(body.first_moment, al),
+            cross(w, momentum_w),
+            cross(linear, momentum_l),
         )
         linear_force = add(scale(al, body.mass), cross(aw, body.first_moment), cross(w, momentum_l))
         world.append(_world_pose(body, pose, world, index in needed))
@@ -264,9 +267,7 @@ def mass_matrix(bodies: Sequence[BodyArrays], poses: Sequence[_Pose]) -> list[li
         pose, (mass, first, inertia) = poses[index], composite[index]
         moment = add(times(inertia, pose.angular), cross(first, pose.linear))
         force = add(scale(pose.linear, mass), cross(pose.angular, first))
-        matrix[index][index] = (
-            dot(pose.angular, moment) + dot(pose.linear, force) + bodies[index].armature
-        )
+        matrix[index][index] = dot(pose.angular, moment) + dot(pose.linear, force) + bodies[index].armature
         ancestor = index
         while bodies[ancestor].parent >= 0:
             turned = times(poses[ancestor].rotation, force)
@@ -294,9 +295,7 @@ def _join(parent: _Composite, child: _Composite, pose: _Pose) -> _Composite:
     moved: Matrix = [[0.0] * 3 for _ in range(3)]
     for i in range(3):
         for j in range(i, 3):
-            element = turned[i][j] - (
-                mass * (p[i] * p[j]) + p[i] * turned_first[j] + turned_first[i] * p[j]
-            )
+            element = turned[i][j] - (mass * (p[i] * p[j]) + p[i] * turned_first[j] + turned_first[i] * p[j])
             if i == j:
                 element = element + trace
             moved[i][j] = moved[j][i] = element

@@ -74,5 +74,5 @@ def log_table(rows: np.ndarray, layout: LogLayout, table: GaitTable) -> pd.DataF
     log.insert(0, "time_s", np.arange(len(rows)) * TICK)
     for side in layout.legs:
         codes = rows[:, layout.positions[f"{side}_phase"]].astype(np.int64)
-        log[f"{side}_phase"] = pd.Categorical.from_codes(codes, categories=list(table.phase_names))
+        log[f"{side}_phase"] = pd.Categorical.from_codes(codes, categories=pd.Index(table.phase_names))
     return log

@@ -1,0 +1,150 @@
+"""Ground contact and mechanical stops: they push, they dissipate, they never pull."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from twin_gait.core.contact import (
+    contact_friction_force,
+    contact_normal_force,
+    ground_contact_force,
+    mechanical_stop_torque,
+)
+from twin_gait.core.integrators import rk4_step
+
+stiffnesses = st.floats(1e3, 1e6)
+dissipations = st.floats(0.0, 5.0)
+rates = st.floats(-5.0, 5.0)
+LOWER, UPPER = -0.35, 1.9
+
+
+@given(penetration=st.floats(-0.1, 0.1), rate=rates, stiffness=stiffnesses, dissipation=dissipations)
+def test_ground_never_pulls(penetration: float, rate: float, stiffness: float, dissipation: float) -> None:
+    assert contact_normal_force(penetration, rate, stiffness, dissipation) >= 0.0
+
+
+@given(height=st.floats(0.0, 1.0), forward=rates, vertical=rates, belt=st.floats(0.0, 2.0))
+def test_foot_in_the_air_feels_nothing(height: float, forward: float, vertical: float, belt: float) -> None:
+    assert ground_contact_force(height, forward, vertical, belt, 3e5, 0.5, 0.8, 0.05) == (0.0, 0.0)
+
+
+@given(rate=rates, stiffness=stiffnesses, dissipation=dissipations)
+def test_force_is_continuous_at_touch_down_whatever_the_speed(
+    rate: float, stiffness: float, dissipation: float
+) -> None:
+    """Also a hard landing starts with no force: F ≤ k δ^1.5 (1 + 1.5 c |δ̇|) → 0 with δ."""
+    for penetration in (1e-6, 1e-8, 1e-10):
+        bound = stiffness * penetration**1.5 * (1.0 + 1.5 * dissipation * abs(rate))
+        assert contact_normal_force(penetration, rate, stiffness, dissipation) <= bound * (1.0 + 1e-12)
+
+
+@given(penetration=st.floats(1e-6, 0.05), stiffness=stiffnesses, dissipation=dissipations)
+def test_static_force_is_the_hertz_spring(penetration: float, stiffness: float, dissipation: float) -> None:
+    force = contact_normal_force(penetration, 0.0, stiffness, dissipation)
+    assert_allclose(force, stiffness * penetration**1.5, rtol=1e-12)
+
+
+@given(
+    penetration=st.floats(1e-6, 0.05), rate=st.floats(0.0, 5.0), stiffness=stiffnesses, dissipation=dissipations
+)
+def test_contact_gives_back_less_than_it_takes(
+    penetration: float, rate: float, stiffness: float, dissipation: float
+) -> None:
+    """Pushing in costs at least the spring force, coming out returns at most that."""
+    static = contact_normal_force(penetration, 0.0, stiffness, dissipation)
+    assert contact_normal_force(penetration, rate, stiffness, dissipation) >= static
+    assert contact_normal_force(penetration, -rate, stiffness, dissipation) <= static
+
+
+@pytest.mark.parametrize(("dissipation", "speed"), [(0.3, 0.05), (0.1, 0.2), (0.5, 0.1)])
+def test_slow_impact_has_the_restitution_of_hunt_and_crossley(dissipation: float, speed: float) -> None:
+    """For small c·v the coefficient of restitution is 1 − c v (Hunt and Crossley, 1975)."""
+    mass, stiffness = 20.0, 3e5
+
+    def acceleration(q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
+        out[0] = contact_normal_force(-q[0], -v[0], stiffness, dissipation) / mass
+
+    q, v, work = np.array([0.0]), np.array([-speed]), np.zeros((5, 1))
+    for _ in range(20_000):
+        rk4_step(acceleration, q, v, 2e-5, work)
+        if q[0] > 0.0:
+            break
+    assert v[0] > 0.0
+    # The next term of the series is of the order (c v)², at most 0.0025 here.
+    assert_allclose(v[0] / speed, 1.0 - dissipation * speed, atol=2.0 * (dissipation * speed) ** 2)
+
+
+@given(slip=rates, normal=st.floats(0.0, 2000.0), friction=st.floats(0.0, 1.5))
+def test_friction_stays_in_the_cone_and_opposes_slip(slip: float, normal: float, friction: float) -> None:
+    force = contact_friction_force(slip, normal, friction, 0.05)
+    assert abs(force) <= friction * normal
+    assert force * slip <= 0.0
+
+
+def test_sliding_foot_feels_the_full_coulomb_friction() -> None:
+    assert_allclose(contact_friction_force(1.0, 100.0, 0.8, 0.05), -80.0, rtol=1e-12)
+
+
+@given(normal=st.floats(-100.0, 0.0), slip=rates)
+def test_unloaded_foot_feels_no_friction(normal: float, slip: float) -> None:
+    assert contact_friction_force(slip, normal, 0.8, 0.05) == 0.0
+
+
+@given(belt=st.floats(0.0, 2.0))
+def test_foot_that_moves_with_the_belt_is_not_dragged(belt: float) -> None:
+    """The belt runs backwards: standing on it means moving at minus its speed."""
+    forward, upward = ground_contact_force(-0.01, -belt, 0.0, belt, 3e5, 0.5, 0.8, 0.05)
+    assert forward == 0.0
+    assert_allclose(upward, 3e5 * 0.01**1.5, rtol=1e-12)
+
+
+def test_belt_carries_a_standing_foot_backwards() -> None:
+    forward, _ = ground_contact_force(-0.01, 0.0, 0.0, 0.42, 3e5, 0.5, 0.8, 0.05)
+    assert forward < 0.0
+
+
+@given(angle=st.floats(-1.5, 3.0), velocity=rates, dissipation=dissipations)
+def test_stop_pushes_towards_the_inside_and_never_sticks(
+    angle: float, velocity: float, dissipation: float
+) -> None:
+    torque = mechanical_stop_torque(angle, velocity, LOWER, UPPER, 2000.0, dissipation)
+    if angle < LOWER:
+        assert torque >= 0.0
+    elif angle > UPPER:
+        assert torque <= 0.0
+    else:
+        assert torque == 0.0
+
+
+@given(velocity=rates, dissipation=dissipations)
+def test_stop_is_continuous_where_it_begins(velocity: float, dissipation: float) -> None:
+    for stop, outwards in ((LOWER, -1e-9), (UPPER, 1e-9)):
+        torque = mechanical_stop_torque(stop + outwards, velocity, LOWER, UPPER, 2000.0, dissipation)
+        assert abs(torque) <= 2000.0 * 1.1e-9 * (1.0 + dissipation * abs(velocity))
+
+
+@given(depth=st.floats(1e-6, 0.3), velocity=rates, dissipation=dissipations)
+def test_both_stops_are_mirror_images(depth: float, velocity: float, dissipation: float) -> None:
+    at_lower = mechanical_stop_torque(-1.0 - depth, velocity, -1.0, 1.0, 2000.0, dissipation)
+    at_upper = mechanical_stop_torque(1.0 + depth, -velocity, -1.0, 1.0, 2000.0, dissipation)
+    assert at_lower == -at_upper
+
+
+def test_joint_bounces_off_its_stop_slower_than_it_came() -> None:
+    inertia = 4.0
+
+    def acceleration(q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
+        out[0] = mechanical_stop_torque(q[0], v[0], LOWER, UPPER, 2000.0, 0.5) / inertia
+
+    q, v, work = np.array([UPPER]), np.array([1.0]), np.zeros((5, 1))
+    half_period = math.pi * math.sqrt(inertia / 2000.0)
+    for _ in range(round(2.0 * half_period / 1e-4)):
+        rk4_step(acceleration, q, v, 1e-4, work)
+    assert q[0] < UPPER
+    assert -1.0 < v[0] < -0.3

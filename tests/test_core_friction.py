@@ -1,0 +1,191 @@
+"""Friction of a joint: equation (3.1) of the thesis with the parameters of its table 3.1."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, reject
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.optimize import minimize_scalar
+
+from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.exceptions import ParameterError
+from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
+
+# Table 3.1 of the thesis as printed: a, b in [N m], c in [rad/s], d in [N m s/rad].
+PRINTED_KNEE = (-1.743, -3.193, -0.2031, 2.06)
+PRINTED_HIP = (1.664, 4.2, 0.2252, 2.26)
+
+# Recomputed from that table with equation (3.1); velocity in [rad/s], torque in [N m].
+KNEE_CURVE = {0.039: 2.51, 0.130: 2.02, 0.5: 4.20, 1.0: 5.25, 2.0: 7.31, 3.0: 9.37}
+HIP_CURVE = {0.039: 3.04, 0.148: 2.01, 0.5: 5.24, 1.0: 6.46, 2.0: 8.72, 3.0: 10.98}
+
+velocities = st.floats(-20.0, 20.0)
+
+
+@st.composite
+def accepted_sets(draw: st.DrawFn) -> FrictionParameters:
+    """Any set that :class:`FrictionParameters` accepts."""
+    sign = draw(st.sampled_from([1.0, -1.0]))
+    try:
+        return FrictionParameters(
+            breakaway_torque=sign * draw(st.floats(0.0, 30.0)),
+            coulomb_friction=sign * draw(st.floats(0.0, 30.0)),
+            breakaway_velocity=sign * draw(st.floats(0.01, 2.0)),
+            viscous_friction=draw(st.floats(0.0, 20.0)),
+        )
+    except ParameterError:
+        reject()
+
+
+friction_sets = accepted_sets()
+
+
+def friction_torque(velocity: float, parameters: FrictionParameters) -> float:
+    return rotational_friction_torque(
+        velocity,
+        parameters.breakaway_torque,
+        parameters.coulomb_friction,
+        parameters.breakaway_velocity,
+        parameters.viscous_friction,
+    )
+
+
+def test_shipped_parameters_are_table_3_1_as_printed() -> None:
+    for parameters, printed in ((KNEE_FRICTION, PRINTED_KNEE), (HIP_FRICTION, PRINTED_HIP)):
+        assert printed == (
+            parameters.breakaway_torque,
+            parameters.coulomb_friction,
+            parameters.breakaway_velocity,
+            parameters.viscous_friction,
+        )
+
+
+@pytest.mark.parametrize(
+    ("parameters", "curve"), [(KNEE_FRICTION, KNEE_CURVE), (HIP_FRICTION, HIP_CURVE)], ids=["knee", "hip"]
+)
+def test_table_3_1_gives_its_torques(parameters: FrictionParameters, curve: dict[float, float]) -> None:
+    torques = [friction_torque(velocity, parameters) for velocity in curve]
+    assert_allclose(torques, list(curve.values()), atol=0.005)  # printed with two decimals
+
+
+@pytest.mark.parametrize(
+    ("parameters", "maximum", "minimum"),
+    [(KNEE_FRICTION, (0.039, 2.51), (0.130, 2.02)), (HIP_FRICTION, (0.039, 3.04), (0.148, 2.01))],
+    ids=["knee", "hip"],
+)
+def test_friction_has_a_dip_between_a_peak_and_the_viscous_rise(
+    parameters: FrictionParameters, maximum: tuple[float, float], minimum: tuple[float, float]
+) -> None:
+    """Break-away lies below Coulomb in table 3.1, so the exponential term is a dip."""
+    peak = minimize_scalar(lambda v: -friction_torque(v, parameters), bounds=(0.005, 0.08), method="bounded")
+    dip = minimize_scalar(lambda v: friction_torque(v, parameters), bounds=(0.08, 0.3), method="bounded")
+    assert_allclose([peak.x, -peak.fun], maximum, atol=0.005)
+    assert_allclose([dip.x, dip.fun], minimum, atol=0.005)
+
+
+@given(velocity=velocities, parameters=friction_sets)
+def test_friction_is_odd_in_the_velocity(velocity: float, parameters: FrictionParameters) -> None:
+    assert friction_torque(-velocity, parameters) == -friction_torque(velocity, parameters)
+
+
+@given(velocity=velocities)
+def test_negative_printed_set_is_the_positive_law(velocity: float) -> None:
+    a, b, c, d = PRINTED_KNEE
+    positive = rotational_friction_torque(velocity, -a, -b, -c, d)
+    assert_allclose(friction_torque(velocity, KNEE_FRICTION), positive, rtol=1e-14, atol=0.0)
+    assert_allclose(friction_torque(velocity, KNEE_FRICTION.normalised()), positive, rtol=0.0, atol=0.0)
+
+
+def test_normalised_set_has_positive_a_b_and_c() -> None:
+    law = KNEE_FRICTION.normalised()
+    assert (law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity) == (1.743, 3.193, 0.2031)
+    assert law.normalised() is law
+
+
+@given(velocity=velocities, parameters=friction_sets)
+def test_friction_never_injects_power(velocity: float, parameters: FrictionParameters) -> None:
+    """The plant feels −T_fr, so its power is −T_fr·ω ≤ 0 for every set that is accepted."""
+    assert -friction_torque(velocity, parameters) * velocity <= 0.0
+
+
+def test_a_set_whose_dip_falls_below_zero_is_refused_or_never_drives() -> None:
+    """Without break-away and viscous friction the dip reaches through zero at ω = c/√2."""
+    try:
+        parameters = FrictionParameters(
+            breakaway_torque=0.0, coulomb_friction=5.0, breakaway_velocity=0.2, viscous_friction=0.0
+        )
+    except ParameterError:
+        return
+    lowest = min(friction_torque(velocity, parameters) for velocity in np.linspace(0.1, 0.2, 2001))
+    assert lowest >= 0.0
+
+
+@given(a=st.floats(0.1, 30.0), share=st.floats(0.0, 0.99), c=st.floats(0.01, 2.0))
+def test_stribeck_term_peaks_at_c_over_root_two_with_height_a_minus_b(a: float, share: float, c: float) -> None:
+    """√(2e)·x·exp(−x²) has the maximum 1 at x = 1/√2; with a > b it is a Stribeck peak."""
+    b = share * a
+    peak = c / math.sqrt(2.0)
+
+    def stribeck(velocity: float) -> float:
+        return rotational_friction_torque(velocity, a, b, c, 0.0) - b * math.tanh(10.0 * velocity / c)
+
+    assert_allclose(stribeck(peak), a - b, rtol=1e-12)
+    assert stribeck(0.95 * peak) < stribeck(peak) > stribeck(1.05 * peak)
+
+
+@given(parameters=friction_sets)
+def test_fast_joint_feels_coulomb_and_viscous_friction_only(parameters: FrictionParameters) -> None:
+    law = parameters.normalised()
+    velocity = 10.0 * law.breakaway_velocity  # exp(−100) is far below double precision
+    expected = law.coulomb_friction + law.viscous_friction * velocity
+    assert_allclose(friction_torque(velocity, parameters), expected, rtol=1e-12, atol=1e-12)
+
+
+def test_joint_at_rest_feels_no_friction() -> None:
+    assert friction_torque(0.0, KNEE_FRICTION) == 0.0
+
+
+@given(velocity=velocities, ratio=st.floats(0.0, 3.0))
+def test_scaled_friction_is_the_ratio_times_the_law(velocity: float, ratio: float) -> None:
+    scaled = HIP_FRICTION.scaled(ratio)
+    assert_allclose(
+        friction_torque(velocity, scaled), ratio * friction_torque(velocity, HIP_FRICTION), rtol=1e-12, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"breakaway_velocity": 0.0},
+        {"breakaway_velocity": math.nan},
+        {"breakaway_velocity": math.inf},
+        {"viscous_friction": -0.1},
+        {"viscous_friction": math.inf},
+        {"breakaway_torque": -1.0},
+        {"coulomb_friction": -1.0},
+        {"breakaway_torque": math.nan},
+    ],
+    ids=str,
+)
+def test_a_set_that_would_drive_the_joint_is_refused(wrong: dict[str, float]) -> None:
+    values = {
+        "breakaway_torque": 1.7,
+        "coulomb_friction": 3.2,
+        "breakaway_velocity": 0.2,
+        "viscous_friction": 2.0,
+    }
+    with pytest.raises(ParameterError) as caught:
+        FrictionParameters(**{**values, **wrong})
+    assert next(iter(wrong)) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_signs_of_a_b_and_c_must_agree() -> None:
+    with pytest.raises(ParameterError, match="sign of c"):
+        FrictionParameters(
+            breakaway_torque=1.7, coulomb_friction=3.2, breakaway_velocity=-0.2, viscous_friction=2.0
+        )

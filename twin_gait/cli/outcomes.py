@@ -1,0 +1,52 @@
+"""``twin-gait map``."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "map",
+        help="print who walks: outcomes over mass, height, speed and support",
+        description=(
+            "Simulate a treadmill experiment over 55-95 kg, 1.60-1.90 m, 0.30-0.42 m/s and 40-70 % support "
+            "and print a map of the outcomes, failures included."
+        ),
+    )
+    parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings")
+    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="also write the table as CSV")
+    parser.add_argument("--force", action="store_true", help="replace an existing file")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate the grid and print the map."""
+    from twin_gait.cli.main import DONE
+    from twin_gait.cli.simulate import progress_bar
+    from twin_gait.configuration import load_experiment
+    from twin_gait.exceptions import ParameterError, RunDirectoryError
+    from twin_gait.files import write_atomically
+    from twin_gait.studies.outcome_map import draw_map, experiment_of, grid, map_outcomes
+
+    if arguments.workers < 1:
+        raise ParameterError(f"--workers: expected 1 or more, got {arguments.workers}")
+    if arguments.out is not None and arguments.out.exists() and not arguments.force:
+        raise RunDirectoryError(f"{arguments.out}: exists; choose another, or replace it with --force")
+    base = load_experiment(arguments.experiment, arguments.settings).experiment
+    cases = grid()
+    experiment_of(base, cases[0])
+    with progress_bar("walking", "case") as progress:
+        table = map_outcomes(base, cases, workers=arguments.workers, progress=progress)
+    walking = (table["outcome"] == "walks").mean()
+    print(f"{base.name}, {base.duration:g} s each, {len(table)} cases: {walking:.0%} walk")
+    print(draw_map(table))
+    if arguments.out is not None:
+        write_atomically(arguments.out, table.to_csv(index=False, lineterminator="\n"))
+    return DONE

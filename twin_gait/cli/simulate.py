@@ -1,0 +1,157 @@
+"""``twin-gait simulate``."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from twin_gait.simulation import Run
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "simulate",
+        help="simulate a gait and keep the run",
+        description="Simulate a preset or an experiment file and write a run directory.",
+    )
+    parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="run directory (runs/<time>-<name>)")
+    parser.add_argument("--force", action="store_true", help="replace an existing run directory")
+    parser.add_argument("--duration", type=float, metavar="S", help="simulated time in seconds")
+    parser.add_argument("--engine", help="what computes the forward dynamics (pinocchio)")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="settings",
+        help="change any value, for example patient.mass_kg=80 or table.blending.duration_ms=40",
+    )
+    parser.add_argument("--view", action="store_true", help="play the run in the browser afterwards")
+    parser.add_argument("--no-pictures", action="store_true", help="leave out figures and animation")
+    parser.add_argument("--fail-on-fall", action="store_true", help="exit with 1 if the wearer falls")
+    parser.add_argument(
+        "--accuracy",
+        action="store_true",
+        help="run again at a tenth of the step and report the difference (takes ten times as long)",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate and write the run directory."""
+    from twin_gait.cli.main import DONE, FAILED, INTERRUPTED
+    from twin_gait.configuration import load_experiment
+    from twin_gait.simulation import RunStatus, simulate
+    from twin_gait.studies.accuracy import step_error
+    from twin_gait.studies.record import staged_directory, write_run
+
+    settings = list(arguments.settings)
+    if arguments.duration is not None:
+        settings.append(f"duration_s={arguments.duration}")
+    if arguments.engine is not None:
+        settings.append(f"engine={arguments.engine}")
+    loaded = load_experiment(arguments.experiment, settings)
+    loaded.experiment.build_world()
+    out = arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{loaded.experiment.name}"
+    with stop_on_interrupt() as should_stop, staged_directory(out, force=arguments.force) as staging:
+        with progress_bar("simulating", "tick") as progress:
+            result = simulate(loaded.experiment, progress=progress, should_stop=should_stop)
+        accuracy = None
+        if arguments.accuracy and result.status is RunStatus.COMPLETED:
+            with progress_bar("a tenth of the step", "tick") as progress:
+                accuracy = step_error(result, progress=progress, should_stop=should_stop)
+        summary = write_run(
+            result,
+            staging,
+            document=loaded.document,
+            pictures=not arguments.no_pictures,
+            accuracy=accuracy,
+            on_step=note_step,
+        )
+    clear_line()
+    report(result, summary, out)
+    if result.status is RunStatus.INTERRUPTED:
+        return INTERRUPTED
+    if arguments.view:
+        from twin_gait.cli.view import show_log
+
+        show_log(loaded.experiment, result.log)
+    if result.status is RunStatus.DIVERGED:
+        return FAILED
+    return FAILED if result.status is RunStatus.FELL and arguments.fail_on_fall else DONE
+
+
+def report(result: Run, summary: dict[str, Any], out: Path) -> None:
+    """Print what came out, in a few lines."""
+    pace = summary["realtime_factor"]
+    print(f"{result.status}: {result.duration:g} s in {result.wall_s:.1f} s ({pace:.1f} x real time)")
+    if result.reason:
+        print(f"  {result.reason}")
+    for line in summary_lines(summary):
+        print(f"  {line}")
+    print(f"  {out}")
+
+
+def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
+    """The figures that a reader wants first."""
+    for side, values in summary["sides"].items():
+        if values.get("strides"):
+            yield (
+                f"{side}: {values['strides']} strides of {values['stride_time_mean_s']:.2f} s, "
+                f"swing {values['swing_share'] * 100:.0f} %, "
+                f"RMSE hip {values['rmse_hip_by_contact_deg']:.1f}°, "
+                f"knee {values['rmse_knee_by_contact_deg']:.1f}°"
+            )
+
+
+@contextmanager
+def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
+    """Turn the first Ctrl-C into a request to stop; a second one ends the program at once."""
+    asked = False
+
+    def handle(number: int, frame: object) -> None:
+        nonlocal asked
+        if asked:
+            raise KeyboardInterrupt
+        asked = True
+
+    previous = signal.signal(signal.SIGINT, handle)
+    try:
+        yield lambda: asked
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+@contextmanager
+def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
+    """Progress bar on a terminal, nothing in a pipe."""
+    from tqdm import tqdm
+
+    with tqdm(desc=title, unit=unit, leave=False, disable=not sys.stderr.isatty()) as bar:
+
+        def update(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        yield update
+
+
+def note_step(name: str) -> None:
+    """Say on a terminal which file is being written."""
+    if sys.stderr.isatty():
+        print(f"\r\033[Kwriting {name}", end="", file=sys.stderr, flush=True)
+
+
+def clear_line() -> None:
+    """Take the last note away again."""
+    if sys.stderr.isatty():
+        print("\r\033[K", end="", file=sys.stderr, flush=True)

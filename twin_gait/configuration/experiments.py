@@ -1,0 +1,175 @@
+"""Load an experiment from a preset or a file, with changes laid over it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from twin_gait.configuration.documents import content_hash, experiment_document
+from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.gait_table_file import packaged_gait_tables
+from twin_gait.configuration.overrides import assign, merge, parse_assignment
+from twin_gait.configuration.validation import converting, read_yaml
+from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.experiment import Experiment
+from twin_gait.leg_model.urdf import find_urdf, urdf_hash
+
+DEFAULT_PRESET = "treadmill"
+
+
+@dataclass(frozen=True)
+class LoadedExperiment:
+    """An experiment and the resolved mapping that it came from.
+
+    Attributes:
+        experiment: The experiment.
+        document: Everything resolved, units as typed.
+    """
+
+    experiment: Experiment
+    document: dict[str, Any]
+
+
+def presets() -> dict[str, str]:
+    """Names of the presets with their one-line descriptions."""
+    found = {}
+    for path in sorted(_folder().glob("*.yaml")):
+        found[path.stem] = " ".join(str(read_yaml(path).get("description", "")).split())
+    return found
+
+
+def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str] = ()) -> LoadedExperiment:
+    """Load a preset or an experiment file.
+
+    A file may name a ``preset`` that it is laid over, and a gait ``table`` by the name of a packaged
+    one or by path; both are resolved here. ``settings`` are laid over everything.
+
+    Args:
+        source: Name of a preset, or path of a YAML file.
+        settings: Assignments such as ``patient.mass_kg=80``; keys of the table begin with ``table.``.
+
+    Returns:
+        The experiment with its resolved mapping.
+
+    Raises:
+        ParameterFileError: If the file has a mistake.
+        ParameterError: If there is no such preset or file, or an assignment cannot be read.
+    """
+    path = _find(source)
+    where = f"preset {path.stem}" if path.parent == _folder() else str(path)
+    data = _resolve_preset(read_yaml(path), path)
+    assignments = [parse_assignment(text) for text in settings]
+    for keys, value in assignments:
+        if keys == ["table"]:
+            data["table"] = value
+    data["table"] = _resolve_table(data.get("table"), path)
+    document = complete_document(data, where, path.parent)
+    changes = [(keys, value) for keys, value in assignments if keys != ["table"]]
+    if changes:
+        where = f"{where} with --set"
+    for keys, value in changes:
+        document = assign(document, keys, value)
+    return LoadedExperiment(experiment_from_mapping(document, where, path.parent), document)
+
+
+def complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:
+    """Fill in every value that a mapping leaves to its default, units of the rest as typed.
+
+    Args:
+        data: A resolved mapping.
+        source: File name for messages.
+        folder: Folder that relative paths start from.
+
+    Returns:
+        A complete mapping.
+    """
+    experiment = experiment_from_mapping(data, source, folder)
+    defaults = experiment_document(experiment)
+    typed = {key: value for key, value in data.items() if key not in ("table", "provenance", "leg")}
+    return {**merge(defaults, typed), "table": data["table"]}
+
+
+def resolved_document(
+    experiment: Experiment, typed: dict[str, Any] | None, versions: dict[str, str]
+) -> dict[str, Any]:
+    """Mapping that reproduces an experiment, for ``experiment.yaml``.
+
+    The mapping as typed is kept if it still gives this very experiment; otherwise (the experiment was
+    made or changed in Python) everything is written in SI.
+
+    Args:
+        experiment: The experiment.
+        typed: Complete mapping that it was loaded from, or None.
+        versions: Of the libraries.
+
+    Returns:
+        The mapping with the hashes of URDF and table and the versions.
+    """
+    document = experiment_document(experiment)
+    table_hash = content_hash(document["table"])
+    if typed is not None and experiment_from_mapping(typed, "experiment", Path()) == experiment:
+        document = typed
+    return {
+        **document,
+        "provenance": {
+            "urdf_sha256": urdf_hash(find_urdf(experiment.leg.urdf)),
+            "table_sha256": table_hash,
+            "versions": versions,
+        },
+    }
+
+
+def _folder() -> Path:
+    return Path(str(files("twin_gait.configuration"))) / "presets"
+
+
+def _find(source: str | Path) -> Path:
+    packaged = _folder() / f"{source}.yaml"
+    if isinstance(source, str) and "/" not in source and packaged.is_file():
+        return packaged
+    path = Path(source).expanduser()
+    if path.is_dir() and (path / "experiment.yaml").is_file():
+        return path / "experiment.yaml"
+    if path.is_file():
+        return path
+    names = ", ".join(item.stem for item in sorted(_folder().glob("*.yaml")))
+    raise ParameterError(f"{source}: neither a preset ({names}) nor an experiment file")
+
+
+def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
+    name = data.get("preset")
+    if name is None:
+        return data
+    if not isinstance(name, str) or not (_folder() / f"{name}.yaml").is_file():
+        raise ParameterFileError(path, "preset", f"no preset {name!r}; there are {', '.join(presets())}")
+    base = _resolve_preset(read_yaml(_folder() / f"{name}.yaml"), _folder() / f"{name}.yaml")
+    rest = {key: value for key, value in data.items() if key != "preset"}
+    table = rest.pop("table", base.get("table"))
+    if isinstance(table, dict) and "phases" not in table:
+        table = merge(_resolve_table(base.get("table"), path), table)
+    return {**merge({**base, "name": path.stem}, rest), "table": table}
+
+
+def _resolve_table(table: Any, path: Path) -> dict[str, Any]:
+    if isinstance(table, dict):
+        return table
+    if not isinstance(table, str):
+        raise ParameterFileError(
+            path,
+            "table",
+            f"expected a packaged table ({', '.join(packaged_gait_tables())}), a path or a mapping",
+        )
+    packaged = Path(str(files("twin_gait.configuration"))) / "tables" / f"{table}.yaml"
+    for candidate in (path.parent / table, Path(table).expanduser(), packaged):
+        if candidate.is_file():
+            return {"name": candidate.stem, **read_yaml(candidate)}
+    return converting(str(path), "table", lambda: _no_table(table))
+
+
+def _no_table(table: str) -> dict[str, Any]:
+    raise ParameterError(
+        f"no gait table {table!r}: neither a file nor one of {', '.join(packaged_gait_tables())}"
+    )

@@ -1,0 +1,119 @@
+"""Lay one mapping of parameters over another, and read ``--set key=value``."""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import yaml
+
+from twin_gait.exceptions import ParameterError
+
+# Keys that name the same quantity in another unit; the longest suffix wins.
+_UNIT_SUFFIX = re.compile(
+    r"_(Nm_per_deg|Nm_per_rad|Nms_per_deg|Nms_per_rad|ratio|deg|rad|m_per_s|km_per_h|ms|s)$"
+)
+# "friction_ratio" is a name, not "friction" in another unit; only damping has a ratio as unit.
+_NO_UNIT = frozenset({"friction_ratio"})
+
+
+def quantity_of(key: str) -> str:
+    """Name of a key without its unit: ``damping_ratio`` and ``damping_Nms_per_rad`` are one quantity."""
+    return key if key in _NO_UNIT else _UNIT_SUFFIX.sub("", key)
+
+
+def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Lay changes over a mapping; a quantity given in another unit replaces the old one.
+
+    Args:
+        base: The mapping underneath.
+        changes: What is laid over it; nested mappings are merged, everything else replaces.
+
+    Returns:
+        A new mapping.
+    """
+    merged = copy.deepcopy(dict(base))
+    for key, value in changes.items():
+        if key not in merged:
+            for other in [name for name in merged if quantity_of(name) == quantity_of(key)]:
+                del merged[other]
+        old = merged.get(key)
+        if isinstance(old, Mapping) and isinstance(value, Mapping):
+            merged[key] = merge(old, value)
+        else:
+            merged[key] = copy.deepcopy(value)
+    return merged
+
+
+_STEP = re.compile(r"([A-Za-z_][\w]*)((?:\[\d+\])*)")
+
+
+def parse_assignment(text: str) -> tuple[list[str | int], Any]:
+    """Split ``patient.mass_kg=80`` into a path and a value.
+
+    Args:
+        text: Keys joined by dots, list positions in brackets, then ``=`` and a YAML value.
+
+    Returns:
+        The path and the value.
+
+    Raises:
+        ParameterError: If the text is not an assignment.
+    """
+    key, separator, value = text.partition("=")
+    if not separator or not key.strip():
+        raise ParameterError(f"--set {text!r}: expected key=value, for example patient.mass_kg=80")
+    path: list[str | int] = []
+    for part in key.strip().split("."):
+        match = _STEP.fullmatch(part)
+        if not match:
+            raise ParameterError(f"--set {text!r}: {part!r} is not a key; write names joined by dots")
+        path.append(match.group(1))
+        path += [int(number) for number in re.findall(r"\d+", match.group(2))]
+    try:
+        return path, yaml.safe_load(value)
+    except yaml.YAMLError as error:
+        raise ParameterError(f"--set {text!r}: the value is not valid YAML") from error
+
+
+def assign(mapping: Mapping[str, Any], path: Sequence[str | int], value: Any) -> dict[str, Any]:
+    """Set one value deep inside a mapping.
+
+    Args:
+        mapping: The mapping.
+        path: Keys and list positions.
+        value: The new value.
+
+    Returns:
+        A new mapping.
+
+    Raises:
+        ParameterError: If a list position does not exist.
+    """
+    changed = copy.deepcopy(dict(mapping))
+    place: Any = changed
+    for position, step in enumerate(path[:-1]):
+        if isinstance(step, str) and isinstance(place, dict):
+            if not isinstance(place.get(step), (dict, list)):
+                place[step] = {}
+            place = place[step]
+        else:
+            place = _element(place, step, path[: position + 1])
+    last = path[-1]
+    if isinstance(last, str) and isinstance(place, dict):
+        merged = merge(place, {last: value})
+        place.clear()
+        place.update(merged)
+    else:
+        _element(place, last, path)
+        place[last] = value
+    return changed
+
+
+def _element(place: Any, step: str | int, path: Sequence[str | int]) -> Any:
+    if isinstance(place, list) and isinstance(step, int) and step < len(place):
+        return place[step]
+    shown = "".join(f"[{item}]" if isinstance(item, int) else f".{item}" for item in path).lstrip(".")
+    raise ParameterError(f"--set {shown}: there is no such place")

@@ -1,0 +1,93 @@
+"""The columns of one leg that gait measures read, taken out of a log once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.measures.foot_contact import FootContacts, find_foot_contacts
+from twin_gait.measures.phases import phase_entries
+from twin_gait.measures.strides import SKIPPED_STRIDES, stride_bounds
+from twin_gait.vocabulary import JointName, Side
+
+
+@dataclass(frozen=True, eq=False)
+class LegRecord:
+    """One leg over a run.
+
+    Attributes:
+        side: The leg.
+        tick: Sampling period in [s].
+        phases: Index of the phase, shape ``(n,)``.
+        angles: Of each actuated joint in [rad], shape ``(n,)`` each.
+        normal_force: Of the foot in [N], shape ``(n,)``, or None without ground.
+        clearance: Of the foot in [m], shape ``(n,)``, or None without ground.
+    """
+
+    side: Side
+    tick: float
+    phases: np.ndarray
+    angles: Mapping[JointName, np.ndarray]
+    normal_force: np.ndarray | None
+    clearance: np.ndarray | None
+
+    @cached_property
+    def contacts(self) -> FootContacts | None:
+        """Contacts of the foot, or None without ground."""
+        if self.normal_force is None:
+            return None
+        return find_foot_contacts(self.normal_force, self.tick)
+
+    @cached_property
+    def entries(self) -> np.ndarray:
+        """Ticks at which the first phase of the table begins, shape ``(n,)``."""
+        return phase_entries(self.phases, 0)
+
+    @property
+    def stride_events(self) -> np.ndarray:
+        """Ticks at which strides begin: heel strikes, or without ground entries into the first phase."""
+        return self.entries if self.contacts is None else self.contacts.heel_strikes
+
+    def strides(self, *, skip: int = SKIPPED_STRIDES) -> np.ndarray:
+        """Strides by heel strike, or without ground by entry into the first phase.
+
+        Args:
+            skip: So many strides at the start do not count.
+
+        Returns:
+            First tick of each stride and of the next one, shape ``(n_strides, 2)``.
+        """
+        return stride_bounds(self.stride_events, skip=skip)
+
+
+def leg_record(log: pd.DataFrame, side: Side, phase_names: Sequence[str], tick: float) -> LegRecord:
+    """Take one leg out of a log.
+
+    Args:
+        log: One row a tick, with the columns of a run.
+        side: The leg.
+        phase_names: Phases of the table in order.
+        tick: Sampling period in [s].
+
+    Returns:
+        The leg.
+    """
+    angles = {
+        joint: log[f"{side}_{joint}_angle_rad"].to_numpy()
+        for joint in JointName
+        if f"{side}_{joint}_motor_torque_Nm" in log
+    }
+    phases = pd.Categorical(log[f"{side}_phase"], categories=list(phase_names))
+    on_ground = f"{side}_foot_normal_force_N" in log
+    return LegRecord(
+        side=side,
+        tick=tick,
+        phases=np.asarray(phases.codes, dtype=int),
+        angles=angles,
+        normal_force=log[f"{side}_foot_normal_force_N"].to_numpy() if on_ground else None,
+        clearance=log[f"{side}_foot_clearance_m"].to_numpy() if on_ground else None,
+    )

@@ -1,0 +1,138 @@
+"""Strides: where they begin and end, and what the joints do in them.
+
+A stride is a pair of ticks, from one event of a leg to the next of the same kind: two heel strikes,
+or two entries into the first phase. The first strides of a run still settle, so they are skipped
+unless a caller says otherwise.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+SKIPPED_STRIDES = 2
+
+PERCENT = np.arange(101.0)  # [%] of the stride; the last sample is the first of the next stride
+PERCENT.setflags(write=False)
+
+
+def stride_bounds(events: np.ndarray, *, skip: int = SKIPPED_STRIDES) -> np.ndarray:
+    """Strides between events that begin one.
+
+    Args:
+        events: Ticks in ascending order, shape ``(n,)``.
+        skip: So many strides at the start do not count.
+
+    Returns:
+        First tick of each stride and of the next one, shape ``(n_strides, 2)``, integers.
+    """
+    ticks = np.asarray(events, dtype=int)
+    return np.column_stack((ticks[:-1], ticks[1:]))[skip:]
+
+
+def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Bring every stride to the same length by linear interpolation.
+
+    Args:
+        signal: One value a tick, any unit, shape ``(n_ticks,)``.
+        bounds: From :func:`stride_bounds`.
+
+    Returns:
+        The signal at ``PERCENT`` of every stride, shape ``(n_strides, 101)``.
+    """
+    if len(bounds) == 0:
+        return np.zeros((0, len(PERCENT)))
+    start, end = bounds[:, :1], bounds[:, 1:]
+    places = start + PERCENT / PERCENT[-1] * (end - start)
+    return np.asarray(np.interp(places, np.arange(len(signal)), signal))
+
+
+def stride_times(bounds: np.ndarray, tick: float) -> np.ndarray:
+    """Duration of every stride.
+
+    Args:
+        bounds: From :func:`stride_bounds`.
+        tick: Sampling period in [s].
+
+    Returns:
+        Durations in [s], shape ``(n_strides,)``.
+    """
+    return np.asarray((bounds[:, 1] - bounds[:, 0]) * tick)
+
+
+def coefficient_of_variation(values: np.ndarray) -> float:
+    """Sample standard deviation over mean.
+
+    Args:
+        values: Positive numbers, shape ``(n,)``.
+
+    Returns:
+        The ratio; NaN for fewer than two values.
+    """
+    if len(values) < 2:
+        return math.nan
+    return float(np.std(values, ddof=1) / np.mean(values))
+
+
+def swing_shares(bounds: np.ndarray, toe_offs: np.ndarray) -> np.ndarray:
+    """Share of each stride in which the leg swings: from the last toe-off in it to its end.
+
+    Args:
+        bounds: Strides from heel strike to heel strike.
+        toe_offs: Ticks, shape ``(m,)``.
+
+    Returns:
+        Shares in [0, 1], shape ``(n_strides,)``; NaN for a stride without a toe-off.
+    """
+    shares = np.full(len(bounds), np.nan)
+    for number, (start, end) in enumerate(bounds):
+        inside = toe_offs[(toe_offs > start) & (toe_offs < end)]
+        if len(inside):
+            shares[number] = (end - inside[-1]) / (end - start)
+    return shares
+
+
+def stride_extremes(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Lowest and highest value in every stride.
+
+    Args:
+        signal: One value a tick, shape ``(n_ticks,)``.
+        bounds: From :func:`stride_bounds`.
+
+    Returns:
+        Shape ``(n_strides, 2)``, in the unit of the signal.
+    """
+    spans = [signal[start : end + 1] for start, end in bounds]
+    return np.array([(span.min(), span.max()) for span in spans]).reshape(-1, 2)
+
+
+def root_mean_square_error(cycles: np.ndarray, reference: np.ndarray) -> float:
+    """Root mean square difference from a reference curve, over all strides and samples.
+
+    Args:
+        cycles: From :func:`normalise_strides`, shape ``(n_strides, 101)``.
+        reference: Curve at ``PERCENT``, shape ``(101,)``, same unit.
+
+    Returns:
+        The error in the unit of the curves; NaN without strides.
+    """
+    if len(cycles) == 0:
+        return math.nan
+    # The sample at 100 % belongs to the next stride.
+    difference = (cycles - reference)[:, :-1]
+    return float(np.sqrt(np.mean(difference * difference)))
+
+
+def symmetry_index(left: float, right: float) -> float:
+    """Difference of the sides over their mean: 0 for a symmetric gait, positive if the left is larger.
+
+    Args:
+        left: Measure of the left leg.
+        right: The same of the right leg.
+
+    Returns:
+        The index; NaN if the mean is 0 or a side is NaN.
+    """
+    mean = 0.5 * (left + right)
+    return (left - right) / mean if mean != 0.0 else math.nan

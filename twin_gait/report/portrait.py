@@ -1,0 +1,62 @@
+"""Angle against velocity of every joint, coloured by phase."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from twin_gait.measures.leg_record import LegRecord
+from twin_gait.measures.phases import phase_spells
+from twin_gait.palette import phase_colour
+from twin_gait.report.canvas import new_figure, phase_handles, put_legend, style_panel
+from twin_gait.report.window import leg_records, shown_strides
+from twin_gait.simulation.run import Run
+from twin_gait.vocabulary import JointName
+
+MOST_STRIDES = 10
+
+
+def draw_portrait(run: Run) -> Figure:
+    """Draw the phase portrait of every joint, over the last settled strides or else over the whole run.
+
+    Args:
+        run: The run.
+
+    Returns:
+        The figure.
+    """
+    records = leg_records(run)
+    joints = list(records[0].angles)
+    figure = new_figure(run, "Phase portraits; a dot marks each change of phase", height=8.5)
+    panels = figure.subplots(len(joints), len(records), sharex="row", sharey="row", squeeze=False)
+    for row, joint in enumerate(joints):
+        for column, record in enumerate(records):
+            axes = panels[row, column]
+            _draw_joint(axes, run, record, joint)
+            style_panel(axes, f"{record.side} {joint}", f"{joint} velocity [°/s]" if column == 0 else "")
+            axes.set_xlabel(f"{joint} flexion [°]")
+    phases = np.concatenate([record.phases[_shown_rows(record)] for record in records])
+    put_legend(figure, [], phase_handles(run.table.phase_names, phases))
+    return figure
+
+
+def _shown_rows(record: LegRecord) -> slice:
+    bounds = shown_strides(record)[-MOST_STRIDES:]
+    if len(bounds) == 0:
+        return slice(0, len(record.phases))
+    return slice(int(bounds[0, 0]), int(bounds[-1, 1]))
+
+
+def _draw_joint(axes: Axes, run: Run, record: LegRecord, joint: JointName) -> None:
+    rows = _shown_rows(record)
+    angle = np.degrees(record.angles[joint][rows])
+    velocity = np.degrees(run.log[f"{record.side}_{joint}_velocity_rad_per_s"].to_numpy()[rows])
+    names = run.table.phase_names
+    for spell in phase_spells(record.phases[rows]):
+        colour = phase_colour(names[spell.phase], spell.phase)
+        span = slice(spell.start, spell.end + 1)
+        axes.plot(angle[span], velocity[span], color=colour, linewidth=1.3)
+        if spell.start > 0:
+            axes.plot(angle[spell.start], velocity[spell.start], "o", color=colour, markersize=4)
+    axes.axhline(0.0, color="0.6", linewidth=0.8)

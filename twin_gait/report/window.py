@@ -1,0 +1,99 @@
+"""Which part of a run a picture shows, and the leg records that pictures draw from."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from twin_gait.gait.table import TICK
+from twin_gait.measures.leg_record import LegRecord, leg_record
+from twin_gait.measures.strides import SKIPPED_STRIDES
+from twin_gait.simulation.run import Run
+
+SHOWN_STRIDES = 2
+SHOWN_WITHOUT_STRIDES = 6.0  # [s]
+# More points than this do not show in a picture.
+MOST_POINTS = 20_000
+
+
+class Window(NamedTuple):
+    """Rows of a log.
+
+    Attributes:
+        rows: The rows.
+        time: Of each row in [s], shape ``(n,)``.
+    """
+
+    rows: slice
+    time: np.ndarray
+
+
+def leg_records(run: Run) -> list[LegRecord]:
+    """All legs of a run.
+
+    Args:
+        run: The run.
+
+    Returns:
+        One record a leg.
+    """
+    return [leg_record(run.log, side, run.table.phase_names, TICK) for side in run.sides]
+
+
+def last_strides(run: Run, records: list[LegRecord]) -> Window:
+    """The last strides of the first leg, or the last seconds of a run without strides.
+
+    Args:
+        run: The run.
+        records: Its legs.
+
+    Returns:
+        The rows to show.
+    """
+    events = records[0].stride_events
+    if len(events) <= SHOWN_STRIDES:
+        return last_seconds(run, SHOWN_WITHOUT_STRIDES)
+    return _window(run, slice(int(events[-1 - SHOWN_STRIDES]), int(events[-1]) + 1))
+
+
+def last_seconds(run: Run, duration: float) -> Window:
+    """The end of a run.
+
+    Args:
+        run: The run.
+        duration: How much of it at most in [s].
+
+    Returns:
+        The rows to show.
+    """
+    return _window(run, slice(max(0, len(run.log) - round(duration / TICK)), len(run.log)))
+
+
+def whole_run(run: Run) -> Window:
+    """The whole run, thinned out if it is long.
+
+    Args:
+        run: The run.
+
+    Returns:
+        The rows to show.
+    """
+    return _window(run, slice(0, len(run.log), 1 + len(run.log) // MOST_POINTS))
+
+
+def _window(run: Run, rows: slice) -> Window:
+    return Window(rows, run.log["time_s"].to_numpy()[rows])
+
+
+def shown_strides(record: LegRecord) -> np.ndarray:
+    """Strides that a cycle picture shows: the settled ones, or the last if none has settled.
+
+    Args:
+        record: A leg.
+
+    Returns:
+        First tick of each stride and of the next one, shape ``(n_strides, 2)``.
+    """
+    settled = record.strides(skip=SKIPPED_STRIDES)
+    return settled if len(settled) else record.strides(skip=0)[-1:]

@@ -1,0 +1,1 @@
+"""What people do with runs: keep them, measure them, map them."""

@@ -1,0 +1,67 @@
+"""How far a run is from the same run at a tenth of its integration step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from twin_gait.experiment import Integration
+from twin_gait.simulation import Run, simulate
+
+REFINEMENT = 10
+
+
+def step_error(
+    run: Run,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> dict[str, Any]:
+    """Compare a run with the same experiment at a tenth of the step.
+
+    A gait switches phase by whole ticks, so a tiny difference now and then moves a switch by one tick,
+    and from there the two walks differ by what a leg moves in that time. The error before the first
+    switch at different ticks is the integrator's own.
+
+    Args:
+        run: The run.
+        progress: As in :func:`twin_gait.simulation.simulate`.
+        should_stop: As in :func:`twin_gait.simulation.simulate`.
+
+    Returns:
+        Steps, largest difference of any hip or knee angle in the common time, the same up to the
+        first switch at different ticks, and whether the phases came in the same order.
+    """
+    integration = run.experiment.integration
+    fine = Integration(method=integration.method, step=integration.step / REFINEMENT)
+    reference = simulate(
+        replace(run.experiment, integration=fine), progress=progress, should_stop=should_stop
+    )
+    names = [name for name in run.log.columns if name.endswith(("hip_angle_rad", "knee_angle_rad"))]
+    names = [name for name in names if "measured" not in name]
+    common = min(len(run.log), len(reference.log))
+    difference = np.abs(run.log[names].to_numpy()[:common] - reference.log[names].to_numpy()[:common])
+    same = _ticks_with_equal_phases(run, reference, common)
+    return {
+        "step_s": integration.step,
+        "reference_step_s": fine.step,
+        "largest_angle_error_rad": float(difference.max()),
+        "largest_angle_error_before_first_slip_rad": float(difference[:same].max()),
+        "first_slip_s": None if same == common else same * 1e-3,
+        "same_phase_order": [(item.side, item.target) for item in run.switches]
+        == [(item.side, item.target) for item in reference.switches],
+    }
+
+
+def _ticks_with_equal_phases(run: Run, reference: Run, common: int) -> int:
+    """Ticks until a leg first is in different phases in the two runs."""
+    for side in run.sides:
+        ours = run.log[f"{side}_phase"].cat.codes.to_numpy()[:common]
+        theirs = reference.log[f"{side}_phase"].cat.codes.to_numpy()[:common]
+        different = np.flatnonzero(ours != theirs)
+        if len(different):
+            common = min(common, int(different[0]))
+    return max(common, 1)

@@ -1,0 +1,266 @@
+"""The run directory: what a run leaves behind, written atomically, and how it is read again."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from twin_gait.configuration.documents import dump_yaml
+from twin_gait.configuration.experiments import load_experiment, resolved_document
+from twin_gait.exceptions import ParameterError, RunDirectoryError
+from twin_gait.experiment import Experiment
+from twin_gait.files import write_atomically
+from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.parameters import PatientParameters
+from twin_gait.report.figures import write_figures
+from twin_gait.scenario import TreadmillScenario
+from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, unit_of
+from twin_gait.simulation.run import Run
+from twin_gait.studies.summary import summarise, versions
+from twin_gait.viewer.animation import write_animation
+
+EXPERIMENT_FILE = "experiment.yaml"
+LOG_FILE = "log.parquet"
+SWITCHES_FILE = "transitions.csv"
+SUMMARY_FILE = "summary.json"
+FIGURES_FOLDER = "figures"
+ANIMATION_FILE = "animation.html"
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """A run read back from its directory.
+
+    Attributes:
+        directory: Where it is.
+        experiment: What was run.
+        log: One row per tick.
+        summary: Content of ``summary.json``.
+    """
+
+    directory: Path
+    experiment: Experiment
+    log: pd.DataFrame
+    summary: dict[str, Any]
+
+
+@contextlib.contextmanager
+def staged_directory(target: Path, *, force: bool = False) -> Iterator[Path]:
+    """Give a hidden folder beside the target that takes its place when all is written.
+
+    Whatever happens inside, the target is either as it was or complete.
+
+    Args:
+        target: The directory to make.
+        force: Whether an existing run directory may be replaced.
+
+    Yields:
+        Folder to write into.
+
+    Raises:
+        RunDirectoryError: If the target exists, or cannot be written.
+    """
+    target = target.expanduser().absolute()
+    check_target(target, force=force)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        staging = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".partial", dir=target.parent))
+    except OSError as error:
+        raise RunDirectoryError(
+            f"{target}: cannot be written ({error.strerror}); choose another --out"
+        ) from error
+    try:
+        yield staging
+        os.chmod(staging, 0o755)
+        _put_in_place(staging, target)
+    except OSError as error:
+        raise RunDirectoryError(f"{target}: cannot be written ({error.strerror})") from error
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+
+
+def check_target(target: Path, *, force: bool) -> None:
+    """Refuse a directory that exists, unless it is a run and may be replaced.
+
+    Args:
+        target: The directory to make.
+        force: Whether an existing run directory may be replaced.
+
+    Raises:
+        RunDirectoryError: If it may not be used.
+    """
+    if not target.exists():
+        return
+    if not force:
+        raise RunDirectoryError(f"{target}: exists; choose another --out, or replace it with --force")
+    if not target.is_dir() or (any(target.iterdir()) and not (target / EXPERIMENT_FILE).is_file()):
+        raise RunDirectoryError(f"{target}: is not a run directory, so --force does not replace it")
+
+
+def _put_in_place(staging: Path, target: Path) -> None:
+    if target.exists():
+        old = staging.with_suffix(".old")
+        os.rename(target, old)
+        os.rename(staging, target)
+        shutil.rmtree(old, ignore_errors=True)
+    else:
+        os.rename(staging, target)
+
+
+def write_run(
+    run: Run,
+    directory: Path,
+    *,
+    document: dict[str, Any] | None = None,
+    pictures: bool = True,
+    accuracy: dict[str, Any] | None = None,
+    on_step: Callable[[str], None] | None = None,
+) -> dict[str, Any]:
+    """Write everything that a run leaves behind into a folder.
+
+    Args:
+        run: The run.
+        directory: An existing, empty folder.
+        document: Mapping that the experiment was loaded from, to keep the units as typed.
+        pictures: Whether to draw figures and animation.
+        accuracy: Comparison with a tenth of the step, for the summary.
+        on_step: Called with the name of each file before it is written.
+
+    Returns:
+        The summary.
+    """
+    tell = on_step or (lambda name: None)
+    tell(EXPERIMENT_FILE)
+    resolved = resolved_document(run.experiment, document, versions())
+    write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
+    tell(LOG_FILE)
+    write_log(run.log, directory / LOG_FILE, run.status)
+    write_atomically(directory / SWITCHES_FILE, switches_csv(run.switches, run.log))
+    summary = summarise(run)
+    if accuracy is not None:
+        summary["accuracy"] = accuracy
+    write_atomically(directory / SUMMARY_FILE, json.dumps(summary, indent=2, allow_nan=False) + "\n")
+    if pictures and len(run.log) > 1:
+        tell(FIGURES_FOLDER)
+        (directory / FIGURES_FOLDER).mkdir()
+        write_figures(run, directory / FIGURES_FOLDER)
+        tell(ANIMATION_FILE)
+        write_run_animation(run.experiment, run.log, directory / ANIMATION_FILE)
+    return summary
+
+
+def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
+    """Write a log as parquet, with units, schema version and status in the metadata.
+
+    Args:
+        log: One row per tick.
+        path: The file.
+        status: How the run ended.
+    """
+    table = pa.Table.from_pandas(log, preserve_index=False)
+    units = json.dumps({name: unit_of(name) for name in log.columns})
+    metadata = {
+        **(table.schema.metadata or {}),
+        b"twin_gait.schema_version": str(LOG_SCHEMA_VERSION).encode(),
+        b"twin_gait.status": status.encode(),
+        b"twin_gait.units": units.encode(),
+    }
+    buffer = io.BytesIO()
+    pq.write_table(table.replace_schema_metadata(metadata), buffer, compression="zstd")
+    write_atomically(path, buffer.getvalue())
+
+
+def switches_csv(switches: tuple[PhaseSwitch, ...], log: pd.DataFrame) -> str:
+    """Phase switches with their causes, angles and velocities, as CSV text.
+
+    Args:
+        switches: The switches.
+        log: The log of the same run.
+
+    Returns:
+        The text.
+    """
+    measured = ("hip_angle_rad", "hip_velocity_rad_per_s", "knee_angle_rad", "knee_velocity_rad_per_s")
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(["tick", "time_s", "side", "from", "to", "cause", *measured])
+    for switch in switches:
+        row = log.iloc[switch.tick]
+        values = [repr(float(row[f"{switch.side}_{name}"])) for name in measured]
+        writer.writerow([switch.tick, f"{switch.time:.3f}", *switch[1:5], *values])
+    return buffer.getvalue()
+
+
+def write_run_animation(experiment: Experiment, log: pd.DataFrame, path: Path) -> None:
+    """Write the animation of a log.
+
+    Args:
+        experiment: What was run.
+        log: One row per tick.
+        path: The HTML file.
+    """
+    scenario = experiment.scenario
+    belt = scenario.belt_speed if isinstance(scenario, TreadmillScenario) else 0.0
+    write_animation(
+        path,
+        log,
+        experiment.build_world().model,
+        title=f"twin_gait · {experiment.name}",
+        subtitle=describe(experiment.patient, belt),
+        belt_speed=belt,
+        patient=experiment.patient,
+    )
+
+
+def describe(patient: PatientParameters | None, belt_speed: float) -> str:
+    """One line on who walks and how fast.
+
+    Args:
+        patient: The wearer, or None.
+        belt_speed: In [m] / [s]; 0 on the bench.
+
+    Returns:
+        For example ``70 kg, 1.75 m, 1.50 km/h``.
+    """
+    who = "no wearer" if patient is None else f"{patient.mass:g} kg, {patient.height:.2f} m"
+    return who if belt_speed == 0.0 else f"{who}, {3.6 * belt_speed:.2f} km/h"
+
+
+def load_run(directory: Path) -> StoredRun:
+    """Read a run back.
+
+    Args:
+        directory: A run directory.
+
+    Returns:
+        The run.
+
+    Raises:
+        RunDirectoryError: If it is not a complete run directory.
+    """
+    directory = Path(directory).expanduser()
+    for name in (EXPERIMENT_FILE, LOG_FILE, SUMMARY_FILE):
+        if not (directory / name).is_file():
+            raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")
+    experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
+    try:
+        log: pd.DataFrame = pq.read_table(directory / LOG_FILE).to_pandas()
+        summary = json.loads((directory / SUMMARY_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise RunDirectoryError(f"{directory}: cannot be read ({error})".replace("\n", " ")) from error
+    if not isinstance(summary, dict):
+        raise ParameterError(f"{directory / SUMMARY_FILE}: expected keys and values")
+    return StoredRun(directory, experiment, log, summary)

@@ -1,0 +1,169 @@
+"""One leg of a run in numbers, for the summary."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from twin_gait.core.actuator import torque_to_current
+from twin_gait.gait.table import TICK
+from twin_gait.measures.clearance import scuffs, swing_clearances
+from twin_gait.measures.effort import load, saturation_shares
+from twin_gait.measures.leg_record import LegRecord, leg_record
+from twin_gait.measures.phases import entry_lags, phase_durations, phases_in_order
+from twin_gait.measures.strides import (
+    coefficient_of_variation,
+    normalise_strides,
+    root_mean_square_error,
+    stride_bounds,
+    stride_extremes,
+    stride_times,
+    swing_shares,
+)
+from twin_gait.report.reference import reference_cycle
+from twin_gait.simulation.run import Run
+from twin_gait.vocabulary import JointName, Side
+
+SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start's
+
+
+def summarise_side(run: Run, side: Side, skip: int) -> dict[str, Any]:
+    """Gait and effort of one leg.
+
+    Args:
+        run: The run.
+        side: The leg.
+        skip: Strides at the start that do not count.
+
+    Returns:
+        Numbers by name; NaN or None where a number is not defined.
+    """
+    record = leg_record(run.log, side, run.table.phase_names, TICK)
+    return {
+        **_by_contact(run, record, skip),
+        **_by_phase(run, record, skip),
+        "joints": {str(joint): _joint(run, record, joint, skip) for joint in record.angles},
+    }
+
+
+def _mean(values: np.ndarray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else math.nan
+
+
+def _least(values: np.ndarray) -> float:
+    return float(values.min()) if len(values) else math.nan
+
+
+def _largest_magnitude(values: np.ndarray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite[np.argmax(np.abs(finite))]) if len(finite) else math.nan
+
+
+def _by_contact(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
+    """What strides from heel strike to heel strike tell; None without ground."""
+    contacts = record.contacts
+    if contacts is None or record.clearance is None:
+        return {"strides": None, "further_contacts": None}
+    every, counted = record.strides(skip=0), record.strides(skip=skip)
+    lags = entry_lags(record.entries, contacts.heel_strikes, TICK)
+    clearances = swing_clearances(record.clearance, contacts)
+    return {
+        "strides": len(every),
+        "strides_counted": len(counted),
+        "stride_time_mean_s": _mean(stride_times(counted, TICK)),
+        "stride_time_variation": coefficient_of_variation(stride_times(counted, TICK)),
+        "swing_share": _mean(swing_shares(counted, contacts.toe_offs)),
+        **{
+            f"rmse_{joint}_by_contact_deg": _reference_error(run, record, joint, counted)
+            for joint in record.angles
+        },
+        "early_stance_lag_mean_s": _mean(lags),
+        "early_stance_lag_largest_s": _largest_magnitude(lags),
+        "heel_strikes_without_early_stance": int(np.isnan(lags).sum()),
+        "toe_clearance_mean_m": _mean(clearances),
+        "toe_clearance_least_m": _least(clearances),
+        "further_contacts": len(contacts.further_contacts),
+        "scuffs": len(scuffs(contacts)),
+    }
+
+
+def _by_phase(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
+    """What strides from one entry into the first phase to the next tell."""
+    every = stride_bounds(record.entries, skip=0)
+    counted = every[skip:]
+    since = int(counted[0, 0]) if len(counted) else len(record.phases)
+    names = run.table.phase_names
+    durations = phase_durations(record.phases, TICK, since=since)
+    return {
+        "strides_by_phase": len(every),
+        "strides_by_phase_counted": len(counted),
+        "stride_time_by_phase_mean_s": _mean(stride_times(counted, TICK)),
+        "stride_time_by_phase_variation": coefficient_of_variation(stride_times(counted, TICK)),
+        **{
+            f"rmse_{joint}_by_phase_deg": _reference_error(run, record, joint, counted)
+            for joint in record.angles
+        },
+        "phases_in_order": phases_in_order(record.phases, len(names)),
+        "phase_duration_mean_s": {
+            name: _mean(durations.get(index, np.zeros(0))) for index, name in enumerate(names)
+        },
+        **_time_outs(run, record),
+    }
+
+
+def _time_outs(run: Run, record: LegRecord) -> dict[str, Any]:
+    ticks = [
+        switch.tick
+        for switch in run.switches
+        if switch.side is record.side and run.table.transitions[switch.transition].is_time_out
+    ]
+    events = record.stride_events
+    later = None
+    if len(events) > SETTLED_AFTER:
+        later = sum(tick >= events[SETTLED_AFTER] for tick in ticks)
+    return {"time_outs": len(ticks), "time_outs_after_third_stride": later}
+
+
+def _reference_error(run: Run, record: LegRecord, joint: JointName, bounds: np.ndarray) -> float:
+    reference = reference_cycle(run.experiment, joint)
+    if reference is None:
+        return math.nan
+    return math.degrees(root_mean_square_error(normalise_strides(record.angles[joint], bounds), reference))
+
+
+def _joint(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, Any]:
+    """Motion and effort of one joint."""
+    name = f"{record.side}_{joint}"
+    experiment, log = run.experiment, run.log
+    actuator, limits = experiment.plant.actuators[joint], experiment.control.limits
+    extremes = np.degrees(stride_extremes(record.angles[joint], record.strides(skip=skip)))
+    saturation = saturation_shares(
+        log[f"{name}_motor_command_torque_Nm"].to_numpy(),
+        log[f"{name}_target_current_A"].to_numpy(),
+        log[f"{name}_measured_current_A"].to_numpy(),
+        torque_limit=limits.torque,
+        current_limit=limits.current,
+    )
+    continuous_current = torque_to_current(
+        actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio, actuator.gear_efficiency
+    )
+    torque = load(log[f"{name}_motor_torque_Nm"].to_numpy(), actuator.continuous_torque)
+    current = load(log[f"{name}_measured_current_A"].to_numpy(), continuous_current)
+    return {
+        "range_of_motion_deg": _mean(extremes[:, 1] - extremes[:, 0]),
+        "lowest_deg": _mean(extremes[:, 0]),
+        "peak_deg": _mean(extremes[:, 1]),
+        "saturated_share": saturation.saturated,
+        "at_torque_limit_share": saturation.at_torque_limit,
+        "at_current_limit_share": saturation.at_current_limit,
+        "voltage_limited_share": saturation.voltage_limited,
+        "torque_peak_Nm": torque.peak,
+        "torque_rms_Nm": torque.rms,
+        "torque_continuous_share": torque.continuous_share,
+        "current_peak_A": current.peak,
+        "current_rms_A": current.rms,
+        "current_continuous_share": current.continuous_share,
+    }

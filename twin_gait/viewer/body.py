@@ -1,0 +1,200 @@
+"""The wearer: translucent limbs and trunk, sized by height, mass and the segments of the model.
+
+The shape of a limb is drawn by eye for a body of 1.75 m and 70 kg and scaled; it carries no data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from twin_gait.leg_model import LegJoints
+from twin_gait.leg_model.wearer import FOOT_HEIGHT, FOOT_LENGTH, SHANK_LENGTH, TRUNK_LENGTH
+from twin_gait.parameters import PatientParameters
+from twin_gait.viewer import shapes
+from twin_gait.viewer.commands import Material
+from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.shapes import Shape
+
+SKIN = Material(colour=(0.80, 0.60, 0.50), opacity=0.42, roughness=0.75)
+CLOTH = Material(colour=(0.52, 0.60, 0.70), opacity=0.55, roughness=0.9)
+STRAP = Material(colour=(0.14, 0.16, 0.20), roughness=0.85)
+
+_DRAWN_HEIGHT, _DRAWN_MASS = 1.75, 70.0  # of the body that the tables below describe
+_HIP_CENTRE = 0.055  # half the distance between the hip centres, share of the body height
+# How far the limb lies inside the device at knee and ankle, share of the distance at the hip.
+_KNEE_INSIDE, _ANKLE_INSIDE = 0.62, 0.42
+
+# Rings: share of the segment below its upper joint, centre forward, half axis forward and sideways [m].
+_THIGH = (
+    (-0.08, -0.004, 0.082, 0.076),
+    (0.08, -0.002, 0.088, 0.080),
+    (0.30, 0.006, 0.081, 0.075),
+    (0.55, 0.009, 0.068, 0.064),
+    (0.80, 0.007, 0.056, 0.053),
+    (0.95, 0.006, 0.053, 0.050),
+    (1.02, 0.004, 0.050, 0.047),
+)
+_SHANK = (
+    (-0.02, 0.005, 0.047, 0.045),
+    (0.08, 0.000, 0.050, 0.048),
+    (0.28, -0.010, 0.056, 0.053),
+    (0.50, -0.010, 0.048, 0.046),
+    (0.75, -0.005, 0.036, 0.035),
+    (0.93, -0.003, 0.033, 0.032),
+    (1.00, -0.004, 0.034, 0.031),
+)
+# Share of the foot length from the heel, centre height over the sole, half height and half width, the
+# last three as shares of the foot height.
+_FOOT = (
+    (0.10, 0.52, 0.48, 0.42),
+    (0.24, 0.68, 0.64, 0.50),
+    (0.36, 0.66, 0.64, 0.52),
+    (0.52, 0.48, 0.46, 0.58),
+    (0.70, 0.34, 0.33, 0.66),
+    (0.84, 0.25, 0.24, 0.64),
+    (0.92, 0.20, 0.19, 0.54),
+)
+# Height over the hips as a share of the trunk length, centre forward, half axes forward and sideways [m].
+_TRUNK = (
+    (-0.13, 0.000, 0.085, 0.120),
+    (0.00, -0.002, 0.108, 0.158),
+    (0.18, 0.000, 0.106, 0.158),
+    (0.40, 0.008, 0.096, 0.142),
+    (0.62, 0.006, 0.106, 0.156),
+    (0.85, 0.002, 0.108, 0.176),
+    (1.00, 0.000, 0.085, 0.160),
+)
+_FADE = (0.50, 0.92)  # the trunk fades out between these heights
+_STRAPS = {"thigh": (0.46, 0.60), "shank": (0.32, 0.46)}  # cuffs around the limb
+
+
+def draw_wearer(
+    figure: Figure, legs: Sequence[LegJoints], patient: PatientParameters, *, trunk_joint: str | None
+) -> None:
+    """Draw the wearer on a figure.
+
+    Args:
+        figure: The figure.
+        legs: Joint names of the legs.
+        patient: The wearer.
+        trunk_joint: Joint that carries the trunk, or None to draw the legs only.
+    """
+    for leg in legs:
+        inside = _inside(figure, leg.hip, patient)
+        thigh = figure.segment(leg.hip, leg)
+        if leg.ankle is None:
+            shank = SHANK_LENGTH * patient.height * thigh / np.linalg.norm(thigh)
+        else:
+            shank = figure.segment(leg.knee, leg)
+        steps = (inside, _KNEE_INSIDE * inside, _ANKLE_INSIDE * inside)
+        _draw_segment(figure, leg.hip, "thigh", thigh, _THIGH, steps[0], steps[1], patient)
+        _draw_segment(figure, leg.knee, "shank", shank, _SHANK, steps[1], steps[2], patient)
+        if leg.ankle is not None:
+            foot = shapes.moved(_foot(patient), _axes(figure, -shank, steps[2]))
+            figure.draw(leg.ankle, "wearer_foot", foot, SKIN)
+    if trunk_joint is not None:
+        up = figure.base[:3, :3].T @ np.array([0.0, 0.0, 1.0])
+        figure.draw(trunk_joint, "wearer_trunk", shapes.moved(_trunk(patient), _axes(figure, up, 0.0)), CLOTH)
+
+
+def girth(patient: PatientParameters) -> float:
+    """Scale of limb radii: the same density in a body of other height and mass.
+
+    Args:
+        patient: The wearer.
+
+    Returns:
+        1 for the body that the tables describe.
+    """
+    return math.sqrt((patient.mass / _DRAWN_MASS) / (patient.height / _DRAWN_HEIGHT))
+
+
+def _inside(figure: Figure, hip: str, patient: PatientParameters) -> float:
+    """How far the hip centre lies towards the middle from the device's joint; with its sign to the left."""
+    placement = figure.model.jointPlacements[figure.model.getJointId(hip)].translation
+    lateral = float((figure.base[:3, :3] @ np.asarray(placement))[1])
+    distance = max(0.0, abs(lateral) - _HIP_CENTRE * patient.height)
+    return -math.copysign(distance, lateral)
+
+
+def _axes(figure: Figure, up: np.ndarray, to_the_left: float) -> np.ndarray:
+    """Frame with x forward, y left and z up along a segment, its origin shifted sideways."""
+    forward = np.array([1.0, 0.0, 0.0])
+    third = up / np.linalg.norm(up)
+    forward = forward - (forward @ third) * third
+    forward /= np.linalg.norm(forward)
+    placement = np.eye(4)
+    placement[:3, :3] = np.column_stack((forward, np.cross(third, forward), third))
+    placement[:3, 3] = to_the_left * placement[:3, 1]
+    return placement
+
+
+def _draw_segment(
+    figure: Figure,
+    joint: str,
+    name: str,
+    segment: np.ndarray,
+    rings: Sequence[Sequence[float]],
+    upper: float,
+    lower: float,
+    patient: PatientParameters,
+) -> None:
+    length = float(np.linalg.norm(segment))
+    scale = girth(patient)
+    table = [
+        (-share * length, scale * x, upper + (lower - upper) * share, scale * a, scale * b)
+        for share, x, a, b in rings
+    ]
+    axes = _axes(figure, -segment, 0.0)
+    figure.draw(joint, f"wearer_{name}", shapes.moved(shapes.limb(table), axes), SKIN)
+    strap = _band(np.array(table), -length * _STRAPS[name][0], -length * _STRAPS[name][1])
+    figure.draw(joint, f"strap_{name}", shapes.moved(strap, axes), STRAP)
+
+
+def _band(table: np.ndarray, top: float, bottom: float) -> Shape:
+    """Strap around a limb between two heights, 3 mm outside the skin."""
+    heights = table[::-1, 0]
+    at = [
+        np.array([height, *(np.interp(height, heights, table[::-1, column]) for column in range(1, 5))])
+        for height in (top, bottom)
+    ]
+    outline = []
+    for ring, wider in ((at[0], 0.0), (at[0], 0.004), (at[1], 0.004), (at[1], 0.0)):
+        outline.append(ring + np.array([0.0, 0.0, 0.0, wider, wider]))
+    angle = np.linspace(0.0, 2.0 * math.pi, 41)
+    rows = [
+        np.column_stack((x + a * np.cos(angle), y + b * np.sin(angle), np.full_like(angle, z)))
+        for z, x, y, a, b in outline
+    ]
+    grid = np.concatenate(rows)
+    row, column = np.meshgrid(np.arange(3), np.arange(40), indexing="ij")
+    first = (row * 41 + column).ravel()
+    faces = np.concatenate(
+        (np.stack((first, first + 41, first + 42), 1), np.stack((first, first + 42, first + 1), 1))
+    )
+    return shapes.creased(grid, faces)
+
+
+def _foot(patient: PatientParameters) -> Shape:
+    """Foot in a frame at the ankle: x forward, z up, sole a foot height below."""
+    length, height = FOOT_LENGTH * patient.height, FOOT_HEIGHT * patient.height
+    rings = [
+        ((share - 0.25) * length, (centre - 1.0) * height, 0.0, a * height, b * height)
+        for share, centre, a, b in _FOOT
+    ]
+    # The rings stand along x: turn the limb's z into x and its x into z.
+    turn = np.eye(4)
+    turn[:3, :3] = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
+    return shapes.moved(shapes.limb(rings), turn)
+
+
+def _trunk(patient: PatientParameters) -> Shape:
+    length, scale = TRUNK_LENGTH * patient.height, girth(patient)
+    rings = [(share * length, scale * x, 0.0, scale * a, scale * b) for share, x, a, b in _TRUNK]
+    shape = shapes.limb(rings, columns=40)
+    start, end = (share * length for share in _FADE)
+    opacity = np.clip((end - shape.vertices[:, 2]) / (end - start), 0.0, 1.0)
+    return shape._replace(opacity=opacity)

@@ -1,0 +1,222 @@
+"""The few commands of meshcat's viewer that are needed, as the plain values that it reads.
+
+Commands are dictionaries that any window takes: a recorder that keeps them for a page, or a window that
+sends them to a server. Building them here needs neither a server nor meshcat's Python package, keeps the
+case of property names, and names every object after its place in the scene, so that the same scene
+gives the same bytes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import umsgpack
+
+from twin_gait.viewer.shapes import Shape
+
+Command = dict[str, Any]
+Colour = tuple[float, float, float]
+
+# Codes of typed arrays in msgpack-lite, which meshcat's viewer decodes with.
+_UINT16, _UINT32, _FLOAT32 = 0x14, 0x16, 0x17
+_ARRAY_TYPES = {_UINT16: ("Uint16Array", np.uint16), _UINT32: ("Uint32Array", np.uint32),
+                _FLOAT32: ("Float32Array", np.float32)}  # fmt: skip
+
+
+class Window(Protocol):
+    """What takes commands."""
+
+    def send(self, command: Command) -> None:
+        """Take one command.
+
+        Args:
+            command: The command.
+        """
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """How a surface looks.
+
+    Attributes:
+        colour: Red, green and blue from 0 to 1.
+        opacity: From 0 to 1.
+        roughness: 0 is a mirror, 1 is chalk.
+        metalness: 0 is plastic, 1 is metal.
+        glow: Share of the colour that needs no light.
+    """
+
+    colour: Colour
+    opacity: float = 1.0
+    roughness: float = 0.55
+    metalness: float = 0.0
+    glow: float = 0.0
+
+
+def rgb(colour: str) -> Colour:
+    """Red, green and blue from 0 to 1 of a colour written as ``#RRGGBB``."""
+    red, green, blue = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
+    return red, green, blue
+
+
+def set_object(path: str, shape: Shape, material: Material) -> Command:
+    """Command that draws a mesh.
+
+    Args:
+        path: Place in the scene, for example ``/robot/left_hip/shell``.
+        shape: The mesh.
+        material: Its surface.
+
+    Returns:
+        The command.
+    """
+    geometry, surface = f"{path}:geometry", f"{path}:material"
+    return {
+        "type": "set_object",
+        "path": path,
+        "object": {
+            "metadata": {"version": 4.5, "type": "Object"},
+            "geometries": [{"uuid": geometry, "type": "BufferGeometry", "data": _buffers(shape)}],
+            "materials": [{"uuid": surface, **_surface(material, shape.opacity is not None)}],
+            "object": {"uuid": f"{path}:mesh", "type": "Mesh", "geometry": geometry, "material": surface},
+        },
+    }
+
+
+def set_transform(path: str, placement: np.ndarray) -> Command:
+    """Command that places a group.
+
+    Args:
+        path: The group.
+        placement: Homogeneous transform in the parent group, shape ``(4, 4)``.
+
+    Returns:
+        The command.
+    """
+    return {"type": "set_transform", "path": path, "matrix": [float(value) for value in placement.T.ravel()]}
+
+
+def set_property(path: str, name: str, value: Any) -> Command:
+    """Command that sets a property of an object of three.js, such as ``visible`` or ``castShadow``.
+
+    Args:
+        path: The object.
+        name: Property, with its capitals.
+        value: A number, a truth value, a text or a list of numbers.
+
+    Returns:
+        The command.
+    """
+    return {"type": "set_property", "path": path, "property": name, "value": value}
+
+
+@dataclass(frozen=True)
+class Track:
+    """One property over time.
+
+    Attributes:
+        path: The object.
+        name: Property: ``position``, ``quaternion``, ``scale``, ``visible`` or ``material.color``.
+        times: Of the keys in [s], shape ``(n,)``.
+        values: One row per key.
+    """
+
+    path: str
+    name: str
+    times: np.ndarray
+    values: np.ndarray
+
+    _KINDS = {
+        "position": "vector3",
+        "scale": "vector3",
+        "quaternion": "quaternion",
+        "visible": "bool",
+        "material.color": "color",
+    }
+
+    def lower(self, frames_per_second: float) -> Command:
+        """The track as the viewer reads it."""
+        kind = self._KINDS[self.name]
+        keys = [
+            {"time": time, "value": value}
+            for time, value in zip(
+                (self.times * frames_per_second).tolist(), self.values.tolist(), strict=True
+            )
+        ]
+        return {"name": f".{self.name}", "type": kind, "keys": keys}
+
+
+def set_animation(tracks: Sequence[Track], frames_per_second: float) -> Command:
+    """Command that hands an animation over, ready and standing still at its start.
+
+    Args:
+        tracks: What moves.
+        frames_per_second: Unit of the keys' times.
+
+    Returns:
+        The command.
+    """
+    clips: dict[str, list[Command]] = {}
+    for track in tracks:
+        clips.setdefault(track.path, []).append(track.lower(frames_per_second))
+    return {
+        "type": "set_animation",
+        "path": "",
+        "animations": [
+            {"path": path, "clip": {"fps": frames_per_second, "name": "run", "tracks": items}}
+            for path, items in clips.items()
+        ],
+        "options": {"play": True, "repetitions": 1},
+    }
+
+
+def encode(command: Mapping[str, Any]) -> bytes:
+    """Pack a command; numbers are single precision, which the viewer draws with anyway."""
+    return bytes(umsgpack.packb(dict(command), force_float_precision="single"))
+
+
+def _buffers(shape: Shape) -> Command:
+    index_code = _UINT16 if len(shape.vertices) < 65536 else _UINT32
+    attributes = {
+        "position": _array(shape.vertices, 3, _FLOAT32, 5),
+        "normal": _array(shape.normals, 3, _FLOAT32, 3),
+    }
+    if shape.opacity is not None:
+        colours = np.column_stack((np.ones((len(shape.vertices), 3)), shape.opacity))
+        attributes["color"] = _array(colours, 4, _FLOAT32, 3)
+    return {"attributes": attributes, "index": _array(shape.faces, 1, index_code)}
+
+
+def _array(values: np.ndarray, item_size: int, code: int, decimals: int | None = None) -> Command:
+    # Rounded coordinates compress to about half.
+    rounded = values if decimals is None else np.round(values, decimals) + 0.0
+    name, dtype = _ARRAY_TYPES[code]
+    packed = umsgpack.Ext(code, np.ascontiguousarray(rounded, dtype=dtype).tobytes())
+    return {"itemSize": item_size, "type": name, "array": packed, "normalized": False}
+
+
+def _surface(material: Material, fades: bool) -> Command:
+    colour = _integer(material.colour)
+    surface: Command = {
+        "type": "MeshStandardMaterial",
+        "color": colour,
+        "roughness": material.roughness,
+        "metalness": material.metalness,
+        "side": 2,
+    }
+    if material.glow > 0.0:
+        surface["emissive"] = _integer(tuple(material.glow * value for value in material.colour))
+    if material.opacity < 1.0 or fades:
+        # Only front faces, and no depth: what lies behind a translucent part must stay visible.
+        surface |= {"opacity": material.opacity, "transparent": True, "depthWrite": False, "side": 0}
+    if fades:
+        surface["vertexColors"] = True
+    return surface
+
+
+def _integer(colour: Sequence[float]) -> int:
+    red, green, blue = (round(255.0 * value) for value in colour)
+    return (red << 16) + (green << 8) + blue

@@ -1,0 +1,247 @@
+"""The articulated figure: one group per joint, so that a posture is one rotation per joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from twin_gait.leg_model import LegJoints
+from twin_gait.viewer import shapes
+from twin_gait.viewer.commands import Material, Window, set_object, set_property, set_transform
+from twin_gait.viewer.shapes import Shape
+from twin_gait.viewer.visuals import FIXED_JOINT, Disc, Visuals
+
+ROOT = "/meshcat/figure"
+STICK_COLOUR = (0.86, 0.88, 0.91)
+_STICK_RADIUS = 0.05  # share of the segment's length
+_COVER_MARGIN = 0.003  # by which the coloured cover of a motor is larger than the motor [m]
+_COAXIAL = 0.02  # a cylinder this close to a joint's axis is its motor [m]
+
+
+class Motor(NamedTuple):
+    """Size of the motor of a joint.
+
+    Attributes:
+        radius: In [m].
+        length: Along the joint's axis in [m].
+        centre: In the frame of the joint in [m], shape ``(3,)``.
+    """
+
+    radius: float
+    length: float
+    centre: np.ndarray
+
+
+class Figure:
+    """The moving part of the scene.
+
+    Groups are nested like the joints: the transform of a group is that of its joint relative to the
+    joint before it, so that segments keep their length however the viewer interpolates.
+
+    Attributes:
+        model: The Pinocchio model.
+        paths: Place of the group of each joint, by the joint's name.
+    """
+
+    def __init__(self, window: Window, model: pin.Model, *, up_axis: str = "z") -> None:
+        """Make the groups.
+
+        Args:
+            window: Where commands go.
+            model: The Pinocchio model.
+            up_axis: ``"z"`` or ``"y"``: the vertical of the model.
+        """
+        self.model = model
+        self._window = window
+        self._data = model.createData()
+        self.base = np.eye(4) if up_axis == "z" else pin.SE3(pin.utils.rotate("x", np.pi / 2.0), np.zeros(3)).homogeneous
+        self.paths = {FIXED_JOINT: ROOT}
+        for index in range(1, model.njoints):
+            parent = self.paths[str(model.names[model.parents[index]])]
+            name = str(model.names[index])
+            self.paths[name] = f"{parent}/{name.replace('/', '_')}"
+        window.send(set_transform(ROOT, self.base))
+        for path, (position, quaternion) in self.posture(pin.neutral(model)).items():
+            window.send(set_property(path, "position", position))
+            window.send(set_property(path, "quaternion", quaternion))
+
+    def draw(self, joint: str, name: str, shape: Shape, material: Material) -> str:
+        """Draw a mesh on a joint.
+
+        Args:
+            joint: Name of the joint; ``universe`` for what does not move.
+            name: Name of the part, once per joint.
+            shape: Mesh in the frame of the joint.
+            material: Its surface.
+
+        Returns:
+            Its place in the scene.
+        """
+        path = f"{self.paths[joint]}/{name}"
+        self._window.send(set_object(path, shape, material))
+        if material.opacity < 1.0 or shape.opacity is not None:
+            self._window.send(set_property(f"{path}/<object>", "castShadow", False))
+        return path
+
+    def draw_visuals(self, visuals: Visuals) -> None:
+        """Draw the visuals of the URDF.
+
+        Args:
+            visuals: The meshes.
+        """
+        for number, part in enumerate(visuals.parts):
+            *colour, opacity = part.colour
+            dark = max(colour) < 0.3
+            material = Material(
+                colour=(colour[0], colour[1], colour[2]), opacity=opacity, roughness=0.7 if dark else 0.42
+            )
+            self.draw(part.joint, f"visual_{number}", part.shape, material)
+
+    def draw_sticks(self, legs: Iterable[LegJoints], visuals: Visuals) -> None:
+        """Draw a stick for every segment of a leg that shows nothing, and a ball at its joint.
+
+        Args:
+            legs: Joint names of the legs.
+            visuals: What is drawn already.
+        """
+        material = Material(colour=STICK_COLOUR, roughness=0.5)
+        for leg in legs:
+            for _, joint in leg.items():
+                if joint in visuals.joints():
+                    continue
+                end = self.segment(joint, leg)
+                length = float(np.linalg.norm(end))
+                radius = _STICK_RADIUS * length
+                stick = shapes.moved(shapes.capsule(radius, length), along(end))
+                self.draw(joint, "stick", stick, material)
+                self.draw(joint, "ball", shapes.ellipsoid((1.5 * radius,) * 3), material)
+
+    def segment(self, joint: str, leg: LegJoints) -> np.ndarray:
+        """From a joint of a leg to the next, or to the farthest frame that it carries.
+
+        Args:
+            joint: Name of the joint.
+            leg: Joint names of the leg.
+
+        Returns:
+            In the frame of the joint in [m], shape ``(3,)``; never zero.
+        """
+        names = [name for _, name in leg.items()]
+        place = names.index(joint)
+        if place + 1 < len(names):
+            step = self.model.jointPlacements[self.model.getJointId(names[place + 1])].translation
+            return np.asarray(step).copy()
+        index = self.model.getJointId(joint)
+        ends = [np.asarray(frame.placement.translation) for frame in self.model.frames if frame.parentJoint == index]
+        farthest = max(ends, key=lambda end: float(np.linalg.norm(end)), default=np.zeros(3))
+        if float(np.linalg.norm(farthest)) > 0.02:
+            return farthest.copy()
+        # A bare last link: as long as the one before it.
+        return np.asarray(self.model.jointPlacements[index].translation).copy()
+
+    def motor(self, joint: str, discs: Sequence[Disc], default_radius: float) -> Motor:
+        """Size of the motor of a joint: the largest cylinder about its axis.
+
+        Args:
+            joint: Name of the joint.
+            discs: Cylinders of the URDF.
+            default_radius: Used if there is none, in [m].
+
+        Returns:
+            The size.
+        """
+        index = self.model.getJointId(joint)
+        parent = str(self.model.names[self.model.parents[index]])
+        placements = {joint: pin.SE3.Identity(), parent: self.model.jointPlacements[index].inverse()}
+        axis = self.axis(joint)
+        found = []
+        for disc in discs:
+            if disc.joint not in placements:
+                continue
+            placement = placements[disc.joint]
+            centre = placement.act(np.asarray(disc.centre))
+            off_axis = float(np.linalg.norm(centre - (centre @ axis) * axis))
+            if off_axis < _COAXIAL and abs(float(placement.rotation @ disc.axis @ axis)) > 0.99:
+                found.append(Motor(disc.radius, disc.length, centre))
+        return max(found, key=lambda motor: motor.radius, default=Motor(default_radius, default_radius, np.zeros(3)))
+
+    def draw_cover(self, joint: str, motor: Motor, material: Material) -> str:
+        """Draw the cover of a motor, whose colour shows the phase.
+
+        Args:
+            joint: Name of the joint.
+            motor: Size of the motor.
+            material: Its surface.
+
+        Returns:
+            Its place in the scene.
+        """
+        cover = shapes.ring_cap(motor.radius + _COVER_MARGIN, motor.length + 2.0 * _COVER_MARGIN)
+        placement = along(self.axis(joint))
+        placement[:3, 3] = motor.centre
+        return self.draw(joint, "motor_cover", shapes.moved(cover, placement), material)
+
+    def axis(self, joint: str) -> np.ndarray:
+        """Axis of a revolute joint in its own frame, shape ``(3,)``."""
+        index = self.model.getJointId(joint)
+        q = pin.neutral(self.model)
+        pin.forwardKinematics(self.model, self._data, q)
+        before = np.asarray(self._data.liMi[index].rotation).copy()
+        q[self.model.joints[index].idx_q] += 0.5
+        pin.forwardKinematics(self.model, self._data, q)
+        turn = np.asarray(pin.log3(before.T @ np.asarray(self._data.liMi[index].rotation)))
+        return turn / np.linalg.norm(turn)
+
+    def posture(self, q: np.ndarray) -> dict[str, tuple[list[float], list[float]]]:
+        """Where every joint group is in the group of the joint before it.
+
+        Args:
+            q: Coordinates, shape ``(nq,)``.
+
+        Returns:
+            Position in [m] and quaternion (x, y, z, w) by the place of the group.
+        """
+        pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
+        groups = {}
+        for index in range(1, self.model.njoints):
+            transform = self._data.liMi[index]
+            quaternion = pin.Quaternion(transform.rotation).coeffs()
+            groups[self.paths[str(self.model.names[index])]] = (
+                [float(value) for value in transform.translation],
+                [float(value) for value in quaternion],
+            )
+        return groups
+
+    def world_points(self, q: np.ndarray, frames: Mapping[str, int]) -> dict[str, np.ndarray]:
+        """Positions of frames in the scene, whose vertical is z.
+
+        Args:
+            q: Coordinates, shape ``(nq,)``.
+            frames: Frame indices by name.
+
+        Returns:
+            Position in [m] by name, shape ``(3,)`` each.
+        """
+        pin.framesForwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
+        turn = self.base[:3, :3]
+        return {name: turn @ np.asarray(self._data.oMf[index].translation) for name, index in frames.items()}
+
+
+def along(direction: np.ndarray) -> np.ndarray:
+    """Placement that turns z into a direction and puts the origin half way along it.
+
+    Args:
+        direction: From start to end in [m], shape ``(3,)``.
+
+    Returns:
+        Homogeneous transform, shape ``(4, 4)``.
+    """
+    placement = np.eye(4)
+    unit = direction / np.linalg.norm(direction)
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), unit)
+    placement[:3, :3] = turn.matrix()
+    placement[:3, 3] = 0.5 * direction
+    return placement

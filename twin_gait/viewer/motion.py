@@ -1,0 +1,223 @@
+"""What a log shows: postures, phases, forces and curves at the rate of a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.core.contact import contact_normal_force
+from twin_gait.exceptions import ViewerError
+from twin_gait.leg_model import LegModel
+from twin_gait.vocabulary import JointName, Side
+
+_MOST_FRAMES = 3000  # longer runs get fewer frames per second, so that a page stays small
+_CURVES = {"hip": JointName.HIP, "knee": JointName.KNEE}
+
+
+class Footing(NamedTuple):
+    """Ground force on a foot.
+
+    Attributes:
+        force: Forward and upward in [N], shape ``(n, 2)``.
+        point: Where it acts in the scene in [m], shape ``(n, 3)``.
+    """
+
+    force: np.ndarray
+    point: np.ndarray
+
+
+class PhaseSpells(NamedTuple):
+    """Phases of a leg.
+
+    Attributes:
+        starts: Time at which each spell begins in [s], shape ``(m,)``.
+        codes: Which phase it is, as a position in ``Motion.phase_names``, shape ``(m,)``.
+    """
+
+    starts: np.ndarray
+    codes: np.ndarray
+
+    def at(self, time: float) -> int:
+        """Phase at a time in [s]."""
+        return int(self.codes[max(0, int(np.searchsorted(self.starts, time, side="right")) - 1)])
+
+
+@dataclass(frozen=True)
+class LegMotion:
+    """One leg over time.
+
+    Attributes:
+        phases: Its phases, or None if the log has none.
+        curves: Angles in [deg] as ``hip`` and ``knee``, motor torques in [N m] as ``hip_torque`` and
+            ``knee_torque``, and the normal force of the foot in [N] as ``force``; shape ``(n,)`` each.
+        footing: Ground force, or None off the ground.
+    """
+
+    phases: PhaseSpells | None
+    curves: Mapping[str, np.ndarray]
+    footing: Footing | None
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A log at the rate of a picture.
+
+    Attributes:
+        times: In [s], shape ``(n,)``.
+        q: Coordinates of the model, shape ``(n, nv)``.
+        legs: Per side.
+        phase_names: Phases in the order of their codes.
+        duration: Time of the last frame in [s].
+    """
+
+    times: np.ndarray
+    q: np.ndarray
+    legs: Mapping[Side, LegMotion]
+    phase_names: tuple[str, ...]
+
+    @property
+    def duration(self) -> float:
+        """Time of the last frame in [s]."""
+        return float(self.times[-1])
+
+
+def read_motion(
+    log: pd.DataFrame,
+    model: LegModel,
+    *,
+    frames_per_second: float = 30.0,
+    phases: Sequence[str] | None = None,
+) -> Motion:
+    """Pick the frames to show out of a log.
+
+    Args:
+        log: One row per tick, with the columns of a run.
+        model: The model that the log is about.
+        frames_per_second: In the time of the log; fewer if the log is very long.
+        phases: Names of the phases in order; those of the log if None.
+
+    Returns:
+        The frames. Rows after a coordinate that is not finite (a run that diverged) are left out.
+
+    Raises:
+        ViewerError: If the log is empty or lacks a coordinate of the model.
+    """
+    q = _coordinates(log, model)
+    finite = np.isfinite(q).all(axis=1)
+    n_rows = len(q) if finite.all() else int(np.argmin(finite))
+    if n_rows == 0:
+        raise ViewerError("the log has no row that can be shown; run the simulation again")
+    clock = log["time_s"].to_numpy(dtype=float)[:n_rows]
+    rows = _rows_to_show(clock, frames_per_second)
+    names = tuple(phases) if phases is not None else phase_names(log, model.sides)
+    legs = {
+        side: LegMotion(
+            phases=_spells(log.iloc[:n_rows], clock, side, names),
+            curves=_curves(log, side, rows),
+            footing=_footing(log, model, side, rows, q[rows]),
+        )
+        for side in model.sides
+    }
+    return Motion(clock[rows] - clock[0], q[rows], legs, names)
+
+
+def phase_names(log: pd.DataFrame, sides: Sequence[Side]) -> tuple[str, ...]:
+    """Names of the phases in a log, in the order of its gait table if the log knows it.
+
+    Args:
+        log: The log.
+        sides: Legs to look at.
+
+    Returns:
+        The names.
+    """
+    names: dict[str, None] = {}
+    for side in sides:
+        column = log.get(f"{side}_phase")
+        if column is not None:
+            known = column.cat.categories if isinstance(column.dtype, pd.CategoricalDtype) else column.unique()
+            names |= dict.fromkeys(str(name) for name in known)
+    return tuple(names)
+
+
+def _coordinates(log: pd.DataFrame, model: LegModel) -> np.ndarray:
+    """Coordinates of the model for every row, shape ``(n, nv)``."""
+    columns = {
+        model.index(side, joint): f"{side}_{joint}_angle_rad"
+        for side, leg in model.legs.items()
+        for joint, _ in leg.items()
+    }
+    if model.pelvis_index is not None:
+        columns[model.pelvis_index] = "pelvis_height_m"
+    absent = [name for name in ("time_s", *columns.values()) if name not in log.columns]
+    if absent:
+        raise ViewerError(f"the log has no column {absent[0]!r}; is it a log of {model.urdf_path.name}?")
+    q = np.zeros((len(log), model.nv))
+    for index, name in columns.items():
+        q[:, index] = log[name].to_numpy(dtype=float)
+    return q
+
+
+def _rows_to_show(clock: np.ndarray, frames_per_second: float) -> np.ndarray:
+    span = float(clock[-1] - clock[0])
+    n_frames = int(np.clip(round(span * frames_per_second), 1, _MOST_FRAMES))
+    wanted = clock[0] + span * np.arange(n_frames + 1) / n_frames
+    rows = np.searchsorted(clock, wanted - 1e-9)
+    return np.unique(np.minimum(rows, len(clock) - 1))
+
+
+def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[str]) -> PhaseSpells | None:
+    column = log.get(f"{side}_phase")
+    if column is None:
+        return None
+    position = {name: index for index, name in enumerate(names)}
+    codes = np.array([position.get(str(name), -1) for name in column], dtype=int)
+    if (codes < 0).any():
+        unknown = str(column.iloc[int(np.argmax(codes < 0))])
+        raise ViewerError(f"the log has a phase {unknown!r}; expected one of {', '.join(names)}")
+    first = np.concatenate(([0], np.flatnonzero(np.diff(codes)) + 1))
+    return PhaseSpells(clock[first] - clock[0], codes[first])
+
+
+def _curves(log: pd.DataFrame, side: Side, rows: np.ndarray) -> dict[str, np.ndarray]:
+    curves = {}
+    for name, joint in _CURVES.items():
+        curves[name] = np.degrees(log[f"{side}_{joint}_angle_rad"].to_numpy(dtype=float)[rows])
+        torque = f"{side}_{joint}_motor_torque_Nm"
+        if torque in log.columns:
+            curves[f"{name}_torque"] = log[torque].to_numpy(dtype=float)[rows]
+    force = f"{side}_foot_normal_force_N"
+    if force in log.columns:
+        curves["force"] = log[force].to_numpy(dtype=float)[rows]
+    return curves
+
+
+def _footing(
+    log: pd.DataFrame, model: LegModel, side: Side, rows: np.ndarray, q: np.ndarray
+) -> Footing | None:
+    names = [f"{side}_foot_friction_force_N", f"{side}_foot_normal_force_N"]
+    frames = model.legs[side].contact_frames
+    if not frames or any(name not in log.columns for name in names):
+        return None
+    force = np.nan_to_num(log[names].to_numpy(dtype=float)[rows])
+    return Footing(force, np.array([_centre_of_pressure(model, posture, frames) for posture in q]))
+
+
+def _centre_of_pressure(model: LegModel, q: np.ndarray, frames: Sequence[str]) -> np.ndarray:
+    """Where the force of the ground acts: heel and toe weighted by the elastic force on each.
+
+    The log has the force of the whole foot only; the rest of the contact law, its dissipation, would
+    need velocities and moves the point little.
+    """
+    points = np.array([model.frame_position(q, frame) for frame in frames])
+    if model.up_axis == "y":
+        points = points[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
+    weights = np.array([contact_normal_force(-float(point[2]), 0.0, 1.0, 0.0) for point in points])
+    if weights.sum() == 0.0:
+        weights = np.ones(len(points))
+    centre = weights @ points / weights.sum()
+    return np.array([centre[0], centre[1], 0.0])

@@ -1,0 +1,312 @@
+"""Smooth triangle meshes from a few numbers: rounded boxes, turned parts, limbs, arrows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+_CREASE = math.cos(math.radians(40.0))  # sharper edges stay edges
+
+
+class Shape(NamedTuple):
+    """Triangle mesh.
+
+    Attributes:
+        vertices: In [m], shape ``(n, 3)``.
+        normals: Outward unit normals, shape ``(n, 3)``.
+        faces: Indices of three vertices each, shape ``(m, 3)``.
+        opacity: Opacity of each vertex, shape ``(n,)``, or None for that of the material.
+    """
+
+    vertices: np.ndarray
+    normals: np.ndarray
+    faces: np.ndarray
+    opacity: np.ndarray | None = None
+
+
+def rounded_box(size: Sequence[float], radius: float, steps: int = 3) -> Shape:
+    """Make a box whose edges are rounded.
+
+    Args:
+        size: Lengths along x, y and z in [m].
+        radius: Of the edges in [m]; at most half the shortest side is used.
+        steps: Facets of a quarter turn.
+
+    Returns:
+        The mesh, centred at the origin.
+    """
+    half = np.asarray(size, dtype=float) / 2.0
+    radius = min(radius, 0.999 * float(half.min()))
+    vertices, normals, faces = [], [], []
+    for axis in range(3):
+        for sign in (-1.0, 1.0):
+            points = _face_of_box(half, radius, axis, sign, steps)
+            inner = np.clip(points, -(half - radius), half - radius)
+            normal = points - inner
+            normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+            faces.append(_grid_faces(*points.shape[:2], offset=sum(map(len, vertices)), flip=sign < 0.0))
+            vertices.append((inner + radius * normal).reshape(-1, 3))
+            normals.append(normal.reshape(-1, 3))
+    return Shape(np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces))
+
+
+def _face_of_box(half: np.ndarray, radius: float, axis: int, sign: float, steps: int) -> np.ndarray:
+    """Grid on one face of a box, denser at the edges, in a right-handed order for ``sign`` > 0."""
+    corner = radius * np.tan(np.linspace(0.0, math.pi / 4.0, steps + 1))
+    first, second = (axis + 1) % 3, (axis + 2) % 3
+    lines = []
+    for other in (first, second):
+        flat = half[other] - radius
+        lines.append(np.concatenate((-flat - corner[::-1], flat + corner)))
+    grid = np.empty((len(lines[0]), len(lines[1]), 3))
+    grid[:, :, axis] = sign * half[axis]
+    grid[:, :, first] = lines[0][:, None]
+    grid[:, :, second] = lines[1][None, :]
+    return grid
+
+
+def _grid_faces(rows: int, columns: int, *, offset: int = 0, flip: bool = False) -> np.ndarray:
+    row, column = np.meshgrid(np.arange(rows - 1), np.arange(columns - 1), indexing="ij")
+    a = (row * columns + column).ravel() + offset
+    b, c, d = a + columns, a + columns + 1, a + 1
+    faces = np.concatenate((np.stack((a, b, c), axis=1), np.stack((a, c, d), axis=1)))
+    return faces[:, ::-1] if flip else faces
+
+
+def turned(profile: Sequence[tuple[float, float]], columns: int = 48) -> Shape:
+    """Turn a profile about the z axis, with an edge at every corner of it.
+
+    Args:
+        profile: Points (radius, height) in [m]; outward lies to the right of the way from point to point.
+        columns: Facets of a full turn.
+
+    Returns:
+        The mesh.
+    """
+    angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)
+    around = np.stack((np.cos(angle), np.sin(angle)), axis=1)
+    vertices, normals, faces = [], [], []
+    for count, ((r0, z0), (r1, z1)) in enumerate(zip(profile[:-1], profile[1:], strict=True)):
+        length = math.hypot(r1 - r0, z1 - z0)
+        outward, upward = (z1 - z0) / length, -(r1 - r0) / length
+        for radius, height in ((r0, z0), (r1, z1)):
+            vertices.append(np.column_stack((radius * around, np.full(columns + 1, height))))
+            normals.append(np.column_stack((outward * around, np.full(columns + 1, upward))))
+        faces.append(_grid_faces(2, columns + 1, offset=2 * count * (columns + 1), flip=True))
+    return Shape(np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces))
+
+
+def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
+    """Make a cylinder along z with bevelled edges.
+
+    Args:
+        radius: In [m].
+        length: In [m].
+        bevel: Of the edges in [m]; at most a third of radius and length is used.
+
+    Returns:
+        The mesh, centred at the origin.
+    """
+    half = length / 2.0
+    bevel = min(bevel, radius / 3.0, length / 3.0)
+    third = bevel * (1.0 - math.cos(math.pi / 4.0))
+    return turned(
+        [
+            (0.0, -half),
+            (radius - bevel, -half),
+            (radius - third, -half + third),
+            (radius, -half + bevel),
+            (radius, half - bevel),
+            (radius - third, half - third),
+            (radius - bevel, half),
+            (0.0, half),
+        ]
+    )
+
+
+def ring_cap(radius: float, length: float) -> Shape:
+    """Make the cover of a motor: a disc along z with a groove in either face.
+
+    Args:
+        radius: In [m].
+        length: In [m].
+
+    Returns:
+        The mesh, centred at the origin.
+    """
+    half, bevel, groove = length / 2.0, 0.14 * radius, 0.05 * radius
+    upper = [
+        (radius, half - bevel),
+        (radius - 0.3 * bevel, half - 0.3 * bevel),
+        (radius - bevel, half),
+        (0.72 * radius, half),
+        (0.70 * radius, half - groove),
+        (0.64 * radius, half - groove),
+        (0.62 * radius, half),
+        (0.0, half),
+    ]
+    return turned([(r, -z) for r, z in reversed(upper)] + upper)
+
+
+def ellipsoid(radii: Sequence[float], columns: int = 32) -> Shape:
+    """Make an ellipsoid.
+
+    Args:
+        radii: Half axes along x, y and z in [m].
+        columns: Facets of a full turn.
+
+    Returns:
+        The mesh, centred at the origin.
+    """
+    latitude = np.linspace(-math.pi / 2.0, math.pi / 2.0, columns // 2 + 1)[:, None]
+    longitude = np.linspace(0.0, 2.0 * math.pi, columns + 1)[None, :]
+    unit = np.stack(
+        np.broadcast_arrays(
+            np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)
+        ),
+        axis=2,
+    ).reshape(-1, 3)
+    half = np.asarray(radii, dtype=float)
+    normals = unit / half
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return Shape(unit * half, normals, _grid_faces(columns // 2 + 1, columns + 1, flip=True))
+
+
+def capsule(radius: float, length: float) -> Shape:
+    """Make a capsule along z.
+
+    Args:
+        radius: In [m].
+        length: Of the straight part in [m].
+
+    Returns:
+        The mesh, centred at the origin.
+    """
+    ball = ellipsoid((radius, radius, radius))
+    shift = np.where(ball.vertices[:, 2] > 0.0, 0.5 * length, -0.5 * length)
+    vertices = ball.vertices.copy()
+    vertices[:, 2] += shift
+    return Shape(vertices, ball.normals, ball.faces)
+
+
+def cone(radius: float, length: float) -> Shape:
+    """Make a cone along z with its tip up.
+
+    Args:
+        radius: Of the base in [m].
+        length: In [m].
+
+    Returns:
+        The mesh, its middle height at the origin.
+    """
+    return turned([(0.0, -length / 2.0), (radius, -length / 2.0), (0.0, length / 2.0)])
+
+
+def arrow(length: float = 1.0, radius: float = 0.012) -> Shape:
+    """Make an arrow from the origin along z.
+
+    Args:
+        length: In [m].
+        radius: Of the shaft in [m]; the head is 2.6 times as thick and takes a fifth of the length.
+
+    Returns:
+        The mesh.
+    """
+    neck, head = 0.8 * length, 2.6 * radius
+    return turned([(0.0, 0.0), (radius, 0.0), (radius, neck), (head, neck), (0.0, length)], columns=24)
+
+
+def limb(rings: Sequence[Sequence[float]], *, rows: int = 28, columns: int = 28) -> Shape:
+    """Make a limb of elliptic rings along z, with rounded ends.
+
+    Args:
+        rings: From end to end: height, centre x, centre y, half axis x and half axis y, all in [m].
+        rows: Rings in the mesh, beside those of the ends.
+        columns: Facets of a full turn.
+
+    Returns:
+        The mesh.
+    """
+    table = np.asarray(rings, dtype=float)
+    curve = PchipInterpolator(np.arange(len(table)), table)(np.linspace(0.0, len(table) - 1.0, rows))
+    curve = np.concatenate((_end(curve[0], curve[1]), curve[1:-1], _end(curve[-1], curve[-2])[::-1]))
+    angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)[None, :]
+    height, x, y, half_x, half_y = (column[:, None] for column in curve.T)
+    points = np.stack(
+        np.broadcast_arrays(x + half_x * np.cos(angle), y + half_y * np.sin(angle), height), axis=2
+    )
+    faces = _grid_faces(*points.shape[:2], flip=bool(table[-1, 0] > table[0, 0]))
+    vertices = points.reshape(-1, 3)
+    return Shape(vertices, smooth_normals(vertices, faces), faces)
+
+
+def _end(ring: np.ndarray, neighbour: np.ndarray, steps: int = 7) -> np.ndarray:
+    """Rings that close an end with a dome, from its tip to the ring."""
+    turn = np.linspace(0.02, math.pi / 2.0, steps)[:, None]
+    outward = math.copysign(1.0, ring[0] - neighbour[0])
+    dome = np.tile(ring, (steps, 1))
+    dome[:, 0:1] += outward * 0.8 * min(ring[3], ring[4]) * np.cos(turn)
+    dome[:, 3:5] *= np.sin(turn)
+    return dome
+
+
+def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Normals of a closed surface, one per vertex; vertices at the same place share theirs.
+
+    Args:
+        vertices: Shape ``(n, 3)``.
+        faces: Shape ``(m, 3)``.
+
+    Returns:
+        Unit normals, shape ``(n, 3)``.
+    """
+    _, place = np.unique(np.round(vertices, 7), axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    total = np.zeros((int(place.max()) + 1, 3))
+    corners = vertices[faces]
+    area = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    for corner in range(3):
+        np.add.at(total, place[faces[:, corner]], area)
+    normals = total[place]
+    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+
+
+def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
+    """Give a mesh normals that are smooth on curved parts and sharp at edges.
+
+    Args:
+        vertices: Shape ``(n, 3)``.
+        faces: Shape ``(m, 3)``.
+
+    Returns:
+        The mesh with three vertices of its own per face.
+    """
+    corners = vertices[faces]
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    unit = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-30)
+    smooth = smooth_normals(vertices, faces)[faces]
+    sharp = np.einsum("fij,fj->fi", smooth, unit) < _CREASE
+    normals = np.where(sharp[:, :, None], unit[:, None, :], smooth)
+    return Shape(corners.reshape(-1, 3), normals.reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3))
+
+
+def moved(shape: Shape, placement: np.ndarray) -> Shape:
+    """Move a mesh.
+
+    Args:
+        shape: The mesh.
+        placement: Homogeneous transform, shape ``(4, 4)``; a mirror turns the faces round.
+
+    Returns:
+        The mesh in the outer frame.
+    """
+    linear = placement[:3, :3]
+    normals = shape.normals @ np.linalg.inv(linear)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    mirrored = np.linalg.det(linear) < 0.0
+    faces = shape.faces[:, ::-1] if mirrored else shape.faces
+    return Shape(shape.vertices @ linear.T + placement[:3, 3], normals, faces, shape.opacity)

@@ -1,0 +1,248 @@
+"""Visual geometry of a URDF, as meshes in the frames of the joints of a model."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from twin_gait.exceptions import ViewerError
+from twin_gait.leg_model.leg_model import PELVIS_JOINT
+from twin_gait.leg_model.urdf import build_model, quiet_stderr, read_urdf
+from twin_gait.viewer import shapes
+from twin_gait.viewer.shapes import Shape
+
+FIXED_JOINT = "universe"
+_EDGE_SHARE, _LARGEST_EDGE = 0.22, 0.012  # rounding of boxes: share of the shortest side, [m]
+# A part that spans this share of a segment belongs to the tube and grows with it; others only move.
+_SPANNING_SHARE = 0.6
+
+
+class Disc(NamedTuple):
+    """A cylinder among the visuals, in the frame of its joint.
+
+    Attributes:
+        joint: Joint that carries it.
+        centre: In [m], shape ``(3,)``.
+        axis: Unit vector, shape ``(3,)``.
+        radius: In [m].
+        length: In [m].
+    """
+
+    joint: str
+    centre: np.ndarray
+    axis: np.ndarray
+    radius: float
+    length: float
+
+
+class LinkPart(NamedTuple):
+    """All visuals of one colour on one joint.
+
+    Attributes:
+        joint: Joint that carries them; ``universe`` for what does not move.
+        colour: Red, green, blue and opacity from 0 to 1.
+        shape: Mesh in the frame of the joint.
+    """
+
+    joint: str
+    colour: tuple[float, float, float, float]
+    shape: Shape
+
+
+@dataclass(frozen=True)
+class Visuals:
+    """What a URDF shows.
+
+    Attributes:
+        parts: The meshes.
+        discs: Its cylinders, among which are the motors.
+        missing: Mesh files that the URDF names and that are not there.
+    """
+
+    parts: tuple[LinkPart, ...]
+    discs: tuple[Disc, ...]
+    missing: tuple[str, ...]
+
+    def joints(self) -> set[str]:
+        """Joints that carry something to see."""
+        return {part.joint for part in self.parts}
+
+
+def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
+    """Load the visual geometry of a URDF for a model that was built from it.
+
+    The model may have locked joints, a joint between world and pelvis, and resized segments: parts
+    move and grow with the segment that carries them.
+
+    Args:
+        model: The model.
+        urdf: Its URDF.
+
+    Returns:
+        The visuals.
+
+    Raises:
+        ModelError: If the URDF cannot be read.
+        ViewerError: If a mesh cannot be read.
+    """
+    root = ElementTree.fromstring(read_urdf(urdf))
+    missing = _resolve_meshes(root, urdf)
+    if root.find(".//capsule") is not None:
+        root.set("version", "1.2")  # Pinocchio overlooks capsules in a file of version 1.0
+    nominal, geometry = _nominal(model, urdf, ElementTree.tostring(root, encoding="unicode"))
+    stretches = {name: _stretch(nominal, model, name) for name in nominal.names}
+    carrier = {FIXED_JOINT: PELVIS_JOINT if model.existJointName(PELVIS_JOINT) else FIXED_JOINT}
+    parts: dict[tuple[str, tuple[float, ...]], list[Shape]] = {}
+    discs: list[Disc] = []
+    for item in geometry.geometryObjects:
+        joint = str(nominal.names[item.parentJoint])
+        raw = _shape_of(item)
+        if raw is None:
+            continue
+        shape, moved_by = _fit(shapes.moved(raw, item.placement.homogeneous), stretches[joint])
+        joint = carrier.get(joint, joint)
+        colour = tuple(round(float(value), 4) for value in item.meshColor)
+        parts.setdefault((joint, colour), []).append(shape)
+        if type(item.geometry).__name__ == "Cylinder":
+            centre = np.asarray(item.placement.translation) + moved_by
+            axis = np.asarray(item.placement.rotation)[:, 2].copy()
+            length = 2.0 * float(item.geometry.halfLength)
+            discs.append(Disc(joint, centre, axis, float(item.geometry.radius), length))
+    return Visuals(
+        tuple(LinkPart(joint, _four(colour), merge(items)) for (joint, colour), items in parts.items()),
+        tuple(discs),
+        tuple(missing),
+    )
+
+
+def merge(items: Iterable[Shape]) -> Shape:
+    """Join meshes into one.
+
+    Args:
+        items: Meshes in the same frame.
+
+    Returns:
+        One mesh.
+    """
+    vertices, normals, faces, count = [], [], [], 0
+    for item in items:
+        vertices.append(item.vertices)
+        normals.append(item.normals)
+        faces.append(item.faces + count)
+        count += len(item.vertices)
+    return Shape(np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces))
+
+
+def _resolve_meshes(root: ElementTree.Element, urdf: Path) -> list[str]:
+    """Make mesh paths absolute; take out the visuals whose mesh is not there, and name them."""
+    missing = []
+    for link in root.iter("link"):
+        for visual in link.findall("visual"):
+            mesh = visual.find("geometry/mesh")
+            if mesh is None:
+                continue
+            name = mesh.get("filename", "")
+            found = _find_mesh(name, urdf.parent)
+            if found is None:
+                missing.append(name)
+                link.remove(visual)
+            else:
+                mesh.set("filename", str(found))
+    return missing
+
+
+def _find_mesh(name: str, folder: Path) -> Path | None:
+    relative = name.removeprefix("package://").removeprefix("file://")
+    inside_package = relative.split("/", 1)[-1] if name.startswith("package://") else relative
+    folders = (folder, *folder.resolve().parents)
+    for candidate in (Path(relative), *(base / part for base in folders for part in (relative, inside_package))):
+        if candidate.is_file():
+            return candidate.resolve()
+    return None
+
+
+def _nominal(model: pin.Model, urdf: Path, text: str) -> tuple[pin.Model, pin.GeometryModel]:
+    """Model and visuals as the file has them, without the joints that the given model lacks."""
+    nominal = build_model(urdf)
+    try:
+        with quiet_stderr():
+            geometry = pin.buildGeomFromUrdfString(nominal, text, pin.GeometryType.VISUAL)
+    except (ValueError, RuntimeError) as error:
+        reason = " ".join(str(error).split())
+        raise ViewerError(f"{urdf}: its visual meshes cannot be read ({reason})") from error
+    locked = [index for index, name in enumerate(nominal.names) if index and not model.existJointName(name)]
+    if locked:
+        nominal, geometry = pin.buildReducedModel(nominal, geometry, locked, pin.neutral(nominal))
+    return nominal, geometry
+
+
+def _stretch(nominal: pin.Model, model: pin.Model, joint: str) -> tuple[np.ndarray, float, float] | None:
+    """Direction, ratio and length of the segment that a joint carries, if the model resized it."""
+    parent = nominal.getJointId(joint) if joint != FIXED_JOINT else 0
+    for child in range(1, nominal.njoints):
+        name = nominal.names[child]
+        if nominal.parents[child] != parent or not model.existJointName(name):
+            continue
+        old = np.asarray(nominal.jointPlacements[child].translation)
+        change = np.asarray(model.jointPlacements[model.getJointId(name)].translation) - old
+        size = float(np.linalg.norm(change))
+        if size > 1e-9:
+            direction = change / size
+            length = float(old @ direction)
+            if length != 0.0:
+                return direction, 1.0 + size / length, abs(length)
+    return None
+
+
+def _fit(shape: Shape, stretch: tuple[np.ndarray, float, float] | None) -> tuple[Shape, np.ndarray]:
+    """Move a part with its segment and lengthen it if it spans it; also by how much it moved."""
+    if stretch is None:
+        return shape, np.zeros(3)
+    direction, ratio, length = stretch
+    along = shape.vertices @ direction
+    if np.ptp(along) >= _SPANNING_SHARE * length:
+        vertices = shape.vertices + (ratio - 1.0) * np.outer(along, direction)
+        return shape._replace(vertices=vertices), np.zeros(3)
+    shift = (ratio - 1.0) * 0.5 * float(along.min() + along.max()) * direction
+    return shape._replace(vertices=shape.vertices + shift), shift
+
+
+def _shape_of(item: Any) -> Shape | None:
+    """Mesh of a visual in its own frame, with the edges of primitives softened."""
+    solid = item.geometry
+    match type(solid).__name__:
+        case "Box":
+            size = 2.0 * np.asarray(solid.halfSide)
+            return shapes.rounded_box(size, min(_EDGE_SHARE * float(size.min()), _LARGEST_EDGE))
+        case "Cylinder":
+            return shapes.cylinder(float(solid.radius), 2.0 * float(solid.halfLength))
+        case "Sphere":
+            return shapes.ellipsoid((float(solid.radius),) * 3)
+        case "Ellipsoid":
+            return shapes.ellipsoid(np.asarray(solid.radii))
+        case "Capsule":
+            return shapes.capsule(float(solid.radius), 2.0 * float(solid.halfLength))
+        case "Cone":
+            return shapes.cone(float(solid.radius), 2.0 * float(solid.halfLength))
+        case _:
+            return _shape_of_mesh(solid)
+
+
+def _shape_of_mesh(solid: Any) -> Shape | None:
+    if not hasattr(solid, "tri_indices") or solid.num_tris == 0:
+        return None
+    vertices = np.array(solid.vertices(), dtype=float)
+    triangles = (solid.tri_indices(index) for index in range(solid.num_tris))
+    faces = np.array([[corner[0], corner[1], corner[2]] for corner in triangles], dtype=int)
+    return shapes.creased(vertices, faces)
+
+
+def _four(colour: tuple[float, ...]) -> tuple[float, float, float, float]:
+    red, green, blue, opacity = colour
+    return red, green, blue, opacity
