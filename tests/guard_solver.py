@@ -9,12 +9,12 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linprog
 
-from twin_gait.gait import TICK, GaitTable, LegSignals, Transition
+from twin_gait.gait import TICK, GaitTable, LegSignals
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, all_signal_names
 
 OWN_TIME = "time_in_phase_s"
@@ -219,48 +219,27 @@ def exits(table: GaitTable, source: str) -> list[int]:
 
 def earliest_time_out(table: GaitTable, source: str) -> float:
     """Ticks after which the first pure time-out of a phase fires; infinite without one."""
-    ticks = [table.transitions[index].time_out_ticks for index in exits(table, source)
-             if table.transitions[index].is_time_out]
+    leaving = [table.transitions[index] for index in exits(table, source)]
+    ticks = [item.time_out_ticks for item in leaving if item.is_time_out]
     return min((item for item in ticks if item is not None), default=math.inf)
 
 
 def edge_of(atom: Comparison, true: bool) -> float:
     """Distance just beyond a threshold: the next tick for times, a thousandth of a comfortable one else."""
-    if OWN_TIME not in (atom.signal, atom.minus) and OTHER_TIME not in (atom.signal, atom.minus):
+    names = (atom.signal, atom.minus)
+    if OWN_TIME not in names and OTHER_TIME not in names:
         return 1e-3 * _range(atom.signal)[2]
     sign = 1.0 if (atom.operator == ">") is true else -1.0
-    tick = math.floor(atom.threshold / TICK) - 2
-    candidates = [(tick + k) * TICK for k in range(6)]
-    if true:
-        beyond = [time for time in candidates if sign * time > sign * atom.threshold]
-    else:  # a comparison that must not hold may lie on its threshold
-        beyond = [time for time in candidates if sign * time >= sign * atom.threshold]
-    return min(sign * (time - atom.threshold) for time in beyond)
+    nearest = round(atom.threshold / TICK)
+    distances = [sign * ((nearest + k) * TICK - atom.threshold) for k in range(-3, 4)]
+    # Strict: a comparison that must not hold may lie on its threshold.
+    return min(item for item in distances if item > 0.0 or (item == 0.0 and not true))
 
 
-def closed_guards(table: GaitTable, item: Transition) -> list[Guard]:
+def other_guards(table: GaitTable, index: int) -> list[Guard]:
     """Guards of the other exits of a transition's phase that are not pure time-outs."""
     return [
-        other.guard
-        for other in (table.transitions[index] for index in exits(table, item.source))
-        if other is not item and not other.is_time_out
+        table.transitions[other].guard
+        for other in exits(table, table.transitions[index].source)
+        if other != index and not table.transitions[other].is_time_out
     ]
-
-
-__all__ = [
-    "OTHER_TIME",
-    "OWN_TIME",
-    "Measurements",
-    "Wish",
-    "clauses",
-    "closed_guards",
-    "closing",
-    "difference",
-    "earliest_time_out",
-    "edge_of",
-    "exits",
-    "holds",
-    "replace",
-    "solve",
-    "solve_with_closed",
-]

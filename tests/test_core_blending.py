@@ -102,7 +102,9 @@ def test_interrupted_fade_goes_on_from_the_present_values(law: int) -> None:
     largest_distance = np.abs(np.diff(np.array(targets), axis=0)).max(axis=0)
     steepest = {BLEND_LINEAR: 1.0, BLEND_MINIMUM_JERK: 15.0 / 8.0}[law]
     assert np.all(np.abs(np.diff(rows, axis=0)) <= 1.001 * steepest * largest_distance / duration)
-    assert_allclose(rows[second + duration :], np.broadcast_to(targets[2], (150 - second - duration, 2)), atol=1e-12)
+    assert_allclose(
+        rows[second + duration :], np.broadcast_to(targets[2], (150 - second - duration, 2)), atol=1e-12
+    )
 
 
 def test_present_values_are_kept_in_the_tick_of_the_switch() -> None:

@@ -51,7 +51,10 @@ def test_static_force_is_the_hertz_spring(penetration: float, stiffness: float, 
 
 
 @given(
-    penetration=st.floats(1e-6, 0.05), rate=st.floats(0.0, 5.0), stiffness=stiffnesses, dissipation=dissipations
+    penetration=st.floats(1e-6, 0.05),
+    rate=st.floats(0.0, 5.0),
+    stiffness=stiffnesses,
+    dissipation=dissipations,
 )
 def test_contact_gives_back_less_than_it_takes(
     penetration: float, rate: float, stiffness: float, dissipation: float
@@ -67,12 +70,14 @@ def test_slow_impact_has_the_restitution_of_hunt_and_crossley(dissipation: float
     """For small c·v the coefficient of restitution is 1 − c v (Hunt and Crossley, 1975)."""
     mass, stiffness = 20.0, 3e5
 
-    def acceleration(q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
+    def acceleration(
+        context: object, offset: float, weight: float, q: np.ndarray, v: np.ndarray, out: np.ndarray
+    ) -> None:
         out[0] = contact_normal_force(-q[0], -v[0], stiffness, dissipation) / mass
 
     q, v, work = np.array([0.0]), np.array([-speed]), np.zeros((5, 1))
     for _ in range(20_000):
-        rk4_step(acceleration, q, v, 2e-5, work)
+        rk4_step(acceleration, None, q, v, 2e-5, work)
         if q[0] > 0.0:
             break
     assert v[0] > 0.0
@@ -139,12 +144,14 @@ def test_both_stops_are_mirror_images(depth: float, velocity: float, dissipation
 def test_joint_bounces_off_its_stop_slower_than_it_came() -> None:
     inertia = 4.0
 
-    def acceleration(q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
+    def acceleration(
+        context: object, offset: float, weight: float, q: np.ndarray, v: np.ndarray, out: np.ndarray
+    ) -> None:
         out[0] = mechanical_stop_torque(q[0], v[0], LOWER, UPPER, 2000.0, 0.5) / inertia
 
     q, v, work = np.array([UPPER]), np.array([1.0]), np.zeros((5, 1))
     half_period = math.pi * math.sqrt(inertia / 2000.0)
     for _ in range(round(2.0 * half_period / 1e-4)):
-        rk4_step(acceleration, q, v, 1e-4, work)
+        rk4_step(acceleration, None, q, v, 1e-4, work)
     assert q[0] < UPPER
     assert -1.0 < v[0] < -0.3

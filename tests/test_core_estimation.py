@@ -20,7 +20,11 @@ SENSORS = SensorParameters()
 
 
 def measurements(
-    angle_at: Callable[[float], float], ticks: int, *, resolution: float = 0.0, sensors: SensorParameters = SENSORS
+    angle_at: Callable[[float], float],
+    ticks: int,
+    *,
+    resolution: float = 0.0,
+    sensors: SensorParameters = SENSORS,
 ) -> np.ndarray:
     """Measure a path of one joint; columns angle, fast and slow velocity, one row a tick."""
     gain = first_order_gain(TICK, sensors.fast_time_constant)

@@ -125,7 +125,7 @@ def test_a_set_whose_dip_falls_below_zero_is_refused_or_never_drives() -> None:
 
 
 @given(a=st.floats(0.1, 30.0), share=st.floats(0.0, 0.99), c=st.floats(0.01, 2.0))
-def test_stribeck_term_peaks_at_c_over_root_two_with_height_a_minus_b(a: float, share: float, c: float) -> None:
+def test_stribeck_peak_is_a_minus_b_at_c_over_root_two(a: float, share: float, c: float) -> None:
     """√(2e)·x·exp(−x²) has the maximum 1 at x = 1/√2; with a > b it is a Stribeck peak."""
     b = share * a
     peak = c / math.sqrt(2.0)
@@ -153,7 +153,10 @@ def test_joint_at_rest_feels_no_friction() -> None:
 def test_scaled_friction_is_the_ratio_times_the_law(velocity: float, ratio: float) -> None:
     scaled = HIP_FRICTION.scaled(ratio)
     assert_allclose(
-        friction_torque(velocity, scaled), ratio * friction_torque(velocity, HIP_FRICTION), rtol=1e-12, atol=1e-12
+        friction_torque(velocity, scaled),
+        ratio * friction_torque(velocity, HIP_FRICTION),
+        rtol=1e-12,
+        atol=1e-12,
     )
 
 

@@ -65,14 +65,16 @@ def test_joint_on_an_impedance_is_a_damped_oscillator(ratio: float) -> None:
     stiffness, inertia, equilibrium = 150.0, 4.0, 0.3
     damping = damping_from_ratio(ratio, stiffness, inertia)
 
-    def acceleration(q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
+    def acceleration(
+        context: object, offset: float, weight: float, q: np.ndarray, v: np.ndarray, out: np.ndarray
+    ) -> None:
         out[0] = impedance_torque(q[0], v[0], stiffness, damping, equilibrium) / inertia
 
     q, v, work = np.array([-0.2]), np.array([1.5]), np.zeros((5, 1))
     steps, step = 1000, 1e-3
     start = np.array([q[0] - equilibrium, v[0]])
     for _ in range(steps):
-        rk4_step(acceleration, q, v, step, work)
+        rk4_step(acceleration, None, q, v, step, work)
     system = np.array([[0.0, 1.0], [-stiffness / inertia, -damping / inertia]])
     offset, velocity = expm(system * steps * step) @ start
     # RK4 errs by about (ω h)^4 T ω / 120 = 1e-11 relative here.
@@ -87,10 +89,12 @@ def test_successive_peaks_shrink_by_the_logarithmic_decrement(ratio: float) -> N
     damped_frequency = math.sqrt(stiffness / inertia) * math.sqrt(1.0 - ratio**2)
     period = 2.0 * math.pi / damped_frequency
 
-    def acceleration(q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
+    def acceleration(
+        context: object, offset: float, weight: float, q: np.ndarray, v: np.ndarray, out: np.ndarray
+    ) -> None:
         out[0] = impedance_torque(q[0], v[0], stiffness, damping, 0.0) / inertia
 
     q, v, work = np.array([0.4]), np.array([0.0]), np.zeros((5, 1))
     for _ in range(2000):
-        rk4_step(acceleration, q, v, period / 2000, work)
+        rk4_step(acceleration, None, q, v, period / 2000, work)
     assert_allclose(math.log(0.4 / q[0]), 2.0 * math.pi * ratio / math.sqrt(1.0 - ratio**2), rtol=1e-9)

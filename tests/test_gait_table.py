@@ -43,9 +43,7 @@ def test_sound_table_is_accepted() -> None:
 
 def test_table_needs_joints_and_phases() -> None:
     assert "joints" in message_of(lambda: two_phase_table(joints=()))
-    assert "phases" in message_of(
-        lambda: GaitTable(name="empty", joints=JOINTS, phases={}, transitions=())
-    )
+    assert "phases" in message_of(lambda: GaitTable(name="empty", joints=JOINTS, phases={}, transitions=()))
 
 
 def test_joint_named_twice_is_refused() -> None:
@@ -242,7 +240,9 @@ def scaled(table: GaitTable, mass: float | None = None, speed: float | None = No
 def scaling_table(law: Scaling) -> GaitTable:
     joints = {"hip": impedance(equilibrium_angle=0.5), "knee": impedance(equilibrium_angle=0.7)}
     return two_phase_table(
-        transition("stance", "swing", AllOf(guards=(guard("hip.angle_deg < -10"), guard("knee.angle_deg > 30")))),
+        transition(
+            "stance", "swing", AllOf(guards=(guard("hip.angle_deg < -10"), guard("knee.angle_deg > 30")))
+        ),
         transition("stance", "swing", "other.hip.angle_deg - hip.angle_deg > 20"),
         transition("stance", "swing", "hip.velocity_deg_per_s < 50"),
         phases={"stance": phase(joints=joints), "swing": phase(joints=joints)},
@@ -257,7 +257,9 @@ def scaling_table(law: Scaling) -> GaitTable:
     exponent=st.floats(-1.0, 1.0),
     centre=st.floats(-0.5, 0.5),
 )
-def test_at_its_references_a_table_is_unchanged(mass: float, speed: float, exponent: float, centre: float) -> None:
+def test_at_its_references_a_table_is_unchanged(
+    mass: float, speed: float, exponent: float, centre: float
+) -> None:
     law = Scaling(
         carried_mass=mass,
         stance_phases=("stance",),
@@ -309,7 +311,9 @@ def test_damping_ratio_is_resolved_with_the_inertia_at_the_equilibrium() -> None
         "hip": impedance(damping=None, damping_ratio=0.7, stiffness=150.0, equilibrium_angle=0.3),
         "knee": impedance(damping=12.0, equilibrium_angle=0.6),
     }
-    table = two_phase_table(phases={"stance": phase(joints=joints, gravity_compensation=0.25), "swing": phase()})
+    table = two_phase_table(
+        phases={"stance": phase(joints=joints, gravity_compensation=0.25), "swing": phase()}
+    )
     asked = []
 
     def inertia(side: Side, posture: Any, joint: str) -> float:

@@ -34,9 +34,10 @@ from twin_gait.vocabulary import JointName
 
 
 class Engine(StrEnum):
-    """What computes the forward dynamics."""
+    """What steps through the episode: the same laws, as Python on Pinocchio or compiled."""
 
     PINOCCHIO = "pinocchio"
+    COMPILED = "compiled"
 
 
 class IntegrationMethod(StrEnum):

@@ -158,7 +158,7 @@ class ActuatorParameters:
     gear_ratio: float = 100.0  # CSD-25-100, thesis 2.2.1
     gear_inertia: float = 0.282e-4  # CSD-25, catalogue value from memory (medium-high confidence)
     gear_efficiency: float = 1.0
-    continuous_torque: float = 43.0  # THESIS.md, "knee RMS 40 Nm of 43 continuous"
+    continuous_torque: float = 43.0  # nominal 6.06 A of the 24 V winding: 6.06 × 7.05 = 42.7
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -245,7 +245,7 @@ class SensorParameters:
 
     Attributes:
         ideal: True for exact angles; the velocity filters stay.
-        encoder_counts: Counts per motor turn (an assumption, ARCHITECTURE.md).
+        encoder_counts: Counts per motor turn (an assumption).
         angle_noise: Standard deviation of white noise on the motor-side angle, seen at the joint, in [rad].
         fast_time_constant: Of ``velocity_fast`` in [s].
         decimation: Of ``velocity_slow``: every so many ticks one encoder difference.
@@ -315,7 +315,7 @@ class AnkleParameters:
     """Ankle-foot orthosis: a passive spring and damper about the neutral position.
 
     Attributes:
-        stiffness: In [N m] / [rad] (THESIS.md: 200).
+        stiffness: In [N m] / [rad] (an assumption).
         damping: In [N m s] / [rad].
     """
 

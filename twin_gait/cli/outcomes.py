@@ -18,7 +18,7 @@ def add_parser(commands: Any) -> None:
             "and print a map of the outcomes, failures included."
         ),
     )
-    parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
+    parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes")
     parser.add_argument("--out", type=Path, metavar="FILE", help="also write the table as CSV")

@@ -22,11 +22,13 @@ def add_parser(commands: Any) -> None:
         help="simulate a gait and keep the run",
         description="Simulate a preset or an experiment file and write a run directory.",
     )
-    parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
+    parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file")
     parser.add_argument("--out", type=Path, metavar="DIR", help="run directory (runs/<time>-<name>)")
     parser.add_argument("--force", action="store_true", help="replace an existing run directory")
     parser.add_argument("--duration", type=float, metavar="S", help="simulated time in seconds")
-    parser.add_argument("--engine", help="what computes the forward dynamics (pinocchio)")
+    parser.add_argument(
+        "--engine", help="pinocchio (Python on Pinocchio) or compiled (the same laws, faster)"
+    )
     parser.add_argument(
         "--set",
         action="append",
@@ -104,13 +106,16 @@ def report(result: Run, summary: dict[str, Any], out: Path) -> None:
 def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
     """The figures that a reader wants first."""
     for side, values in summary["sides"].items():
-        if values.get("strides"):
-            yield (
-                f"{side}: {values['strides']} strides of {values['stride_time_mean_s']:.2f} s, "
-                f"swing {values['swing_share'] * 100:.0f} %, "
-                f"RMSE hip {values['rmse_hip_by_contact_deg']:.1f}°, "
-                f"knee {values['rmse_knee_by_contact_deg']:.1f}°"
-            )
+        if not values.get("strides_counted"):
+            continue
+        line = (
+            f"{side}: {values['strides']} strides of {values['stride_time_mean_s']:.2f} s, "
+            f"swing {values['swing_share'] * 100:.0f} %"
+        )
+        hip, knee = values["rmse_hip_by_contact_deg"], values["rmse_knee_by_contact_deg"]
+        if hip is not None:
+            line = f"{line}, off the Koopman reference by {hip:.1f}° (hip) and {knee:.1f}° (knee) RMS"
+        yield line
 
 
 @contextmanager

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,11 +29,72 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Show the target until Ctrl-C."""
     from twin_gait.exceptions import ParameterError
+    from twin_gait.leg_model.urdf import PACKAGED_URDFS
     from twin_gait.studies.record import load_run
 
     if not 0.0 < arguments.speed <= 100.0:
         raise ParameterError(f"--speed: expected a number above 0 and at most 100, got {arguments.speed:g}")
-    if arguments.target.suffix == ".urdf" or (arguments.target.is_file() and not arguments.target.is_dir()):
-        return show_urdf(arguments.target)
-    stored = load_run(arguments.target)
-    return show_log(stored.experiment, stored.log, speed=arguments.speed, once=arguments.once)
+    target = arguments.target
+    if target.is_file() or str(target) in PACKAGED_URDFS:
+        return show_urdf(target)
+    stored = load_run(target)
+    return show_log(stored.experiment, stored.log, speed=arguments.speed, repeat=not arguments.once)
+
+
+def show_log(experiment: Experiment, log: pd.DataFrame, *, speed: float = 1.0, repeat: bool = True) -> int:
+    """Play a log in the live viewer until it ends or Ctrl-C.
+
+    Args:
+        experiment: What was run.
+        log: One row per tick.
+        speed: Seconds of the log per second.
+        repeat: Whether to start over at the end.
+
+    Returns:
+        Exit status.
+    """
+    from twin_gait.cli.main import DONE
+    from twin_gait.cli.simulate import stop_on_interrupt
+    from twin_gait.studies.record import belt_speed_of, describe
+    from twin_gait.viewer import show_run
+
+    belt_speed = belt_speed_of(experiment)
+    with stop_on_interrupt() as should_stop:
+        show_run(
+            log,
+            experiment.build_world().model,
+            title=f"twin_gait · {experiment.name}",
+            subtitle=describe(experiment.patient, belt_speed),
+            patient=experiment.patient,
+            belt_speed=belt_speed,
+            speed=speed,
+            repeat=repeat,
+            should_stop=should_stop,
+            announce=announce,
+        )
+    return DONE
+
+
+def show_urdf(path: Path) -> int:
+    """Show a URDF until Ctrl-C.
+
+    Args:
+        path: The file, or the name of a packaged one.
+
+    Returns:
+        Exit status.
+    """
+    from twin_gait.cli.main import DONE
+    from twin_gait.cli.simulate import stop_on_interrupt
+    from twin_gait.viewer import view_urdf
+
+    with stop_on_interrupt() as should_stop, view_urdf(path) as viewer:
+        announce(viewer.url)
+        while not should_stop():
+            time.sleep(0.1)
+    return DONE
+
+
+def announce(url: str) -> None:
+    """Say where the page is."""
+    print(f"open {url} in a browser; Ctrl-C ends", flush=True)

@@ -148,7 +148,7 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
     base = _resolve_preset(read_yaml(_folder() / f"{name}.yaml"), _folder() / f"{name}.yaml")
     rest = {key: value for key, value in data.items() if key != "preset"}
     table = rest.pop("table", base.get("table"))
-    if isinstance(table, dict) and "phases" not in table:
+    if isinstance(table, dict) and "schema_version" not in table:
         table = merge(_resolve_table(base.get("table"), path), table)
     return {**merge({**base, "name": path.stem}, rest), "table": table}
 

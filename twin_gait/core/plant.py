@@ -71,6 +71,48 @@ def passive_torques(q: Array, v: Array, rows: Array, out: Array) -> None:
         )
 
 
+# Sources of work on the leg.
+MOTOR_WORK, FRICTION_WORK, STOP_WORK, SPRING_WORK, CONTACT_WORK, PATIENT_WORK = range(6)
+WORK_SOURCE_COUNT = 6
+
+
+def add_work(
+    duration: float,
+    motor: Array,
+    passive: Array,
+    hand_index: int,
+    hand: float,
+    contact_power: float,
+    v: Array,
+    works: Array,
+) -> None:
+    """Add the work that every source does on the leg in a short time.
+
+    Args:
+        duration: In [s].
+        motor: Motor torques, shape ``(n,)``.
+        passive: From :func:`passive_torques`, shape ``(n, PASSIVE_COLUMNS)``.
+        hand_index: Coordinate that a hand moves, or a negative number.
+        hand: Torque of the hand in [N m].
+        contact_power: Of all contact forces in [W].
+        v: Velocities, shape ``(n,)``.
+        works: Work by source in [J], shape ``(WORK_SOURCE_COUNT,)``; changed in place.
+    """
+    by_motor, by_friction, by_stop, by_spring = 0.0, 0.0, 0.0, 0.0
+    for i in range(v.shape[0]):
+        by_motor += motor[i] * v[i]
+        by_friction += passive[i, FRICTION] * v[i]
+        by_stop += passive[i, STOP] * v[i]
+        by_spring += passive[i, SPRING] * v[i]
+    works[MOTOR_WORK] += duration * by_motor
+    works[FRICTION_WORK] += duration * by_friction
+    works[STOP_WORK] += duration * by_stop
+    works[SPRING_WORK] += duration * by_spring
+    works[CONTACT_WORK] += duration * contact_power
+    if hand_index >= 0:
+        works[PATIENT_WORK] += duration * hand * v[hand_index]
+
+
 def hand_torque(
     time: float,
     angle: float,

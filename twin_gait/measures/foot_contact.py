@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-CONTACT_FORCE = 20.0  # [N], ARCHITECTURE.md: heel strike is the first rise above it after swing
+CONTACT_FORCE = 20.0  # [N]; heel strike is the first rise above it after swing
 # A foot that is off the ground for less than this has bounced, not swung; a touch that is shorter
 # than this between two swings is a scuff, not a stance.
 SHORTEST_SWING = 0.15  # [s]

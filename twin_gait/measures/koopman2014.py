@@ -38,9 +38,9 @@ class EventRegression(NamedTuple):
     acceleration: Coefficients
 
 
-# Koopman et al. (2014), tables 2 to 5. Two cells are blank in the copy at hand and taken as 0: the
-# speed² coefficient of the velocity of the knee's fastest extension, and the height coefficient of
-# the timing of the ankle's lowest angle in stance.
+# Koopman et al. (2014), tables 2 to 5. Two cells are blank in the copy that they were taken from, and 0
+# here: the speed² coefficient of the velocity of the knee's fastest extension, and the height
+# coefficient of the timing of the ankle's lowest angle in stance.
 HIP_EVENTS = (
     EventRegression(  # heel contact
         HEEL_CONTACT, (20.354, 1.934, 0.0, 0.0), (-2.062, 0.0, 0.0, 1.112), (-0.068, 0.031, 0.0, 0.0)

@@ -1,6 +1,6 @@
 """Simulate an experiment; nothing here touches a disk."""
 
 from twin_gait.simulation.run import Run, RunStatus
-from twin_gait.simulation.simulate import simulate
+from twin_gait.simulation.simulator import simulate
 
 __all__ = ["Run", "RunStatus", "simulate"]

@@ -13,8 +13,17 @@ from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.core.control_tick import blend_phase, drive_motor, leg_signals, measure_joints
 from twin_gait.core.estimation import first_order_step
-from twin_gait.core.integrators import rk4_stage_weight, rk4_step, semi_implicit_euler_step
-from twin_gait.core.plant import FRICTION, PASSIVE_COLUMNS, SPRING, STOP, hand_torque, passive_torques
+from twin_gait.core.integrators import rk4_step, semi_implicit_euler_step
+from twin_gait.core.plant import (
+    FRICTION,
+    PASSIVE_COLUMNS,
+    SPRING,
+    STOP,
+    WORK_SOURCE_COUNT,
+    add_work,
+    hand_torque,
+    passive_torques,
+)
 from twin_gait.experiment import IntegrationMethod
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.scaling import COLUMNS_PER_JOINT
@@ -28,8 +37,6 @@ from twin_gait.vocabulary import JointName
 # A joint that turns faster than this has left physics: the run has diverged.
 DIVERGED_VELOCITY = 1e3  # [rad] / [s]
 PROGRESS_TICKS = 100
-
-MOTOR_WORK, FRICTION_WORK, STOP_WORK, SPRING_WORK, CONTACT_WORK, PATIENT_WORK = range(len(WORK_SOURCES))
 
 ControllerFactory = Callable[[ActuatedJoint], Controller]
 
@@ -89,8 +96,8 @@ class _Plant:
         self.passive = np.zeros((n, PASSIVE_COLUMNS))
         self.hand = 0.0
         self.time = 0.0
-        self.powers = np.zeros(len(WORK_SOURCES))
-        self.works = np.zeros(len(WORK_SOURCES))
+        self.contact_power = 0.0
+        self.works = np.zeros(WORK_SOURCE_COUNT)
         self.feet = {side: self._foot(names) for side, names in world.contact_frames.items() if names}
         self.normal_force = dict.fromkeys(self.feet, 0.0)
         self.friction_force = dict.fromkeys(self.feet, 0.0)
@@ -99,9 +106,21 @@ class _Plant:
         for _ in range(self.model.njoints):
             self.external.append(pin.Force.Zero())
         self._work = np.zeros((5, n))
-        self._stage = 0
-        self._stage_powers = np.zeros(len(WORK_SOURCES))
+        self._work_step = 0.0
         self._last_contact_power = 0.0
+        self._contacts_known = False
+        self._evaluated = False
+        self._recorded_a = np.zeros(n)
+
+    def look(self) -> None:
+        """Evaluate the contacts at the present state, for the sensors of this tick."""
+        self.update_contacts(self.q, self.v)
+        self._contacts_known = True
+
+    def evaluate(self) -> None:
+        """Evaluate the present state with the motor torques of this tick, for record and first step."""
+        self.acceleration(self.q, self.v, self._recorded_a)
+        self._evaluated = True
 
     def _foot(self, names: tuple[str, ...]) -> _FootPoints:
         frames = [self.model.frames[self.model.getFrameId(name)] for name in names]
@@ -116,16 +135,20 @@ class _Plant:
         pin.forwardKinematics(self.model, self.data, q, v)
         power = 0.0
         for side, foot in self.feet.items():
-            (r00, r01, r02), _, (r20, r21, r22) = self.data.oMi[foot.joint].rotation.tolist()
-            height = float(self.data.oMi[foot.joint].translation[2])
-            motion = self.data.v[foot.joint]
-            lx, ly, lz = motion.linear.tolist()
-            wx, wy, wz = motion.angular.tolist()
+            placement = self.data.oMi[foot.joint]
+            (r00, r01, r02), _, (r20, r21, r22) = placement.rotation.tolist()
+            height = placement.translation.tolist()[2]
+            heights = [height + r20 * x + r21 * y + r22 * z for x, y, z in foot.points]
+            self.clearance[side] = min(heights)
+            loaded = self.normal_force[side] > 0.0
+            if self.clearance[side] >= 0.0:
+                self.normal_force[side] = self.friction_force[side] = 0.0
+                if loaded:
+                    self.external[foot.joint] = pin.Force.Zero()
+                continue
+            lx, ly, lz, wx, wy, wz = self.data.v[foot.joint].vector.tolist()
             normal = friction = fx = fy = fz = mx = my = mz = 0.0
-            clearance = np.inf
-            for x, y, z in foot.points:
-                point_height = height + r20 * x + r21 * y + r22 * z
-                clearance = min(clearance, point_height)
+            for (x, y, z), point_height in zip(foot.points, heights, strict=True):
                 if point_height >= 0.0:
                     continue
                 ux, uy, uz = lx + wy * z - wz * y, ly + wz * x - wx * z, lz + wx * y - wy * x
@@ -147,15 +170,18 @@ class _Plant:
                 px, py, pz = r00 * along + r20 * up, r01 * along + r21 * up, r02 * along + r22 * up
                 fx, fy, fz = fx + px, fy + py, fz + pz
                 mx, my, mz = mx + y * pz - z * py, my + z * px - x * pz, mz + x * py - y * px
-            loaded = self.normal_force[side] > 0.0
             self.normal_force[side], self.friction_force[side] = normal, friction
-            self.clearance[side] = clearance
             if normal > 0.0 or loaded:
                 self.external[foot.joint] = pin.Force(np.array([fx, fy, fz, mx, my, mz]))
-        self.powers[CONTACT_WORK] = power
+        self.contact_power = power
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
-        """Accelerations of a state; keeps torques, forces and powers of this evaluation."""
+        """Accelerations of a state; keeps the torques and forces of this evaluation."""
+        if self._evaluated:
+            # The first evaluation of a tick is that of the record: same state, same motor torque.
+            self._evaluated = False
+            out[:] = self._recorded_a
+            return
         passive_torques(q, v, self.world.plant_rows, self.passive)
         torque = self.motor + self.passive.sum(axis=1)
         hand = self.world.hand
@@ -172,49 +198,47 @@ class _Plant:
                 hand.release_time,
             )
             torque[hand.index] += self.hand
-        self.update_contacts(q, v)
+        if self._contacts_known:
+            self._contacts_known = False
+        else:
+            self.update_contacts(q, v)
         out[:] = pin.aba(self.model, self.data, q, v, torque, self.external)
 
-    def _update_powers(self, v: np.ndarray) -> None:
-        """Power of every source but the contact, which :meth:`update_contacts` keeps."""
-        self.powers[MOTOR_WORK] = self.motor @ v
-        friction, stop, spring = v @ self.passive
-        self.powers[FRICTION_WORK] = friction
-        self.powers[STOP_WORK] = stop
-        self.powers[SPRING_WORK] = spring
-        if self.world.hand is not None:
-            self.powers[PATIENT_WORK] = self.hand * v[self.world.hand.index]
-
-    def step_euler(self, step: float) -> None:
-        """One semi-implicit Euler step; work by the mean of old and new velocity."""
+    def step(self, step: float, method: IntegrationMethod) -> None:
+        """One integration step, with the work that every source does in it."""
+        if method is IntegrationMethod.RK4:
+            self._work_step = step
+            rk4_step(self._staged, None, self.q, self.v, step, self._work)
+            return
         before = self.v.copy()
-        semi_implicit_euler_step(self.acceleration, self.q, self.v, step, self.a)
-        contact = self.powers[CONTACT_WORK]
-        self._update_powers(0.5 * (before + self.v))
+        semi_implicit_euler_step(self._single, None, self.q, self.v, step, self.a)
+        # Torques work on the mean of old and new velocity, which closes the balance of this method.
         # The contact is only known at its evaluations: trapezoid between this one and the last.
-        self.powers[CONTACT_WORK] = 0.5 * (contact + self._last_contact_power)
-        self._last_contact_power = contact
-        self.works += step * self.powers
+        contact = 0.5 * (self.contact_power + self._last_contact_power)
+        self._last_contact_power = self.contact_power
+        self._add_work(step, contact, 0.5 * (before + self.v))
 
-    def step_rk4(self, step: float) -> None:
-        """One Runge-Kutta step; work integrated with the weights of the stages."""
-        self._stage, start = 0, self.time
-        self._stage_powers[:] = 0.0
+    def _single(
+        self, context: None, offset: float, weight: float, q: np.ndarray, v: np.ndarray, out: np.ndarray
+    ) -> None:
+        self.acceleration(q, v, out)
 
-        def staged(q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
-            self.time = start + step * (0.0, 0.5, 0.5, 1.0)[self._stage]
-            self.acceleration(q, v, out)
-            self._update_powers(v)
-            self._stage_powers += rk4_stage_weight(self._stage) * self.powers
-            self._stage += 1
-
-        rk4_step(staged, self.q, self.v, step, self._work)
+    def _staged(
+        self, context: None, offset: float, weight: float, q: np.ndarray, v: np.ndarray, out: np.ndarray
+    ) -> None:
+        start = self.time
+        self.time = start + offset * self._work_step
+        self.acceleration(q, v, out)
         self.time = start
-        self.works += step * self._stage_powers
+        self._add_work(weight * self._work_step, self.contact_power, v)
+
+    def _add_work(self, duration: float, contact_power: float, v: np.ndarray) -> None:
+        hand_index = -1 if self.world.hand is None else self.world.hand.index
+        add_work(duration, self.motor, self.passive, hand_index, self.hand, contact_power, v, self.works)
 
     def guide_wrench(self) -> tuple[float, float]:
         """Horizontal force [N] and pitching moment [N m] of the pelvis guide at the present state."""
-        pin.rnea(self.model, self.data, self.q, self.v, self.a, self.external)
+        pin.rnea(self.model, self.data, self.q, self.v, self._recorded_a, self.external)
         wrench = self.data.f[int(self.model.getJointId(PELVIS_JOINT))]
         return float(wrench.linear[0]), float(wrench.angular[1])
 
@@ -313,7 +337,7 @@ class PinocchioEngine:
     def _tick(self, tick: int, row: np.ndarray) -> None:
         """Measure, decide, control, record, integrate."""
         self.plant.time = tick * TICK
-        self.plant.update_contacts(self.plant.q, self.plant.v)
+        self.plant.look()
         self._measure(tick)
         self._decide(tick)
         feed_forward = self._feed_forward()
@@ -458,17 +482,14 @@ class PinocchioEngine:
         start = self.plant.time
         for substep in range(integration.substeps):
             self.plant.time = start + substep * integration.step
-            if integration.method is IntegrationMethod.RK4:
-                self.plant.step_rk4(integration.step)
-            else:
-                self.plant.step_euler(integration.step)
+            self.plant.step(integration.step, integration.method)
 
     # ------------------------------------------------------------------ recording
 
     def _record(self, row: np.ndarray, battery_power: float) -> None:
         """Write everything that is not a controller's, at the state before integration."""
         plant, world, layout = self.plant, self.problem.world, self.layout
-        plant.acceleration(plant.q, plant.v, plant.a)
+        plant.evaluate()
         for leg, machine in enumerate(self.machines.values()):
             row[leg] = machine.phase_index
         for joint in self.problem.joints:

@@ -10,49 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 from twin_gait.simulation.tracing import Scalar, cosine, sine
 
 Vector = list[Scalar]
 Matrix = list[Vector]
 ZERO: Vector = [0.0, 0.0, 0.0]
-
-
-class BodyArrays(NamedTuple):
-    """One body and the joint that carries it.
-
-    Attributes:
-        parent: Index of the parent body, -1 for the world.
-        prismatic: Whether the joint slides instead of turning.
-        axis: Of the joint, in its own frame, shape ``(3,)``.
-        rotation: Of the joint frame in the parent frame at zero, shape ``(3, 3)``.
-        position: Of the joint frame in the parent frame in [m], shape ``(3,)``.
-        mass: In [kg].
-        first_moment: Mass times centre of mass in the joint frame in [kg m], shape ``(3,)``.
-        inertia: About the joint frame's origin in [kg m²], shape ``(3, 3)``.
-        armature: Inertia of the rotor at the joint.
-    """
-
-    parent: int
-    prismatic: bool
-    axis: Vector
-    rotation: Matrix
-    position: Vector
-    mass: Scalar
-    first_moment: Vector
-    inertia: Matrix
-    armature: Scalar
-
-
-class ContactPoint(NamedTuple):
-    """A point of a body that may touch the ground.
-
-    Attributes:
-        body: Index of the body.
-        position: In the body's joint frame in [m], shape ``(3,)``.
-    """
-
-    body: int
-    position: Vector
 
 
 class Dynamics(NamedTuple):
@@ -61,12 +24,26 @@ class Dynamics(NamedTuple):
     Attributes:
         acceleration: Of the coordinates, shape ``(n,)``.
         contacts: Results of the contact law per point.
-        root_force: Force on the first body by its joint in world axes, shape ``(3,)``.
-        root_moment: Moment likewise, about its origin.
     """
 
     acceleration: Vector
     contacts: list[list[Scalar]]
+
+
+class InverseDynamics(NamedTuple):
+    """Forces that go with a motion.
+
+    Attributes:
+        torques: On the coordinates, without armature, shape ``(n,)``.
+        contacts: Results of the contact law per point.
+        root_force: Force that the first joint passes on to its body, in the body's frame.
+        root_moment: Moment likewise, about the joint frame's origin.
+    """
+
+    torques: list[Scalar]
+    contacts: list[list[Scalar]]
+    root_force: Vector
+    root_moment: Vector
 
 
 def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
@@ -168,27 +145,29 @@ def _path_to_contacts(bodies: Sequence[BodyArrays], contacts: Sequence[ContactPo
     return needed
 
 
-def bias_forces(
+def newton_euler(
     bodies: Sequence[BodyArrays],
     poses: Sequence[_Pose],
     v: Sequence[Scalar],
+    a: Sequence[Scalar],
     gravity: Vector,
-    contacts: Sequence[ContactPoint],
-    contact_law: ContactLaw | None,
-) -> tuple[list[Scalar], list[list[Scalar]]]:
-    """Torques for zero acceleration: Coriolis, centrifugal, gravity, less the contact forces.
+    contacts: Sequence[ContactPoint] = (),
+    contact_law: ContactLaw | None = None,
+) -> InverseDynamics:
+    """Torques of a motion: inertia, Coriolis, centrifugal, gravity, less the contact forces.
 
     Args:
         bodies: The model.
         poses: Of the bodies.
         v: Velocities.
+        a: Accelerations; zeros give the bias.
         gravity: Acceleration of gravity in the world frame.
         contacts: Points that may touch the ground.
         contact_law: From position and velocity of a point in the world to its force along world x
             and z (first two results) and anything else.
 
     Returns:
-        Torques and the results of the contact law per point.
+        Torques, contact results and what the first joint carries.
     """
     velocity: list[tuple[Vector, Vector]] = []
     force: list[list[Vector]] = []
@@ -206,8 +185,13 @@ def bias_forces(
         joint_w, joint_l = scale(pose.angular, v[index]), scale(pose.linear, v[index])
         w = add(times(back, w0), joint_w)
         linear = add(times(back, add(l0, cross(w0, pose.position))), joint_l)
-        aw = add(times(back, aw0), cross(w, joint_w))
-        al = add(times(back, add(al0, cross(aw0, pose.position))), cross(w, joint_l), cross(linear, joint_w))
+        aw = add(times(back, aw0), cross(w, joint_w), scale(pose.angular, a[index]))
+        al = add(
+            times(back, add(al0, cross(aw0, pose.position))),
+            cross(w, joint_l),
+            cross(linear, joint_w),
+            scale(pose.linear, a[index]),
+        )
         velocity.append((w, linear))
         acceleration.append((aw, al))
         momentum_l = add(scale(linear, body.mass), cross(w, body.first_moment))
@@ -242,7 +226,7 @@ def bias_forces(
                 force[parent][0], times(pose.rotation, moment), cross(pose.position, turned)
             )
             force[parent][1] = add(force[parent][1], turned)
-    return bias, results
+    return InverseDynamics(bias, results, force[0][1], force[0][0])
 
 
 def _world_pose(
@@ -363,13 +347,42 @@ def forward_dynamics(
         Accelerations and contact results.
     """
     poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
-    bias, results = bias_forces(bodies, poses, v, gravity, contacts, contact_law)
-    right = [torque - load for torque, load in zip(tau, bias, strict=True)]
-    return Dynamics(solve_along_tree(bodies, mass_matrix(bodies, poses), right), results)
+    zero = [0.0] * len(bodies)
+    bias = newton_euler(bodies, poses, v, zero, gravity, contacts, contact_law)
+    right = [torque - load for torque, load in zip(tau, bias.torques, strict=True)]
+    return Dynamics(solve_along_tree(bodies, mass_matrix(bodies, poses), right), bias.contacts)
 
 
-def gravity_torques(bodies: Sequence[BodyArrays], q: Sequence[Scalar], gravity: Vector) -> list[Scalar]:
-    """Torques that hold a posture against gravity."""
+def inverse_dynamics(
+    bodies: Sequence[BodyArrays],
+    q: Sequence[Scalar],
+    v: Sequence[Scalar],
+    a: Sequence[Scalar],
+    gravity: Vector,
+    contacts: Sequence[ContactPoint] = (),
+    contact_law: ContactLaw | None = None,
+) -> InverseDynamics:
+    """Torques of a motion; see :func:`newton_euler`."""
     poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
-    bias, _ = bias_forces(bodies, poses, [0.0] * len(bodies), gravity, (), None)
-    return bias
+    return newton_euler(bodies, poses, v, a, gravity, contacts, contact_law)
+
+
+def joint_space_inertia(bodies: Sequence[BodyArrays], q: Sequence[Scalar]) -> list[list[Scalar]]:
+    """Mass matrix with armature, both triangles."""
+    poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
+    lower = mass_matrix(bodies, poses)
+    n = len(bodies)
+    return [[lower[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
+
+
+def potential_energy(bodies: Sequence[BodyArrays], q: Sequence[Scalar], gravity: Vector) -> Scalar:
+    """Energy in the field of gravity, zero where the world's origin is."""
+    poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
+    world: list[tuple[Matrix, Vector] | None] = []
+    energy: Scalar = 0.0
+    for body, pose in zip(bodies, poses, strict=True):
+        world.append(_world_pose(body, pose, world, True))
+        rotation, origin = world[-1]  # type: ignore[misc]  # just put there
+        moment = add(times(rotation, body.first_moment), scale(origin, body.mass))
+        energy = energy - dot(gravity, moment)
+    return energy

@@ -212,8 +212,7 @@ def write_run_animation(experiment: Experiment, log: pd.DataFrame, path: Path) -
         log: One row per tick.
         path: The HTML file.
     """
-    scenario = experiment.scenario
-    belt = scenario.belt_speed if isinstance(scenario, TreadmillScenario) else 0.0
+    belt = belt_speed_of(experiment)
     write_animation(
         path,
         log,
@@ -223,6 +222,12 @@ def write_run_animation(experiment: Experiment, log: pd.DataFrame, path: Path) -
         belt_speed=belt,
         patient=experiment.patient,
     )
+
+
+def belt_speed_of(experiment: Experiment) -> float:
+    """Speed of the belt in [m] / [s]; 0 on the bench."""
+    scenario = experiment.scenario
+    return scenario.belt_speed if isinstance(scenario, TreadmillScenario) else 0.0
 
 
 def describe(patient: PatientParameters | None, belt_speed: float) -> str:

@@ -15,6 +15,7 @@ from twin_gait.gait.table import TICK, BlendingLaw
 from twin_gait.measures.effort import battery_use, changes_at_switches
 from twin_gait.measures.energy import energy_balance
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
+from twin_gait.report.reference import reference_stride_time
 from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, WORK_SOURCES
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.studies.side_summary import summarise_side
@@ -63,6 +64,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "status": str(run.status),
         "reason": run.reason,
         "fell": run.status is RunStatus.FELL,
+        "reference_stride_time_s": reference_stride_time(run.experiment),
         "strides_skipped": skip_strides,
         "sides": sides,
         "symmetry": _symmetry(sides),
@@ -76,7 +78,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
 
 
 def _plain(value: Any) -> Any:
-    """Turn numpy numbers into Python's and what is not finite into None."""
+    """Turn numpy numbers and names into Python's own and what is not finite into None."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, bool | np.bool_):
@@ -85,7 +87,7 @@ def _plain(value: Any) -> Any:
         return int(value)
     if isinstance(value, float | np.floating):
         return float(value) if math.isfinite(value) else None
-    return value
+    return value if value is None else str(value)
 
 
 def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None:

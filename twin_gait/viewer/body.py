@@ -6,7 +6,7 @@ The shape of a limb is drawn by eye for a body of 1.75 m and 70 kg and scaled; i
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from twin_gait.viewer import shapes
 from twin_gait.viewer.commands import Material
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.shapes import Shape
+from twin_gait.vocabulary import Side
 
 SKIN = Material(colour=(0.80, 0.60, 0.50), opacity=0.42, roughness=0.75)
 CLOTH = Material(colour=(0.52, 0.60, 0.70), opacity=0.55, roughness=0.9)
@@ -29,7 +30,7 @@ _KNEE_INSIDE, _ANKLE_INSIDE = 0.62, 0.42
 
 # Rings: share of the segment below its upper joint, centre forward, half axis forward and sideways [m].
 _THIGH = (
-    (-0.08, -0.004, 0.082, 0.076),
+    (-0.03, -0.004, 0.080, 0.074),
     (0.08, -0.002, 0.088, 0.080),
     (0.30, 0.006, 0.081, 0.075),
     (0.55, 0.009, 0.068, 0.064),
@@ -72,18 +73,18 @@ _STRAPS = {"thigh": (0.46, 0.60), "shank": (0.32, 0.46)}  # cuffs around the lim
 
 
 def draw_wearer(
-    figure: Figure, legs: Sequence[LegJoints], patient: PatientParameters, *, trunk_joint: str | None
+    figure: Figure, legs: Mapping[Side, LegJoints], patient: PatientParameters, *, trunk_joint: str | None
 ) -> None:
     """Draw the wearer on a figure.
 
     Args:
         figure: The figure.
-        legs: Joint names of the legs.
+        legs: Joint names per side.
         patient: The wearer.
         trunk_joint: Joint that carries the trunk, or None to draw the legs only.
     """
-    for leg in legs:
-        inside = _inside(figure, leg.hip, patient)
+    for side, leg in legs.items():
+        inside = _inside(figure, side, leg.hip, patient)
         thigh = figure.segment(leg.hip, leg)
         if leg.ankle is None:
             shank = SHANK_LENGTH * patient.height * thigh / np.linalg.norm(thigh)
@@ -112,12 +113,14 @@ def girth(patient: PatientParameters) -> float:
     return math.sqrt((patient.mass / _DRAWN_MASS) / (patient.height / _DRAWN_HEIGHT))
 
 
-def _inside(figure: Figure, hip: str, patient: PatientParameters) -> float:
-    """How far the hip centre lies towards the middle from the device's joint; with its sign to the left."""
+def _inside(figure: Figure, side: Side, hip: str, patient: PatientParameters) -> float:
+    """How far the wearer's hip centre lies to the left of the device's joint in [m]."""
     placement = figure.model.jointPlacements[figure.model.getJointId(hip)].translation
-    lateral = float((figure.base[:3, :3] @ np.asarray(placement))[1])
-    distance = max(0.0, abs(lateral) - _HIP_CENTRE * patient.height)
-    return -math.copysign(distance, lateral)
+    lateral = abs(float((figure.base[:3, :3] @ np.asarray(placement))[1]))
+    centre = _HIP_CENTRE * patient.height
+    # A leg on the bench has no middle of the body: the device lies as far outside as on the average waist.
+    distance = centre if lateral == 0.0 else max(0.0, lateral - centre)
+    return -distance if side is Side.LEFT else distance
 
 
 def _axes(figure: Figure, up: np.ndarray, to_the_left: float) -> np.ndarray:

@@ -113,6 +113,15 @@ def set_property(path: str, name: str, value: Any) -> Command:
     return {"type": "set_property", "path": path, "property": name, "value": value}
 
 
+_TRACK_KINDS = {
+    "position": "vector3",
+    "scale": "vector3",
+    "quaternion": "quaternion",
+    "visible": "bool",
+    "material.color": "color",
+}
+
+
 @dataclass(frozen=True)
 class Track:
     """One property over time.
@@ -129,17 +138,13 @@ class Track:
     times: np.ndarray
     values: np.ndarray
 
-    _KINDS = {
-        "position": "vector3",
-        "scale": "vector3",
-        "quaternion": "quaternion",
-        "visible": "bool",
-        "material.color": "color",
-    }
-
     def lower(self, frames_per_second: float) -> Command:
-        """The track as the viewer reads it."""
-        kind = self._KINDS[self.name]
+        """Return the track as the viewer reads it.
+
+        Args:
+            frames_per_second: Unit of the keys' times.
+        """
+        kind = _TRACK_KINDS[self.name]
         keys = [
             {"time": time, "value": value}
             for time, value in zip(

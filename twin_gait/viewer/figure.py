@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +18,8 @@ ROOT = "/meshcat/figure"
 STICK_COLOUR = (0.86, 0.88, 0.91)
 _STICK_RADIUS = 0.05  # share of the segment's length
 _COVER_MARGIN = 0.003  # by which the coloured cover of a motor is larger than the motor [m]
+_SHORTEST_SEGMENT = 0.02  # [m]
+_SOME_SEGMENT = np.array([0.0, 0.0, -0.4])  # of a leg whose joints coincide [m]
 _COAXIAL = 0.02  # a cylinder this close to a joint's axis is its motor [m]
 
 
@@ -57,7 +59,9 @@ class Figure:
         self.model = model
         self._window = window
         self._data = model.createData()
-        self.base = np.eye(4) if up_axis == "z" else pin.SE3(pin.utils.rotate("x", np.pi / 2.0), np.zeros(3)).homogeneous
+        self.base = np.eye(4)
+        if up_axis == "y":
+            self.base[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
         self.paths = {FIXED_JOINT: ROOT}
         for index in range(1, model.njoints):
             parent = self.paths[str(model.names[model.parents[index]])]
@@ -122,6 +126,8 @@ class Figure:
     def segment(self, joint: str, leg: LegJoints) -> np.ndarray:
         """From a joint of a leg to the next, or to the farthest frame that it carries.
 
+        A bare last link is taken to be as long as the one before it.
+
         Args:
             joint: Name of the joint.
             leg: Joint names of the leg.
@@ -130,17 +136,16 @@ class Figure:
             In the frame of the joint in [m], shape ``(3,)``; never zero.
         """
         names = [name for _, name in leg.items()]
-        place = names.index(joint)
-        if place + 1 < len(names):
-            step = self.model.jointPlacements[self.model.getJointId(names[place + 1])].translation
-            return np.asarray(step).copy()
         index = self.model.getJointId(joint)
-        ends = [np.asarray(frame.placement.translation) for frame in self.model.frames if frame.parentJoint == index]
-        farthest = max(ends, key=lambda end: float(np.linalg.norm(end)), default=np.zeros(3))
-        if float(np.linalg.norm(farthest)) > 0.02:
-            return farthest.copy()
-        # A bare last link: as long as the one before it.
-        return np.asarray(self.model.jointPlacements[index].translation).copy()
+        frames = [frame for frame in self.model.frames if frame.parentJoint == index]
+        own = [np.asarray(frame.placement.translation) for frame in frames]
+        farthest = max(own, key=lambda end: float(np.linalg.norm(end)), default=np.zeros(3))
+        before = np.asarray(self.model.jointPlacements[index].translation)
+        candidates = [farthest, before, _SOME_SEGMENT]
+        if names.index(joint) + 1 < len(names):
+            following = self.model.getJointId(names[names.index(joint) + 1])
+            candidates.insert(0, np.asarray(self.model.jointPlacements[following].translation))
+        return next(end.copy() for end in candidates if float(np.linalg.norm(end)) > _SHORTEST_SEGMENT)
 
     def motor(self, joint: str, discs: Sequence[Disc], default_radius: float) -> Motor:
         """Size of the motor of a joint: the largest cylinder about its axis.
@@ -163,10 +168,14 @@ class Figure:
                 continue
             placement = placements[disc.joint]
             centre = placement.act(np.asarray(disc.centre))
-            off_axis = float(np.linalg.norm(centre - (centre @ axis) * axis))
-            if off_axis < _COAXIAL and abs(float(placement.rotation @ disc.axis @ axis)) > 0.99:
+            along_axis = float(centre @ axis)
+            off_axis = float(np.linalg.norm(centre - along_axis * axis))
+            parallel = abs(float(placement.rotation @ disc.axis @ axis)) > 0.99
+            # The other leg's motor may lie on the same axis, but not here.
+            if parallel and off_axis < _COAXIAL and abs(along_axis) < 2.0 * disc.length:
                 found.append(Motor(disc.radius, disc.length, centre))
-        return max(found, key=lambda motor: motor.radius, default=Motor(default_radius, default_radius, np.zeros(3)))
+        default = Motor(default_radius, default_radius, np.zeros(3))
+        return max(found, key=lambda motor: motor.radius, default=default)
 
     def draw_cover(self, joint: str, motor: Motor, material: Material) -> str:
         """Draw the cover of a motor, whose colour shows the phase.
@@ -193,7 +202,7 @@ class Figure:
         q[self.model.joints[index].idx_q] += 0.5
         pin.forwardKinematics(self.model, self._data, q)
         turn = np.asarray(pin.log3(before.T @ np.asarray(self._data.liMi[index].rotation)))
-        return turn / np.linalg.norm(turn)
+        return np.asarray(turn / np.linalg.norm(turn))
 
     def posture(self, q: np.ndarray) -> dict[str, tuple[list[float], list[float]]]:
         """Where every joint group is in the group of the joint before it.
@@ -215,19 +224,20 @@ class Figure:
             )
         return groups
 
-    def world_points(self, q: np.ndarray, frames: Mapping[str, int]) -> dict[str, np.ndarray]:
-        """Positions of frames in the scene, whose vertical is z.
+    def world_point(self, q: np.ndarray, joint: str, point: np.ndarray | None = None) -> np.ndarray:
+        """Position of a point on a joint in the scene, whose vertical is z.
 
         Args:
             q: Coordinates, shape ``(nq,)``.
-            frames: Frame indices by name.
+            joint: Name of the joint.
+            point: In the frame of the joint in [m], shape ``(3,)``; its origin if None.
 
         Returns:
-            Position in [m] by name, shape ``(3,)`` each.
+            In [m], shape ``(3,)``.
         """
-        pin.framesForwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
-        turn = self.base[:3, :3]
-        return {name: turn @ np.asarray(self._data.oMf[index].translation) for name, index in frames.items()}
+        pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
+        placement = self._data.oMi[self.model.getJointId(joint)]
+        return np.asarray(self.base[:3, :3] @ placement.act(np.zeros(3) if point is None else point))
 
 
 def along(direction: np.ndarray) -> np.ndarray:

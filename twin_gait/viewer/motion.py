@@ -104,8 +104,10 @@ def read_motion(
         The frames. Rows after a coordinate that is not finite (a run that diverged) are left out.
 
     Raises:
-        ViewerError: If the log is empty or lacks a coordinate of the model.
+        ViewerError: If the log is empty, lacks a coordinate of the model or has an unknown phase.
     """
+    if not frames_per_second > 0.0:
+        raise ViewerError(f"frames_per_second: expected a number above 0, got {frames_per_second!r}")
     q = _coordinates(log, model)
     finite = np.isfinite(q).all(axis=1)
     n_rows = len(q) if finite.all() else int(np.argmin(finite))
@@ -139,7 +141,8 @@ def phase_names(log: pd.DataFrame, sides: Sequence[Side]) -> tuple[str, ...]:
     for side in sides:
         column = log.get(f"{side}_phase")
         if column is not None:
-            known = column.cat.categories if isinstance(column.dtype, pd.CategoricalDtype) else column.unique()
+            categorical = isinstance(column.dtype, pd.CategoricalDtype)
+            known = column.cat.categories if categorical else column.unique()
             names |= dict.fromkeys(str(name) for name in known)
     return tuple(names)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -41,17 +42,16 @@ def rounded_box(size: Sequence[float], radius: float, steps: int = 3) -> Shape:
     """
     half = np.asarray(size, dtype=float) / 2.0
     radius = min(radius, 0.999 * float(half.min()))
-    vertices, normals, faces = [], [], []
+    sides = []
     for axis in range(3):
         for sign in (-1.0, 1.0):
             points = _face_of_box(half, radius, axis, sign, steps)
             inner = np.clip(points, -(half - radius), half - radius)
             normal = points - inner
             normal /= np.linalg.norm(normal, axis=2, keepdims=True)
-            faces.append(_grid_faces(*points.shape[:2], offset=sum(map(len, vertices)), flip=sign < 0.0))
-            vertices.append((inner + radius * normal).reshape(-1, 3))
-            normals.append(normal.reshape(-1, 3))
-    return Shape(np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces))
+            faces = _grid_faces(*points.shape[:2], flip=sign < 0.0)
+            sides.append(Shape((inner + radius * normal).reshape(-1, 3), normal.reshape(-1, 3), faces))
+    return merged(sides)
 
 
 def _face_of_box(half: np.ndarray, radius: float, axis: int, sign: float, steps: int) -> np.ndarray:
@@ -90,7 +90,7 @@ def turned(profile: Sequence[tuple[float, float]], columns: int = 48) -> Shape:
     angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)
     around = np.stack((np.cos(angle), np.sin(angle)), axis=1)
     vertices, normals, faces = [], [], []
-    for count, ((r0, z0), (r1, z1)) in enumerate(zip(profile[:-1], profile[1:], strict=True)):
+    for count, ((r0, z0), (r1, z1)) in enumerate(pairwise(profile)):
         length = math.hypot(r1 - r0, z1 - z0)
         outward, upward = (z1 - z0) / length, -(r1 - r0) / length
         for radius, height in ((r0, z0), (r1, z1)):
@@ -272,7 +272,7 @@ def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     for corner in range(3):
         np.add.at(total, place[faces[:, corner]], area)
     normals = total[place]
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
 
 
 def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
@@ -310,3 +310,21 @@ def moved(shape: Shape, placement: np.ndarray) -> Shape:
     mirrored = np.linalg.det(linear) < 0.0
     faces = shape.faces[:, ::-1] if mirrored else shape.faces
     return Shape(shape.vertices @ linear.T + placement[:3, 3], normals, faces, shape.opacity)
+
+
+def merged(items: Iterable[Shape]) -> Shape:
+    """Join meshes into one.
+
+    Args:
+        items: Meshes in the same frame.
+
+    Returns:
+        One mesh.
+    """
+    vertices, normals, faces, count = [], [], [], 0
+    for item in items:
+        vertices.append(item.vertices)
+        normals.append(item.normals)
+        faces.append(item.faces + count)
+        count += len(item.vertices)
+    return Shape(np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces))

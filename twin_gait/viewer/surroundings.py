@@ -8,9 +8,11 @@ from twin_gait.viewer import shapes
 from twin_gait.viewer.commands import Material, Window, set_object, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
 
+Triple = tuple[float, float, float]
+
 ROOT = "/meshcat/surroundings"
 BELT = f"{ROOT}/belt"
-BELT_MARK_SPACING = 0.16  # [m]
+BELT_MARK_SPACING = 0.12  # [m]
 
 _FLOOR = Material(colour=(0.90, 0.92, 0.94), roughness=0.95)
 _DECK = Material(colour=(0.83, 0.86, 0.89), roughness=0.5)
@@ -18,9 +20,9 @@ _RUBBER = Material(colour=(0.20, 0.22, 0.25), roughness=0.95)
 _MARK = Material(colour=(0.55, 0.60, 0.66), roughness=0.95)
 _STEEL = Material(colour=(0.70, 0.74, 0.79), roughness=0.4, metalness=0.15)
 
-_BELT_LENGTH, _BELT_WIDTH = 1.60, 0.72
-_RAIL_WIDTH = 0.07
-_DECK_HEIGHT = 0.11
+_BELT_LENGTH, _BELT_WIDTH = 1.70, 0.70
+_RAIL_WIDTH = 0.055
+_DECK_HEIGHT = 0.085
 _END_LENGTH = BELT_MARK_SPACING + 0.02  # hides the marks where they jump back by one spacing
 
 
@@ -51,16 +53,23 @@ def set_studio(window: Window) -> None:
         window.send(set_property(path, name, value))
 
 
-def draw_floor(window: Window, height: float, radius: float = 1.9) -> None:
-    """Draw a round floor.
+def draw_floor(window: Window, height: float, radius: float = 2.2) -> None:
+    """Draw a round floor that fades into the background.
 
     Args:
         window: Where commands go.
-        height: Of its top in [m].
-        radius: In [m].
+        height: In [m].
+        radius: At which it has faded out, in [m].
     """
-    disc = shapes.cylinder(radius, 0.02, bevel=0.008)
-    _place(window, "floor", disc, _FLOOR, (0.0, 0.0, height - 0.01))
+    rings = np.linspace(1.0, 0.0, 13)
+    disc = shapes.turned([(float(ring) * radius, 0.0) for ring in rings], columns=64)
+    share = np.linalg.norm(disc.vertices, axis=1) / radius
+    opacity = np.clip((1.0 - share) / 0.6, 0.0, 1.0)
+    faded = disc._replace(opacity=opacity * opacity * (3.0 - 2.0 * opacity))
+    _place(window, "floor", faded, _FLOOR, (0.0, 0.0, height))
+    # Drawn before other translucent parts, which must not vanish behind it.
+    window.send(set_property(f"{ROOT}/floor/<object>", "renderOrder", -1))
+    window.send(set_property(f"{ROOT}/floor/<object>", "castShadow", False))
 
 
 def draw_treadmill(window: Window) -> None:
@@ -69,15 +78,16 @@ def draw_treadmill(window: Window) -> None:
     Args:
         window: Where commands go.
     """
-    belt_bottom = -0.03
-    _box(window, "deck", (_BELT_LENGTH, _BELT_WIDTH, _DECK_HEIGHT - 0.03), _STEEL, (0, 0, belt_bottom - 0.04))
-    _box(window, "belt_surface", (_BELT_LENGTH, _BELT_WIDTH, 0.03), _RUBBER, (0, 0, -0.0155))
+    belt = 0.03
+    under = -0.5 * (_DECK_HEIGHT + belt)
+    _box(window, "deck", (_BELT_LENGTH, _BELT_WIDTH, _DECK_HEIGHT - belt), _STEEL, (0.0, 0.0, under))
+    _box(window, "belt_surface", (_BELT_LENGTH, _BELT_WIDTH, belt), _RUBBER, (0.0, 0.0, -0.5 * belt - 0.0005))
     for side, y in (("left", 1.0), ("right", -1.0)):
         place = (0.0, y * 0.5 * (_BELT_WIDTH + _RAIL_WIDTH), -0.5 * _DECK_HEIGHT + 0.008)
         _box(window, f"rail_{side}", (_BELT_LENGTH + 0.02, _RAIL_WIDTH, _DECK_HEIGHT), _DECK, place)
     for end, x in (("front", 1.0), ("back", -1.0)):
-        place = (x * 0.5 * (_BELT_LENGTH - _END_LENGTH + 0.10), 0.0, -0.5 * _DECK_HEIGHT + 0.010)
-        size = (_END_LENGTH + 0.10, _BELT_WIDTH + 2.0 * _RAIL_WIDTH + 0.01, _DECK_HEIGHT)
+        place = (x * 0.5 * (_BELT_LENGTH - _END_LENGTH + 0.03), 0.0, -0.5 * _DECK_HEIGHT + 0.010)
+        size = (_END_LENGTH + 0.03, _BELT_WIDTH + 2.0 * _RAIL_WIDTH + 0.01, _DECK_HEIGHT)
         _box(window, f"end_{end}", size, _DECK, place)
     inner = _BELT_LENGTH - _END_LENGTH
     for number, x in enumerate(np.arange(-0.5 * inner + 0.02, 0.5 * inner + 0.01, BELT_MARK_SPACING)):
@@ -121,20 +131,20 @@ def belt_offset(time: float, belt_speed: float) -> float:
 
 
 def _box(
-    window: Window, name: str, size: tuple[float, float, float], material: Material, centre: tuple[float, float, float]
+    window: Window, name: str, size: Triple, material: Material, centre: Triple
 ) -> None:
     _place(window, name, shapes.rounded_box(size, 0.014), material, centre)
 
 
 def _place(
-    window: Window, name: str, shape: Shape, material: Material, centre: tuple[float, float, float]
+    window: Window, name: str, shape: Shape, material: Material, centre: Triple
 ) -> None:
     path = f"{ROOT}/{name}"
     window.send(set_object(path, shape, material))
     window.send(set_transform(path, _translation(centre)))
 
 
-def _translation(centre: tuple[float, float, float]) -> np.ndarray:
+def _translation(centre: Triple) -> np.ndarray:
     placement = np.eye(4)
     placement[:3, 3] = centre
     return placement

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -91,52 +90,43 @@ def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
         ModelError: If the URDF cannot be read.
         ViewerError: If a mesh cannot be read.
     """
+    text, missing = _read_with_meshes(urdf)
+    nominal, geometry = _nominal(model, urdf, text)
+    stretches = {name: _stretch(nominal, model, name) for name in nominal.names}
+    carrier = {FIXED_JOINT: PELVIS_JOINT} if model.existJointName(PELVIS_JOINT) else {}
+    shapes_by_colour: dict[tuple[str, tuple[float, ...]], list[Shape]] = {}
+    discs = []
+    for item in geometry.geometryObjects:
+        raw = _shape_of(item)
+        if raw is None:
+            continue
+        nominal_joint = str(nominal.names[item.parentJoint])
+        joint = carrier.get(nominal_joint, nominal_joint)
+        shape, shift = _fit(shapes.moved(raw, item.placement.homogeneous), stretches[nominal_joint])
+        colour = tuple(round(float(value), 4) for value in item.meshColor)
+        shapes_by_colour.setdefault((joint, colour), []).append(shape)
+        if type(item.geometry).__name__ == "Cylinder":
+            discs.append(_disc(joint, item, shift))
+    parts = [
+        LinkPart(joint, _four(colour), shapes.merged(items))
+        for (joint, colour), items in shapes_by_colour.items()
+    ]
+    return Visuals(tuple(parts), tuple(discs), tuple(missing))
+
+
+def _read_with_meshes(urdf: Path) -> tuple[str, list[str]]:
+    """URDF text with absolute mesh paths, and the meshes that were not found and left out."""
     root = ElementTree.fromstring(read_urdf(urdf))
     missing = _resolve_meshes(root, urdf)
     if root.find(".//capsule") is not None:
         root.set("version", "1.2")  # Pinocchio overlooks capsules in a file of version 1.0
-    nominal, geometry = _nominal(model, urdf, ElementTree.tostring(root, encoding="unicode"))
-    stretches = {name: _stretch(nominal, model, name) for name in nominal.names}
-    carrier = {FIXED_JOINT: PELVIS_JOINT if model.existJointName(PELVIS_JOINT) else FIXED_JOINT}
-    parts: dict[tuple[str, tuple[float, ...]], list[Shape]] = {}
-    discs: list[Disc] = []
-    for item in geometry.geometryObjects:
-        joint = str(nominal.names[item.parentJoint])
-        raw = _shape_of(item)
-        if raw is None:
-            continue
-        shape, moved_by = _fit(shapes.moved(raw, item.placement.homogeneous), stretches[joint])
-        joint = carrier.get(joint, joint)
-        colour = tuple(round(float(value), 4) for value in item.meshColor)
-        parts.setdefault((joint, colour), []).append(shape)
-        if type(item.geometry).__name__ == "Cylinder":
-            centre = np.asarray(item.placement.translation) + moved_by
-            axis = np.asarray(item.placement.rotation)[:, 2].copy()
-            length = 2.0 * float(item.geometry.halfLength)
-            discs.append(Disc(joint, centre, axis, float(item.geometry.radius), length))
-    return Visuals(
-        tuple(LinkPart(joint, _four(colour), merge(items)) for (joint, colour), items in parts.items()),
-        tuple(discs),
-        tuple(missing),
-    )
+    return ElementTree.tostring(root, encoding="unicode"), missing
 
 
-def merge(items: Iterable[Shape]) -> Shape:
-    """Join meshes into one.
-
-    Args:
-        items: Meshes in the same frame.
-
-    Returns:
-        One mesh.
-    """
-    vertices, normals, faces, count = [], [], [], 0
-    for item in items:
-        vertices.append(item.vertices)
-        normals.append(item.normals)
-        faces.append(item.faces + count)
-        count += len(item.vertices)
-    return Shape(np.concatenate(vertices), np.concatenate(normals), np.concatenate(faces))
+def _disc(joint: str, item: Any, shift: np.ndarray) -> Disc:
+    centre = np.asarray(item.placement.translation) + shift
+    axis = np.asarray(item.placement.rotation)[:, 2].copy()
+    return Disc(joint, centre, axis, float(item.geometry.radius), 2.0 * float(item.geometry.halfLength))
 
 
 def _resolve_meshes(root: ElementTree.Element, urdf: Path) -> list[str]:
@@ -161,7 +151,8 @@ def _find_mesh(name: str, folder: Path) -> Path | None:
     relative = name.removeprefix("package://").removeprefix("file://")
     inside_package = relative.split("/", 1)[-1] if name.startswith("package://") else relative
     folders = (folder, *folder.resolve().parents)
-    for candidate in (Path(relative), *(base / part for base in folders for part in (relative, inside_package))):
+    nearby = [base / part for base in folders for part in (relative, inside_package)]
+    for candidate in (Path(relative), *nearby):
         if candidate.is_file():
             return candidate.resolve()
     return None
@@ -219,13 +210,13 @@ def _shape_of(item: Any) -> Shape | None:
     match type(solid).__name__:
         case "Box":
             size = 2.0 * np.asarray(solid.halfSide)
-            return shapes.rounded_box(size, min(_EDGE_SHARE * float(size.min()), _LARGEST_EDGE))
+            return shapes.rounded_box(size.tolist(), min(_EDGE_SHARE * float(size.min()), _LARGEST_EDGE))
         case "Cylinder":
             return shapes.cylinder(float(solid.radius), 2.0 * float(solid.halfLength))
         case "Sphere":
             return shapes.ellipsoid((float(solid.radius),) * 3)
         case "Ellipsoid":
-            return shapes.ellipsoid(np.asarray(solid.radii))
+            return shapes.ellipsoid(tuple(solid.radii))
         case "Capsule":
             return shapes.capsule(float(solid.radius), 2.0 * float(solid.halfLength))
         case "Cone":

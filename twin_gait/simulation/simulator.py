@@ -5,9 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from twin_gait.experiment import Experiment
+from twin_gait.exceptions import ParameterError
+from twin_gait.experiment import Engine, Experiment
+from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.pinocchio_engine import ControllerFactory, PinocchioEngine
-from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run, log_table
 
 
@@ -38,7 +40,7 @@ def simulate(
         MeasurementError: If a controller or sensor hands the state machine something not finite.
     """
     problem = build_problem(experiment)
-    engine = PinocchioEngine(problem, controllers)
+    engine = _engine(problem, controllers)
     began = time.perf_counter()
     result = engine.run(progress, should_stop)
     wall = time.perf_counter() - began
@@ -52,3 +54,11 @@ def simulate(
         wall_s=wall,
         body_weight=problem.world.body_weight,
     )
+
+
+def _engine(problem: Problem, controllers: ControllerFactory | None) -> PinocchioEngine | CompiledEngine:
+    if problem.experiment.engine is Engine.PINOCCHIO:
+        return PinocchioEngine(problem, controllers)
+    if controllers is not None:
+        raise ParameterError("controllers written in Python need engine: pinocchio")
+    return CompiledEngine(problem)

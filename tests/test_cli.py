@@ -1,0 +1,191 @@
+"""The command line as a user meets it: status, one line, folders."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pandas as pd
+import pytest
+
+from twin_gait.cli import main
+
+FAST = ["--no-pictures"]
+
+
+def run(*arguments: str) -> int:
+    try:
+        return main(list(arguments))
+    except SystemExit as leave:  # argparse leaves on its own for --help and usage errors
+        return int(leave.code or 0)
+
+
+@pytest.fixture(scope="module")
+def bench_run(tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "bench"
+    assert main(["simulate", "bench_leg", "--duration", "1", "--out", str(out), *FAST]) == 0
+    return out
+
+
+def test_simulate_writes_a_run_and_says_where(bench_run, capsys):
+    summary = json.loads((bench_run / "summary.json").read_text())
+    assert summary["status"] == "completed"
+    assert summary["duration_s"] == 1.0
+
+
+def test_simulate_with_pictures_writes_figures_and_animation(tmp_path):
+    out = tmp_path / "walk"
+    assert run("simulate", "--duration", "2.5", "--out", str(out)) == 0
+    figures = sorted(path.name for path in (out / "figures").iterdir())
+    assert len(figures) >= 5
+    assert all((out / "figures" / name).read_bytes().startswith(b"\x89PNG") for name in figures)
+    assert (out / "animation.html").stat().st_size < 2_000_000
+
+
+def test_default_folder_is_below_runs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run("simulate", "bench_leg", "--duration", "0.05", *FAST) == 0
+    (made,) = (tmp_path / "runs").iterdir()
+    assert made.name.endswith("-bench_leg")
+
+
+def test_export_to_csv(bench_run, tmp_path):
+    out = tmp_path / "log.csv"
+    assert run("export", str(bench_run), "--to", "csv", "--out", str(out)) == 0
+    assert len(pd.read_csv(out)) == 1000
+    assert run("export", str(bench_run), "--to", "csv", "--out", str(out)) == 2  # it exists now
+
+
+def test_presets_are_listed_and_printed(capsys):
+    assert run("presets") == 0
+    listed = capsys.readouterr().out
+    assert "treadmill" in listed and "bench_leg" in listed
+    assert run("presets", "treadmill") == 0
+    assert "belt_speed_km_per_h: 1.5" in capsys.readouterr().out
+
+
+def test_a_printed_preset_runs_unchanged(tmp_path, capsys):
+    assert run("presets", "bench_leg") == 0
+    path = tmp_path / "mine.yaml"
+    path.write_text(capsys.readouterr().out)
+    assert run("simulate", str(path), "--duration", "0.1", "--out", str(tmp_path / "out"), *FAST) == 0
+
+
+BAD = {
+    "unknown preset": ["simulate", "moonwalk"],
+    "unknown key": ["simulate", "--set", "patient.mass=80"],
+    "negative stiffness": ["simulate", "--set", "table.phases.late_stance.hip.stiffness_Nm_per_deg=-1"],
+    "gain above 1": ["simulate", "--set", "table.phases.late_stance.hip.friction_compensation_gain=2"],
+    "zero duration": ["simulate", "--duration", "0"],
+    "NaN duration": ["simulate", "--duration", "nan"],
+    "text duration": ["simulate", "--duration", "long"],
+    "missing URDF": ["simulate", "--set", "leg.urdf=nowhere.urdf"],
+    "joint not found": ["simulate", "--set", "leg.left.hip=hinge"],
+    "transition to nowhere": ["simulate", "--set", "table.transitions[0].to=nowhere"],
+    "missing phase": ["simulate", "--set", "table.phases={early_stance: {}}"],
+    "unknown engine": ["simulate", "--engine", "warp"],
+    "unknown command": ["dance"],
+    "unknown flag": ["simulate", "--fast"],
+    "no command": [],
+    "view nothing": ["view", "nowhere"],
+    "view speed": ["view", "nowhere", "--speed", "0"],
+    "export nothing": ["export", "nowhere", "--to", "csv"],
+    "export format": ["export", "nowhere", "--to", "xlsx"],
+    "map workers": ["map", "--workers", "0"],
+    "map without a treadmill": ["map", "bench_leg"],
+}
+
+
+@pytest.mark.parametrize("arguments", BAD.values(), ids=BAD.keys())
+def test_bad_input_is_one_line_status_2_and_no_folder(arguments, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(*arguments) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("twin-gait: ")
+    assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_broken_urdf_is_one_line(tmp_path, monkeypatch, capsys):
+    broken = tmp_path / "broken.urdf"
+    broken.write_text("<robot name='x'><link")
+    monkeypatch.chdir(tmp_path)
+    assert run("simulate", "--set", f"leg.urdf={broken}") == 2
+    assert capsys.readouterr().err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == [broken]
+
+
+def test_existing_folder_is_refused(bench_run, capsys):
+    before = (bench_run / "log.parquet").read_bytes()
+    assert run("simulate", "bench_leg", "--duration", "0.1", "--out", str(bench_run)) == 2
+    assert "--force" in capsys.readouterr().err
+    assert (bench_run / "log.parquet").read_bytes() == before
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_unwritable_folder_is_refused(tmp_path, capsys):
+    tmp_path.chmod(0o500)
+    assert run("simulate", "bench_leg", "--duration", "0.1", "--out", str(tmp_path / "run")) == 2
+    assert "cannot be written" in capsys.readouterr().err
+
+
+def test_folder_below_a_file_is_refused(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    assert run("simulate", "bench_leg", "--duration", "0.1", "--out", str(tmp_path / "file" / "run")) == 2
+    assert "cannot be written" in capsys.readouterr().err
+
+
+def test_a_diverging_run_keeps_its_log_marked_and_exits_1(tmp_path):
+    out = tmp_path / "run"
+    settings = ["--set", "plant.stops.stiffness_Nm_per_rad=1e9", "--set", "scenario.start={hip_deg: 20, knee_deg: -20}"]
+    assert run("simulate", "bench_leg", "--duration", "1", "--out", str(out), *settings, *FAST) == 1
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["status"] == "diverged"
+    assert 1 <= len(pd.read_parquet(out / "log.parquet")) < 1000
+
+
+FALLS = ["--set", "table.phases.early_stance.knee.stiffness_Nm_per_deg=0.01", "--set", "scenario.support.share=0"]
+
+
+def test_a_fall_is_a_result_unless_asked_otherwise(tmp_path):
+    arguments = ["simulate", "--duration", "4", *FALLS, *FAST]
+    assert run(*arguments, "--out", str(tmp_path / "a")) == 0
+    assert json.loads((tmp_path / "a" / "summary.json").read_text())["fell"] is True
+    assert run(*arguments, "--out", str(tmp_path / "b"), "--fail-on-fall") == 1
+
+
+def test_ctrl_c_leaves_a_complete_marked_run_and_status_130(tmp_path):
+    out = tmp_path / "run"
+    command = [sys.executable, "-m", "twin_gait", "simulate", "bench_leg", "--duration", "3600"]
+    process = subprocess.Popen([*command, "--out", str(out), *FAST], stderr=subprocess.PIPE, text=True)
+    try:
+        deadline = time.monotonic() + 60.0
+        while not list(tmp_path.glob(".run.*.partial")) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        time.sleep(1.0)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=60) == 130
+    finally:
+        process.kill()
+        process.communicate()
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["status"] == "interrupted"
+    assert len(pd.read_parquet(out / "log.parquet")) == round(summary["duration_s"] * 1000) > 0
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_help_answers_without_loading_the_physics():
+    code = "import sys, twin_gait.cli.main as m; m.build_parser(); sys.exit('pinocchio' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_accuracy_reports_the_step_error(tmp_path):
+    out = tmp_path / "run"
+    assert run("simulate", "bench_leg", "--duration", "0.4", "--accuracy", "--out", str(out), *FAST) == 0
+    accuracy = json.loads((out / "summary.json").read_text())["accuracy"]
+    assert accuracy["reference_step_s"] == pytest.approx(accuracy["step_s"] / 10)
+    assert 0.0 < accuracy["largest_angle_error_rad"] < 1e-2

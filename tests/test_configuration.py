@@ -1,0 +1,199 @@
+"""Experiments in and out of YAML."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+import yaml
+
+from twin_gait import load_experiment, presets, simulate
+from twin_gait.configuration.documents import dump_yaml, experiment_document, table_document
+from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.experiments import resolved_document
+from twin_gait.configuration.gait_table_file import (
+    gait_table_from_mapping,
+    packaged_gait_table,
+    packaged_gait_tables,
+)
+from twin_gait.configuration.overrides import assign, merge, parse_assignment
+from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
+
+
+def reread(document: dict, folder: Path = Path()):
+    return experiment_from_mapping(yaml.safe_load(dump_yaml(document)), "again.yaml", folder)
+
+
+@pytest.mark.parametrize("name", sorted(presets()))
+def test_every_preset_survives_being_written_and_read_in_si(name):
+    experiment = load_experiment(name).experiment
+    assert reread(experiment_document(experiment)) == experiment
+
+
+@pytest.mark.parametrize("name", sorted(presets()))
+def test_every_preset_survives_being_written_and_read_as_typed(name):
+    loaded = load_experiment(name, ["duration_s=3"])
+    document = resolved_document(loaded.experiment, loaded.document, {})
+    assert reread(document) == loaded.experiment
+
+
+@pytest.mark.parametrize("name", packaged_gait_tables())
+def test_every_gait_table_survives_being_written_and_read(name):
+    table = packaged_gait_table(name)
+    assert gait_table_from_mapping(table_document(table), "again.yaml", name) == table
+
+
+def test_resolved_document_keeps_the_units_as_typed():
+    loaded = load_experiment("treadmill")
+    document = resolved_document(loaded.experiment, loaded.document, {})
+    assert document["scenario"]["belt_speed_km_per_h"] == 1.5
+    assert "stiffness_Nm_per_deg" in document["table"]["phases"]["early_stance"]["hip"]
+
+
+def test_resolved_document_of_an_experiment_changed_in_python_tells_the_truth():
+    loaded = load_experiment("treadmill")
+    changed = dataclasses.replace(loaded.experiment, duration=3.0)
+    document = resolved_document(changed, loaded.document, {})
+    assert document["duration_s"] == 3.0
+    assert reread(document) == changed
+
+
+def test_experiment_of_a_changed_urdf_is_refused(tmp_path):
+    urdf = tmp_path / "leg.urdf"
+    from twin_gait.leg_model import packaged_urdf
+
+    urdf.write_text(packaged_urdf("twin_leg.urdf").read_text())
+    loaded = load_experiment("bench_leg", [f"leg.urdf={urdf}", "duration_s=1"])
+    document = resolved_document(loaded.experiment, loaded.document, {})
+    assert reread(document) == loaded.experiment
+    urdf.write_text(urdf.read_text() + "<!-- changed -->\n")
+    with pytest.raises(ParameterFileError, match="not the file that this experiment was made with"):
+        reread(document)
+
+
+def test_running_the_written_experiment_again_gives_the_same_log_bit_for_bit(tmp_path):
+    loaded = load_experiment("treadmill", ["duration_s=0.6", "patient.mass_kg=81.3"])
+    path = tmp_path / "experiment.yaml"
+    path.write_text(dump_yaml(resolved_document(loaded.experiment, loaded.document, {})))
+    first, second = simulate(loaded.experiment), simulate(load_experiment(path).experiment)
+    for name in first.log.columns:
+        assert first.log[name].equals(second.log[name]), name
+
+
+def test_a_file_over_a_preset_changes_what_it_names_and_nothing_else(tmp_path):
+    path = tmp_path / "heavy.yaml"
+    path.write_text("schema_version: 1\npreset: treadmill\npatient: {mass_kg: 85}\n")
+    experiment = load_experiment(path).experiment
+    base = load_experiment("treadmill").experiment
+    assert experiment.name == "heavy"
+    assert experiment.patient.mass == 85.0
+    assert experiment.patient.height == base.patient.height
+    assert experiment.table == base.table
+
+
+def test_a_file_may_change_a_part_of_the_preset_table(tmp_path):
+    path = tmp_path / "stiff.yaml"
+    path.write_text(
+        "preset: treadmill\ntable: {phases: {early_stance: {knee: {stiffness_Nm_per_rad: 300}}}}\n"
+    )
+    table = load_experiment(path).experiment.table
+    assert table.phases["early_stance"].joints["knee"].stiffness == 300.0
+    base = packaged_gait_table("treadmill")
+    assert table.phases["early_stance"].joints["hip"] == base.phases["early_stance"].joints["hip"]
+
+
+def test_a_table_is_found_beside_the_file(tmp_path):
+    (tmp_path / "mine.yaml").write_text(dump_yaml(table_document(packaged_gait_table("bench_leg"))))
+    (tmp_path / "run.yaml").write_text("preset: bench_leg\ntable: mine.yaml\n")
+    assert load_experiment(tmp_path / "run.yaml").experiment.table == packaged_gait_table("bench_leg")
+
+
+def test_setting_a_value_in_another_unit_replaces_the_old_one():
+    slow = load_experiment("treadmill", ["scenario.belt_speed_m_per_s=0.36"]).experiment
+    assert slow.scenario.belt_speed == 0.36
+
+
+def test_settings_reach_defaults_that_the_preset_does_not_name():
+    experiment = load_experiment("treadmill", ["plant.friction_ratio.knee=0.9"]).experiment
+    assert experiment.plant.friction_ratio == {"hip": 0.5, "knee": 0.9}
+
+
+def test_settings_reach_list_elements():
+    loaded = load_experiment("treadmill", ['table.transitions[0].all[0]="hip.angle_deg < 5"'])
+    assert str(loaded.experiment.table.transitions[0].guard).startswith("hip.angle_deg < 5")
+
+
+def test_merge_replaces_a_quantity_in_another_unit():
+    merged = merge({"damping_ratio": 0.7, "a": {"x": 1}}, {"damping_Nms_per_rad": 40, "a": {"y": 2}})
+    assert merged == {"damping_Nms_per_rad": 40, "a": {"x": 1, "y": 2}}
+
+
+def test_merge_and_assign_leave_their_arguments_alone():
+    base = {"a": {"b": [1, 2]}}
+    assert assign(base, ["a", "b", 1], 5) == {"a": {"b": [1, 5]}}
+    assert base == {"a": {"b": [1, 2]}}
+
+
+def test_assignment_values_are_yaml():
+    assert parse_assignment("a.b[2].c={x: [1, no]}") == (["a", "b", 2, "c"], {"x": [1, False]})
+
+
+BAD_SETTINGS = {
+    "patient.mass=3": "did you mean 'mass_kg'",
+    "patient.mass_kg=-3": "30 to 110 kg",
+    "patient.mass_kg=heavy": "valid number",
+    "patient.mass_kg=true": "expected a number",
+    "patient.height_m=3": "1.40 to 2.05",
+    "plant.friction_ratio.knee=-1": "friction_ratio of the knee",
+    "table.phases.early_stance.hip.stiffness_Nm_per_deg=-2": "greater than or equal to 0",
+    "table.phases.early_stance.hip.stiffness_Nm=2": "unknown key",
+    "table.phases.early_stance.hip.friction_compensation_gain=1.5": "less than or equal to 1",
+    "table.phases.early_stance.hip.damping_ratio=.inf": "finite number",
+    "table.transitions[2].all[0]=hip.angle_deg < x": "expected 'signal < number'",
+    "table.transitions[2].to=nowhere": "no phase 'nowhere'",
+    "table.transitions[99].to=late_stance": "no such place",
+    "table=no_such_table": "no gait table",
+    "duration_s=.nan": "finite number",
+    "duration_s=0": "duration",
+    "scenario.kind=moon": "moon",
+    "scenario.support.share=1.2": "from 0 to 1",
+    "scenario.belt_speed_m_per_s=-1": "belt speed",
+    "scenario.leading_phase=flying": "no phase 'flying'",
+    "leg.urdf=no.urdf": "no such URDF",
+    "integration.step_ms=0.3": "whole number of steps",
+    "integration.method=magic": "rk4",
+    "control.limits.torque_Nm=150": "at most 100",
+    "engine=warp": "pinocchio",
+    "seed=-1": "seed",
+    "name=a/b": "plain name",
+    "nonsense": "key=value",
+    "=3": "key=value",
+    "a b=3": "not a key",
+    "patient.mass_kg=[1": "not valid YAML",
+}
+
+
+@pytest.mark.parametrize(("setting", "message"), BAD_SETTINGS.items(), ids=BAD_SETTINGS.keys())
+def test_bad_settings_end_in_one_line_that_helps(setting, message):
+    with pytest.raises(TwinGaitError) as caught:
+        simulate(load_experiment("treadmill", ["duration_s=0.01", setting]).experiment)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_joint_that_is_not_in_the_urdf_lists_those_that_are():
+    with pytest.raises(TwinGaitError, match="no joint 'hinge' for the left hip; it has .*left_hip"):
+        load_experiment("treadmill", ["leg.left.hip=hinge"]).experiment.build_world()
+
+
+def test_unknown_preset_lists_those_there_are():
+    with pytest.raises(ParameterError, match="bench_leg, treadmill"):
+        load_experiment("no_such_preset")
+
+
+def test_unknown_base_preset_lists_those_there_are(tmp_path):
+    path = tmp_path / "run.yaml"
+    path.write_text("preset: moon\n")
+    with pytest.raises(ParameterFileError, match=r"run.yaml: preset: no preset 'moon'; there are bench_leg"):
+        load_experiment(path)

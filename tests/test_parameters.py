@@ -1,0 +1,150 @@
+"""Parameters are checked when they are made, and the shipped ones are those of their sources."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from twin_gait.exceptions import MissingOptionalDependency, ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.parameters import (
+    HARD_TORQUE_LIMIT,
+    HIP_ACTUATOR,
+    KNEE_ACTUATOR,
+    ActuatorParameters,
+    AnkleParameters,
+    BatteryParameters,
+    ContactParameters,
+    LimitParameters,
+    PatientParameters,
+    SensorParameters,
+    StopParameters,
+    SupportParameters,
+)
+
+# Every parameter with a value just outside its range.
+OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
+    (ActuatorParameters, "torque_constant", 0.0),
+    (ActuatorParameters, "resistance", -0.1),
+    (ActuatorParameters, "rotor_inertia", -1e-6),
+    (ActuatorParameters, "gear_ratio", 0.0),
+    (ActuatorParameters, "gear_inertia", -1e-6),
+    (ActuatorParameters, "gear_efficiency", 0.0),
+    (ActuatorParameters, "gear_efficiency", 1.01),
+    (ActuatorParameters, "continuous_torque", 0.0),
+    (BatteryParameters, "voltage", 0.0),
+    (BatteryParameters, "internal_resistance", -0.1),
+    (BatteryParameters, "continuous_power", 0.0),
+    (BatteryParameters, "energy", 0.0),
+    (LimitParameters, "torque", 0.0),
+    (LimitParameters, "torque", HARD_TORQUE_LIMIT + 0.1),
+    (LimitParameters, "current", 0.0),
+    (SensorParameters, "encoder_counts", 0),
+    (SensorParameters, "angle_noise", -1e-6),
+    (SensorParameters, "fast_time_constant", -1e-6),
+    (SensorParameters, "decimation", 0),
+    (SensorParameters, "window", 0),
+    (ContactParameters, "stiffness", 0.0),
+    (ContactParameters, "dissipation", -0.1),
+    (ContactParameters, "friction_coefficient", -0.1),
+    (ContactParameters, "transition_velocity", 0.0),
+    (StopParameters, "stiffness", -1.0),
+    (StopParameters, "dissipation", -0.1),
+    (AnkleParameters, "stiffness", -1.0),
+    (AnkleParameters, "damping", -1.0),
+    (SupportParameters, "share", 1.01),
+    (SupportParameters, "share", -0.01),
+    (SupportParameters, "damping", -1.0),
+    (PatientParameters, "mass", 29.9),
+    (PatientParameters, "mass", 110.1),
+    (PatientParameters, "height", 1.39),
+    (PatientParameters, "height", 2.06),
+]
+REQUIRED = {ActuatorParameters: {"torque_constant": 0.07, "resistance": 0.3}}
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "value"), OUT_OF_RANGE, ids=lambda item: getattr(item, "__name__", item)
+)
+def test_value_out_of_range_is_refused_by_name(kind: Callable[..., Any], name: str, value: float) -> None:
+    with pytest.raises(ParameterError) as caught:
+        kind(**{**REQUIRED.get(kind, {}), name: value})  # type: ignore[call-overload]
+    message = str(caught.value)
+    assert name.split("_")[0] in message
+    assert repr(value) in message
+    assert "expected" in message
+    assert len(message.splitlines()) == 1
+
+
+FLOATS = sorted({(kind, name) for kind, name, _ in OUT_OF_RANGE}, key=str)
+
+
+@pytest.mark.parametrize(("kind", "name"), FLOATS, ids=lambda item: getattr(item, "__name__", item))
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_no_parameter_may_be_infinite_or_undefined(kind: Callable[..., Any], name: str, value: float) -> None:
+    with pytest.raises(ParameterError):
+        kind(**{**REQUIRED.get(kind, {}), name: value})  # type: ignore[call-overload]
+
+
+@pytest.mark.parametrize("name", ["encoder_counts", "decimation", "window"])
+def test_counts_are_whole_numbers(name: str) -> None:
+    with pytest.raises(ParameterError):
+        SensorParameters(**{name: 2.5})  # type: ignore[arg-type]
+
+
+def test_errors_are_caught_by_the_base_class_and_as_value_errors() -> None:
+    assert issubclass(ParameterError, TwinGaitError)
+    assert issubclass(ParameterError, ValueError)
+    assert issubclass(MissingOptionalDependency, ImportError)
+
+
+def test_error_in_a_file_keeps_file_and_key() -> None:
+    error = ParameterFileError("run.yaml", "patient.mass_kg", "expected 30 to 110, got 200")
+    assert (error.file, error.key) == ("run.yaml", "patient.mass_kg")
+    assert str(error) == "run.yaml: patient.mass_kg: expected 30 to 110, got 200"
+    assert str(ParameterFileError("run.yaml", "", "is empty")) == "run.yaml: is empty"
+
+
+@given(key=st.text(max_size=8), problem=st.text(max_size=8))
+def test_error_in_a_file_is_one_line_whatever_the_file_contains(key: str, problem: str) -> None:
+    assert len(f"{ParameterFileError('run.yaml', key, problem)}.".splitlines()) == 1
+
+
+def test_missing_extra_names_the_install_command() -> None:
+    error = MissingOptionalDependency("example-robot-data", "robots", "the human model")
+    assert "pip install 'twin-gait[robots]'" in str(error)
+
+
+def test_parameters_are_frozen() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        KNEE_ACTUATOR.gear_ratio = 50.0  # type: ignore[misc]
+
+
+def test_battery_is_the_pack_of_the_thesis() -> None:
+    """28.8 V, 92.2 Wh, 15 A (thesis 2.2.1)."""
+    battery = BatteryParameters()
+    assert battery.voltage == 28.8
+    assert_allclose(battery.energy, 331_920.0, rtol=1e-12)
+    assert LimitParameters().current == 15.0
+
+
+def test_wearer_weighs_at_most_what_the_device_carries() -> None:
+    assert PatientParameters(mass=110.0).mass == 110.0
+
+
+def test_gear_is_lossless_by_default() -> None:
+    """The friction law already holds the losses of the gear; an efficiency would count them twice."""
+    assert KNEE_ACTUATOR.gear_efficiency == HIP_ACTUATOR.gear_efficiency == 1.0
+
+
+def test_armature_grows_with_the_square_of_the_gear_ratio() -> None:
+    slow, fast = (
+        ActuatorParameters(torque_constant=0.07, resistance=0.3, gear_ratio=ratio) for ratio in (50.0, 100.0)
+    )
+    assert_allclose(fast.armature, 4.0 * slow.armature, rtol=1e-12)

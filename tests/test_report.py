@@ -1,0 +1,166 @@
+"""Pictures: which are drawn for which run, and that what they show comes from the log."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib import colors
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.testing import assert_allclose
+from synthetic_run import HIP_OFFSET, LAG, PHASE_TICKS, STRIDE, synthetic_run
+
+from twin_gait import load_experiment, simulate
+from twin_gait.palette import PHASE_COLOURS, SIDE_COLOURS, phase_colour
+from twin_gait.report.currents import draw_currents
+from twin_gait.report.cycle import draw_angles, draw_cycle
+from twin_gait.report.feet import draw_feet
+from twin_gait.report.figures import PICTURES, write_figures
+from twin_gait.report.portrait import draw_portrait
+from twin_gait.report.reference import reference_cycle, reference_stride_time
+from twin_gait.report.torques import draw_torques
+from twin_gait.report.window import last_strides, leg_records, whole_run
+from twin_gait.simulation.run import Run
+from twin_gait.vocabulary import GaitPhase, JointName
+
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.fixture(scope="module")
+def walk() -> Run:
+    return synthetic_run()
+
+
+@pytest.fixture(scope="module")
+def bench_run() -> Run:
+    """Too short for a stride."""
+    return simulate(replace(load_experiment("bench_leg").experiment, duration=0.6))
+
+
+def png_size(path: Path) -> tuple[int, int]:
+    content = path.read_bytes()
+    assert content.startswith(PNG_SIGNATURE)
+    width, height = struct.unpack(">II", content[16:24])
+    return width, height
+
+
+def line(figure: Figure, panel: int, label: str) -> Line2D:
+    return next(item for item in figure.axes[panel].get_lines() if item.get_label() == label)
+
+
+def legend_labels(figure: Figure) -> list[str]:
+    (legend,) = figure.legends
+    return [text.get_text() for text in legend.get_texts() if text.get_text().strip()]
+
+
+def test_walk_gets_every_picture(walk: Run, tmp_path: Path) -> None:
+    files = write_figures(walk, tmp_path)
+    assert [path.name for path in files] == list(PICTURES)
+    assert sorted(files) == sorted(tmp_path.iterdir())
+    for path in files:
+        width, height = png_size(path)
+        assert width >= 1200 and height >= 800
+        assert path.stat().st_size > 30_000  # an empty canvas of this size has some 10 kB
+
+
+def test_bench_run_without_strides_gets_time_series(bench_run: Run, tmp_path: Path) -> None:
+    names = [path.name for path in write_figures(bench_run, tmp_path)]
+    assert names == [name for name in PICTURES if name not in ("gait_cycle.png", "feet.png")]
+    assert draw_cycle(bench_run) is None and draw_feet(bench_run) is None
+
+
+def test_shortest_log_that_can_be_drawn(walk: Run, tmp_path: Path) -> None:
+    assert len(write_figures(replace(walk, log=walk.log.iloc[:2]), tmp_path)) == len(PICTURES) - 1
+
+
+def test_cycle_shows_the_mean_and_the_reference(walk: Run) -> None:
+    figure = draw_cycle(walk)
+    assert figure is not None
+    mean = line(figure, 0, "mean over strides")
+    reference = line(figure, 0, "reference, Koopman et al. (2014)")
+    assert_allclose(mean.get_xdata(), np.arange(101))
+    gap = np.asarray(mean.get_ydata()) - np.asarray(reference.get_ydata())
+    assert_allclose(gap, np.degrees(HIP_OFFSET), atol=2e-3)
+    assert "left hip, 3 strides, RMSE 5.7°" in [axes.get_title() for axes in figure.axes]
+
+
+def test_cycle_bands_change_at_the_phase_boundaries(walk: Run) -> None:
+    figure = draw_cycle(walk)
+    assert figure is not None
+    # Strips in full colour; the pale band behind has the same edges.
+    strips = [patch for patch in figure.axes[0].patches if patch.get_alpha() == 0.9]
+    starts = [float(patch.get_x()) for patch in strips]  # type: ignore[attr-defined]
+    boundaries = (np.cumsum(PHASE_TICKS) - LAG) / STRIDE * 100.0
+    assert_allclose(starts[1:], boundaries, atol=1.0)  # the cycle is sampled at whole percents
+    expected = [PHASE_COLOURS[phase] for phase in (*GaitPhase, GaitPhase.EARLY_STANCE)]
+    assert [colors.to_hex(patch.get_facecolor()).upper() for patch in strips] == expected
+
+
+def test_torques_show_the_parts_that_act_and_the_limits(walk: Run) -> None:
+    figure = draw_torques(walk)
+    labels = legend_labels(figure)
+    assert "impedance" in labels and "motor torque" in labels and "torque limit" in labels
+    assert "friction compensation" not in labels  # zero throughout this walk
+    limit = walk.experiment.control.limits.torque
+    heights = {float(np.asarray(item.get_ydata())[0]) for item in figure.axes[0].get_lines()[-2:]}
+    assert heights == {limit, -limit}
+
+
+def test_currents_show_the_current_at_the_torque_limit(walk: Run) -> None:
+    figure = draw_currents(walk)
+    # 60 N m at the knee through K_t 0.0705 N m/A and a gear of 100.
+    knee = next(index for index, axes in enumerate(figure.axes) if axes.get_title() == "left knee")
+    shown = float(np.asarray(line(figure, knee, "current at the torque limit").get_ydata())[0])
+    assert shown == pytest.approx(60.0 / 7.05)
+    power = next(item for item in figure.axes[-1].get_lines() if item.get_label() == "battery power")
+    assert set(np.unique(np.asarray(power.get_ydata()))) <= {100.0, -20.0}
+
+
+def test_feet_mark_the_heel_strikes(walk: Run) -> None:
+    figure = draw_feet(walk)
+    assert figure is not None
+    strikes = np.asarray(line(figure, 0, "left heel strike").get_xdata())
+    assert_allclose(strikes, [3.8, 5.0, 6.2])
+    assert line(figure, 0, "right foot").get_color() == SIDE_COLOURS[leg_records(walk)[1].side]
+
+
+def test_portrait_is_coloured_by_phase(walk: Run) -> None:
+    figure = draw_portrait(walk)
+    found = {str(item.get_color()) for item in figure.axes[0].get_lines()} - {"0.6"}
+    assert found == set(PHASE_COLOURS.values())
+
+
+def test_angles_of_a_long_run_are_those_of_its_end(walk: Run) -> None:
+    time = np.asarray(line(draw_angles(walk), 0, "angle").get_xdata())
+    assert_allclose(time, walk.log["time_s"])
+
+
+def test_window_holds_the_last_two_strides_of_the_first_leg(walk: Run) -> None:
+    window = last_strides(walk, leg_records(walk))
+    assert (window.time[0], window.time[-1]) == pytest.approx((3.8, 6.2))
+
+
+def test_long_run_is_thinned_out(walk: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("twin_gait.report.window.MOST_POINTS", 1000)
+    window = whole_run(walk)
+    assert len(window.time) <= 1000
+    assert window.time[0] == 0.0 and window.time[-1] > walk.duration - 0.01
+
+
+def test_reference_needs_a_belt_and_a_wearer(walk: Run, bench_run: Run) -> None:
+    assert reference_cycle(walk.experiment, JointName.HIP) is not None
+    assert reference_stride_time(walk.experiment) == pytest.approx(1.754, abs=0.0006)
+    assert reference_cycle(bench_run.experiment, JointName.HIP) is None
+    assert reference_cycle(replace(walk.experiment, patient=None), JointName.HIP) is None
+    assert reference_stride_time(bench_run.experiment) is None
+
+
+def test_phases_have_colours_of_their_own_and_unknown_ones_get_one() -> None:
+    assert len(set(PHASE_COLOURS.values())) == len(GaitPhase)
+    assert phase_colour("late_stance") == PHASE_COLOURS[GaitPhase.LATE_STANCE]
+    unknown = [phase_colour(name, position) for position, name in enumerate(("lift", "reach"))]
+    assert unknown[0] != unknown[1] and not set(unknown) & set(PHASE_COLOURS.values())

@@ -1,0 +1,125 @@
+"""Body segments of the wearer and the sizes of the device, against tables typed from their sources."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from twin_gait.exceptions import ParameterError
+from twin_gait.leg_model.wearer import (
+    FEMUR_SIZES,
+    SEGMENTS,
+    TIBIA_RANGE,
+    WAIST_SIZES,
+    Segment,
+    device_sizes,
+    segment_inertia,
+    trunk_mass,
+)
+from twin_gait.parameters import PatientParameters
+from twin_gait.vocabulary import Sex
+
+# de Leva (1996), J Biomech 29(9):1223-1230, table 4, as transcribed in the data folder of the BMC
+# notebooks (BMClab): mass in % of the body, centre of mass and radii of gyration (transverse,
+# longitudinal) in % of the segment. Endpoints: hip-knee, knee-ankle, heel-toe.
+DE_LEVA = {
+    (Sex.MALE, "thigh"): (14.16, 40.95, 32.9, 14.9),
+    (Sex.MALE, "shank"): (4.33, 43.95, 24.6, 10.2),
+    (Sex.MALE, "foot"): (1.37, 44.15, 24.5, 12.4),
+    (Sex.FEMALE, "thigh"): (14.78, 36.12, 36.4, 16.2),
+    (Sex.FEMALE, "shank"): (4.81, 43.52, 26.3, 9.2),
+    (Sex.FEMALE, "foot"): (1.29, 40.14, 27.9, 13.9),
+}
+
+# Head and trunk, upper arm, forearm, hand of the same table: what is not leg.
+DE_LEVA_REST = {Sex.MALE: (6.94, 43.46, 2.71, 1.62, 0.61), Sex.FEMALE: (6.68, 42.57, 2.55, 1.38, 0.56)}
+
+heights = st.floats(1.47, 1.95)  # what the tibia covers
+sexes = st.sampled_from(list(Sex))
+
+
+@pytest.mark.parametrize(("sex", "name"), list(DE_LEVA), ids=str)
+def test_segments_are_those_of_de_leva(sex: Sex, name: str) -> None:
+    segment = SEGMENTS[sex][name]
+    shares = (
+        segment.mass,
+        segment.centre_of_mass,
+        segment.transverse_radius,
+        segment.longitudinal_radius,
+    )
+    assert_allclose(shares, np.array(DE_LEVA[sex, name]) / 100.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("sex", list(Sex))
+def test_trunk_weighs_what_the_table_gives_to_head_arms_and_trunk(sex: Sex) -> None:
+    head, trunk, upper_arm, forearm, hand = DE_LEVA_REST[sex]
+    expected = (head + trunk + 2.0 * (upper_arm + forearm + hand)) / 100.0
+    # The table sums to 100 % within the rounding of its entries.
+    assert_allclose(trunk_mass(PatientParameters(mass=80.0, sex=sex)) / 80.0, expected, atol=6e-4)
+
+
+@given(mass=st.floats(30.0, 110.0), sex=sexes)
+def test_segments_and_trunk_add_up_to_the_body(mass: float, sex: Sex) -> None:
+    patient = PatientParameters(mass=mass, sex=sex)
+    axis = np.array([0.0, 0.0, -0.4])
+    legs = 2.0 * sum(segment_inertia(item, mass, axis)[0] for item in SEGMENTS[sex].values())
+    assert_allclose(legs + trunk_mass(patient), mass, rtol=1e-12)
+
+
+def test_male_thigh_of_a_70_kg_wearer_by_hand() -> None:
+    """0.1416 · 70 = 9.912 kg at 0.4095 · 0.42 m; m (0.329 · 0.42)² = 0.18926 and m (0.149 · 0.42)² kg m²."""
+    mass, centre, inertia = segment_inertia(SEGMENTS[Sex.MALE]["thigh"], 70.0, np.array([0.0, 0.0, -0.42]))
+    assert_allclose(mass, 9.912, rtol=1e-12)
+    assert_allclose(centre, [0.0, 0.0, -0.17199], rtol=1e-12)
+    assert_allclose(np.diag(inertia), [0.189257, 0.189257, 0.038818], atol=5e-7)
+    assert_allclose(inertia, np.diag(np.diag(inertia)), atol=1e-15)
+
+
+axes = st.tuples(*[st.floats(-0.5, 0.5)] * 3).map(np.array).filter(lambda axis: np.linalg.norm(axis) > 0.05)
+
+
+@given(axis=axes)
+def test_inertia_belongs_to_the_segment_and_not_to_its_direction(axis: np.ndarray) -> None:
+    """Principal inertias: twice the transverse one and the longitudinal one along the axis."""
+    segment = Segment(mass=0.1, centre_of_mass=0.4, transverse_radius=0.3, longitudinal_radius=0.1)
+    mass, centre, inertia = segment_inertia(segment, 70.0, axis)
+    length = float(np.linalg.norm(axis))
+    expected = mass * length**2 * np.array([0.1**2, 0.3**2, 0.3**2])
+    assert_allclose(np.linalg.eigvalsh(inertia), expected, rtol=1e-9)
+    assert_allclose(inertia @ axis, mass * (0.1 * length) ** 2 * axis, atol=1e-12)
+    assert_allclose(centre, 0.4 * axis, rtol=1e-14)
+
+
+@given(height=heights)
+def test_device_is_set_to_the_nearest_sizes(height: float) -> None:
+    """Thigh 0.245 H, shank 0.246 H, hips 0.191 H (Drillis and Contini, in Winter, 2009)."""
+    sizes = device_sizes(PatientParameters(height=height))
+    assert sizes.femur in FEMUR_SIZES
+    assert all(abs(sizes.femur - 0.245 * height) <= abs(size - 0.245 * height) for size in FEMUR_SIZES)
+    assert_allclose(sizes.tibia, 0.246 * height, rtol=1e-12)
+    assert sizes.waist in WAIST_SIZES
+
+
+@given(height=st.floats(1.50, 1.88))
+def test_femur_of_a_5th_to_95th_percentile_wearer_misfits_by_a_centimetre_at_most(height: float) -> None:
+    sizes = device_sizes(PatientParameters(height=height))
+    assert abs(sizes.femur - 0.245 * height) <= 0.0100001
+
+
+def test_wider_hips_get_a_wider_waist() -> None:
+    waists = [device_sizes(PatientParameters(height=height)).waist for height in (1.50, 1.75, 1.93)]
+    assert waists == sorted(waists)
+    assert len(set(waists)) > 1
+
+
+@pytest.mark.parametrize("height", [1.40, 1.46, 1.96, 2.05])
+def test_wearer_outside_the_range_of_the_tibia_is_refused(height: float) -> None:
+    with pytest.raises(ParameterError) as caught:
+        device_sizes(PatientParameters(height=height))
+    message = str(caught.value)
+    assert f"{height:g} m" in message
+    assert str(TIBIA_RANGE[0]) in message
+    assert len(message.splitlines()) == 1

@@ -1,0 +1,117 @@
+"""A rigid-body model as plain numbers, for engines that do not know Pinocchio."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from twin_gait.exceptions import ModelError
+
+# Below this an exported number is rounding of a zero; a model has grams and millimetres, not less.
+_ROUNDING = 1e-13
+
+
+class BodyArrays(NamedTuple):
+    """One body and the joint that carries it; entries are numbers, or symbols while a kernel is traced.
+
+    Attributes:
+        parent: Index of the parent body, -1 for the world.
+        prismatic: Whether the joint slides instead of turning.
+        axis: Of the joint, in its own frame, shape ``(3,)``.
+        rotation: Of the joint frame in the parent frame at zero, shape ``(3, 3)``.
+        position: Of the joint frame in the parent frame in [m], shape ``(3,)``.
+        mass: In [kg].
+        first_moment: Mass times centre of mass in the joint frame in [kg m], shape ``(3,)``.
+        inertia: About the joint frame's origin in [kg m²], shape ``(3, 3)``.
+        armature: Inertia of the rotor at the joint.
+    """
+
+    parent: int
+    prismatic: bool
+    axis: list[Any]
+    rotation: list[list[Any]]
+    position: list[Any]
+    mass: Any
+    first_moment: list[Any]
+    inertia: list[list[Any]]
+    armature: Any
+
+
+class ContactPoint(NamedTuple):
+    """A point of a body that may touch the ground.
+
+    Attributes:
+        body: Index of the body.
+        position: In the body's joint frame in [m], shape ``(3,)``.
+    """
+
+    body: int
+    position: list[Any]
+
+
+def export_bodies(model: pin.Model) -> list[BodyArrays]:
+    """Export a Pinocchio model of joints with one degree of freedom.
+
+    Args:
+        model: The model.
+
+    Returns:
+        Bodies in the order of the joints, so that ``q[i]`` moves body ``i``.
+
+    Raises:
+        ModelError: If a joint has more than one degree of freedom or is a helical or mimic joint.
+    """
+    bodies = []
+    for index in range(1, model.njoints):
+        joint, placement, inertia = model.joints[index], model.jointPlacements[index], model.inertias[index]
+        prismatic, axis = _axis(joint, model.names[index])
+        lever = np.asarray(inertia.lever)
+        shift = inertia.mass * (lever @ lever * np.eye(3) - np.outer(lever, lever))
+        bodies.append(
+            BodyArrays(
+                parent=int(model.parents[index]) - 1,
+                prismatic=prismatic,
+                axis=_plain(axis),
+                rotation=[_plain(row) for row in placement.rotation],
+                position=_plain(placement.translation),
+                mass=float(inertia.mass),
+                first_moment=_plain(inertia.mass * lever),
+                inertia=[_plain(row) for row in np.asarray(inertia.inertia) + shift],
+                armature=float(model.armature[joint.idx_v]),
+            )
+        )
+    return bodies
+
+
+def _axis(joint: pin.JointModel, name: str) -> tuple[bool, np.ndarray]:
+    kind = joint.shortname().removeprefix("JointModel")
+    coordinate = {"X": [1.0, 0.0, 0.0], "Y": [0.0, 1.0, 0.0], "Z": [0.0, 0.0, 1.0]}
+    if kind in ("RX", "RY", "RZ", "PX", "PY", "PZ"):
+        return kind[0] == "P", np.array(coordinate[kind[1]])
+    if kind in ("RevoluteUnaligned", "PrismaticUnaligned"):
+        return kind.startswith("P"), np.asarray(joint.extract().axis)
+    raise ModelError(f"joint {name!r} is a {kind}; expected a revolute or prismatic joint")
+
+
+def contact_points(model: pin.Model, frames: Sequence[str]) -> list[ContactPoint]:
+    """Where named frames sit on their bodies.
+
+    Args:
+        model: The model.
+        frames: Names of frames.
+
+    Returns:
+        Points in the order of the names.
+    """
+    points = []
+    for name in frames:
+        frame = model.frames[model.getFrameId(name)]
+        points.append(ContactPoint(int(frame.parentJoint) - 1, _plain(frame.placement.translation)))
+    return points
+
+
+def _plain(values: Any) -> list[float]:
+    return [0.0 if abs(value) < _ROUNDING else float(value) for value in values]

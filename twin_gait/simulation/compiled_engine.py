@@ -1,0 +1,259 @@
+"""The engine that runs a whole episode in compiled code, from the same laws as the Pinocchio engine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from twin_gait.core.plant import WORK_SOURCE_COUNT
+from twin_gait.experiment import IntegrationMethod
+from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.gait.table import TICK
+from twin_gait.leg_model.bodies import contact_points, export_bodies
+from twin_gait.simulation import episode
+from twin_gait.simulation.compiling import loop_of
+from twin_gait.simulation.kernel import body_values, write_kernel
+from twin_gait.simulation.pinocchio_engine import DIVERGED_VELOCITY, EngineResult, log_layout
+from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.run import RunStatus
+from twin_gait.vocabulary import JointName
+
+CHUNK_TICKS = 2000  # between two looks at progress and interruption
+MOST_SWITCHES_PER_SECOND = 200
+
+
+class CompiledEngine:
+    """Runs one problem from start to end in compiled code."""
+
+    def __init__(self, problem: Problem, *, record: bool = True) -> None:
+        """Lay the problem out and get the compiled loop.
+
+        Args:
+            problem: The experiment as arrays.
+            record: Whether to keep the log; without it only the switches and the last state remain.
+        """
+        self.problem = problem
+        self.layout = log_layout(problem)
+        world = problem.world
+        frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
+        bodies = export_bodies(world.model.model)
+        points = contact_points(world.model.model, frames)
+        control_bodies = export_bodies(problem.control_model.model)
+        kernel = write_kernel(bodies, points, control_bodies, world.model.up_axis)
+        self._run_ticks, self._types = loop_of(kernel)
+        inputs = self._inputs(bodies, points, control_bodies, record)
+        self._episode = self._types.Episode(inputs, self._state(len(points)))
+        self._record = record
+
+    def _inputs(self, bodies: Any, points: Any, control_bodies: Any, record: bool) -> Any:
+        problem = self.problem
+        experiment, world = problem.experiment, problem.world
+        legs = len(problem.sides)
+        blending, integration = problem.table.blending, experiment.integration
+        pelvis = world.model.pelvis_index
+        ankles = [
+            world.model.index(side, JointName.ANKLE)
+            for side, leg in world.model.legs.items()
+            if leg.ankle is not None
+        ]
+        integers = np.zeros(12, dtype=np.int64)
+        integers[episode.N_LEGS] = legs
+        integers[episode.JOINTS_PER_LEG] = problem.joints_per_leg
+        integers[episode.POINTS_PER_FOOT] = len(points) // legs
+        integers[episode.DECIMATION] = experiment.sensors.decimation
+        integers[episode.BLEND_LAW] = blending.law.code
+        integers[episode.BLEND_TICKS] = blending.duration_ticks
+        integers[episode.SUBSTEPS] = integration.substeps
+        integers[episode.USE_RK4] = integration.method is IntegrationMethod.RK4
+        integers[episode.PELVIS_INDEX] = -1 if pelvis is None else pelvis
+        integers[episode.HAND_INDEX] = -1 if world.hand is None else world.hand.index
+        integers[episode.N_ANKLES] = len(ankles)
+        integers[episode.RECORD] = record
+        return self._types.EpisodeInputs(
+            integers=integers,
+            numbers=self._numbers(),
+            bodies=np.array(body_values(bodies, points)),
+            control_bodies=np.array(body_values(control_bodies)),
+            contact=self._contact(),
+            plant_rows=np.ascontiguousarray(world.plant_rows),
+            coordinates=np.array([joint.coordinate for joint in problem.joints], dtype=np.int64),
+            control_coordinates=np.array(
+                [joint.control_coordinate for joint in problem.joints], dtype=np.int64
+            ),
+            ankles=np.array(ankles, dtype=np.int64),
+            transitions=problem.program.transitions,
+            nodes=problem.program.nodes,
+            comparisons=problem.program.comparisons,
+            minimum_ticks=problem.program.minimum_ticks,
+            phase_rows=problem.phase_rows,
+            noise=problem.noise,
+            resolution=problem.resolution,
+            friction_model=self._friction_model(),
+            actuators=self._actuators(),
+            target_torque=np.array(
+                [experiment.control.target_torque.get(joint.joint, 0.0) for joint in problem.joints]
+            ),
+            hand=self._hand(),
+        )
+
+    def _numbers(self) -> np.ndarray:
+        experiment, world = self.problem.experiment, self.problem.world
+        battery, limits = experiment.plant.battery, experiment.control.limits
+        numbers = np.zeros(12)
+        numbers[episode.PERIOD] = TICK
+        numbers[episode.FAST_GAIN] = self.problem.fast_gain
+        numbers[episode.GRAVITY] = experiment.plant.gravity
+        numbers[episode.STEP] = experiment.integration.step
+        numbers[episode.TORQUE_LIMIT] = limits.torque
+        numbers[episode.CURRENT_LIMIT] = limits.current
+        numbers[episode.BATTERY_VOLTAGE] = battery.voltage
+        numbers[episode.BATTERY_RESISTANCE] = battery.internal_resistance
+        numbers[episode.BODY_WEIGHT] = world.body_weight
+        numbers[episode.FALL_HEIGHT] = -np.inf if world.fall_height is None else world.fall_height
+        numbers[episode.DIVERGED_VELOCITY] = DIVERGED_VELOCITY
+        numbers[episode.INERTIA_GAIN] = experiment.control.inertia_compensation
+        return numbers
+
+    def _contact(self) -> np.ndarray:
+        contact = self.problem.world.contact
+        if contact is None:
+            return np.zeros(5)
+        return np.array(
+            [
+                self.problem.world.belt_speed,
+                contact.stiffness,
+                contact.dissipation,
+                contact.friction_coefficient,
+                contact.transition_velocity,
+            ]
+        )
+
+    def _friction_model(self) -> np.ndarray:
+        models = self.problem.experiment.control.friction_model
+        laws = [models[joint.joint] for joint in self.problem.joints]
+        return np.array(
+            [
+                [law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction]
+                for law in laws
+            ]
+        )
+
+    def _actuators(self) -> np.ndarray:
+        items = [self.problem.actuator(joint) for joint in self.problem.joints]
+        return np.array(
+            [[item.torque_constant, item.gear_ratio, item.gear_efficiency, item.resistance] for item in items]
+        )
+
+    def _hand(self) -> np.ndarray:
+        hand = self.problem.world.hand
+        if hand is None:
+            return np.zeros(6)
+        return np.array(
+            [
+                hand.start_angle,
+                hand.amplitude,
+                hand.frequency,
+                hand.stiffness,
+                hand.damping,
+                hand.release_time,
+            ]
+        )
+
+    def _state(self, n_points: int) -> Any:
+        problem = self.problem
+        world, experiment = problem.world, problem.experiment
+        n, legs, joints = world.model.nv, len(problem.sides), len(problem.joints)
+        phases = np.array(
+            [
+                0 if name is None else problem.table.phase_index(name)
+                for name in (world.initial_phases[side] for side in problem.sides)
+            ],
+            dtype=np.int64,
+        )
+        start = problem.phase_rows[np.arange(legs), phases]
+        changing = np.zeros(5)
+        changing[episode.BUS_VOLTAGE] = experiment.plant.battery.voltage
+        n_control = problem.control_model.nv
+        capacity = max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration))
+        return self._types.EpisodeState(
+            q=world.start_q.copy(),
+            v=world.start_v.copy(),
+            a=np.zeros(n),
+            measured=np.zeros((joints, 3)),
+            decimated_angle=np.zeros(joints),
+            ring=np.zeros((experiment.sensors.window, joints)),
+            rate=np.zeros(joints),
+            phase=phases,
+            entry_tick=np.zeros(legs, dtype=np.int64),
+            dwell=np.zeros((legs, len(problem.program.transitions)), dtype=np.int64),
+            blend_start=start.copy(),
+            blended=start.copy(),
+            signals=np.full(2 * problem.signals_per_leg, np.nan),
+            motor=np.zeros(n),
+            torque=np.zeros(n),
+            passive=np.zeros((n, 3)),
+            points=np.zeros((max(n_points, 1), 3)),
+            works=np.zeros(WORK_SOURCE_COUNT),
+            changing=changing,
+            work=np.zeros((6, max(n, joints))),
+            control_q=np.zeros(n_control),
+            control_a=np.zeros(n_control),
+            gravity_torque=np.zeros(n_control),
+            inertia_torque=np.zeros(n_control),
+            legs=np.zeros(legs),
+            leg_ticks=np.zeros(legs, dtype=np.int64),
+            before=np.zeros(legs, dtype=np.int64),
+            switches=np.zeros((capacity, 5), dtype=np.int64),
+            counters=np.zeros(2, dtype=np.int64),
+        )
+
+    def run(
+        self,
+        progress: Callable[[int, int], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> EngineResult:
+        """Run to the end of the experiment, or to a fall, divergence or a request to stop.
+
+        Args:
+            progress: Called with ticks done and ticks in all, now and then.
+            should_stop: Asked now and then; True ends the run.
+
+        Returns:
+            The log up to there and how it ended.
+        """
+        total = self.problem.experiment.n_ticks
+        rows = np.zeros((total if self._record else 1, len(self.layout.names)))
+        done = 0
+        status, reason = RunStatus.COMPLETED, ""
+        while done < total and status is RunStatus.COMPLETED:
+            if progress is not None:
+                progress(done, total)
+            if should_stop is not None and should_stop():
+                status, reason = RunStatus.INTERRUPTED, f"stopped at {done * TICK:.3f} s"
+                break
+            done = int(self._run_ticks(self._episode, done, min(done + CHUNK_TICKS, total), rows))
+            status, reason = self._ending(done)
+        if progress is not None:
+            progress(done, total)
+        return EngineResult(rows[:done] if self._record else rows[:0], self._switches(), status, reason)
+
+    def _ending(self, done: int) -> tuple[RunStatus, str]:
+        code = int(self._episode.state.counters[1])
+        time = done * TICK
+        if code == episode.DIVERGED:
+            return RunStatus.DIVERGED, f"the state diverged at {time:.3f} s; try a smaller integration step"
+        if code == episode.FELL:
+            height = self.problem.world.fall_height
+            return RunStatus.FELL, f"the pelvis fell below {height:.2f} m at {time:.3f} s"
+        return RunStatus.COMPLETED, ""
+
+    def _switches(self) -> tuple[PhaseSwitch, ...]:
+        names, sides = self.problem.table.phase_names, self.problem.sides
+        state = self._episode.state
+        causes = [item.cause for item in self.problem.table.transitions]
+        return tuple(
+            PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
+            for tick, leg, source, target, chosen in state.switches[: state.counters[0]].tolist()
+        )

@@ -1,0 +1,190 @@
+"""Compile the episode loop together with the kernel of a model, and keep the result.
+
+The functions of :mod:`twin_gait.core` are registered with numba from here, so that core stays free of it.
+A compiled module is kept under a key that is a hash over every source it depends on: the generated text,
+all of core, the loop, and the versions of numba, llvmlite and Python. numba's own cache alone would miss an
+edit in a callee and silently run the old law.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import inspect
+import os
+import platform
+import re
+import sys
+from collections.abc import Callable
+from functools import lru_cache
+from importlib import metadata
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any
+
+from numba.extending import register_jitable
+
+from twin_gait import core
+from twin_gait.core import integrators
+from twin_gait.files import write_atomically
+from twin_gait.simulation import episode
+from twin_gait.simulation.kernel import KERNEL_VERSION
+
+CACHE_VARIABLE = "TWIN_GAIT_CACHE"
+CORE_MODULES = (
+    "actuator",
+    "blending",
+    "contact",
+    "control_tick",
+    "estimation",
+    "friction",
+    "guards",
+    "impedance",
+    "integrators",
+    "plant",
+)
+
+RunTicks = Callable[..., int]
+
+
+def cache_folder() -> Path:
+    """Folder of the compiled modules: ``$TWIN_GAIT_CACHE``, or twin_gait in the user's cache folder."""
+    chosen = os.environ.get(CACHE_VARIABLE)
+    if chosen:
+        return Path(chosen)
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "twin_gait"
+
+
+@lru_cache(maxsize=1)
+def register_core() -> None:
+    """Make every function of core callable from compiled code."""
+    for name in CORE_MODULES:
+        module = importlib.import_module(f"{core.__name__}.{name}")
+        for function in vars(module).values():
+            if isinstance(function, FunctionType) and function.__module__ == module.__name__:
+                register_jitable(function)
+
+
+def module_source(kernel: str) -> str:
+    """Text of the module that is compiled: the loop with a kernel in place of its interface.
+
+    Args:
+        kernel: From :func:`twin_gait.simulation.kernel.write_kernel`.
+
+    Returns:
+        Python source.
+    """
+    loop = _without_import(inspect.getsource(episode), "twin_gait.simulation.kernel_interface")
+    loop = _without_import(loop, "twin_gait.core.integrators")
+    loop = loop.replace("_step(_acceleration, episode,", "_step(episode,")
+    body = "\n\n".join(
+        [
+            loop,
+            "# --- integrators of core, with the acceleration of this module",
+            _bound_integrator(integrators.semi_implicit_euler_step),
+            _bound_integrator(integrators.rk4_step),
+            f"# --- kernel, version {KERNEL_VERSION}",
+            kernel,
+        ]
+    )
+    # numba compiles at the first call, when all functions of the module exist, whatever their order.
+    jitted = re.sub(
+        r"^def (_(?!acceleration)\w+|\w+_step)\(", r"@_inlined\ndef \1(", body, flags=re.MULTILINE
+    )
+    jitted = re.sub(r"^def (\w+)\(", r"@_jit\ndef \1(", jitted, flags=re.MULTILINE)
+    jitted = jitted.replace("@_inlined\n@_jit\n", "@_inlined\n")
+    return jitted.replace("import numpy as np\n", _PREAMBLE, 1)
+
+
+_PREAMBLE = """import math
+
+import numba
+import numpy as np
+
+from twin_gait.core.contact import ground_contact_force
+from twin_gait.core.integrators import RK4_STAGES
+
+_jit = numba.njit(cache=True, nogil=True, error_model="numpy")
+_inlined = numba.njit(inline="always", nogil=True, error_model="numpy")
+"""
+
+
+def _without_import(text: str, module: str) -> str:
+    """Take one import statement out of a source text."""
+    pattern = rf"^from {re.escape(module)} import (?:\([^)]*\)|[^\n(]*)\n"
+    text, count = re.subn(pattern, "", text, flags=re.MULTILINE)
+    assert count == 1, f"the episode loop no longer imports {module} in one statement"
+    return text
+
+
+def _bound_integrator(function: Callable[..., None]) -> str:
+    """Source of an integrator that calls this module's acceleration instead of an argument.
+
+    A function handed over as an argument would be fused just as well, but numba does not keep code that
+    holds the address of such an object.
+    """
+    source = inspect.getsource(function)
+    source, count = re.subn(r"acceleration: Acceleration,\s*", "", source)
+    assert count == 1, "an integrator no longer takes the acceleration as its first argument"
+    source = re.sub(r"\bacceleration\(context", "_acceleration(context", source)
+    return re.sub(r": (?:Any|Array|float|int)\b", "", source)
+
+
+def source_key(text: str) -> str:
+    """Hash over a generated module and everything that it is compiled with."""
+    digest = hashlib.sha256(text.encode())
+    for name in CORE_MODULES:
+        module = importlib.import_module(f"{core.__name__}.{name}")
+        digest.update(inspect.getsource(module).encode())
+    for package in ("numba", "llvmlite", "numpy"):
+        digest.update(f"{package} {metadata.version(package)}".encode())
+    digest.update(f"{platform.python_version()} {platform.machine()}".encode())
+    return digest.hexdigest()[:24]
+
+
+def load_module(text: str) -> ModuleType:
+    """Import the generated module from the cache folder, writing it there first if needed.
+
+    Two processes may do this at once: the file is put in place in one step and both write the same.
+
+    Args:
+        text: From :func:`module_source`.
+
+    Returns:
+        The module.
+    """
+    register_core()
+    name = f"twin_gait_episode_{source_key(text)}"
+    if name in sys.modules:
+        return sys.modules[name]
+    folder = cache_folder()
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{name}.py"
+    if not path.is_file() or path.read_text(encoding="utf-8") != text:
+        write_atomically(path, text)
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None and spec.loader is not None  # a .py file always has a loader
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def compiled_before(text: str) -> bool:
+    """Whether numba has kept the compiled loop of a generated module."""
+    name = f"twin_gait_episode_{source_key(text)}"
+    return any((cache_folder() / "__pycache__").glob(f"{name}.run_ticks-*.nbi"))
+
+
+def loop_of(kernel: str) -> tuple[RunTicks, Any]:
+    """The compiled loop of a kernel.
+
+    Args:
+        kernel: From :func:`twin_gait.simulation.kernel.write_kernel`.
+
+    Returns:
+        ``run_ticks`` and the module that holds its ``Episode`` types.
+    """
+    module = load_module(module_source(kernel))
+    return module.run_ticks, module

@@ -1,0 +1,544 @@
+"""The loop of the compiled engine: a whole episode on plain arrays.
+
+This module is plain Python that calls the functions of :mod:`twin_gait.core`; it is compiled together with
+a generated kernel, which takes the place of the imports from ``kernel_interface``. The order of things in a
+tick is that of the Pinocchio engine: measure, decide, control, record, integrate.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
+from twin_gait.core.control_tick import (
+    blend_phase,
+    controller_torques,
+    drive_motor,
+    leg_signals,
+    measure_joints,
+)
+from twin_gait.core.estimation import first_order_step
+from twin_gait.core.guards import NO_TRANSITION, next_transition
+from twin_gait.core.integrators import rk4_step, semi_implicit_euler_step
+from twin_gait.core.plant import add_work, hand_torque, passive_torques
+from twin_gait.simulation.kernel_interface import (
+    contact_forces,
+    control_gravity,
+    control_inertia,
+    dynamics,
+    observe,
+)
+
+Array = np.ndarray[Any, np.dtype[Any]]
+
+COMPLETED, FELL, DIVERGED = 0, 1, 2
+
+# Positions in the array of integers and in the array of numbers of an episode.
+(
+    N_LEGS,
+    JOINTS_PER_LEG,
+    POINTS_PER_FOOT,
+    DECIMATION,
+    BLEND_LAW,
+    BLEND_TICKS,
+    SUBSTEPS,
+    USE_RK4,
+    PELVIS_INDEX,
+    HAND_INDEX,
+    N_ANKLES,
+    RECORD,
+) = range(12)
+(
+    PERIOD,
+    FAST_GAIN,
+    GRAVITY,
+    STEP,
+    TORQUE_LIMIT,
+    CURRENT_LIMIT,
+    BATTERY_VOLTAGE,
+    BATTERY_RESISTANCE,
+    BODY_WEIGHT,
+    FALL_HEIGHT,
+    DIVERGED_VELOCITY,
+    INERTIA_GAIN,
+) = range(12)
+# Positions in the array of numbers that change: bus voltage, time of the step, hand, contact power.
+BUS_VOLTAGE, TIME, HAND_TORQUE, CONTACT_POWER, LAST_CONTACT_POWER = range(5)
+
+JOINT_WIDTH = 21  # columns of a joint in the log
+ANKLE_WIDTH = 3
+FOOT_WIDTH = 3
+PELVIS_WIDTH = 5
+
+
+class EpisodeInputs(NamedTuple):
+    """What does not change in an episode.
+
+    Attributes:
+        integers: See the positions above, shape ``(12,)``.
+        numbers: See the positions above, shape ``(12,)``.
+        bodies: Run-time values of the plant's kernel.
+        control_bodies: Run-time values of the controller's kernel.
+        contact: Belt speed and contact parameters, shape ``(5,)``.
+        plant_rows: Passive torques, shape ``(n, PLANT_COLUMNS)``.
+        coordinates: Positions of the actuated joints in ``q``, shape ``(n_joints,)``.
+        control_coordinates: Likewise in the controller's model.
+        ankles: Positions of the ankles in ``q``.
+        transitions: Guard program.
+        nodes: Guard program.
+        comparisons: Guard program.
+        minimum_ticks: Guard program.
+        phase_rows: Shape ``(n_legs, n_phases, n_columns)``.
+        noise: Sensor noise, shape ``(n_ticks or 1, n_joints)``.
+        resolution: Encoder resolution, shape ``(n_joints,)``.
+        friction_model: a, b, c, d of each joint, shape ``(n_joints, 4)``.
+        actuators: K_t, ratio, efficiency, resistance of each joint, shape ``(n_joints, 4)``.
+        target_torque: Shape ``(n_joints,)``.
+        hand: Start angle, amplitude, frequency, stiffness, damping, release time, shape ``(6,)``.
+    """
+
+    integers: Array
+    numbers: Array
+    bodies: Array
+    control_bodies: Array
+    contact: Array
+    plant_rows: Array
+    coordinates: Array
+    control_coordinates: Array
+    ankles: Array
+    transitions: Array
+    nodes: Array
+    comparisons: Array
+    minimum_ticks: Array
+    phase_rows: Array
+    noise: Array
+    resolution: Array
+    friction_model: Array
+    actuators: Array
+    target_torque: Array
+    hand: Array
+
+
+class EpisodeState(NamedTuple):
+    """What an episode changes; handed in and kept by the caller.
+
+    Attributes:
+        q: Coordinates, shape ``(n,)``.
+        v: Velocities, shape ``(n,)``.
+        a: Accelerations, shape ``(n,)``.
+        measured: Angle, fast and slow velocity, shape ``(n_joints, 3)``.
+        decimated_angle: Shape ``(n_joints,)``.
+        ring: Slow samples, shape ``(window, n_joints)``.
+        rate: Acceleration estimates, shape ``(n_joints,)``.
+        phase: Phase of each leg, shape ``(n_legs,)``.
+        entry_tick: Tick of entry, shape ``(n_legs,)``.
+        dwell: Shape ``(n_legs, n_transitions)``.
+        blend_start: Shape ``(n_legs, n_columns)``.
+        blended: Shape ``(n_legs, n_columns)``.
+        signals: Shape ``(2 n_signals,)``.
+        motor: Motor torques on all coordinates, shape ``(n,)``.
+        torque: All torques, shape ``(n,)``.
+        passive: Shape ``(n, 3)``.
+        points: Contact points, shape ``(n_points, 3)``.
+        works: By source, shape ``(6,)``.
+        changing: See the positions above, shape ``(5,)``.
+        work: Room for the integrator, shape ``(6, n)``.
+        control_q: Shape ``(n_control,)``.
+        control_a: Shape ``(n_control,)``.
+        gravity_torque: Shape ``(n_control,)``.
+        inertia_torque: Shape ``(n_control,)``.
+        legs: Foot loads, shape ``(n_legs,)``.
+        leg_ticks: Ticks in phase, shape ``(n_legs,)``.
+        before: Phases at the start of the tick, shape ``(n_legs,)``.
+        switches: Tick, leg, source, target, transition of each switch, shape ``(capacity, 5)``.
+        counters: Number of switches, status; shape ``(2,)``.
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    measured: Array
+    decimated_angle: Array
+    ring: Array
+    rate: Array
+    phase: Array
+    entry_tick: Array
+    dwell: Array
+    blend_start: Array
+    blended: Array
+    signals: Array
+    motor: Array
+    torque: Array
+    passive: Array
+    points: Array
+    works: Array
+    changing: Array
+    work: Array
+    control_q: Array
+    control_a: Array
+    gravity_torque: Array
+    inertia_torque: Array
+    legs: Array
+    leg_ticks: Array
+    before: Array
+    switches: Array
+    counters: Array
+
+
+class Episode(NamedTuple):
+    """Inputs and state together, as the integrators hand them through.
+
+    Attributes:
+        inputs: What does not change.
+        state: What does.
+    """
+
+    inputs: EpisodeInputs
+    state: EpisodeState
+
+
+def _acceleration(episode: Episode, offset: float, weight: float, q: Array, v: Array, out: Array) -> None:
+    """Acceleration of a state with everything that acts on it; adds the work of Runge-Kutta stages."""
+    inputs, state = episode.inputs, episode.state
+    passive_torques(q, v, inputs.plant_rows, state.passive)
+    for i in range(q.shape[0]):
+        state.torque[i] = state.motor[i] + (state.passive[i, 0] + state.passive[i, 1] + state.passive[i, 2])
+    hand = inputs.integers[HAND_INDEX]
+    if hand >= 0:
+        state.changing[HAND_TORQUE] = hand_torque(
+            state.changing[TIME] + offset * inputs.numbers[STEP],
+            q[hand],
+            v[hand],
+            inputs.hand[0],
+            inputs.hand[1],
+            inputs.hand[2],
+            inputs.hand[3],
+            inputs.hand[4],
+            inputs.hand[5],
+        )
+        state.torque[hand] += state.changing[HAND_TORQUE]
+    state.changing[CONTACT_POWER] = dynamics(
+        q, v, state.torque, inputs.bodies, inputs.numbers[GRAVITY], inputs.contact, out, state.points
+    )
+    if inputs.integers[USE_RK4] != 0 and inputs.integers[RECORD] != 0:
+        add_work(
+            weight * inputs.numbers[STEP],
+            state.motor,
+            state.passive,
+            hand,
+            state.changing[HAND_TORQUE],
+            state.changing[CONTACT_POWER],
+            v,
+            state.works,
+        )
+
+
+def _integrate(episode: Episode, tick: int) -> None:
+    """All substeps of one tick."""
+    inputs, state = episode.inputs, episode.state
+    step = inputs.numbers[STEP]
+    n = state.q.shape[0]
+    for substep in range(inputs.integers[SUBSTEPS]):
+        state.changing[TIME] = tick * inputs.numbers[PERIOD] + substep * step
+        if inputs.integers[USE_RK4] != 0:
+            rk4_step(_acceleration, episode, state.q, state.v, step, state.work)
+            continue
+        mean = state.work[5]
+        for i in range(n):
+            mean[i] = state.v[i]
+        semi_implicit_euler_step(_acceleration, episode, state.q, state.v, step, state.a)
+        if inputs.integers[RECORD] != 0:
+            for i in range(n):
+                mean[i] = 0.5 * (mean[i] + state.v[i])
+            contact = 0.5 * (state.changing[CONTACT_POWER] + state.changing[LAST_CONTACT_POWER])
+            state.changing[LAST_CONTACT_POWER] = state.changing[CONTACT_POWER]
+            add_work(
+                step,
+                state.motor,
+                state.passive,
+                inputs.integers[HAND_INDEX],
+                state.changing[HAND_TORQUE],
+                contact,
+                mean,
+                state.works,
+            )
+
+
+def _foot_sum(points: Array, leg: int, points_per_foot: int, column: int) -> float:
+    total = 0.0
+    for number in range(leg * points_per_foot, (leg + 1) * points_per_foot):
+        total += points[number, column]
+    return total
+
+
+def _measure(episode: Episode, tick: int) -> None:
+    """Encoders, velocity estimates and foot loads."""
+    inputs, state = episode.inputs, episode.state
+    noise_row = tick if inputs.noise.shape[0] > 1 else 0
+    joints = inputs.coordinates.shape[0]
+    true_angles = state.work[0]
+    for joint in range(joints):
+        true_angles[joint] = state.q[inputs.coordinates[joint]]
+        # The estimate of the acceleration needs the last fast velocity.
+        state.work[1, joint] = state.measured[joint, 1]
+    measure_joints(
+        tick,
+        true_angles[:joints],
+        inputs.noise[noise_row],
+        inputs.resolution,
+        inputs.numbers[PERIOD],
+        inputs.numbers[FAST_GAIN],
+        inputs.integers[DECIMATION],
+        state.measured,
+        state.decimated_angle,
+        state.ring,
+    )
+    if inputs.integers[POINTS_PER_FOOT] > 0:
+        contact_forces(state.q, state.v, inputs.bodies, inputs.contact, state.points)
+        for leg in range(inputs.integers[N_LEGS]):
+            load = _foot_sum(state.points, leg, inputs.integers[POINTS_PER_FOOT], 1)
+            state.legs[leg] = load / inputs.numbers[BODY_WEIGHT]
+
+
+def _decide(episode: Episode, tick: int) -> None:
+    """Advance all legs on one snapshot, then blend their parameters."""
+    inputs, state = episode.inputs, episode.state
+    legs, per_leg = inputs.integers[N_LEGS], inputs.integers[JOINTS_PER_LEG]
+    half = state.signals.shape[0] // 2
+    for leg in range(legs):
+        state.leg_ticks[leg] = tick - state.entry_tick[leg]
+        state.before[leg] = state.phase[leg]
+    for leg in range(legs):
+        period = inputs.numbers[PERIOD]
+        leg_signals(leg, per_leg, state.measured, state.legs, state.leg_ticks, period, state.signals, 0)
+        other = -1
+        if legs == 2:
+            leg_signals(
+                1 - leg, per_leg, state.measured, state.legs, state.leg_ticks, period, state.signals, half
+            )
+            other = state.before[1 - leg]
+        chosen = next_transition(
+            state.before[leg],
+            state.leg_ticks[leg],
+            inputs.minimum_ticks[state.before[leg]],
+            inputs.transitions,
+            inputs.nodes,
+            inputs.comparisons,
+            state.signals,
+            other,
+            state.dwell[leg],
+        )
+        if chosen != NO_TRANSITION:
+            _switch(state, leg, tick, chosen, inputs.transitions[chosen, 1])
+    for leg in range(legs):
+        blend_phase(
+            leg,
+            tick - state.entry_tick[leg],
+            inputs.integers[BLEND_TICKS],
+            inputs.integers[BLEND_LAW],
+            state.blend_start,
+            inputs.phase_rows[leg, state.phase[leg]],
+            state.blended,
+        )
+
+
+def _switch(state: EpisodeState, leg: int, tick: int, chosen: int, target: int) -> None:
+    """Enter a phase and note it."""
+    number = state.counters[0]
+    if number < state.switches.shape[0]:
+        state.switches[number, 0] = tick
+        state.switches[number, 1] = leg
+        state.switches[number, 2] = state.phase[leg]
+        state.switches[number, 3] = target
+        state.switches[number, 4] = chosen
+    state.counters[0] = number + 1
+    state.phase[leg] = target
+    state.entry_tick[leg] = tick
+    for column in range(state.blended.shape[1]):
+        state.blend_start[leg, column] = state.blended[leg, column]
+
+
+def _feed_forward(episode: Episode) -> None:
+    """Gravity and inertia torques of the controller's model, where a share of them is wanted."""
+    inputs, state = episode.inputs, episode.state
+    wanted = inputs.numbers[INERTIA_GAIN] > 0.0
+    last = state.blended.shape[1] - 1
+    for leg in range(inputs.integers[N_LEGS]):
+        wanted = wanted or state.blended[leg, last] != 0.0
+    if not wanted:
+        return
+    joints = inputs.coordinates.shape[0]
+    for joint in range(joints):
+        state.control_q[inputs.control_coordinates[joint]] = state.measured[joint, 0]
+    control_gravity(state.control_q, inputs.control_bodies, inputs.numbers[GRAVITY], state.gravity_torque)
+    if inputs.numbers[INERTIA_GAIN] > 0.0:
+        for joint in range(joints):
+            rate = (state.measured[joint, 1] - state.work[1, joint]) / inputs.numbers[PERIOD]
+            state.rate[joint] = first_order_step(state.rate[joint], rate, inputs.numbers[FAST_GAIN])
+            state.control_a[inputs.control_coordinates[joint]] = state.rate[joint]
+        control_inertia(state.control_q, state.control_a, inputs.control_bodies, state.inertia_torque)
+
+
+def _control(episode: Episode, joint: int, row: Array) -> float:
+    """Torque of one motor for this tick; returns its electrical power."""
+    inputs, state = episode.inputs, episode.state
+    per_leg = inputs.integers[JOINTS_PER_LEG]
+    leg = joint // per_leg
+    column = 4 * (joint % per_leg)
+    stiffness, damping = state.blended[leg, column], state.blended[leg, column + 1]
+    equilibrium, gain = state.blended[leg, column + 2], state.blended[leg, column + 3]
+    impedance, friction = controller_torques(
+        state.measured[joint, 0],
+        state.measured[joint, 1],
+        state.measured[joint, 2],
+        stiffness,
+        damping,
+        equilibrium,
+        gain,
+        inputs.friction_model[joint, 0],
+        inputs.friction_model[joint, 1],
+        inputs.friction_model[joint, 2],
+        inputs.friction_model[joint, 3],
+    )
+    place = inputs.control_coordinates[joint]
+    share = state.blended[leg, state.blended.shape[1] - 1]
+    gravity = share * state.gravity_torque[place] if share != 0.0 else 0.0
+    inertia = inputs.numbers[INERTIA_GAIN] * state.inertia_torque[place]
+    target = inputs.target_torque[joint]
+    command = impedance + friction + gravity + inertia + target
+    velocity = state.v[inputs.coordinates[joint]]
+    target_current, current, torque = drive_motor(
+        command,
+        velocity,
+        state.changing[BUS_VOLTAGE],
+        inputs.numbers[TORQUE_LIMIT],
+        inputs.numbers[CURRENT_LIMIT],
+        inputs.actuators[joint, 0],
+        inputs.actuators[joint, 1],
+        inputs.actuators[joint, 2],
+        inputs.actuators[joint, 3],
+    )
+    state.motor[inputs.coordinates[joint]] = torque
+    if inputs.integers[RECORD] != 0:
+        first = inputs.integers[N_LEGS] + JOINT_WIDTH * joint
+        for i in range(3):
+            row[first + 2 + i] = state.measured[joint, i]
+        row[first + 5] = impedance
+        row[first + 6] = friction
+        row[first + 7] = gravity
+        row[first + 8] = inertia
+        row[first + 9] = target
+        row[first + 10] = command
+        row[first + 11] = torque
+        row[first + 15] = target_current
+        row[first + 16] = current
+        row[first + 17] = stiffness
+        row[first + 18] = damping
+        row[first + 19] = equilibrium
+        row[first + 20] = gain
+    return motor_electrical_power(
+        current, velocity, inputs.actuators[joint, 3], inputs.actuators[joint, 0], inputs.actuators[joint, 1]
+    )
+
+
+def _record(episode: Episode, tick: int, battery_power: float, row: Array) -> None:
+    """Write everything that is not a controller's, at the state before integration."""
+    inputs, state = episode.inputs, episode.state
+    state.changing[TIME] = tick * inputs.numbers[PERIOD]
+    _acceleration(episode, 0.0, 0.0, state.q, state.v, state.a)
+    for leg in range(inputs.integers[N_LEGS]):
+        row[leg] = state.phase[leg]
+    for joint in range(inputs.coordinates.shape[0]):
+        index = inputs.coordinates[joint]
+        first = inputs.integers[N_LEGS] + JOINT_WIDTH * joint
+        row[first] = state.q[index]
+        row[first + 1] = state.v[index]
+        row[first + 12] = state.passive[index, 0]
+        row[first + 13] = state.passive[index, 1]
+        row[first + 14] = state.changing[HAND_TORQUE] if inputs.integers[HAND_INDEX] == index else 0.0
+    place = inputs.integers[N_LEGS] + JOINT_WIDTH * inputs.coordinates.shape[0]
+    for ankle in range(inputs.integers[N_ANKLES]):
+        index = inputs.ankles[ankle]
+        row[place] = state.q[index]
+        row[place + 1] = state.v[index]
+        row[place + 2] = state.passive[index, 2]
+        place += ANKLE_WIDTH
+    per_foot = inputs.integers[POINTS_PER_FOOT]
+    if per_foot > 0:
+        for leg in range(inputs.integers[N_LEGS]):
+            row[place] = _foot_sum(state.points, leg, per_foot, 1)
+            row[place + 1] = _foot_sum(state.points, leg, per_foot, 0)
+            lowest = state.points[leg * per_foot, 2]
+            for number in range(leg * per_foot, (leg + 1) * per_foot):
+                lowest = min(lowest, state.points[number, 2])
+            row[place + 2] = lowest
+            place += FOOT_WIDTH
+    kinetic, potential, force, moment = observe(
+        state.q, state.v, state.a, inputs.bodies, inputs.numbers[GRAVITY], inputs.contact
+    )
+    pelvis = inputs.integers[PELVIS_INDEX]
+    if pelvis >= 0:
+        row[place] = state.q[pelvis]
+        row[place + 1] = state.v[pelvis]
+        row[place + 2] = state.passive[pelvis, 2]
+        row[place + 3] = force
+        row[place + 4] = moment
+        place += PELVIS_WIDTH
+    row[place] = state.changing[BUS_VOLTAGE]
+    row[place + 1] = battery_power
+    row[place + 2] = kinetic
+    row[place + 3] = potential
+    for source in range(state.works.shape[0]):
+        row[place + 4 + source] = state.works[source]
+
+
+def _status(episode: Episode) -> int:
+    """Whether the run goes on."""
+    inputs, state = episode.inputs, episode.state
+    for i in range(state.q.shape[0]):
+        if not (np.isfinite(state.q[i]) and abs(state.v[i]) < inputs.numbers[DIVERGED_VELOCITY]):
+            return DIVERGED
+    pelvis = inputs.integers[PELVIS_INDEX]
+    if pelvis >= 0 and state.q[pelvis] < inputs.numbers[FALL_HEIGHT]:
+        return FELL
+    return COMPLETED
+
+
+def run_ticks(episode: Episode, first: int, end: int, rows: Array) -> int:
+    """Run ticks ``first`` to ``end - 1``, or until the wearer falls or the state diverges.
+
+    Args:
+        episode: Inputs and state; the state is changed in place.
+        first: First tick.
+        end: One past the last tick.
+        rows: Log, shape ``(n_ticks, n_columns)``; row ``tick`` is written if the episode records.
+
+    Returns:
+        Ticks that have been run since the start of the episode; ``state.counters[1]`` is the status.
+    """
+    inputs, state = episode.inputs, episode.state
+    record = inputs.integers[RECORD] != 0
+    for tick in range(first, end):
+        row = rows[tick] if record else rows[0]
+        _measure(episode, tick)
+        _decide(episode, tick)
+        _feed_forward(episode)
+        battery_power = 0.0
+        for joint in range(inputs.coordinates.shape[0]):
+            battery_power += _control(episode, joint, row)
+        if record:
+            _record(episode, tick, battery_power, row)
+        state.changing[BUS_VOLTAGE] = sagged_bus_voltage(
+            inputs.numbers[BATTERY_VOLTAGE],
+            inputs.numbers[BATTERY_RESISTANCE],
+            battery_power,
+            state.changing[BUS_VOLTAGE],
+        )
+        _integrate(episode, tick)
+        status = _status(episode)
+        if status != COMPLETED:
+            state.counters[1] = status
+            return tick + 1
+    return end

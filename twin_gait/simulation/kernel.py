@@ -1,0 +1,237 @@
+"""Write the rigid-body dynamics of one model as straight-line Python.
+
+The generic algorithms of :mod:`twin_gait.simulation.rigid_body` run once over symbols. Topology, axes and
+structural zeros are folded into the text; masses, inertias, lengths and armature stay inputs, so that
+another wearer needs no new kernel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
+from twin_gait.simulation import rigid_body
+from twin_gait.simulation.rigid_body import Vector
+from twin_gait.simulation.tracing import Scalar, Trace, text
+
+KERNEL_VERSION = 1
+
+
+def _map_values(
+    bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], visit: Callable[[float], Scalar]
+) -> tuple[list[BodyArrays], list[ContactPoint]]:
+    """Rebuild bodies and contact points with every run-time value passed through a function."""
+    mapped = []
+    for body in bodies:
+        inertia: list[list[Scalar]] = [[0.0] * 3 for _ in range(3)]
+        for i in range(3):
+            for j in range(i, 3):
+                inertia[i][j] = inertia[j][i] = visit(body.inertia[i][j])
+        mapped.append(
+            body._replace(
+                position=[visit(value) for value in body.position],
+                mass=visit(body.mass),
+                first_moment=[visit(value) for value in body.first_moment],
+                inertia=inertia,
+                armature=visit(body.armature),
+            )
+        )
+    return mapped, [point._replace(position=[visit(value) for value in point.position]) for point in points]
+
+
+def body_values(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> list[float]:
+    """Run-time inputs of a kernel, in the order in which it reads them; structural zeros left out.
+
+    Args:
+        bodies: The model.
+        points: Contact points.
+
+    Returns:
+        The values.
+    """
+    values: list[float] = []
+
+    def visit(value: float) -> float:
+        if value != 0.0:
+            values.append(value)
+        return value
+
+    _map_values(bodies, points, visit)
+    return values
+
+
+def _as_inputs(
+    trace: Trace, bodies: Sequence[BodyArrays], points: Sequence[ContactPoint]
+) -> tuple[list[BodyArrays], list[ContactPoint]]:
+    count = 0
+
+    def visit(value: float) -> Scalar:
+        nonlocal count
+        if value == 0.0:
+            return 0.0
+        count += 1
+        return trace.input(f"bodies[{count - 1}]")
+
+    return _map_values(bodies, points, visit)
+
+
+def _inputs(trace: Trace, name: str, count: int) -> Vector:
+    return [trace.input(f"{name}[{index}]") for index in range(count)]
+
+
+def _gravity_vector(trace: Trace, up_axis: str) -> Vector:
+    down = -trace.input("gravity")
+    return [0.0, 0.0, down] if up_axis == "z" else [0.0, down, 0.0]
+
+
+def _ground(trace: Trace, heights: list[Scalar], powers: list[Scalar]) -> rigid_body.ContactLaw:
+    """Contact law that calls the one in core, and keeps heights and powers."""
+
+    def law(position: Vector, velocity: Vector) -> list[Scalar]:
+        parameters = _inputs(trace, "contact", 5)
+        forward, upward = trace.call(
+            "ground_contact_force", [position[2], velocity[0], velocity[2], *parameters], 2
+        )
+        heights.append(position[2])
+        powers.append(forward * velocity[0] + upward * velocity[2])
+        return [forward, upward]
+
+    return law
+
+
+def _total(values: Sequence[Scalar]) -> Scalar:
+    total: Scalar = 0.0
+    for value in values:
+        total = value + total
+    return total
+
+
+def _function(
+    signature: str, trace: Trace, stores: Sequence[tuple[str, Scalar]], returned: Sequence[Scalar]
+) -> str:
+    outputs = [value for _, value in stores] + list(returned)
+    lines = [f"def {signature}:", *(f"    {line}" for line in trace.live_lines(outputs))]
+    lines += [f"    {place} = {text(value)}" for place, value in stores]
+    if returned:
+        lines.append(f"    return {', '.join(text(value) for value in returned)}")
+    elif not stores:
+        lines.append("    pass")
+    return "\n".join(lines) + "\n"
+
+
+def _stores(name: str, values: Sequence[Scalar]) -> list[tuple[str, Scalar]]:
+    return [(f"{name}[{index}]", value) for index, value in enumerate(values)]
+
+
+def _point_stores(
+    contacts: Sequence[Sequence[Scalar]], heights: Sequence[Scalar]
+) -> list[tuple[str, Scalar]]:
+    stores = []
+    for number, (forces, height) in enumerate(zip(contacts, heights, strict=True)):
+        stores += [(f"points[{number}, {column}]", value) for column, value in enumerate([*forces, height])]
+    return stores
+
+
+def write_dynamics(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str) -> str:
+    """Source of ``dynamics``; see :mod:`twin_gait.simulation.kernel_interface`."""
+    trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
+    inputs, places = _as_inputs(trace, bodies, points)
+    n = len(bodies)
+    result = rigid_body.forward_dynamics(
+        inputs,
+        _inputs(trace, "q", n),
+        _inputs(trace, "v", n),
+        _inputs(trace, "torque", n),
+        _gravity_vector(trace, up_axis),
+        places,
+        _ground(trace, heights, powers),
+    )
+    stores = _stores("a", result.acceleration) + _point_stores(result.contacts, heights)
+    signature = "dynamics(q, v, torque, bodies, gravity, contact, a, points)"
+    return _function(signature, trace, stores, [_total(powers)])
+
+
+def write_contact_forces(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint]) -> str:
+    """Source of ``contact_forces``."""
+    trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
+    inputs, places = _as_inputs(trace, bodies, points)
+    n = len(bodies)
+    result = rigid_body.inverse_dynamics(
+        inputs,
+        _inputs(trace, "q", n),
+        _inputs(trace, "v", n),
+        [0.0] * n,
+        [0.0, 0.0, 0.0],
+        places,
+        _ground(trace, heights, powers),
+    )
+    stores = _point_stores(result.contacts, heights)
+    return _function("contact_forces(q, v, bodies, contact, points)", trace, stores, [_total(powers)])
+
+
+def write_observe(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str) -> str:
+    """Source of ``observe``."""
+    trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
+    inputs, places = _as_inputs(trace, bodies, points)
+    n = len(bodies)
+    q, v, a = (_inputs(trace, name, n) for name in ("q", "v", "a"))
+    gravity = _gravity_vector(trace, up_axis)
+    matrix = rigid_body.joint_space_inertia(inputs, q)
+    kinetic = 0.5 * rigid_body.dot(v, [rigid_body.dot(row, v) for row in matrix])
+    potential = rigid_body.potential_energy(inputs, q, gravity)
+    result = rigid_body.inverse_dynamics(inputs, q, v, a, gravity, places, _ground(trace, heights, powers))
+    returned = [kinetic, potential, result.root_force[0], result.root_moment[1]]
+    return _function("observe(q, v, a, bodies, gravity, contact)", trace, [], returned)
+
+
+def write_control_gravity(bodies: Sequence[BodyArrays], up_axis: str) -> str:
+    """Source of ``control_gravity``."""
+    trace = Trace()
+    inputs, _ = _as_inputs(trace, bodies, ())
+    n = len(bodies)
+    zeros: list[Scalar] = [0.0] * n
+    result = rigid_body.inverse_dynamics(
+        inputs, _inputs(trace, "q", n), zeros, zeros, _gravity_vector(trace, up_axis)
+    )
+    return _function(
+        "control_gravity(q, bodies, gravity, torque)", trace, _stores("torque", result.torques), []
+    )
+
+
+def write_control_inertia(bodies: Sequence[BodyArrays]) -> str:
+    """Source of ``control_inertia``."""
+    trace = Trace()
+    inputs, _ = _as_inputs(trace, bodies, ())
+    n = len(bodies)
+    a = _inputs(trace, "a", n)
+    matrix = rigid_body.joint_space_inertia(inputs, _inputs(trace, "q", n))
+    torques = [rigid_body.dot(row, a) for row in matrix]
+    return _function("control_inertia(q, a, bodies, torque)", trace, _stores("torque", torques), [])
+
+
+def write_kernel(
+    bodies: Sequence[BodyArrays],
+    points: Sequence[ContactPoint],
+    control_bodies: Sequence[BodyArrays],
+    up_axis: str,
+) -> str:
+    """Source of all functions of :mod:`twin_gait.simulation.kernel_interface` for one structure.
+
+    Args:
+        bodies: The plant.
+        points: Points of the plant that may touch the ground.
+        control_bodies: The controller's model.
+        up_axis: ``"z"`` or ``"y"``.
+
+    Returns:
+        Python source; it needs ``math`` and ``ground_contact_force`` in its module.
+    """
+    return "\n\n".join(
+        [
+            write_dynamics(bodies, points, up_axis),
+            write_contact_forces(bodies, points),
+            write_observe(bodies, points, up_axis),
+            write_control_gravity(control_bodies, up_axis),
+            write_control_inertia(control_bodies),
+        ]
+    )

@@ -1,0 +1,159 @@
+"""Write a run as one page that plays anywhere, without a server and without a network."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.files import write_atomically
+from twin_gait.leg_model import LegModel
+from twin_gait.palette import phase_colour
+from twin_gait.parameters import PatientParameters
+from twin_gait.viewer import surroundings
+from twin_gait.viewer.commands import Track, rgb, set_animation
+from twin_gait.viewer.motion import LegMotion, Motion, read_motion
+from twin_gait.viewer.page import leg_entry, page_data, recorded_page
+from twin_gait.viewer.recorder import Recorder
+from twin_gait.viewer.scene import Scene
+from twin_gait.viewer.staging import build_scene
+from twin_gait.vocabulary import Side
+
+_CONTINUOUS = ("position", "quaternion", "scale")
+_SWITCH = 1e-4  # [s] in which a colour changes or the belt marks jump back
+_DECIMALS = 6  # of positions in [m] and quaternions: 1 µm, and 2 µrad
+
+
+def write_animation(
+    path: str | Path,
+    log: pd.DataFrame,
+    model: LegModel,
+    *,
+    title: str,
+    subtitle: str = "",
+    belt_speed: float = 0.0,
+    patient: PatientParameters | None = None,
+    phases: Sequence[str] | None = None,
+    frames_per_second: float = 30.0,
+) -> Path:
+    """Write a run as one self-contained HTML page.
+
+    The page plays from a file in any browser of 2023 or later; ``#t=3.2`` in its address shows that
+    moment. An existing file is replaced only when the new one is complete.
+
+    Args:
+        path: The HTML file.
+        log: One row per tick, with the columns of a run.
+        model: The model that the log is about.
+        title: Heading of the page; any text.
+        subtitle: Line below it; any text.
+        belt_speed: Of the treadmill in [m] / [s]; 0 on the bench.
+        patient: The wearer to draw, or None.
+        phases: Names of the phases in order; those of the log if None.
+        frames_per_second: Frames recorded per second of the run.
+
+    Returns:
+        The file.
+
+    Raises:
+        ModelError: If the URDF cannot be read.
+        RunDirectoryError: If the file cannot be written.
+        ViewerError: If the log does not fit the model.
+    """
+    path = Path(path)
+    motion = read_motion(log, model, frames_per_second=frames_per_second, phases=phases)
+    recorder = Recorder()
+    scene = build_scene(recorder, model, patient=patient)
+    scene.apply(scene.state_at(motion, 0, belt_speed))
+    tracks = list(_tracks(scene, motion, belt_speed))
+    recorder.send(set_animation(tracks, frames_per_second))
+    data = page_data(
+        mode="recorded",
+        title=title,
+        subtitle=subtitle,
+        missing_meshes=scene.missing_meshes,
+        view=scene.view,
+        phases=motion.phase_names,
+        legs=[_recorded_leg(side, leg) for side, leg in motion.legs.items()],
+        arrows=bool(scene.arrows),
+        duration=round(motion.duration, 3),
+        times=np.round(1000.0 * motion.times).astype(int).tolist(),
+        frames_per_second=frames_per_second,
+    )
+    packed = base64.b64encode(zlib.compress(recorder.packed(), 9)).decode("ascii")
+    write_atomically(path, recorded_page(data, packed))
+    return path
+
+
+def _recorded_leg(side: Side, leg: LegMotion) -> dict[str, Any]:
+    shows = [*(["phase"] if leg.phases is not None else []), *leg.curves]
+    entry = leg_entry(side, shows)
+    decimals = {"force": 0}
+    entry["series"] = {name: _numbers(values, decimals.get(name, 2)) for name, values in leg.curves.items()}
+    entry["phases"] = None
+    if leg.phases is not None:
+        starts, codes = leg.phases
+        entry["phases"] = {"starts": np.round(starts, 3).tolist(), "codes": codes.tolist()}
+    return entry
+
+
+def _numbers(values: np.ndarray, decimals: int) -> list[float | None]:
+    rounded = np.round(values, decimals) + 0.0
+    return [float(value) if np.isfinite(value) else None for value in rounded]
+
+
+def _tracks(scene: Scene, motion: Motion, belt_speed: float) -> Iterator[Track]:
+    """Everything that moves or changes colour; what stays as it is has no track."""
+    states = [scene.state_at(motion, frame, belt_speed=0.0) for frame in range(len(motion.times))]
+    for place, name in states[0]:
+        if name == "color":
+            continue
+        values = np.array([state[place, name] for state in states])
+        if name in _CONTINUOUS:
+            values = np.round(values.astype(float), _DECIMALS) + 0.0
+        if (values != values[0]).any():
+            yield from _thinned(Track(place, name, motion.times, values))
+    for side, leg in motion.legs.items():
+        for cover in scene.covers.get(side, ()):
+            yield from _colour_track(f"{cover}/<object>", leg, motion)
+    if belt_speed != 0.0:
+        yield _belt_track(motion.duration, belt_speed)
+
+
+def _thinned(track: Track) -> Iterator[Track]:
+    """Drop the keys inside a spell without change, which interpolation gives back exactly."""
+    same = (track.values[1:] == track.values[:-1]).reshape(len(track.times) - 1, -1).all(axis=1)
+    inside = np.zeros(len(track.times), dtype=bool)
+    inside[1:-1] = same[:-1] & same[1:]
+    yield Track(track.path, track.name, track.times[~inside], track.values[~inside])
+
+
+def _colour_track(path: str, leg: LegMotion, motion: Motion) -> Iterator[Track]:
+    """Colour that switches with the phase, at the tick of the switch."""
+    if leg.phases is None or len(leg.phases.starts) < 2:
+        return
+    colours = [rgb(phase_colour(motion.phase_names[code], int(code))) for code in leg.phases.codes]
+    times, values = [0.0], [colours[0]]
+    for start, before, after in zip(leg.phases.starts[1:], colours[:-1], colours[1:], strict=True):
+        times += [float(start) - _SWITCH, float(start)]
+        values += [before, after]
+    yield Track(path, "material.color", np.array(times), np.round(np.array(values), 4))
+
+
+def _belt_track(duration: float, belt_speed: float) -> Track:
+    """Marks that run back by one spacing and jump forward, which nobody sees."""
+    period = surroundings.BELT_MARK_SPACING / abs(belt_speed)
+    times, offsets = [0.0], [0.0 if belt_speed > 0.0 else -surroundings.BELT_MARK_SPACING]
+    end = -surroundings.BELT_MARK_SPACING - offsets[0]
+    for jump in np.arange(1, int(duration / period) + 1) * period:
+        times += [float(jump) - _SWITCH, float(jump)]
+        offsets += [end, offsets[0]]
+    times.append(max(duration, times[-1] + _SWITCH))
+    offsets.append(surroundings.belt_offset(duration, belt_speed))
+    values = np.column_stack((np.round(offsets, 5), np.zeros((len(offsets), 2))))
+    return Track(surroundings.BELT, "position", np.array(times), values)

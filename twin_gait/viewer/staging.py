@@ -1,0 +1,144 @@
+"""Draw a leg model, or any URDF, with what belongs around it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
+from twin_gait.leg_model.leg_model import PELVIS_JOINT
+from twin_gait.parameters import PatientParameters
+from twin_gait.viewer import surroundings
+from twin_gait.viewer.body import draw_wearer
+from twin_gait.viewer.commands import Window
+from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.scene import RIGHT_SIDE, Scene, View
+from twin_gait.viewer.visuals import FIXED_JOINT, Visuals, load_visuals
+from twin_gait.vocabulary import Side
+
+_FROM_THE_FRONT = (0.6, -1.0, 0.3)
+
+
+def build_scene(window: Window, model: LegModel, *, patient: PatientParameters | None = None) -> Scene:
+    """Draw a leg model with its wearer and its surroundings.
+
+    Args:
+        window: Where commands go.
+        model: The model; with a guided pelvis it stands on a treadmill, one leg alone hangs on a bench.
+        patient: The wearer to draw, or None.
+
+    Returns:
+        The scene.
+
+    Raises:
+        ModelError: If the URDF cannot be read.
+        ViewerError: If a mesh of the URDF cannot be read.
+    """
+    surroundings.set_studio(window)
+    visuals = load_visuals(model.model, model.urdf_path)
+    scene = _start(window, model.model, visuals, model.legs, model.up_axis)
+    if patient is not None:
+        trunk = PELVIS_JOINT if model.pelvis is PelvisGuide.VERTICAL else FIXED_JOINT
+        draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if len(model.legs) > 1 else None)
+    top, bottom = _extent(scene.figure, model.legs)
+    if model.pelvis is PelvisGuide.VERTICAL:
+        _surround_walker(window, scene, model.legs, top - bottom)
+    elif len(model.legs) == 1:
+        _surround_bench_leg(window, scene, model.legs, top, bottom)
+    else:
+        surroundings.draw_floor(window, bottom - 0.02)
+        height = top - bottom
+        scene.view = View((0.0, 0.0, bottom + 0.62 * height), width=1.3 * height, height=1.5 * height)
+    return scene
+
+
+def build_urdf_scene(window: Window, model: pin.Model, urdf: Path) -> Scene:
+    """Draw any URDF, with all coordinates at zero.
+
+    Args:
+        window: Where commands go.
+        model: Pinocchio model of it.
+        urdf: The file.
+
+    Returns:
+        The scene.
+
+    Raises:
+        ModelError: If the URDF cannot be read.
+        ViewerError: If a mesh of the URDF cannot be read.
+    """
+    surroundings.set_studio(window)
+    visuals = load_visuals(model, urdf)
+    scene = _start(window, model, visuals, {}, "z")
+    points = _all_points(model, visuals)
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = max(float(np.linalg.norm(high - low)), 0.1)
+    x, y, z = (float(value) for value in 0.5 * (low + high))
+    surroundings.draw_floor(window, float(low[2]) - 0.01 * size, radius=max(1.0, 1.6 * size))
+    scene.view = View((x, y, z), width=1.1 * size, height=1.1 * size, direction=_FROM_THE_FRONT)
+    return scene
+
+
+def _start(
+    window: Window, model: pin.Model, visuals: Visuals, legs: Mapping[Side, LegJoints], up_axis: str
+) -> Scene:
+    figure = Figure(window, model, up_axis=up_axis)
+    figure.draw_visuals(visuals)
+    figure.draw_sticks(legs.values(), visuals)
+    scene = Scene(window, figure, visuals)
+    for side, leg in legs.items():
+        scene.draw_covers(side, leg, visuals)
+    return scene
+
+
+def _surround_walker(window: Window, scene: Scene, legs: Mapping[Side, LegJoints], height: float) -> None:
+    for side, leg in legs.items():
+        if leg.contact_frames:
+            scene.draw_arrow(side)
+    surroundings.draw_treadmill(window)
+    scene.view = View((0.0, 0.0, 0.60 * height), width=1.6 * height, height=1.6 * height)
+
+
+def _surround_bench_leg(
+    window: Window, scene: Scene, legs: Mapping[Side, LegJoints], top: float, bottom: float
+) -> None:
+    """Hang the leg clear of the floor, its column on the far side of the camera."""
+    ((side, leg),) = legs.items()
+    right = side is Side.RIGHT
+    height = top - bottom
+    floor = bottom - 0.22 * height
+    hip = scene.figure.world_point(pin.neutral(scene.figure.model), leg.hip)
+    surroundings.draw_bench(window, floor, hip, far_side=1.0 if right else -1.0)
+    x, y, z = RIGHT_SIDE
+    scene.view = View(
+        (float(hip[0]) + 0.10 * height, float(hip[1]), 0.5 * (top + floor) + 0.08 * height),
+        width=1.5 * height,
+        height=top - floor + 0.26 * height,
+        direction=(x, y if right else -y, z),
+    )
+
+
+def _extent(figure: Figure, legs: Mapping[Side, LegJoints]) -> tuple[float, float]:
+    """Height of the hips and of the lowest point of the legs in the neutral posture, in [m]."""
+    neutral = pin.neutral(figure.model)
+    tops, bottoms = [], []
+    for leg in legs.values():
+        last = leg.items()[-1][1]
+        tops.append(float(figure.world_point(neutral, leg.hip)[2]))
+        bottoms.append(float(figure.world_point(neutral, last, figure.segment(last, leg))[2]))
+    return max(tops), min(bottoms)
+
+
+def _all_points(model: pin.Model, visuals: Visuals) -> np.ndarray:
+    """Vertices of all visuals and origins of all joints in the neutral posture, shape ``(n, 3)``."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, pin.neutral(model))
+    points = [np.asarray(placement.translation)[None, :] for placement in data.oMi]
+    for part in visuals.parts:
+        placement = data.oMi[0 if part.joint == FIXED_JOINT else model.getJointId(part.joint)]
+        turn, shift = np.asarray(placement.rotation), np.asarray(placement.translation)
+        points.append(part.shape.vertices @ turn.T + shift)
+    return np.concatenate(points)
