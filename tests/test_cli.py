@@ -12,7 +12,9 @@ import time
 import pandas as pd
 import pytest
 
+from twin_gait import load_experiment
 from twin_gait.cli import main
+from twin_gait.configuration.documents import dump_yaml
 
 FAST = ["--no-pictures"]
 
@@ -86,7 +88,6 @@ BAD = {
     "missing URDF": ["simulate", "--set", "leg.urdf=nowhere.urdf"],
     "joint not found": ["simulate", "--set", "leg.left.hip=hinge"],
     "transition to nowhere": ["simulate", "--set", "table.transitions[0].to=nowhere"],
-    "missing phase": ["simulate", "--set", "table.phases={early_stance: {}}"],
     "unknown engine": ["simulate", "--engine", "warp"],
     "unknown command": ["dance"],
     "unknown flag": ["simulate", "--fast"],
@@ -108,6 +109,18 @@ def test_bad_input_is_one_line_status_2_and_no_folder(arguments, tmp_path, monke
     assert error.startswith("twin-gait: ")
     assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_phase_is_one_line(tmp_path, monkeypatch, capsys):
+    loaded = load_experiment("treadmill").document
+    del loaded["table"]["phases"]["late_stance"]
+    path = tmp_path / "mine.yaml"
+    path.write_text(dump_yaml(loaded))
+    monkeypatch.chdir(tmp_path)
+    assert run("simulate", "mine.yaml") == 2
+    error = capsys.readouterr().err
+    assert "missing late_stance" in error and error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_broken_urdf_is_one_line(tmp_path, monkeypatch, capsys):
@@ -179,7 +192,7 @@ def test_ctrl_c_leaves_a_complete_marked_run_and_status_130(tmp_path):
 
 
 def test_help_answers_without_loading_the_physics():
-    code = "import sys, twin_gait.cli.main as m; m.build_parser(); sys.exit('pinocchio' in sys.modules)"
+    code = "import sys, twin_gait.cli.program as m; m.build_parser(); sys.exit('pinocchio' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

@@ -2,6 +2,6 @@
 
 import sys
 
-from twin_gait.cli.main import main
+from twin_gait.cli.program import main
 
 sys.exit(main())

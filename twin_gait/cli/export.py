@@ -23,7 +23,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Export the log."""
-    from twin_gait.cli.main import DONE
+    from twin_gait.cli.program import DONE
     from twin_gait.exceptions import RunDirectoryError
     from twin_gait.export import export_csv
     from twin_gait.studies.record import load_run

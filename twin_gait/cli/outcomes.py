@@ -28,7 +28,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate the grid and print the map."""
-    from twin_gait.cli.main import DONE
+    from twin_gait.cli.program import DONE
     from twin_gait.cli.simulate import progress_bar
     from twin_gait.configuration import load_experiment
     from twin_gait.exceptions import ParameterError, RunDirectoryError

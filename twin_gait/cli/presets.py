@@ -19,7 +19,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """List the presets, or print one in full."""
-    from twin_gait.cli.main import DONE
+    from twin_gait.cli.program import DONE
     from twin_gait.configuration import load_experiment, packaged_gait_tables, presets
     from twin_gait.configuration.documents import dump_yaml
 

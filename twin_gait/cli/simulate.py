@@ -50,7 +50,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate and write the run directory."""
-    from twin_gait.cli.main import DONE, FAILED, INTERRUPTED
+    from twin_gait.cli.program import DONE, FAILED, INTERRUPTED
     from twin_gait.configuration import load_experiment
     from twin_gait.simulation import RunStatus, simulate
     from twin_gait.studies.accuracy import step_error

@@ -53,7 +53,7 @@ def show_log(experiment: Experiment, log: pd.DataFrame, *, speed: float = 1.0, r
     Returns:
         Exit status.
     """
-    from twin_gait.cli.main import DONE
+    from twin_gait.cli.program import DONE
     from twin_gait.cli.simulate import stop_on_interrupt
     from twin_gait.studies.record import belt_speed_of, describe
     from twin_gait.viewer import show_run
@@ -84,7 +84,7 @@ def show_urdf(path: Path) -> int:
     Returns:
         Exit status.
     """
-    from twin_gait.cli.main import DONE
+    from twin_gait.cli.program import DONE
     from twin_gait.cli.simulate import stop_on_interrupt
     from twin_gait.viewer import view_urdf
 

@@ -116,8 +116,10 @@ def _tracks(scene: Scene, motion: Motion, belt_speed: float) -> Iterator[Track]:
         values = np.array([state[place, name] for state in states])
         if name in _CONTINUOUS:
             values = np.round(values.astype(float), _DECIMALS) + 0.0
+        # What switches does so a little early: a key rounded up would come after its own frame.
+        times = motion.times if name in _CONTINUOUS else np.maximum(motion.times - _SWITCH, 0.0)
         if (values != values[0]).any():
-            yield from _thinned(Track(place, name, motion.times, values))
+            yield _thinned(Track(place, name, times, values))
     for side, leg in motion.legs.items():
         for cover in scene.covers.get(side, ()):
             yield from _colour_track(f"{cover}/<object>", leg, motion)
@@ -125,12 +127,12 @@ def _tracks(scene: Scene, motion: Motion, belt_speed: float) -> Iterator[Track]:
         yield _belt_track(motion.duration, belt_speed)
 
 
-def _thinned(track: Track) -> Iterator[Track]:
+def _thinned(track: Track) -> Track:
     """Drop the keys inside a spell without change, which interpolation gives back exactly."""
     same = (track.values[1:] == track.values[:-1]).reshape(len(track.times) - 1, -1).all(axis=1)
     inside = np.zeros(len(track.times), dtype=bool)
     inside[1:-1] = same[:-1] & same[1:]
-    yield Track(track.path, track.name, track.times[~inside], track.values[~inside])
+    return Track(track.path, track.name, track.times[~inside], track.values[~inside])
 
 
 def _colour_track(path: str, leg: LegMotion, motion: Motion) -> Iterator[Track]:

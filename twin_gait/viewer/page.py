@@ -78,8 +78,8 @@ def page_data(
     """
     return {
         "mode": mode,
-        "title": title,
-        "subtitle": subtitle,
+        "title": _unicode(title),
+        "subtitle": _unicode(subtitle),
         "notes": _notes(missing_meshes),
         "view": asdict(view),
         "phases": [_phase_entry(name, code) for code, name in enumerate(phases)],
@@ -103,6 +103,11 @@ def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
     """
     label = str(side).capitalize()
     return {"side": str(side), "label": label, "colour": SIDE_COLOURS[side], "shows": list(shows)}
+
+
+def _unicode(text: str) -> str:
+    # File names that are not UTF-8 reach Python as lone surrogates, which browsers stumble over.
+    return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
 
 
 def _phase_entry(name: str, code: int) -> dict[str, str]:
@@ -141,7 +146,7 @@ def recorded_page(data: Mapping[str, Any], scene: str) -> str:
     notice = "\n\n".join(path.read_text(encoding="utf-8") for path in licences if path.is_file())
     return _fill(
         policy=RECORDED_POLICY,
-        title=html.escape(str(data["title"]).encode("utf-8", "replace").decode("utf-8")),
+        title=html.escape(data["title"]),
         notice=f"<!-- The viewer in this page is meshcat:\n{notice.replace('--', '- -')}\n-->",
         data=embedded_json(data),
         scene=scene,

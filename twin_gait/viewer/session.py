@@ -108,8 +108,10 @@ class LiveViewer:
             timeout: Longest wait for the server in [s].
 
         Raises:
-            ViewerError: If the server does not start.
+            ViewerError: If the port is out of range or the server does not start.
         """
+        if not 0 <= port <= 65535:
+            raise ViewerError(f"port: expected a number from 0 to 65535, got {port!r}")
         self._process = _start_server(port)
         try:
             addresses = _read_addresses(self._process, timeout)

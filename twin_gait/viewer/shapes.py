@@ -34,14 +34,15 @@ def rounded_box(size: Sequence[float], radius: float, steps: int = 3) -> Shape:
 
     Args:
         size: Lengths along x, y and z in [m].
-        radius: Of the edges in [m]; at most half the shortest side is used.
+        radius: Of the edges in [m], 0 or more; at most half the shortest side is used.
         steps: Facets of a quarter turn.
 
     Returns:
         The mesh, centred at the origin.
     """
     half = np.asarray(size, dtype=float) / 2.0
-    radius = min(radius, 0.999 * float(half.min()))
+    # A box without any rounding would have no normals at its edges.
+    radius = float(np.clip(radius, 1e-6 * half.min(), 0.999 * half.min()))
     sides = []
     for axis in range(3):
         for sign in (-1.0, 1.0):

@@ -130,15 +130,11 @@ def belt_offset(time: float, belt_speed: float) -> float:
     return -((belt_speed * time) % BELT_MARK_SPACING)
 
 
-def _box(
-    window: Window, name: str, size: Triple, material: Material, centre: Triple
-) -> None:
+def _box(window: Window, name: str, size: Triple, material: Material, centre: Triple) -> None:
     _place(window, name, shapes.rounded_box(size, 0.014), material, centre)
 
 
-def _place(
-    window: Window, name: str, shape: Shape, material: Material, centre: Triple
-) -> None:
+def _place(window: Window, name: str, shape: Shape, material: Material, centre: Triple) -> None:
     path = f"{ROOT}/{name}"
     window.send(set_object(path, shape, material))
     window.send(set_transform(path, _translation(centre)))

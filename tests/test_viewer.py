@@ -1,0 +1,702 @@
+"""The viewer: what it draws, the page it writes, the server it starts."""
+
+import asyncio
+import base64
+import http.client
+import json
+import math
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+import pytest
+import umsgpack
+from tornado.websocket import websocket_connect
+
+import twin_gait.viewer
+from twin_gait.exceptions import RunDirectoryError, ViewerError
+from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
+from twin_gait.leg_model.urdf import build_model, find_urdf
+from twin_gait.measures.foot_contact import CONTACT_FORCE
+from twin_gait.palette import PHASE_COLOURS
+from twin_gait.parameters import PatientParameters
+from twin_gait.viewer import shapes, surroundings
+from twin_gait.viewer.animation import _belt_track, write_animation
+from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.motion import read_motion
+from twin_gait.viewer.recorder import Recorder
+from twin_gait.viewer.scene import METRES_PER_NEWTON
+from twin_gait.viewer.session import LiveViewer, show_run, view_urdf
+from twin_gait.viewer.staging import build_scene, build_urdf_scene
+from twin_gait.viewer.visuals import load_visuals
+from twin_gait.vocabulary import GaitPhase, JointName, Side
+
+PATIENT = PatientParameters()
+BELT_SPEED = 0.4
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+SOFTWARE_GL = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+
+
+def synthetic_log(model: LegModel, duration: float, seed: int = 0) -> pd.DataFrame:
+    """Synthetic joint angles (sines and a little noise), phases in turn, forces; not a gait."""
+    noise = np.random.default_rng(seed)
+    clock = np.arange(round(1000 * duration)) * 1e-3
+    columns: dict[str, object] = {"time_s": clock}
+    for index, side in enumerate(model.sides):
+        for joint, centre, swing in (("hip", 0.2, 0.4), ("knee", 0.6, 0.5), ("ankle", 0.0, 0.2)):
+            angle = centre + swing * np.sin(2.0 * math.pi * (0.71 * clock + 0.5 * index) + len(joint))
+            columns[f"{side}_{joint}_angle_rad"] = angle + 1e-3 * noise.standard_normal(len(clock))
+            columns[f"{side}_{joint}_motor_torque_Nm"] = 20.0 * np.cos(5.0 * clock + index)
+        codes = (np.floor(clock / 0.17).astype(int) + 2 * index) % len(GaitPhase)
+        columns[f"{side}_phase"] = pd.Categorical.from_codes(codes, categories=[str(p) for p in GaitPhase])
+        columns[f"{side}_foot_normal_force_N"] = np.maximum(0.0, 400.0 * np.sin(4.0 * clock + 3.0 * index))
+        columns[f"{side}_foot_friction_force_N"] = 30.0 * np.cos(4.0 * clock)
+    columns["pelvis_height_m"] = 0.93 + 0.01 * np.sin(9.0 * clock)
+    return pd.DataFrame(columns)
+
+
+def write_walk(
+    path: Path, model: LegModel, duration: float = 0.5, title: str = "synthetic", **more: object
+) -> Path:
+    return write_animation(
+        path,
+        synthetic_log(model, duration),
+        model,
+        title=title,
+        belt_speed=BELT_SPEED,
+        patient=PATIENT,
+        **more,  # type: ignore[arg-type]
+    )
+
+
+def bare_urdf(folder: Path, visual: str = "", version: str = "1.0") -> Path:
+    """A hip and a knee, y up, with whatever visual is asked for on the thigh."""
+    inertia = '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/>'
+    body = f'<inertial><mass value="3"/>{inertia}</inertial>'
+    limit = '<limit lower="-1" upper="2" effort="1" velocity="1"/>'
+    path = folder / "bare.urdf"
+    path.write_text(
+        f"""<robot name="bare" version="{version}"><link name="pelvis"/>
+        <link name="thigh">{body}{visual}</link><link name="shank">{body}</link>
+        <joint name="h" type="revolute"><parent link="pelvis"/><child link="thigh"/>
+          <axis xyz="0 0 1"/>{limit}</joint>
+        <joint name="k" type="revolute"><parent link="thigh"/><child link="shank"/>
+          <origin xyz="0 -0.4 0"/><axis xyz="0 0 -1"/>{limit}</joint></robot>"""
+    )
+    return path
+
+
+def drawn_paths(recorder: Recorder) -> set[str]:
+    return {command["path"] for command in recorder.commands() if command["type"] == "set_object"}
+
+
+# ---------------------------------------------------------------------------------- shapes
+
+
+def enclosed_volume(shape: shapes.Shape) -> float:
+    a, b, c = (shape.vertices[shape.faces[:, corner]] for corner in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0)
+
+
+@pytest.mark.parametrize(
+    ("shape", "volume"),
+    [
+        (shapes.rounded_box((0.1, 0.2, 0.3), 0.0), 0.1 * 0.2 * 0.3),
+        (shapes.cylinder(0.05, 0.2, bevel=0.0005), math.pi * 0.05**2 * 0.2),
+        (shapes.ellipsoid((0.1, 0.2, 0.3)), 4.0 / 3.0 * math.pi * 0.1 * 0.2 * 0.3),
+        (shapes.capsule(0.05, 0.2), math.pi * 0.05**2 * 0.2 + 4.0 / 3.0 * math.pi * 0.05**3),
+        (shapes.cone(0.1, 0.3), math.pi * 0.1**2 * 0.3 / 3.0),
+    ],
+    ids=["box", "cylinder", "ellipsoid", "capsule", "cone"],
+)
+def test_shapes_enclose_their_volume_and_look_outward(shape: shapes.Shape, volume: float) -> None:
+    # Facets lie inside the curved surface: at 32 facets a turn a ball loses 2 % of its volume.
+    assert volume * 0.97 < enclosed_volume(shape) < volume * 1.001
+    corners = shape.vertices[shape.faces]
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    whole = np.linalg.norm(flat, axis=1) > 1e-12
+    assert (np.einsum("ij,ikj->ik", flat, shape.normals[shape.faces])[whole] > 0.0).all()
+
+
+def test_creased_mesh_keeps_the_edges_of_a_corner_and_smooths_a_ball() -> None:
+    wedge = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=float)
+    corner = shapes.creased(wedge, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2]]))
+    assert {tuple(normal) for normal in corner.normals} == {(0, 0, -1), (0, -1, 0), (-1, 0, 0)}
+    ball = shapes.ellipsoid((1.0, 1.0, 1.0))
+    smooth = shapes.creased(ball.vertices, ball.faces)
+    outward = np.einsum("ij,ij->i", smooth.normals, smooth.vertices)
+    assert outward.min() > math.cos(math.radians(3.0))
+
+
+# ---------------------------------------------------------------------------------- figure
+
+
+@pytest.mark.parametrize("height", [1.55, 1.75, 1.88])
+def test_visuals_follow_the_fitted_segments(both_legs: dict[Side, LegJoints], height: float) -> None:
+    model = LegModel(
+        "twin.urdf", both_legs, patient=PatientParameters(height=height), pelvis=PelvisGuide.VERTICAL
+    )
+    visuals = load_visuals(model.model, model.urdf_path)
+    figure = Figure(Recorder(), model.model)
+    for leg in both_legs.values():
+        for joint, radius in ((leg.hip, 0.066), (leg.knee, 0.056)):
+            motor = figure.motor(joint, visuals.discs, default_radius=0.0)
+            np.testing.assert_allclose(motor.centre, 0.0, atol=1e-9)
+            assert motor.radius == radius  # of the disc in the URDF
+    # The tube ends a fixed share of the femur above the knee: 0.37 of 0.42 m in the URDF.
+    shell = min(part.shape.vertices[:, 2].min() for part in visuals.parts
+                if part.joint == "left_hip" and part.colour[0] > 0.9)  # fmt: skip
+    assert model.sizes is not None
+    assert shell == pytest.approx(-0.37 / 0.42 * model.sizes.femur, abs=1e-6)
+
+
+def test_nested_groups_compose_to_forward_kinematics(worn_twin: LegModel, rng: np.random.Generator) -> None:
+    figure = Figure(Recorder(), worn_twin.model)
+    q = rng.uniform(-0.5, 1.0, worn_twin.nv)
+    groups = figure.posture(q)
+    data = worn_twin.model.createData()
+    pin.forwardKinematics(worn_twin.model, data, q)
+    for joint in ("left_ankle", "right_knee"):
+        world = np.eye(4)
+        path = figure.paths[joint]
+        for place, (position, (x, y, z, w)) in groups.items():
+            if path == place or path.startswith(f"{place}/"):
+                local = np.eye(4)
+                local[:3, :3] = pin.Quaternion(w, x, y, z).matrix()
+                local[:3, 3] = position
+                world = world @ local
+        np.testing.assert_allclose(world, data.oMi[worn_twin.model.getJointId(joint)].homogeneous, atol=1e-12)
+
+
+def test_only_what_changed_is_sent(worn_twin: LegModel) -> None:
+    recorder = Recorder()
+    scene = build_scene(recorder, worn_twin)
+    sent: list[tuple[str, str]] = []
+    scene._window = type("Log", (), {"send": lambda _, c: sent.append((c["path"], c["property"]))})()
+    q = np.zeros(worn_twin.nv)
+    scene.apply(scene.posture_state(q))
+    sent.clear()
+    q[worn_twin.index(Side.LEFT, JointName.KNEE)] = 0.3
+    scene.apply(scene.posture_state(q))
+    assert sent == [(scene.figure.paths["left_knee"], "quaternion")]
+
+
+def test_a_leg_without_visuals_is_drawn_as_sticks_with_its_vertical_up(tmp_path: Path) -> None:
+    legs = {Side.RIGHT: LegJoints(hip="h", knee="k")}
+    model = LegModel(bare_urdf(tmp_path), legs, up_axis="y")
+    recorder = Recorder()
+    scene = build_scene(recorder, model)
+    assert {path.rsplit("/", 1)[-1] for path in drawn_paths(recorder)} >= {"stick", "ball", "motor_cover"}
+    # Hip flexed by 90 degrees: the thigh, 0.4 m long, points forward.
+    knee = scene.figure.world_point(np.array([math.pi / 2.0, 0.0]), "k")
+    np.testing.assert_allclose(knee, [0.4, 0.0, 0.0], atol=1e-12)
+    hanging = scene.figure.world_point(np.zeros(2), "k")
+    np.testing.assert_allclose(hanging, [0.0, 0.0, -0.4], atol=1e-12)
+
+
+def test_capsules_meshes_and_missing_meshes_of_a_urdf(tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "corner.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
+    visual = "".join(
+        f"<visual><geometry>{geometry}</geometry></visual>"
+        for geometry in (
+            '<mesh filename="package://leg/meshes/corner.obj" scale="0.1 0.2 0.3"/>',
+            '<mesh filename="meshes/absent.stl"/>',
+            '<capsule radius="0.05" length="0.2"/>',
+        )
+    )
+    urdf = bare_urdf(tmp_path, visual)
+    model = LegModel(urdf, {Side.LEFT: LegJoints(hip="h", knee="k")}, up_axis="y")
+    visuals = load_visuals(model.model, urdf)
+    assert visuals.missing == ("meshes/absent.stl",)
+    (part,) = visuals.parts
+    assert part.joint == "h"
+    np.testing.assert_allclose(part.shape.vertices.max(axis=0), [0.1, 0.2, 0.3])  # the mesh's corners
+    np.testing.assert_allclose(part.shape.vertices.min(axis=0), [-0.05, -0.05, -0.15], atol=1e-9)  # capsule
+
+
+@pytest.mark.parametrize("name", ["twin.urdf", "twin_leg.urdf"])
+def test_any_urdf_can_be_drawn_and_framed(name: str) -> None:
+    recorder = Recorder()
+    scene = build_urdf_scene(recorder, build_model(find_urdf(name)), find_urdf(name))
+    assert len(drawn_paths(recorder)) > 5
+    assert scene.view.height > 0.8  # the femur and tibia of the device are 0.85 m
+
+
+# ---------------------------------------------------------------------------------- motion
+
+
+def test_motion_takes_frames_from_the_log_and_keeps_every_switch(worn_twin: LegModel) -> None:
+    log = synthetic_log(worn_twin, 1.0)
+    motion = read_motion(log, worn_twin, frames_per_second=30.0)
+    rows = np.round(1000.0 * motion.times).astype(int)
+    knee = log["left_knee_angle_rad"].to_numpy()[rows]
+    np.testing.assert_array_equal(motion.q[:, worn_twin.index(Side.LEFT, JointName.KNEE)], knee)
+    assert np.diff(motion.times).max() <= 1.0 / 30.0 + 1e-3
+    spells = motion.legs[Side.LEFT].phases
+    assert spells is not None
+    codes = log["left_phase"].cat.codes.to_numpy()
+    np.testing.assert_array_equal([spells.at(t) for t in log["time_s"]], codes)
+
+
+def test_rows_after_a_divergence_are_left_out(worn_twin: LegModel) -> None:
+    log = synthetic_log(worn_twin, 0.2)
+    log.loc[100:, "left_hip_angle_rad"] = np.nan
+    assert read_motion(log, worn_twin).duration == pytest.approx(0.099)
+    log["left_hip_angle_rad"] = np.inf
+    with pytest.raises(ViewerError, match="no row"):
+        read_motion(log, worn_twin)
+
+
+def test_a_log_of_another_model_is_refused(worn_twin: LegModel) -> None:
+    log = synthetic_log(worn_twin, 0.1)
+    with pytest.raises(ViewerError, match="right_knee_angle_rad"):
+        read_motion(log.drop(columns="right_knee_angle_rad"), worn_twin)
+    with pytest.raises(ViewerError, match="late_stance"):
+        read_motion(log, worn_twin, phases=["early_stance"])
+    with pytest.raises(ViewerError, match="frames_per_second"):
+        read_motion(log, worn_twin, frames_per_second=0.0)
+
+
+@pytest.mark.parametrize(("ankle", "frame"), [(0.3, "left_heel"), (-0.3, "left_toe")])
+def test_ground_force_acts_where_the_foot_presses(worn_twin: LegModel, ankle: float, frame: str) -> None:
+    log = synthetic_log(worn_twin, 0.05)
+    for joint, angle in (("hip", 0.0), ("knee", 0.0), ("ankle", ankle)):
+        log[f"left_{joint}_angle_rad"] = angle
+    log["pelvis_height_m"] = 0.935
+    motion = read_motion(log, worn_twin)
+    footing = motion.legs[Side.LEFT].footing
+    assert footing is not None
+    # Only the heel, or only the toe, is below the belt in this posture.
+    expected = worn_twin.frame_position(motion.q[0], frame)
+    assert expected[2] < 0.0
+    np.testing.assert_allclose(footing.point[0], [expected[0], expected[1], 0.0], atol=1e-12)
+
+
+def test_arrow_is_as_long_and_as_tilted_as_the_force(worn_twin: LegModel) -> None:
+    scene = build_scene(Recorder(), worn_twin)
+    force = np.array([120.0, 350.0])
+    state = {name: value for (_, name), value in
+             scene.force_state(Side.LEFT, force, np.array([0.1, 0.2, 0.0])).items()}  # fmt: skip
+    x, y, z, w = state["quaternion"]
+    tip = pin.Quaternion(w, x, y, z).matrix() @ np.array([0.0, 0.0, state["scale"][2]])
+    np.testing.assert_allclose(tip, METRES_PER_NEWTON * np.array([120.0, 0.0, 350.0]), atol=1e-12)
+    assert state["visible"] is True
+    lifted = scene.force_state(Side.LEFT, np.array([0.0, 5.0]), np.zeros(3))
+    assert lifted[scene.arrows[Side.LEFT], "visible"] is False
+
+
+def test_belt_marks_run_backwards_with_the_belt() -> None:
+    track = _belt_track(2.0, BELT_SPEED)
+    at = np.linspace(0.0, 2.0, 400)
+    offset = np.interp(at, track.times, track.values[:, 0])
+    speed = np.diff(offset) / np.diff(at)
+    # All but the few intervals that hold a jump move at the speed of the belt.
+    assert np.median(np.abs(speed + BELT_SPEED)) < 1e-3
+    assert np.mean(np.abs(speed + BELT_SPEED) < 0.01) > 0.95
+    assert -surroundings.BELT_MARK_SPACING - 1e-9 <= offset.min() and offset.max() <= 1e-9
+
+
+# ---------------------------------------------------------------------------------- page
+
+
+class PageReader(HTMLParser):
+    """Collects the addresses, the title and the scripts of a page."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.addresses: list[str] = []
+        self.policy = ""
+        self.tags: list[str] = []
+        self.title = ""
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        named = dict(attrs)
+        self.addresses += [named[key] or "" for key in ("src", "href", "action", "data") if key in named]
+        if named.get("http-equiv") == "Content-Security-Policy":
+            self.policy = named["content"] or ""
+
+    def handle_data(self, data: str) -> None:
+        if self.tags and self.tags[-1] == "title" and not self.title:
+            self.title = data
+
+
+def read_page(path: Path) -> PageReader:
+    reader = PageReader()
+    reader.feed(path.read_text(encoding="utf-8"))
+    return reader
+
+
+def test_page_holds_everything_and_may_load_nothing(worn_twin: LegModel, tmp_path: Path) -> None:
+    path = write_walk(tmp_path / "walk.html", worn_twin)
+    page = read_page(path)
+    assert [address for address in page.addresses if not address.startswith("data:")] == []
+    assert "default-src 'none'" in page.policy
+    assert "connect-src" not in page.policy and "http" not in page.policy
+    written_by_us = (Path(twin_gait.viewer.__file__).parent / "page").glob("*")
+    for source in written_by_us:
+        assert not re.search(r"https?://|@import|\bimport\(", source.read_text(encoding="utf-8")), source
+
+
+def test_page_of_twenty_seconds_stays_below_two_megabytes(worn_twin: LegModel, tmp_path: Path) -> None:
+    path = write_walk(tmp_path / "walk.html", worn_twin, duration=20.0)
+    assert path.stat().st_size < 2_000_000
+
+
+def test_same_log_gives_the_same_bytes(worn_twin: LegModel, tmp_path: Path) -> None:
+    first = write_walk(tmp_path / "a.html", worn_twin, duration=0.2)
+    second = write_walk(tmp_path / "b.html", worn_twin, duration=0.2)
+    assert first.read_bytes() == second.read_bytes()
+
+
+def test_animation_comes_after_the_objects_it_moves(worn_twin: LegModel) -> None:
+    recorder = Recorder()
+    recorder.send({"type": "set_animation", "path": "", "animations": [], "options": {}})
+    build_scene(recorder, worn_twin, patient=PATIENT)
+    kinds = [command["type"] for command in recorder.commands()]
+    assert kinds[-1] == "set_animation"
+    assert kinds.index("set_property") > max(i for i, kind in enumerate(kinds) if kind == "set_object")
+
+
+HOSTILE = "</script><script>window.harm = 1</script><img src=x onerror='window.harm = 1'> & {{data}} \udcff"
+
+
+def test_hostile_title_stays_text(worn_twin: LegModel, tmp_path: Path) -> None:
+    harmless = read_page(write_walk(tmp_path / "a.html", worn_twin, duration=0.1))
+    written = write_walk(tmp_path / "b.html", worn_twin, duration=0.1, title=HOSTILE, subtitle=HOSTILE)
+    page = read_page(written)
+    assert page.tags == harmless.tags
+    assert page.title == HOSTILE.replace("\udcff", "\ufffd")
+
+
+def test_a_failed_write_leaves_the_old_page(
+    worn_twin: LegModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "walk.html"
+    path.write_text("old")
+
+    def refuse(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(RunDirectoryError, match=r"walk\.html.*No space left"):
+        write_walk(path, worn_twin, duration=0.1)
+    assert [item.name for item in tmp_path.iterdir()] == ["walk.html"]
+    assert path.read_text() == "old"
+
+
+def test_a_page_is_refused_in_one_line_where_no_folder_is(worn_twin: LegModel, tmp_path: Path) -> None:
+    with pytest.raises(RunDirectoryError) as caught:
+        write_walk(tmp_path / "nowhere" / "walk.html", worn_twin, duration=0.1)
+    assert "\n" not in str(caught.value)
+
+
+# What the browser is asked, at several moments: the matrix of every joint group, colours, arrows, belt,
+# texts; and once, what went wrong.
+PROBE = """<script>
+const trouble = [];
+window.addEventListener("error", (event) => trouble.push(String(event.message)));
+window.addEventListener("unhandledrejection", (event) => trouble.push(String(event.reason)));
+for (const kind of ["error", "warn"]) console[kind] = (...words) => trouble.push(words.join(" "));
+</script>"""
+REPORT = """<script>
+window.ready.then(() => {
+  const asked = ASKED;
+  const tree = (path) => stage.viewer.scene_tree.find(path.split("/").filter((part) => part)).object;
+  const look = () => {
+    stage.viewer.scene.updateMatrixWorld(true);
+    const base = tree("/meshcat").matrixWorld.clone().invert();
+    return {
+      matrices: asked.joints.map((path) => base.clone().multiply(tree(path).matrixWorld).toArray()),
+      colours: asked.covers.map((path) => tree(path + "/<object>").material.color.toArray()),
+      arrows: asked.arrows.map((path) => [tree(path).visible, tree(path).scale.z]),
+      belt: tree(asked.belt).position.x,
+      read: document.getElementById("read").innerText,
+      clock: document.getElementById("clock").textContent,
+    };
+  };
+  const answer = { moments: [look(), ...asked.moments.map((time) => { player.show(time); return look(); })],
+    title: document.getElementById("title").textContent, harm: window.harm ?? null, trouble,
+    fetched: performance.getEntriesByType("resource").map((entry) => entry.name) };
+  const out = document.createElement("pre");
+  out.id = "answer";
+  out.textContent = btoa(unescape(encodeURIComponent(JSON.stringify(answer))));
+  document.body.append(out);
+});
+</script>"""
+
+
+def ask_browser(page: Path, fragment: str, asked: dict) -> dict:
+    """Open a page from disk in headless Chromium and return what the probe finds."""
+    text = page.read_text(encoding="utf-8").replace("<body>", f"<body>{PROBE}", 1)
+    at = text.rindex("</body>")
+    probed = page.with_name("probed.html")
+    probed.write_text(text[:at] + REPORT.replace("ASKED", json.dumps(asked)) + text[at:], encoding="utf-8")
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
+        flags = ["--headless", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+                 "--disable-component-update", "--disable-sync", f"--user-data-dir={profile}",
+                 "--window-size=400,300", "--virtual-time-budget=3000", "--dump-dom"]  # fmt: skip
+        done = subprocess.run(
+            [str(CHROMIUM), *SOFTWARE_GL, *flags, f"{probed.as_uri()}{fragment}"],
+            capture_output=True, text=True, timeout=60, check=True,
+        )  # fmt: skip
+    found = re.search(r'<pre id="answer">([^<]*)</pre>', done.stdout)
+    assert found, done.stdout[-2000:]
+    return dict(json.loads(base64.b64decode(found[1]).decode("utf-8")))
+
+
+@needs_chromium
+def test_browser_shows_what_pinocchio_computes(worn_twin: LegModel, tmp_path: Path) -> None:
+    page = write_walk(tmp_path / "walk.html", worn_twin, duration=0.5, title=HOSTILE)
+    scene = build_scene(Recorder(), worn_twin, patient=PATIENT)
+    log = synthetic_log(worn_twin, 0.5)
+    motion = read_motion(log, worn_twin)
+    # Frame 1 is the first after both arrows switched; frame 11 is after two phases have ended.
+    frames = [11, 1]
+    times = [float(motion.times[frame]) for frame in frames]
+    joints = [name for name in scene.figure.paths if name != "universe"]
+    asked = {
+        "joints": [scene.figure.paths[name] for name in joints],
+        "covers": [scene.covers[side][0] for side in worn_twin.sides],
+        "arrows": [scene.arrows[side] for side in worn_twin.sides],
+        "belt": surroundings.BELT,
+        "moments": times[1:],
+    }
+    answer = ask_browser(page, f"#t={times[0]:.3f}", asked)
+    assert answer["trouble"] == []
+    assert answer["fetched"] == []
+    assert answer["harm"] is None
+    assert answer["title"] == HOSTILE.replace("\udcff", "\ufffd")
+    for frame, moment, shown in zip(frames, times, answer["moments"], strict=True):
+        row = log.iloc[round(1000.0 * moment)]
+        check_posture(worn_twin, motion.q[frame], joints, shown["matrices"])
+        check_forces_and_colours(worn_twin, row, shown)
+        travelled = shown["belt"] + BELT_SPEED * moment
+        gap = travelled / surroundings.BELT_MARK_SPACING
+        assert abs(gap - round(gap)) < 1e-2  # the marks are where the belt has carried them
+        assert f"{math.degrees(row['right_knee_angle_rad']):.1f}°" in shown["read"]
+        assert shown["clock"].startswith(f"{moment:.2f} s")
+
+
+def check_posture(model: LegModel, q: np.ndarray, joints: list[str], matrices: list[list[float]]) -> None:
+    data = model.model.createData()
+    pin.forwardKinematics(model.model, data, q)
+    for name, matrix in zip(joints, matrices, strict=True):
+        expected = data.oMi[model.model.getJointId(name)].homogeneous
+        np.testing.assert_allclose(np.array(matrix).reshape(4, 4).T, expected, atol=1e-4, err_msg=name)
+
+
+def check_forces_and_colours(model: LegModel, row: pd.Series, shown: dict) -> None:
+    switches = set()
+    for side, colour, (visible, length) in zip(model.sides, shown["colours"], shown["arrows"], strict=True):
+        expected = PHASE_COLOURS[GaitPhase(row[f"{side}_phase"])]
+        channels = [int(expected[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
+        np.testing.assert_allclose(colour, channels, atol=1e-4)  # colours have four decimals
+        force = math.hypot(row[f"{side}_foot_friction_force_N"], row[f"{side}_foot_normal_force_N"])
+        assert visible == (row[f"{side}_foot_normal_force_N"] > CONTACT_FORCE)
+        if visible:
+            assert length == pytest.approx(METRES_PER_NEWTON * force, abs=1e-5)
+        switches.add(visible)
+    assert switches == {True, False}
+
+
+@needs_chromium
+def test_keys_play_and_step_the_page(worn_twin: LegModel, tmp_path: Path) -> None:
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    path = write_walk(tmp_path / "walk.html", worn_twin, duration=0.5)
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE_GL)
+        try:
+            page = browser.new_page(viewport={"width": 320, "height": 240})
+            page.goto(f"{path.as_uri()}#t=0.2")
+            page.evaluate("window.ready")
+            now = "player.time"
+            assert page.evaluate(now) == pytest.approx(0.2)
+            page.keyboard.press("ArrowRight")
+            assert page.evaluate(now) == pytest.approx(0.2 + 1.0 / 30.0)
+            page.keyboard.press("ArrowLeft")
+            page.keyboard.press("End")
+            assert page.evaluate(now) == pytest.approx(0.499)
+            assert page.evaluate("location.hash") == "#t=0.50"
+            page.keyboard.press("Home")
+            page.keyboard.press("Space")
+            assert page.evaluate("player.playing") is True
+            # The page's policy forbids playwright's own way to wait.
+            deadline = time.monotonic() + 10.0
+            while page.evaluate(now) <= 0.01 and time.monotonic() < deadline:
+                page.wait_for_timeout(50)
+            assert page.evaluate(now) > 0.01
+            page.keyboard.press("Space")
+            assert page.evaluate("player.playing") is False
+        finally:
+            browser.close()
+
+
+# ---------------------------------------------------------------------------------- live viewer
+
+
+@pytest.fixture(scope="module")
+def viewer():
+    with LiveViewer(port=0) as running:
+        yield running
+
+
+def listening_addresses(pid: int) -> set[str]:
+    """Local addresses on which a process listens, as hexadecimal in the order of /proc/net/tcp."""
+    inodes = set()
+    for descriptor in Path(f"/proc/{pid}/fd").iterdir():
+        found = re.fullmatch(r"socket:\[(\d+)\]", os.readlink(descriptor))
+        if found:
+            inodes.add(found[1])
+    addresses = set()
+    for table in ("tcp", "tcp6"):
+        for line in Path(f"/proc/net/{table}").read_text().splitlines()[1:]:
+            fields = line.split()
+            if fields[3] == "0A" and fields[9] in inodes:
+                addresses.add(fields[1].split(":")[0])
+    return addresses
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs /proc of Linux")
+def test_server_listens_on_loopback_only(viewer: LiveViewer) -> None:
+    assert listening_addresses(viewer._process.pid) == {"0100007F"}  # 127.0.0.1, lowest byte first
+
+
+def test_server_answers_under_its_own_names_only(viewer: LiveViewer) -> None:
+    port = urlsplit(viewer.url).port
+    status = {}
+    for host in (f"127.0.0.1:{port}", f"localhost:{port}", f"elsewhere.example:{port}"):
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+        connection.request("GET", "/", headers={"Host": host})
+        status[host.split(":")[0]] = connection.getresponse().status
+        connection.close()
+    assert status == {"127.0.0.1": 200, "localhost": 200, "elsewhere.example": 404}
+
+
+def messages_to_a_new_page(viewer: LiveViewer) -> list[dict]:
+    """What the server sends to a page that has just been opened."""
+
+    async def listen() -> list[dict]:
+        address = viewer.url.replace("http:", "ws:") + "socket"
+        connection = await websocket_connect(address, connect_timeout=5)
+        messages = []
+        while True:
+            messages.append(umsgpack.unpackb(await asyncio.wait_for(connection.read_message(), 5)))
+            if messages[-1]["type"] == "sample":
+                connection.close()
+                return messages
+
+    return asyncio.run(listen())
+
+
+def test_live_page_gets_the_last_posture_once(viewer: LiveViewer, worn_twin: LegModel) -> None:
+    log = synthetic_log(worn_twin, 0.2)
+    viewer.show(worn_twin, title="synthetic", phases=[str(phase) for phase in GaitPhase])
+    began = time.monotonic()
+    viewer.play(log, speed=2.0)
+    assert time.monotonic() - began >= 0.199 / 2.0
+    messages = messages_to_a_new_page(viewer)
+    assert messages[0]["type"] == "page" and messages[0]["page"]["title"] == "synthetic"
+    turns = [m for m in messages if m["path"].endswith("/right_knee") and m.get("property") == "quaternion"]
+    assert len(turns) == 1
+    half = 0.5 * log["right_knee_angle_rad"].iloc[-1]
+    np.testing.assert_allclose(turns[0]["value"], [0.0, math.sin(half), 0.0, math.cos(half)], atol=1e-6)
+    assert messages[-1]["sample"]["time"] == pytest.approx(0.199, abs=1e-6)
+    degrees = math.degrees(log["right_knee_angle_rad"].iloc[-1])
+    assert messages[-1]["sample"]["legs"][1]["knee"] == pytest.approx(degrees, abs=1e-4)
+
+
+def test_pose_moves_the_figure_and_play_can_be_stopped(viewer: LiveViewer, bench: LegModel) -> None:
+    viewer.show(bench)
+    viewer.pose(np.array([0.4, 0.9]), time=1.5, phases={Side.RIGHT: 2})
+    sample = messages_to_a_new_page(viewer)[-1]["sample"]
+    assert sample["time"] == 1.5
+    assert sample["legs"][0]["hip"] == pytest.approx(math.degrees(0.4), abs=1e-4)
+    assert sample["legs"][0]["phase"] == 2
+    began = time.monotonic()
+    viewer.play(synthetic_log(bench, 5.0), should_stop=lambda: time.monotonic() - began > 0.1)
+    assert time.monotonic() - began < 2.0
+
+
+def test_misuse_of_the_live_viewer_is_refused_in_words(viewer: LiveViewer, bench: LegModel) -> None:
+    with pytest.raises(ViewerError, match="65535"):
+        LiveViewer(port=70000)
+    viewer.show_urdf("twin_leg.urdf")
+    with pytest.raises(ViewerError, match="show its leg model"):
+        viewer.play(synthetic_log(bench, 0.1))
+    viewer.show(bench)
+    with pytest.raises(ViewerError, match="speed"):
+        viewer.play(synthetic_log(bench, 0.1), speed=0.0)
+
+
+def test_taken_port_gives_the_next_and_a_dead_server_an_error() -> None:
+    with socket.socket() as occupant:
+        occupant.bind(("127.0.0.1", 0))
+        occupant.listen()
+        taken = occupant.getsockname()[1]
+        with view_urdf("twin_leg.urdf", port=taken) as viewer:
+            port = urlsplit(viewer.url).port
+            assert port is not None and taken < port < taken + 100
+            viewer._process.kill()
+            viewer._process.wait()
+            viewer._window._socket.rcvtimeo = 200
+            with pytest.raises(ViewerError, match="does not answer"):
+                viewer.pose(np.array([0.1, 0.1]))
+
+
+def test_server_is_gone_after_its_parent_was_killed() -> None:
+    script = (
+        "import time; from twin_gait.viewer.session import LiveViewer; "
+        "v = LiveViewer(port=0); print(v.url, v._process.pid, flush=True); time.sleep(60)"
+    )
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        url, _ = parent.stdout.readline().split()
+        address = ("127.0.0.1", urlsplit(url).port)
+        socket.create_connection(address, timeout=5).close()
+        parent.send_signal(signal.SIGKILL)
+        parent.wait()
+    deadline = time.monotonic() + 5.0
+    while time.monotonic() < deadline:
+        try:
+            socket.create_connection(address, timeout=1).close()
+        except ConnectionRefusedError:
+            return
+        time.sleep(0.05)
+    pytest.fail("the server outlived its parent by 5 s")
+
+
+def test_show_run_announces_its_page_and_ends_with_the_log(bench: LegModel) -> None:
+    urls: list[str] = []
+    show_run(synthetic_log(bench, 0.1), bench, port=0, repeat=False, announce=urls.append)
+    assert len(urls) == 1 and urls[0].startswith("http://127.0.0.1:")
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", urlsplit(urls[0]).port), timeout=1)
+
+
+# ---------------------------------------------------------------------------------- package
+
+
+def test_public_names_exist_and_wait_until_they_are_asked_for() -> None:
+    for name in twin_gait.viewer.__all__:
+        assert callable(getattr(twin_gait.viewer, name))
+    with pytest.raises(AttributeError, match="nonsense"):
+        twin_gait.viewer.nonsense  # noqa: B018
+    code = "import sys, twin_gait.viewer.page; sys.exit(bool({'pinocchio', 'meshcat'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
