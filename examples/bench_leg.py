@@ -1,8 +1,8 @@
 """Bench leg: how much torque a hand needs to move the knee, with more and more friction compensation.
 
-The leg hangs on a stand in transparent mode (no impedance, gravity switched off to leave friction alone). A
-hand leads the knee along a cosine path. The true friction is half of the compensator's model (s = 0.5), so the
-hand's torque falls with the gain G, and beyond G = s the joint would run on by itself.
+The leg hangs on a stand in transparent mode (no impedance, gravity switched off to leave friction alone).
+A hand leads the knee along a cosine path. The true friction is half of the compensator's model (s = 0.5),
+so the hand's torque falls with the gain G, and beyond G = s the joint would run on by itself.
 """
 
 import numpy as np

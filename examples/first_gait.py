@@ -18,7 +18,7 @@ def main(folder: Path, duration: float = 8.0) -> None:
     run = simulate(experiment)
     print(f"{run.status}: {run.duration:g} s, {len(run.switches)} changes of phase")
     for switch in run.switches[:6]:
-        print(f"  {switch.time:6.3f} s  {switch.side:5}  {switch.source} -> {switch.target}  ({switch.cause})")
+        print(f"  {switch.time:6.3f} s  {switch.side:5}  {switch.source} -> {switch.target} ({switch.cause})")
 
     # One stride of the left leg: from one entry into early stance to the next.
     entries = [s.tick for s in run.switches if s.side == "left" and s.target == "early_stance"]

@@ -154,14 +154,16 @@ def test_folder_below_a_file_is_refused(tmp_path, capsys):
 
 def test_a_diverging_run_keeps_its_log_marked_and_exits_1(tmp_path):
     out = tmp_path / "run"
-    settings = ["--set", "plant.stops.stiffness_Nm_per_rad=1e9", "--set", "scenario.start={hip_deg: 20, knee_deg: -20}"]
+    settings = ["plant.stops.stiffness_Nm_per_rad=1e9", "scenario.start={hip_deg: 20, knee_deg: -20}"]
+    settings = [word for setting in settings for word in ("--set", setting)]
     assert run("simulate", "bench_leg", "--duration", "1", "--out", str(out), *settings, *FAST) == 1
     summary = json.loads((out / "summary.json").read_text())
     assert summary["status"] == "diverged"
     assert 1 <= len(pd.read_parquet(out / "log.parquet")) < 1000
 
 
-FALLS = ["--set", "table.phases.early_stance.knee.stiffness_Nm_per_deg=0.01", "--set", "scenario.support.share=0"]
+LIMP_KNEE = "table.phases.early_stance.knee.stiffness_Nm_per_deg=0.01"
+FALLS = ["--set", LIMP_KNEE, "--set", "scenario.support.share=0"]
 
 
 def test_a_fall_is_a_result_unless_asked_otherwise(tmp_path):

@@ -56,9 +56,7 @@ def test_torque_parts_of_every_row_sum_to_the_command(stepping):
     parts = ("impedance", "friction_compensation", "gravity_compensation", "inertia_compensation", "target")
     for joint in ("hip", "knee"):
         total = sum(log[f"right_{joint}_{part}_torque_Nm"] for part in parts)
-        np.testing.assert_allclose(
-            log[f"right_{joint}_motor_command_torque_Nm"], total, atol=1e-12, rtol=0
-        )
+        np.testing.assert_allclose(log[f"right_{joint}_motor_command_torque_Nm"], total, atol=1e-12, rtol=0)
 
 
 def test_impedance_column_is_the_spring_and_damper_of_its_own_row(stepping):
@@ -174,9 +172,8 @@ def test_the_hand_needs_less_torque_with_more_friction_compensation():
 
 
 def settled_speed_after_release(gain: float) -> float:
-    log = run_bench(
-        "duration_s=6", *hand_settings(gain), "scenario.hand.release_s=1", "plant.stops.stiffness_Nm_per_rad=0"
-    ).log
+    free = ("scenario.hand.release_s=1", "plant.stops.stiffness_Nm_per_rad=0")
+    log = run_bench("duration_s=6", *hand_settings(gain), *free).log
     return abs(float(log["right_knee_velocity_rad_per_s"].iloc[-1]))
 
 
@@ -219,7 +216,8 @@ def test_gravity_compensation_holds_a_limp_leg_up():
     )
     held = run_bench(*settings).log["right_hip_angle_rad"]
     assert abs(held.iloc[-1] - held.iloc[0]) < 1e-3
-    fallen = run_bench(*settings, "table.phases.early_stance.gravity_compensation=0").log["right_hip_angle_rad"]
+    without = "table.phases.early_stance.gravity_compensation=0"
+    fallen = run_bench(*settings, without).log["right_hip_angle_rad"]
     assert abs(fallen.iloc[-1] - fallen.iloc[0]) > math.radians(5)
 
 
@@ -238,7 +236,8 @@ def test_stops_hold_the_knee_inside_its_range():
 
 
 def test_a_diverging_run_stops_and_keeps_its_log():
-    run = run_bench("duration_s=2", "plant.stops.stiffness_Nm_per_rad=1e9", "scenario.start={hip_deg: 20, knee_deg: -20}")
+    beyond_the_stop = "scenario.start={hip_deg: 20, knee_deg: -20}"
+    run = run_bench("duration_s=2", "plant.stops.stiffness_Nm_per_rad=1e9", beyond_the_stop)
     assert run.status is RunStatus.DIVERGED
     assert 1 <= len(run.log) < 2000
     assert "smaller integration step" in run.reason

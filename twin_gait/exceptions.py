@@ -29,8 +29,10 @@ class ParameterFileError(TwinGaitError):
         """Compose the message ``file: key: problem``."""
         self.file = str(file)
         self.key = key
-        place = f"{self.file}: {key}" if key else self.file
-        super().__init__(f"{place}: {problem}")
+        # Keys, phases and causes come from the file and may hold line breaks; a message is one line.
+        where, what = " ".join(key.split()), " ".join(problem.split())
+        place = f"{self.file}: {where}" if where else self.file
+        super().__init__(f"{place}: {what}")
 
 
 class ModelError(TwinGaitError):

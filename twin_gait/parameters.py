@@ -67,6 +67,19 @@ def require_share(name: str, value: float) -> None:
     require(0.0 <= value <= 1.0, name, "a number from 0 to 1", value)
 
 
+def require_count(name: str, value: int) -> None:
+    """Raise unless a value is a whole number above zero.
+
+    Args:
+        name: Name of the parameter as the user knows it.
+        value: The value.
+
+    Raises:
+        ParameterError: If it is not.
+    """
+    require(isinstance(value, int) and value >= 1, name, "a whole number above 0", value)
+
+
 @dataclass(frozen=True, kw_only=True)
 class FrictionParameters:
     """Parameters of the rotational friction law, equation (3.1) of the thesis.
@@ -100,6 +113,15 @@ class FrictionParameters:
         require_non_negative("breakaway_torque (with the sign of c)", sign * self.breakaway_torque)
         require_non_negative("coulomb_friction (with the sign of c)", sign * self.coulomb_friction)
         require_non_negative("viscous_friction", self.viscous_friction)
+        # With a < b the law dips near c/√2, where tanh(10/√2) lacks 1.4e-6 to 1: a and d must make up for it.
+        law = self.normalised()
+        floor = law.breakaway_torque + law.viscous_friction * law.breakaway_velocity / math.sqrt(2.0)
+        require(
+            floor >= 2e-6 * law.coulomb_friction,
+            "breakaway_torque",
+            "some breakaway or viscous friction, without which the dip of the law drives the joint",
+            self.breakaway_torque,
+        )
 
     def normalised(self) -> FrictionParameters:
         """Return the same law with a, b and c positive."""
@@ -261,11 +283,11 @@ class SensorParameters:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        require(self.encoder_counts >= 1, "encoder_counts", "a whole number above 0", self.encoder_counts)
+        require_count("encoder_counts", self.encoder_counts)
         require_non_negative("angle_noise", self.angle_noise)
         require_non_negative("fast_time_constant", self.fast_time_constant)
-        require(self.decimation >= 1, "decimation", "a whole number above 0", self.decimation)
-        require(self.window >= 1, "window", "a whole number above 0", self.window)
+        require_count("decimation", self.decimation)
+        require_count("window", self.window)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -73,9 +73,7 @@ class LegJointsEntry(Strict):
 
     def convert(self) -> LegJoints:
         """Convert."""
-        return LegJoints(
-            hip=self.hip, knee=self.knee, ankle=self.ankle, contact_frames=self.contact_frames
-        )
+        return LegJoints(hip=self.hip, knee=self.knee, ankle=self.ankle, contact_frames=self.contact_frames)
 
 
 class LegEntry(Strict):

@@ -10,10 +10,11 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.validation import Count, Number, Strict, converting, read_yaml, validate
+from twin_gait.configuration.validation import Count, Number, Strict, converting, read_yaml, short, validate
 from twin_gait.exceptions import GaitTableError, ParameterFileError
 from twin_gait.gait.guards import AllOf, AnyOf, Guard, parse_guard
 from twin_gait.gait.table import (
+    LONGEST,
     TICK,
     Blending,
     BlendingLaw,
@@ -87,7 +88,7 @@ class TransitionEntry(Strict):
     cause: str = Field(min_length=1)
     all: list[Any] | None = None
     any: list[Any] | None = None
-    after_s: Number | None = Field(default=None, gt=0)
+    after_s: Number | None = Field(default=None, gt=0, le=LONGEST * TICK)
     dwell_ms: Count | None = Field(default=None, ge=1)
 
     @model_validator(mode="after")
@@ -117,6 +118,12 @@ class ScalingEntry(Strict):
     speed_exponent: Number = 0.0
     hip_centre_deg: Number | None = None
     hip_centre_rad: Number | None = None
+
+    @model_validator(mode="after")
+    def _one_centre(self) -> ScalingEntry:
+        if self.hip_centre_deg is not None and self.hip_centre_rad is not None:
+            raise ValueError("give either hip_centre_deg or hip_centre_rad")
+        return self
 
 
 def _hip_centre(entry: ScalingEntry) -> float:
@@ -318,5 +325,5 @@ def _guard(item: Any, joints: tuple[str, ...], phases: tuple[str, ...]) -> Guard
             guards = tuple(_guard(part, joints, phases) for part in inner)
             return AllOf(guards=guards) if kind == "all" else AnyOf(guards=guards)
     raise GaitTableError(
-        f"guard {item!r}: expected a text such as 'hip.angle_deg < -8', or all: / any: with a list"
+        f"guard {short(item)}: expected a text such as 'hip.angle_deg < -8', or all: / any: with a list"
     )

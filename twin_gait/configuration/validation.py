@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -13,6 +14,11 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from twin_gait.exceptions import ParameterFileError, TwinGaitError
 
 MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand
+
+
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 2, 3, 3
+_SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 57
 
 
 class Strict(BaseModel):
@@ -44,7 +50,7 @@ def _mapping_without_duplicates(loader: _UniqueKeyLoader, node: yaml.MappingNode
         key = loader.construct_object(key_node, deep=True)
         if not isinstance(key, str):
             raise yaml.constructor.ConstructorError(
-                None, None, f"expected a name as key, got {key!r}", key_node.start_mark
+                None, None, f"expected a name as key, got {short(key)}", key_node.start_mark
             )
         if key in seen:
             raise yaml.constructor.ConstructorError(
@@ -124,7 +130,9 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str) -> _Mode
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
+        mistakes = error.errors(include_url=False)
+        # A misspelt key is also a missing one: its own message helps more.
+        first = next((item for item in mistakes if item["type"] == "extra_forbidden"), mistakes[0])
         key = _dotted(first["loc"])
         raise ParameterFileError(source, key, _explain(first, model)) from error
 
@@ -163,7 +171,7 @@ def _explain(first: Any, model: type[BaseModel]) -> str:
         return "is missing"
     if kind == "value_error":
         return str(first["msg"]).removeprefix("Value error, ")
-    return f"{_lower_first(first['msg'])}, got {_short(value)}"
+    return f"{_lower_first(first['msg'])}, got {short(value)}"
 
 
 def _known_keys(model: type[BaseModel], location: tuple[Any, ...]) -> list[str]:
@@ -206,8 +214,9 @@ def _dotted(location: tuple[Any, ...]) -> str:
     return text
 
 
-def _short(value: Any) -> str:
-    text = _one_line(repr(value))
+def short(value: Any) -> str:
+    """Value in a few words; nested aliases are not written out, which could take all memory."""
+    text = _one_line(_SHORT.repr(value))
     return text if len(text) <= 60 else text[:57] + "…"
 
 

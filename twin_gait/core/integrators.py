@@ -40,9 +40,7 @@ def semi_implicit_euler_step(
         q[i] += step * v[i]
 
 
-def rk4_step(
-    acceleration: Acceleration, context: Any, q: Array, v: Array, step: float, work: Array
-) -> None:
+def rk4_step(acceleration: Acceleration, context: Any, q: Array, v: Array, step: float, work: Array) -> None:
     """Advance by one step of the classical Runge-Kutta method, of fourth order.
 
     Args:

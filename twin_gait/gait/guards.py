@@ -34,6 +34,13 @@ class Comparison:
     operator: str
     threshold: float
 
+    def __post_init__(self) -> None:
+        """Check operator and threshold."""
+        if self.operator not in ("<", ">"):
+            raise GaitTableError(f"guard on {self.signal}: expected '<' or '>', got {self.operator!r}")
+        if not math.isfinite(self.threshold):
+            raise GaitTableError(f"guard on {self.signal}: expected a finite threshold, got {self.threshold}")
+
     def __str__(self) -> str:
         """Write the inequality as in the table."""
         left = self.signal if self.minus is None else f"{self.signal} - {self.minus}"
@@ -81,6 +88,11 @@ class AnyOf:
     """
 
     guards: tuple[Guard, ...]
+
+    def __post_init__(self) -> None:
+        """Check that there is a guard."""
+        if not self.guards:
+            raise GaitTableError("any: expected at least one guard, got none; it could never open")
 
     def __str__(self) -> str:
         """Write the disjunction."""

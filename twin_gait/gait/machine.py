@@ -182,7 +182,9 @@ class GaitStateMachine:
         return PhaseSwitch(tick, self.side, source, self.phase, item.cause, index)
 
     def _refuse_non_finite(self, signals: np.ndarray, other_phase: int) -> None:
-        own = len(signals) // 2
+        own = len(signal_names(self.table.joints))
+        if len(signals) != 2 * own:
+            raise MeasurementError(f"{self.side} leg: expected {2 * own} signals, got {len(signals)}")
         checked = signals if other_phase >= 0 else signals[:own]
         if np.isfinite(checked).all():
             return

@@ -7,8 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.core.guards import OP_ALL, OP_ANY, OP_COMPARE, OP_PHASE
+from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import AllOf, Comparison, Guard, PhaseMembership, all_signal_names, signal_scale
-from twin_gait.gait.table import GaitTable
+from twin_gait.gait.table import GaitTable, Transition
+
+OPEN_RESULTS = 62  # results that wait to be joined are bits of a signed 64-bit integer
 
 
 class GuardProgram(NamedTuple):
@@ -42,6 +45,7 @@ def compile_guards(table: GaitTable) -> GuardProgram:
     for transition in table.transitions:
         first = len(nodes)
         _emit(transition.guard, table, nodes, comparisons)
+        _check_size(transition, nodes[first:])
         time_out = -1 if transition.time_out_ticks is None else transition.time_out_ticks
         rows.append(
             (
@@ -59,6 +63,19 @@ def compile_guards(table: GaitTable) -> GuardProgram:
         comparisons=np.array(comparisons, dtype=np.float64).reshape(-1, 5),
         minimum_ticks=np.array([item.minimum_ticks for item in table.phases.values()], dtype=np.int64),
     )
+
+
+def _check_size(transition: Transition, nodes: list[tuple[int, int]]) -> None:
+    """Refuse a guard whose results the evaluator cannot hold."""
+    waiting = most = 0
+    for operation, operand in nodes:
+        waiting += 1 - (operand if operation in (OP_ALL, OP_ANY) else 0)
+        most = max(most, waiting)
+    if most > OPEN_RESULTS:
+        raise GaitTableError(
+            f"transition {transition.source} → {transition.target} ({transition.cause}): {most} conditions "
+            f"wait to be joined; at most {OPEN_RESULTS} fit, so nest some of them"
+        )
 
 
 def _emit(

@@ -64,7 +64,7 @@ def _scale_phase(
     for name, joint in phase.joints.items():
         equilibrium = joint.equilibrium_angle
         if name == JointName.HIP:
-            equilibrium = centre + excursion * (equilibrium - centre)
+            equilibrium = equilibrium + (excursion - 1.0) * (equilibrium - centre)
         joints[name] = replace(joint, stiffness=stiffness * joint.stiffness, equilibrium_angle=equilibrium)
     return replace(phase, joints=joints)
 
@@ -74,10 +74,15 @@ def _scale_guard(guard: Guard, excursion: float, centre: float) -> Guard:
         return AllOf(guards=tuple(_scale_guard(inner, excursion, centre) for inner in guard.guards))
     if isinstance(guard, AnyOf):
         return AnyOf(guards=tuple(_scale_guard(inner, excursion, centre) for inner in guard.guards))
-    if isinstance(guard, Comparison) and guard.signal.endswith(f"{JointName.HIP}.angle_deg"):
+    if isinstance(guard, Comparison) and _is_hip_angle(guard.signal) and _is_hip_angle(guard.minus):
         about = centre / signal_scale(guard.signal) if guard.minus is None else 0.0
-        return replace(guard, threshold=about + excursion * (guard.threshold - about))
+        return replace(guard, threshold=guard.threshold + (excursion - 1.0) * (guard.threshold - about))
     return guard
+
+
+def _is_hip_angle(signal: str | None) -> bool:
+    """Whether a signal is a hip angle of either leg; an absent second signal does not speak against it."""
+    return signal is None or signal.endswith(f"{JointName.HIP}.angle_deg")
 
 
 def resolve_phases(table: GaitTable, side: Side, inertia_at: InertiaAt) -> np.ndarray:

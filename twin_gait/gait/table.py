@@ -14,11 +14,12 @@ from enum import StrEnum
 
 from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import AllOf, AnyOf, Guard, PhaseMembership
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, all_signal_names
 from twin_gait.parameters import require, require_non_negative, require_positive, require_share
 from twin_gait.vocabulary import Side
 
 TICK = 1e-3  # [s], the firmware's control period (thesis, section 2.1.2)
+LONGEST = 10**9  # ticks, eleven days: no time in a table is longer
 
 
 class BlendingLaw(StrEnum):
@@ -109,7 +110,7 @@ class PhaseParameters:
     def __post_init__(self) -> None:
         """Check the ranges."""
         require_share("gravity_compensation", self.gravity_compensation)
-        require(self.minimum_ticks >= 0, "min_time_ms", "0 or more", self.minimum_ticks)
+        require(0 <= self.minimum_ticks <= LONGEST, "min_time_ms", f"0 to {LONGEST}", self.minimum_ticks)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,9 +135,14 @@ class Transition:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        require(self.dwell_ticks >= 1, "dwell_ms", "1 or more", self.dwell_ticks)
+        require(1 <= self.dwell_ticks <= LONGEST, "dwell_ms", f"1 to {LONGEST}", self.dwell_ticks)
         if self.time_out_ticks is not None:
-            require(self.time_out_ticks >= 1, "after_s", "0.001 or more", self.time_out_ticks)
+            require(
+                1 <= self.time_out_ticks <= LONGEST,
+                "after_s",
+                f"{TICK:g} to {LONGEST * TICK:g}",
+                self.time_out_ticks,
+            )
         if self.time_out_ticks is None and self.guard == AllOf(guards=()):
             raise GaitTableError(
                 f"transition {self.source} → {self.target} ({self.cause}) has no condition: "
@@ -175,7 +181,8 @@ class Scaling:
             require_positive("scaling.carried_mass_kg", self.carried_mass)
         if self.speed is not None:
             require_positive("scaling.speed_m_per_s", self.speed)
-        require(math.isfinite(self.speed_exponent), "scaling.speed_exponent", "a number", self.speed_exponent)
+        require(math.isfinite(self.hip_centre), "scaling.hip_centre", "a finite angle", self.hip_centre)
+        require(abs(self.speed_exponent) <= 3.0, "scaling.speed_exponent", "-3 to 3", self.speed_exponent)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,6 +213,9 @@ class GaitTable:
         """Check that the table is complete and closed."""
         if not self.joints:
             raise GaitTableError("joints: expected at least one joint, got none")
+        twice = sorted({name for name in self.joints if self.joints.count(name) > 1})
+        if twice:
+            raise GaitTableError(f"joints: {', '.join(twice)} is named twice")
         if not self.phases:
             raise GaitTableError("phases: expected at least one phase, got none")
         for mapping in (self.phases, *self.side_phases.values()):
@@ -241,6 +251,10 @@ class GaitTable:
             raise GaitTableError(f"{place}: leads from {transition.source} to itself")
         for phase in _phases_in(transition.guard):
             self._check_known(place, phase)
+        known = all_signal_names(self.joints)
+        for signal in _signals_in(transition.guard):
+            if signal not in known:
+                raise GaitTableError(f"{place}: no signal {signal!r}; there are {', '.join(known)}")
         minimum = self.phases[transition.source].minimum_ticks
         if transition.time_out_ticks is not None and transition.time_out_ticks < minimum:
             raise GaitTableError(
@@ -295,4 +309,12 @@ def _phases_in(guard: Guard) -> list[str]:
         return list(guard.phases)
     if isinstance(guard, (AllOf, AnyOf)):
         return [phase for inner in guard.guards for phase in _phases_in(inner)]
+    return []
+
+
+def _signals_in(guard: Guard) -> list[str]:
+    if isinstance(guard, Comparison):
+        return [name for name in (guard.signal, guard.minus) if name is not None]
+    if isinstance(guard, (AllOf, AnyOf)):
+        return [name for inner in guard.guards for name in _signals_in(inner)]
     return []

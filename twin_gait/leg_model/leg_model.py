@@ -7,6 +7,7 @@ URDF given by the user must follow them or be adapted); all joints have one degr
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -121,6 +122,8 @@ class LegModel:
             ModelError: If the URDF cannot be read or lacks a joint or frame.
             ParameterError: If a parameter is out of range.
         """
+        if not math.isfinite(gravity):
+            raise ParameterError(f"gravity: expected a finite number, got {gravity}")
         if up_axis not in ("y", "z"):
             raise ParameterError(f"up_axis: expected 'y' or 'z', got {up_axis!r}")
         if not legs:
@@ -181,6 +184,8 @@ class LegModel:
         for leg in self.legs.values():
             for _, name in leg.items():
                 joint = self.model.joints[self.model.getJointId(name)]
+                if joint.nv == 1 and not joint.shortname().startswith("JointModelR"):
+                    raise ModelError(f"{self.urdf_path}: joint {name!r} slides; expected a revolute joint")
                 if joint.nq != 1 or joint.nv != 1:
                     raise ModelError(
                         f"{self.urdf_path}: joint {name!r} has {joint.nv} degrees of freedom; "
@@ -229,6 +234,10 @@ class LegModel:
         for leg in self.legs.values():
             hip, knee = self._joint_id(leg.hip), self._joint_id(leg.knee)
             thigh = self.model.jointPlacements[knee].translation.copy()
+            if not thigh.any():
+                raise ModelError(
+                    f"{self.urdf_path}: joints {leg.hip!r} and {leg.knee!r} coincide; no thigh fits between"
+                )
             self._append(hip, *segment_inertia(segments["thigh"], patient.mass, thigh))
             if leg.ankle is None:
                 down = thigh / np.linalg.norm(thigh)
@@ -297,6 +306,8 @@ class LegModel:
         Raises:
             ModelError: If the leg has no such joint.
         """
+        if side not in self.legs:
+            raise ModelError(f"{self.urdf_path}: the model has no {side} leg; it has {', '.join(self.legs)}")
         for name, urdf_name in self.legs[side].items():
             if name is joint:
                 return int(self.model.joints[self._joint_id(urdf_name)].idx_v)
@@ -317,7 +328,7 @@ class LegModel:
     @property
     def total_mass(self) -> float:
         """Mass of all links, wearer included, in [kg]."""
-        return float(pin.computeTotalMass(self.model))
+        return float(sum(body.mass for body in self.model.inertias))
 
     # ------------------------------------------------------------------ physics
 

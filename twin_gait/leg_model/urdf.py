@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import io
+import math
 import os
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -85,7 +86,10 @@ def read_urdf(path: Path) -> str:
         raise ModelError(f"{path}: not a URDF ({error}); expected XML with a <robot> element") from error
     if root.tag != "robot":
         raise ModelError(f"{path}: not a URDF: the outer element is <{root.tag}>, expected <robot>")
+    for link in root.iter("link"):
+        _check_inertial(path, link)
     for joint in root.iter("joint"):
+        _check_axis(path, joint)
         if joint.get("type") == "continuous":
             joint.set("type", "revolute")
             limit = joint.find("limit")
@@ -94,6 +98,41 @@ def read_urdf(path: Path) -> str:
             limit.set("lower", "-1e3")
             limit.set("upper", "1e3")
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _check_axis(path: Path, joint: ElementTree.Element) -> None:
+    """Refuse an axis that is not three numbers or has no direction."""
+    axis = joint.find("axis")
+    if axis is None:
+        return
+    text = axis.get("xyz", "1 0 0")
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != 3 or not any(values) or not all(map(math.isfinite, values)):
+        raise ModelError(
+            f"{path}: axis of joint {joint.get('name')!r}: expected three numbers, not all zero, got {text!r}"
+        )
+
+
+def _check_inertial(path: Path, link: ElementTree.Element) -> None:
+    """Refuse masses and inertias that the URDF parser would drop or take as they are.
+
+    It leaves out an inertia that it cannot read, and the link weighs nothing.
+    """
+    for element in (*link.findall("inertial/mass"), *link.findall("inertial/inertia")):
+        for key, text in element.items():
+            try:
+                value = float(text)
+            except ValueError:
+                value = math.nan
+            may_be_negative = element.tag == "inertia" and key in ("ixy", "ixz", "iyz")
+            if not math.isfinite(value) or (value < 0.0 and not may_be_negative):
+                raise ModelError(
+                    f"{path}: {element.tag} {key} of link {link.get('name')!r}: "
+                    f"expected a finite number of 0 or more, got {text!r}"
+                )
 
 
 def urdf_hash(path: Path) -> str:

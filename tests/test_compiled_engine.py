@@ -1,0 +1,249 @@
+"""The compiled engine against Pinocchio: its dynamics, its whole episodes, and its cache."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import twin_gait
+from twin_gait import load_experiment, simulate
+from twin_gait.core.contact import ground_contact_force
+from twin_gait.exceptions import ModelError
+from twin_gait.leg_model.bodies import contact_points, export_bodies
+from twin_gait.simulation import compiling, rigid_body
+from twin_gait.simulation.columns import WORK_SOURCES
+from twin_gait.simulation.kernel import body_values, write_kernel
+from twin_gait.simulation.tracing import Trace, cosine
+
+GRAVITY = 9.81
+
+
+def random_model(seed: int, joints: int, *, armature: bool = True) -> pin.Model:
+    """A random tree of revolute and prismatic joints with random axes, placements and inertias."""
+    generator = np.random.default_rng(seed)
+    model = pin.Model()
+    joint = 0
+    for index in range(joints):
+        # Pinocchio numbers a tree depth first: a new joint hangs on the last one or on one above it.
+        parent = joint
+        while parent > 0 and generator.random() < 0.3:
+            parent = int(model.parents[parent])
+        axis = generator.standard_normal(3)
+        axis /= np.linalg.norm(axis)
+        kinds = [
+            pin.JointModelRX(),
+            pin.JointModelRY(),
+            pin.JointModelRZ(),
+            pin.JointModelPZ(),
+            pin.JointModelRevoluteUnaligned(axis),
+            pin.JointModelPrismaticUnaligned(axis),
+        ]
+        joint = model.addJoint(
+            parent, kinds[int(generator.integers(len(kinds)))], pin.SE3.Random(), f"joint{index}"
+        )
+        model.appendBodyToJoint(joint, pin.Inertia.Random(), pin.SE3.Identity())
+    if armature:
+        model.armature = generator.uniform(0.0, 2.0, model.nv)
+    model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
+    return model
+
+
+def kernel_functions(model: pin.Model):
+    """The generated functions as plain Python, uncompiled."""
+    bodies = export_bodies(model)
+    names = {"math": math, "ground_contact_force": ground_contact_force}
+    exec(write_kernel(bodies, [], bodies, "z"), names)
+    return names, np.array(body_values(bodies))
+
+
+def relative_error(found: np.ndarray, expected: np.ndarray) -> float:
+    return float(np.abs(found - expected).max() / max(1.0, np.abs(expected).max()))
+
+
+@settings(max_examples=200)
+@given(seed=st.integers(0, 2**31), joints=st.integers(1, 8))
+def test_kernel_of_any_tree_equals_pinocchio(seed, joints):
+    pin.seed(seed)
+    model = random_model(seed, joints)
+    data = model.createData()
+    names, values = kernel_functions(model)
+    generator = np.random.default_rng(seed)
+    q, v, tau = (generator.uniform(-2.0, 2.0, joints) for _ in range(3))
+    expected = np.array(pin.aba(model, data, q, v, tau))
+    a = np.zeros(joints)
+    names["dynamics"](q, v, tau, values, GRAVITY, np.zeros(5), a, np.zeros((1, 3)))
+    # An ill-conditioned mass matrix magnifies rounding in both; the residual of the equation does not.
+    residual = np.array(pin.rnea(model, data, q, v, a)) - tau
+    scale = np.abs(np.array(pin.rnea(model, data, q, v, np.zeros(joints)))).max() + np.abs(tau).max()
+    assert np.abs(residual).max() <= 1e-12 * max(1.0, scale) * np.linalg.cond(pin.crba(model, data, q))
+    assert relative_error(a, expected) <= 1e-12 * np.linalg.cond(pin.crba(model, data, q))
+    gravity = np.zeros(joints)
+    names["control_gravity"](q, values, GRAVITY, gravity)
+    assert relative_error(gravity, np.array(pin.computeGeneralizedGravity(model, data, q))) <= 1e-12
+    inertia = np.zeros(joints)
+    names["control_inertia"](q, tau, values, inertia)
+    assert relative_error(inertia, np.array(pin.crba(model, data, q)) @ tau) <= 1e-12
+    kinetic, potential, force, moment = names["observe"](q, v, a, values, GRAVITY, np.zeros(5))
+    assert kinetic == pytest.approx(0.5 * v @ pin.crba(model, data, q) @ v, rel=1e-11, abs=1e-12)
+    assert potential == pytest.approx(pin.computePotentialEnergy(model, data, q), rel=1e-11, abs=1e-10)
+    pin.rnea(model, data, q, v, a)
+    assert force == pytest.approx(data.f[1].linear[0], rel=1e-9, abs=1e-8)
+    assert moment == pytest.approx(data.f[1].angular[1], rel=1e-9, abs=1e-8)
+
+
+def test_another_wearer_needs_no_other_kernel():
+    texts = set()
+    for mass in (60, 80):
+        model = load_experiment("treadmill", [f"patient.mass_kg={mass}"]).experiment.build_world().model
+        frames = [name for leg in model.legs.values() for name in leg.contact_frames]
+        bodies = export_bodies(model.model)
+        texts.add(write_kernel(bodies, contact_points(model.model, frames), bodies, "z"))
+    assert len(texts) == 1
+
+
+def test_a_joint_of_three_degrees_of_freedom_is_refused():
+    model = pin.Model()
+    model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
+    with pytest.raises(ModelError, match="'ball' is a Spherical"):
+        export_bodies(model)
+
+
+def test_trace_folds_constants_and_shares_expressions():
+    trace = Trace()
+    x = trace.input("x")
+    assert x * 0.0 == 0.0
+    assert (x + 0.0) is x
+    assert (x * 1.0) is x
+    assert (x - x) == 0.0
+    assert cosine(x) is cosine(x)
+    assert cosine(0.0) == 1.0
+    assert len(trace.lines) == 1
+
+
+def test_joint_rotation_of_a_slanted_axis_is_rodrigues():
+    axis = np.array([1.0, 2.0, -0.5])
+    axis /= np.linalg.norm(axis)
+    ours = np.array(rigid_body.joint_rotation(list(axis), 0.7))
+    np.testing.assert_allclose(ours, pin.exp3(0.7 * axis), atol=1e-15)
+
+
+CASES = {
+    "treadmill": ("treadmill", "duration_s=3"),
+    "treadmill, rk4": (
+        "treadmill",
+        "duration_s=0.6",
+        "integration.method=rk4",
+        "integration.step_ms=0.25",
+    ),
+    "bench leg": ("bench_leg", "duration_s=10"),
+    "bench leg, rk4": ("bench_leg", "duration_s=3", "integration.method=rk4", "integration.step_ms=1"),
+    "bench leg with a hand": (
+        "bench_leg",
+        "duration_s=2",
+        "control.mode=transparent",
+        "scenario.hand={joint: knee, amplitude_deg: 40, release_s: 1.5}",
+    ),
+    "inertia compensation and noise": (
+        "bench_leg",
+        "duration_s=1",
+        "control.inertia_compensation=0.2",
+        "sensors.ideal=false",
+        "sensors.angle_noise_deg=0.001",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+def test_engines_agree_in_every_column(case):
+    name, *changes = case
+    ours = simulate(load_experiment(name, [*changes, "engine=compiled"]).experiment)
+    theirs = simulate(load_experiment(name, changes).experiment)
+    assert ours.status is theirs.status
+    assert ours.switches == theirs.switches
+    for column in theirs.log.columns:
+        if column.endswith("_phase"):
+            assert (ours.log[column] == theirs.log[column]).all()
+        else:
+            np.testing.assert_allclose(
+                ours.log[column], theirs.log[column], atol=1e-9, rtol=1e-9, err_msg=column
+            )
+
+
+def test_engines_agree_over_the_default_walk():
+    """Twenty seconds on the belt: angles to 1e-9 rad and every switch in the same tick."""
+    ours = simulate(load_experiment("treadmill", ["engine=compiled"]).experiment)
+    theirs = simulate(load_experiment("treadmill").experiment)
+    assert ours.switches == theirs.switches
+    for column in [name for name in theirs.log.columns if name.endswith("_angle_rad")]:
+        np.testing.assert_allclose(ours.log[column], theirs.log[column], atol=1e-9, rtol=0, err_msg=column)
+
+
+def test_a_fall_and_a_divergence_end_the_compiled_run_too():
+    fall = ["duration_s=4", "scenario.support.share=0", "engine=compiled"]
+    limp = "table.phases.early_stance.knee.stiffness_Nm_per_deg=0.01"
+    assert simulate(load_experiment("treadmill", [*fall, limp]).experiment).status == "fell"
+    stiff = ["duration_s=1", "plant.stops.stiffness_Nm_per_rad=1e9", "engine=compiled"]
+    beyond = "scenario.start={hip_deg: 20, knee_deg: -20}"
+    run = simulate(load_experiment("bench_leg", [*stiff, beyond]).experiment)
+    assert run.status == "diverged"
+    assert 1 <= len(run.log) < 1000
+
+
+def test_energy_balance_of_the_compiled_engine_closes():
+    log = simulate(load_experiment("bench_leg", ["duration_s=3", "engine=compiled"]).experiment).log
+    energy = (log["kinetic_energy_J"] + log["potential_energy_J"]).to_numpy()
+    work = log[[f"{name}_work_J" for name in WORK_SOURCES]].to_numpy().sum(axis=1)
+    assert np.abs(energy - energy[0] - work).max() < 2e-3
+
+
+def test_progress_and_interruption():
+    seen = []
+    run = simulate(
+        load_experiment("bench_leg", ["duration_s=10", "engine=compiled"]).experiment,
+        progress=lambda done, total: seen.append((done, total)),
+        should_stop=lambda: len(seen) > 2,
+    )
+    assert run.status == "interrupted"
+    assert 0 < len(run.log) < 10_000
+    assert seen[0] == (0, 10_000)
+
+
+EDIT = """
+import sys
+sys.path.insert(0, {folder!r})
+from twin_gait import load_experiment, simulate
+run = simulate(load_experiment("bench_leg", ["duration_s=0.2", "engine=compiled"]).experiment)
+print(repr(float(run.log["right_knee_impedance_torque_Nm"].iloc[-1])))
+"""
+
+
+def test_an_edit_in_core_is_used_by_the_next_run(tmp_path, monkeypatch):
+    """A copy of the package is edited between two runs that share one cache."""
+    import shutil
+
+    source = Path(twin_gait.__file__).parent
+    shutil.copytree(source, tmp_path / "twin_gait", ignore=shutil.ignore_patterns("__pycache__"))
+    if not (tmp_path / "twin_gait" / "urdf").is_dir():
+        shutil.copytree(source.parent / "urdf", tmp_path / "twin_gait" / "urdf")
+    monkeypatch.setenv(compiling.CACHE_VARIABLE, str(tmp_path / "cache"))
+
+    def run() -> float:
+        code = EDIT.format(folder=str(tmp_path))
+        return float(subprocess.check_output([sys.executable, "-c", code], text=True, cwd=tmp_path))
+
+    before = run()
+    law = tmp_path / "twin_gait" / "core" / "impedance.py"
+    text = law.read_text()
+    assert "return -(stiffness" in text
+    law.write_text(text.replace("return -(stiffness", "return -0.5 * (stiffness"))
+    after = run()
+    assert before != after
+    assert abs(after) < abs(before)
