@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from twin_gait.cli.terminal import DONE
+
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
@@ -23,7 +25,6 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Export the log."""
-    from twin_gait.cli.program import DONE
     from twin_gait.exceptions import RunDirectoryError
     from twin_gait.export import export_csv
     from twin_gait.studies.record import load_run

@@ -7,6 +7,8 @@ import os
 from pathlib import Path
 from typing import Any
 
+from twin_gait.cli.terminal import DONE, progress_bar
+
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
@@ -28,8 +30,6 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate the grid and print the map."""
-    from twin_gait.cli.program import DONE
-    from twin_gait.cli.simulate import progress_bar
     from twin_gait.configuration import load_experiment
     from twin_gait.exceptions import ParameterError, RunDirectoryError
     from twin_gait.files import write_atomically

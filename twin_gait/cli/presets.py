@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from twin_gait.cli.terminal import DONE
+
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
@@ -19,7 +21,6 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """List the presets, or print one in full."""
-    from twin_gait.cli.program import DONE
     from twin_gait.configuration import load_experiment, packaged_gait_tables, presets
     from twin_gait.configuration.documents import dump_yaml
 

@@ -9,9 +9,8 @@ from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 from twin_gait import __version__
+from twin_gait.cli.terminal import BAD_INPUT, DONE, INTERRUPTED
 from twin_gait.exceptions import TwinGaitError
-
-DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 
 class OneLineParser(argparse.ArgumentParser):

@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import signal
-import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from twin_gait.cli.terminal import (
+    DONE,
+    FAILED,
+    INTERRUPTED,
+    clear_line,
+    note_step,
+    progress_bar,
+    stop_on_interrupt,
+)
 
 if TYPE_CHECKING:
     from twin_gait.simulation import Run
@@ -50,7 +57,6 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate and write the run directory."""
-    from twin_gait.cli.program import DONE, FAILED, INTERRUPTED
     from twin_gait.configuration import load_experiment
     from twin_gait.simulation import RunStatus, simulate
     from twin_gait.studies.accuracy import step_error
@@ -116,47 +122,3 @@ def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
         if hip is not None:
             line = f"{line}, off the Koopman reference by {hip:.1f}° (hip) and {knee:.1f}° (knee) RMS"
         yield line
-
-
-@contextmanager
-def stop_on_interrupt() -> Iterator[Callable[[], bool]]:
-    """Turn the first Ctrl-C into a request to stop; a second one ends the program at once."""
-    asked = False
-
-    def handle(number: int, frame: object) -> None:
-        nonlocal asked
-        if asked:
-            raise KeyboardInterrupt
-        asked = True
-
-    previous = signal.signal(signal.SIGINT, handle)
-    try:
-        yield lambda: asked
-    finally:
-        signal.signal(signal.SIGINT, previous)
-
-
-@contextmanager
-def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
-    """Progress bar on a terminal, nothing in a pipe."""
-    from tqdm import tqdm
-
-    with tqdm(desc=title, unit=unit, leave=False, disable=not sys.stderr.isatty()) as bar:
-
-        def update(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
-        yield update
-
-
-def note_step(name: str) -> None:
-    """Say on a terminal which file is being written."""
-    if sys.stderr.isatty():
-        print(f"\r\033[Kwriting {name}", end="", file=sys.stderr, flush=True)
-
-
-def clear_line() -> None:
-    """Take the last note away again."""
-    if sys.stderr.isatty():
-        print("\r\033[K", end="", file=sys.stderr, flush=True)

@@ -7,6 +7,8 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait.cli.terminal import DONE, stop_on_interrupt
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -53,8 +55,6 @@ def show_log(experiment: Experiment, log: pd.DataFrame, *, speed: float = 1.0, r
     Returns:
         Exit status.
     """
-    from twin_gait.cli.program import DONE
-    from twin_gait.cli.simulate import stop_on_interrupt
     from twin_gait.studies.record import belt_speed_of, describe
     from twin_gait.viewer import show_run
 
@@ -84,8 +84,6 @@ def show_urdf(path: Path) -> int:
     Returns:
         Exit status.
     """
-    from twin_gait.cli.program import DONE
-    from twin_gait.cli.simulate import stop_on_interrupt
     from twin_gait.viewer import view_urdf
 
     with stop_on_interrupt() as should_stop, view_urdf(path) as viewer:

@@ -14,8 +14,15 @@ from twin_gait.gait.table import TICK
 from twin_gait.leg_model.bodies import contact_points, export_bodies
 from twin_gait.simulation import episode
 from twin_gait.simulation.compiling import loop_of
+from twin_gait.simulation.engine import (
+    DIVERGED_VELOCITY,
+    EngineResult,
+    diverged_reason,
+    fell_reason,
+    log_layout,
+    stopped_reason,
+)
 from twin_gait.simulation.kernel import body_values, write_kernel
-from twin_gait.simulation.pinocchio_engine import DIVERGED_VELOCITY, EngineResult, log_layout
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName
@@ -231,7 +238,7 @@ class CompiledEngine:
             if progress is not None:
                 progress(done, total)
             if should_stop is not None and should_stop():
-                status, reason = RunStatus.INTERRUPTED, f"stopped at {done * TICK:.3f} s"
+                status, reason = RunStatus.INTERRUPTED, stopped_reason(done)
                 break
             done = int(self._run_ticks(self._episode, done, min(done + CHUNK_TICKS, total), rows))
             status, reason = self._ending(done)
@@ -241,12 +248,10 @@ class CompiledEngine:
 
     def _ending(self, done: int) -> tuple[RunStatus, str]:
         code = int(self._episode.state.counters[1])
-        time = done * TICK
         if code == episode.DIVERGED:
-            return RunStatus.DIVERGED, f"the state diverged at {time:.3f} s; try a smaller integration step"
+            return RunStatus.DIVERGED, diverged_reason(done)
         if code == episode.FELL:
-            height = self.problem.world.fall_height
-            return RunStatus.FELL, f"the pelvis fell below {height:.2f} m at {time:.3f} s"
+            return RunStatus.FELL, fell_reason(done, self.problem.world.fall_height)
         return RunStatus.COMPLETED, ""
 
     def _switches(self) -> tuple[PhaseSwitch, ...]:

@@ -1,0 +1,194 @@
+"""The plant of the Pinocchio engine: forward dynamics with everything that acts on the leg."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from twin_gait.core.contact import ground_contact_force
+from twin_gait.core.integrators import rk4_step, semi_implicit_euler_step
+from twin_gait.core.plant import PASSIVE_COLUMNS, WORK_SOURCE_COUNT, add_work, hand_torque, passive_torques
+from twin_gait.experiment import IntegrationMethod
+from twin_gait.leg_model.leg_model import PELVIS_JOINT
+from twin_gait.scenario.world import World
+
+
+class _FootPoints(NamedTuple):
+    """Contact points of one foot, in the frame of its joint.
+
+    Attributes:
+        joint: Pinocchio's index of the joint that carries the foot.
+        points: Positions in [m].
+    """
+
+    joint: int
+    points: tuple[tuple[float, float, float], ...]
+
+
+class PinocchioPlant:
+    """Forward dynamics with everything that acts on the leg.
+
+    The results of the last evaluation stay readable: passive torques, contact forces, powers.
+    """
+
+    def __init__(self, world: World) -> None:
+        """Set the plant to the start of the world.
+
+        Args:
+            world: Plant and surroundings.
+        """
+        self.world = world
+        self.model, self.data = world.model.model, world.model.data
+        n = world.model.nv
+        self.q, self.v, self.a = world.start_q.copy(), world.start_v.copy(), np.zeros(n)
+        self.motor = np.zeros(n)
+        self.passive = np.zeros((n, PASSIVE_COLUMNS))
+        self.hand = 0.0
+        self.time = 0.0
+        self.contact_power = 0.0
+        self.works = np.zeros(WORK_SOURCE_COUNT)
+        self.feet = {side: self._foot(names) for side, names in world.contact_frames.items() if names}
+        self.normal_force = dict.fromkeys(self.feet, 0.0)
+        self.friction_force = dict.fromkeys(self.feet, 0.0)
+        self.clearance = dict.fromkeys(self.feet, 0.0)
+        self.external = pin.StdVec_Force()
+        for _ in range(self.model.njoints):
+            self.external.append(pin.Force.Zero())
+        self._work = np.zeros((5, n))
+        self._work_step = 0.0
+        self._last_contact_power = 0.0
+        self._contacts_known = False
+        self._evaluated = False
+        self._recorded_a = np.zeros(n)
+
+    def look(self) -> None:
+        """Evaluate the contacts at the present state, for the sensors of this tick."""
+        self.update_contacts(self.q, self.v)
+        self._contacts_known = True
+
+    def evaluate(self) -> None:
+        """Evaluate the present state with the motor torques of this tick, for record and first step."""
+        self.acceleration(self.q, self.v, self._recorded_a)
+        self._evaluated = True
+
+    def _foot(self, names: tuple[str, ...]) -> _FootPoints:
+        frames = [self.model.frames[self.model.getFrameId(name)] for name in names]
+        points = tuple(tuple(float(x) for x in frame.placement.translation) for frame in frames)
+        return _FootPoints(int(frames[0].parentJoint), points)  # type: ignore[arg-type]
+
+    def update_contacts(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Contact forces at a state, per foot and as external forces on the joints."""
+        if not self.feet or self.world.contact is None:
+            return
+        contact = self.world.contact
+        pin.forwardKinematics(self.model, self.data, q, v)
+        power = 0.0
+        for side, foot in self.feet.items():
+            placement = self.data.oMi[foot.joint]
+            (r00, r01, r02), _, (r20, r21, r22) = placement.rotation.tolist()
+            height = placement.translation.tolist()[2]
+            heights = [height + r20 * x + r21 * y + r22 * z for x, y, z in foot.points]
+            self.clearance[side] = min(heights)
+            loaded = self.normal_force[side] > 0.0
+            if self.clearance[side] >= 0.0:
+                self.normal_force[side] = self.friction_force[side] = 0.0
+                if loaded:
+                    self.external[foot.joint] = pin.Force.Zero()
+                continue
+            lx, ly, lz, wx, wy, wz = self.data.v[foot.joint].vector.tolist()
+            normal = friction = fx = fy = fz = mx = my = mz = 0.0
+            for (x, y, z), point_height in zip(foot.points, heights, strict=True):
+                if point_height >= 0.0:
+                    continue
+                ux, uy, uz = lx + wy * z - wz * y, ly + wz * x - wx * z, lz + wx * y - wy * x
+                forward = r00 * ux + r01 * uy + r02 * uz
+                upward = r20 * ux + r21 * uy + r22 * uz
+                along, up = ground_contact_force(
+                    point_height,
+                    forward,
+                    upward,
+                    self.world.belt_speed,
+                    contact.stiffness,
+                    contact.dissipation,
+                    contact.friction_coefficient,
+                    contact.transition_velocity,
+                )
+                normal += up
+                friction += along
+                power += along * forward + up * upward
+                px, py, pz = r00 * along + r20 * up, r01 * along + r21 * up, r02 * along + r22 * up
+                fx, fy, fz = fx + px, fy + py, fz + pz
+                mx, my, mz = mx + y * pz - z * py, my + z * px - x * pz, mz + x * py - y * px
+            self.normal_force[side], self.friction_force[side] = normal, friction
+            if normal > 0.0 or loaded:
+                self.external[foot.joint] = pin.Force(np.array([fx, fy, fz, mx, my, mz]))
+        self.contact_power = power
+
+    def acceleration(self, q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
+        """Accelerations of a state; keeps the torques and forces of this evaluation."""
+        if self._evaluated:
+            # The first evaluation of a tick is that of the record: same state, same motor torque.
+            self._evaluated = False
+            out[:] = self._recorded_a
+            return
+        passive_torques(q, v, self.world.plant_rows, self.passive)
+        torque = self.motor + self.passive.sum(axis=1)
+        hand = self.world.hand
+        if hand is not None:
+            self.hand = hand_torque(
+                self.time,
+                q[hand.index],
+                v[hand.index],
+                hand.start_angle,
+                hand.amplitude,
+                hand.frequency,
+                hand.stiffness,
+                hand.damping,
+                hand.release_time,
+            )
+            torque[hand.index] += self.hand
+        if self._contacts_known:
+            self._contacts_known = False
+        else:
+            self.update_contacts(q, v)
+        out[:] = pin.aba(self.model, self.data, q, v, torque, self.external)
+
+    def step(self, step: float, method: IntegrationMethod) -> None:
+        """One integration step, with the work that every source does in it."""
+        if method is IntegrationMethod.RK4:
+            self._work_step = step
+            rk4_step(self._staged, None, self.q, self.v, step, self._work)
+            return
+        before = self.v.copy()
+        semi_implicit_euler_step(self._single, None, self.q, self.v, step, self.a)
+        # Torques work on the mean of old and new velocity, which closes the balance of this method.
+        # The contact is only known at its evaluations: trapezoid between this one and the last.
+        contact = 0.5 * (self.contact_power + self._last_contact_power)
+        self._last_contact_power = self.contact_power
+        self._add_work(step, contact, 0.5 * (before + self.v))
+
+    def _single(
+        self, context: None, offset: float, weight: float, q: np.ndarray, v: np.ndarray, out: np.ndarray
+    ) -> None:
+        self.acceleration(q, v, out)
+
+    def _staged(
+        self, context: None, offset: float, weight: float, q: np.ndarray, v: np.ndarray, out: np.ndarray
+    ) -> None:
+        start = self.time
+        self.time = start + offset * self._work_step
+        self.acceleration(q, v, out)
+        self.time = start
+        self._add_work(weight * self._work_step, self.contact_power, v)
+
+    def _add_work(self, duration: float, contact_power: float, v: np.ndarray) -> None:
+        hand_index = -1 if self.world.hand is None else self.world.hand.index
+        add_work(duration, self.motor, self.passive, hand_index, self.hand, contact_power, v, self.works)
+
+    def guide_wrench(self) -> tuple[float, float]:
+        """Horizontal force [N] and pitching moment [N m] of the pelvis guide at the present state."""
+        pin.rnea(self.model, self.data, self.q, self.v, self._recorded_a, self.external)
+        wrench = self.data.f[int(self.model.getJointId(PELVIS_JOINT))]
+        return float(wrench.linear[0]), float(wrench.angular[1])
