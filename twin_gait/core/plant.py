@@ -9,14 +9,9 @@ ankle orthosis (spring, stops) and the vertical pelvis guide (support force, dam
 from __future__ import annotations
 
 import math
-from typing import Any
-
-import numpy as np
 
 from twin_gait.core.contact import mechanical_stop_torque
 from twin_gait.core.friction import rotational_friction_torque
-
-Array = np.ndarray[Any, np.dtype[Any]]
 
 (
     FRICTION_A,
@@ -33,84 +28,57 @@ Array = np.ndarray[Any, np.dtype[Any]]
 ) = range(11)
 PLANT_COLUMNS = 11
 
-# Columns of the torques written by :func:`passive_torques`.
+# Columns of the torques of :func:`passive_torque`.
 FRICTION, STOP, SPRING = range(3)
 PASSIVE_COLUMNS = 3
 
 
-def passive_torques(q: Array, v: Array, rows: Array, out: Array) -> None:
-    """Friction, stop and spring torques on every coordinate.
+def passive_torque(
+    q: float,
+    v: float,
+    friction_a: float,
+    friction_b: float,
+    friction_c: float,
+    friction_d: float,
+    stop_lower: float,
+    stop_upper: float,
+    stop_stiffness: float,
+    stop_dissipation: float,
+    spring_stiffness: float,
+    spring_damping: float,
+    constant_force: float,
+) -> tuple[float, float, float]:
+    """Friction, stop and spring torque on one coordinate; the arguments after v are one row.
 
     Args:
-        q: Coordinates in [rad] or [m], shape ``(n,)``.
-        v: Velocities, shape ``(n,)``.
-        rows: Parameters, shape ``(n, PLANT_COLUMNS)``.
-        out: Torques in [N m] or [N] as they act on the coordinate: friction, stop, spring with
-            constant force; shape ``(n, PASSIVE_COLUMNS)``, changed in place.
+        q: Coordinate in [rad] or [m].
+        v: Its velocity.
+        friction_a: Break-away torque.
+        friction_b: Coulomb friction.
+        friction_c: Break-away velocity.
+        friction_d: Viscous friction.
+        stop_lower: Lower stop.
+        stop_upper: Upper stop.
+        stop_stiffness: Of the stops; 0 for none.
+        stop_dissipation: Of the stops.
+        spring_stiffness: Of a spring about zero.
+        spring_damping: Of a damper.
+        constant_force: On the coordinate.
+
+    Returns:
+        Torques in [N m] or [N] as they act on the coordinate: friction, stop, spring with constant force.
     """
-    for i in range(q.shape[0]):
-        if rows[i, FRICTION_A] != 0.0 or rows[i, FRICTION_B] != 0.0 or rows[i, FRICTION_D] != 0.0:
-            out[i, FRICTION] = -rotational_friction_torque(
-                v[i], rows[i, FRICTION_A], rows[i, FRICTION_B], rows[i, FRICTION_C], rows[i, FRICTION_D]
-            )
-        else:
-            out[i, FRICTION] = 0.0
-        if rows[i, STOP_STIFFNESS] != 0.0:
-            out[i, STOP] = mechanical_stop_torque(
-                q[i],
-                v[i],
-                rows[i, STOP_LOWER],
-                rows[i, STOP_UPPER],
-                rows[i, STOP_STIFFNESS],
-                rows[i, STOP_DISSIPATION],
-            )
-        else:
-            out[i, STOP] = 0.0
-        out[i, SPRING] = (
-            rows[i, CONSTANT_FORCE] - rows[i, SPRING_STIFFNESS] * q[i] - rows[i, SPRING_DAMPING] * v[i]
-        )
+    friction, stop = 0.0, 0.0
+    if friction_a != 0.0 or friction_b != 0.0 or friction_d != 0.0:
+        friction = -rotational_friction_torque(v, friction_a, friction_b, friction_c, friction_d)
+    if stop_stiffness != 0.0:
+        stop = mechanical_stop_torque(q, v, stop_lower, stop_upper, stop_stiffness, stop_dissipation)
+    return friction, stop, constant_force - spring_stiffness * q - spring_damping * v
 
 
 # Sources of work on the leg.
 MOTOR_WORK, FRICTION_WORK, STOP_WORK, SPRING_WORK, CONTACT_WORK, PATIENT_WORK = range(6)
 WORK_SOURCE_COUNT = 6
-
-
-def add_work(
-    duration: float,
-    motor: Array,
-    passive: Array,
-    hand_index: int,
-    hand: float,
-    contact_power: float,
-    v: Array,
-    works: Array,
-) -> None:
-    """Add the work that every source does on the leg in a short time.
-
-    Args:
-        duration: In [s].
-        motor: Motor torques, shape ``(n,)``.
-        passive: From :func:`passive_torques`, shape ``(n, PASSIVE_COLUMNS)``.
-        hand_index: Coordinate that a hand moves, or a negative number.
-        hand: Torque of the hand in [N m].
-        contact_power: Of all contact forces in [W].
-        v: Velocities, shape ``(n,)``.
-        works: Work by source in [J], shape ``(WORK_SOURCE_COUNT,)``; changed in place.
-    """
-    by_motor, by_friction, by_stop, by_spring = 0.0, 0.0, 0.0, 0.0
-    for i in range(v.shape[0]):
-        by_motor += motor[i] * v[i]
-        by_friction += passive[i, FRICTION] * v[i]
-        by_stop += passive[i, STOP] * v[i]
-        by_spring += passive[i, SPRING] * v[i]
-    works[MOTOR_WORK] += duration * by_motor
-    works[FRICTION_WORK] += duration * by_friction
-    works[STOP_WORK] += duration * by_stop
-    works[SPRING_WORK] += duration * by_spring
-    works[CONTACT_WORK] += duration * contact_power
-    if hand_index >= 0:
-        works[PATIENT_WORK] += duration * hand * v[hand_index]
 
 
 def hand_torque(

@@ -89,6 +89,7 @@ class TreadmillScenario:
             The world.
         """
         require(len(model.legs) == 2, "legs", "two legs on a treadmill", len(model.legs))
+        require(model.up_axis == "z", "up_axis", "z on a treadmill", model.up_axis)
         frames = {side: leg.contact_frames for side, leg in model.legs.items()}
         require(all(frames.values()), "contact_frames", "heel and toe frames on both feet", frames)
         weight = model.total_mass * gravity
@@ -150,5 +151,4 @@ def stand_on_both_feet(model: LegModel, q: np.ndarray) -> float:
 
 
 def _lowest_point(model: LegModel, side: Side, q: np.ndarray) -> float:
-    vertical = 2 if model.up_axis == "z" else 1
-    return min(float(model.frame_position(q, name)[vertical]) for name in model.legs[side].contact_frames)
+    return min(float(model.frame_position(q, name)[2]) for name in model.legs[side].contact_frames)

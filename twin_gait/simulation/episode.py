@@ -22,7 +22,19 @@ from twin_gait.core.control_tick import (
 from twin_gait.core.estimation import first_order_step
 from twin_gait.core.guards import NO_TRANSITION, next_transition
 from twin_gait.core.integrators import rk4_step, semi_implicit_euler_step
-from twin_gait.core.plant import add_work, hand_torque, passive_torques
+from twin_gait.core.plant import (
+    CONTACT_WORK,
+    FRICTION,
+    FRICTION_WORK,
+    MOTOR_WORK,
+    PATIENT_WORK,
+    SPRING,
+    SPRING_WORK,
+    STOP,
+    STOP_WORK,
+    hand_torque,
+    passive_torque,
+)
 from twin_gait.simulation.kernel_interface import (
     contact_forces,
     control_gravity,
@@ -202,9 +214,26 @@ class Episode(NamedTuple):
 def _acceleration(episode: Episode, offset: float, weight: float, q: Array, v: Array, out: Array) -> None:
     """Acceleration of a state with everything that acts on it; adds the work of Runge-Kutta stages."""
     inputs, state = episode.inputs, episode.state
-    passive_torques(q, v, inputs.plant_rows, state.passive)
     for i in range(q.shape[0]):
-        state.torque[i] = state.motor[i] + (state.passive[i, 0] + state.passive[i, 1] + state.passive[i, 2])
+        friction, stop, spring = passive_torque(
+            q[i],
+            v[i],
+            inputs.plant_rows[i, 0],
+            inputs.plant_rows[i, 1],
+            inputs.plant_rows[i, 2],
+            inputs.plant_rows[i, 3],
+            inputs.plant_rows[i, 4],
+            inputs.plant_rows[i, 5],
+            inputs.plant_rows[i, 6],
+            inputs.plant_rows[i, 7],
+            inputs.plant_rows[i, 8],
+            inputs.plant_rows[i, 9],
+            inputs.plant_rows[i, 10],
+        )
+        state.passive[i, FRICTION] = friction
+        state.passive[i, STOP] = stop
+        state.passive[i, SPRING] = spring
+        state.torque[i] = state.motor[i] + (friction + stop + spring)
     hand = inputs.integers[HAND_INDEX]
     if hand >= 0:
         state.changing[HAND_TORQUE] = hand_torque(
@@ -223,16 +252,21 @@ def _acceleration(episode: Episode, offset: float, weight: float, q: Array, v: A
         q, v, state.torque, inputs.bodies, inputs.numbers[GRAVITY], inputs.contact, out, state.points
     )
     if inputs.integers[USE_RK4] != 0 and inputs.integers[RECORD] != 0:
-        add_work(
-            weight * inputs.numbers[STEP],
-            state.motor,
-            state.passive,
-            hand,
-            state.changing[HAND_TORQUE],
-            state.changing[CONTACT_POWER],
-            v,
-            state.works,
-        )
+        _add_work(episode, weight * inputs.numbers[STEP], state.changing[CONTACT_POWER], v)
+
+
+def _add_work(episode: Episode, duration: float, contact_power: float, v: Array) -> None:
+    """Add the work that every source does on the leg in a short time."""
+    state = episode.state
+    for i in range(v.shape[0]):
+        state.works[MOTOR_WORK] += duration * state.motor[i] * v[i]
+        state.works[FRICTION_WORK] += duration * state.passive[i, FRICTION] * v[i]
+        state.works[STOP_WORK] += duration * state.passive[i, STOP] * v[i]
+        state.works[SPRING_WORK] += duration * state.passive[i, SPRING] * v[i]
+    state.works[CONTACT_WORK] += duration * contact_power
+    hand = episode.inputs.integers[HAND_INDEX]
+    if hand >= 0:
+        state.works[PATIENT_WORK] += duration * state.changing[HAND_TORQUE] * v[hand]
 
 
 def _integrate(episode: Episode, tick: int) -> None:
@@ -254,16 +288,7 @@ def _integrate(episode: Episode, tick: int) -> None:
                 mean[i] = 0.5 * (mean[i] + state.v[i])
             contact = 0.5 * (state.changing[CONTACT_POWER] + state.changing[LAST_CONTACT_POWER])
             state.changing[LAST_CONTACT_POWER] = state.changing[CONTACT_POWER]
-            add_work(
-                step,
-                state.motor,
-                state.passive,
-                inputs.integers[HAND_INDEX],
-                state.changing[HAND_TORQUE],
-                contact,
-                mean,
-                state.works,
-            )
+            _add_work(episode, step, contact, mean)
 
 
 def _foot_sum(points: Array, leg: int, points_per_foot: int, column: int) -> float:
@@ -455,15 +480,15 @@ def _record(episode: Episode, tick: int, battery_power: float, row: Array) -> No
         first = inputs.integers[N_LEGS] + JOINT_WIDTH * joint
         row[first] = state.q[index]
         row[first + 1] = state.v[index]
-        row[first + 12] = state.passive[index, 0]
-        row[first + 13] = state.passive[index, 1]
+        row[first + 12] = state.passive[index, FRICTION]
+        row[first + 13] = state.passive[index, STOP]
         row[first + 14] = state.changing[HAND_TORQUE] if inputs.integers[HAND_INDEX] == index else 0.0
     place = inputs.integers[N_LEGS] + JOINT_WIDTH * inputs.coordinates.shape[0]
     for ankle in range(inputs.integers[N_ANKLES]):
         index = inputs.ankles[ankle]
         row[place] = state.q[index]
         row[place + 1] = state.v[index]
-        row[place + 2] = state.passive[index, 2]
+        row[place + 2] = state.passive[index, SPRING]
         place += ANKLE_WIDTH
     per_foot = inputs.integers[POINTS_PER_FOOT]
     if per_foot > 0:
@@ -482,7 +507,7 @@ def _record(episode: Episode, tick: int, battery_power: float, row: Array) -> No
     if pelvis >= 0:
         row[place] = state.q[pelvis]
         row[place + 1] = state.v[pelvis]
-        row[place + 2] = state.passive[pelvis, 2]
+        row[place + 2] = state.passive[pelvis, SPRING]
         row[place + 3] = force
         row[place + 4] = moment
         place += PELVIS_WIDTH

@@ -9,7 +9,18 @@ import pinocchio as pin
 
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.core.integrators import rk4_step, semi_implicit_euler_step
-from twin_gait.core.plant import PASSIVE_COLUMNS, WORK_SOURCE_COUNT, add_work, hand_torque, passive_torques
+from twin_gait.core.plant import (
+    CONTACT_WORK,
+    FRICTION_WORK,
+    MOTOR_WORK,
+    PASSIVE_COLUMNS,
+    PATIENT_WORK,
+    SPRING_WORK,
+    STOP_WORK,
+    WORK_SOURCE_COUNT,
+    hand_torque,
+    passive_torque,
+)
 from twin_gait.experiment import IntegrationMethod
 from twin_gait.leg_model.leg_model import PELVIS_JOINT
 from twin_gait.scenario.world import World
@@ -45,6 +56,7 @@ class PinocchioPlant:
         self.q, self.v, self.a = world.start_q.copy(), world.start_v.copy(), np.zeros(n)
         self.motor = np.zeros(n)
         self.passive = np.zeros((n, PASSIVE_COLUMNS))
+        self._rows = [tuple(row) for row in world.plant_rows.tolist()]
         self.hand = 0.0
         self.time = 0.0
         self.contact_power = 0.0
@@ -133,8 +145,13 @@ class PinocchioPlant:
             self._evaluated = False
             out[:] = self._recorded_a
             return
-        passive_torques(q, v, self.world.plant_rows, self.passive)
-        torque = self.motor + self.passive.sum(axis=1)
+        # Python numbers are several times faster here than numpy's scalars.
+        parts = [
+            passive_torque(angle, velocity, *row)
+            for angle, velocity, row in zip(q.tolist(), v.tolist(), self._rows, strict=True)
+        ]
+        self.passive[:] = parts
+        torque = self.motor + [friction + stop + spring for friction, stop, spring in parts]
         hand = self.world.hand
         if hand is not None:
             self.hand = hand_torque(
@@ -184,8 +201,15 @@ class PinocchioPlant:
         self._add_work(weight * self._work_step, self.contact_power, v)
 
     def _add_work(self, duration: float, contact_power: float, v: np.ndarray) -> None:
-        hand_index = -1 if self.world.hand is None else self.world.hand.index
-        add_work(duration, self.motor, self.passive, hand_index, self.hand, contact_power, v, self.works)
+        """Add the work that every source does on the leg in a short time."""
+        friction, stop, spring = v @ self.passive
+        self.works[MOTOR_WORK] += duration * (self.motor @ v)
+        self.works[FRICTION_WORK] += duration * friction
+        self.works[STOP_WORK] += duration * stop
+        self.works[SPRING_WORK] += duration * spring
+        self.works[CONTACT_WORK] += duration * contact_power
+        if self.world.hand is not None:
+            self.works[PATIENT_WORK] += duration * self.hand * v[self.world.hand.index]
 
     def guide_wrench(self) -> tuple[float, float]:
         """Horizontal force [N] and pitching moment [N m] of the pelvis guide at the present state."""

@@ -22,8 +22,11 @@ Colour = tuple[float, float, float]
 
 # Codes of typed arrays in msgpack-lite, which meshcat's viewer decodes with.
 _UINT16, _UINT32, _FLOAT32 = 0x14, 0x16, 0x17
-_ARRAY_TYPES = {_UINT16: ("Uint16Array", np.uint16), _UINT32: ("Uint32Array", np.uint32),
-                _FLOAT32: ("Float32Array", np.float32)}  # fmt: skip
+_ARRAY_TYPES = {
+    _UINT16: ("Uint16Array", np.uint16),
+    _UINT32: ("Uint32Array", np.uint32),
+    _FLOAT32: ("Float32Array", np.float32),
+}
 
 
 class Window(Protocol):
