@@ -62,6 +62,26 @@ def test_export_to_csv(bench_run, tmp_path):
     assert run("export", str(bench_run), "--to", "csv", "--out", str(out)) == 2  # it exists now
 
 
+def test_view_plays_a_run_once_and_ends(bench_run):
+    command = [sys.executable, "-m", "twin_gait", "view", str(bench_run), "--once", "--speed", "4"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0
+    assert "open http://127.0.0.1:" in done.stdout
+
+
+def test_view_shows_a_urdf_until_ctrl_c():
+    command = [sys.executable, "-m", "twin_gait", "view", "twin.urdf"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert "open http://127.0.0.1:" in process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=30) == 0
+        assert process.stderr.read() == ""
+    finally:
+        process.kill()
+        process.communicate()
+
+
 def test_presets_are_listed_and_printed(capsys):
     assert run("presets") == 0
     listed = capsys.readouterr().out
@@ -94,6 +114,7 @@ BAD = {
     "no command": [],
     "view nothing": ["view", "nowhere"],
     "view speed": ["view", "nowhere", "--speed", "0"],
+    "view port": ["view", "nowhere", "--port", "70000"],
     "export nothing": ["export", "nowhere", "--to", "csv"],
     "export format": ["export", "nowhere", "--to", "xlsx"],
     "map workers": ["map", "--workers", "0"],

@@ -24,6 +24,7 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("target", type=Path, metavar="RUN|URDF", help="run directory or URDF file")
     parser.add_argument("--speed", type=float, default=1.0, help="playing speed (1)")
+    parser.add_argument("--port", type=int, default=7000, help="first port to try (7000)")
     parser.add_argument("--once", action="store_true", help="play once and end")
     parser.set_defaults(run=run)
 
@@ -34,16 +35,26 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
     from twin_gait.studies.record import load_run
 
+    if not 0 <= arguments.port <= 65535:
+        raise ParameterError(f"--port: expected 0 to 65535, got {arguments.port}")
     if not 0.0 < arguments.speed <= 100.0:
         raise ParameterError(f"--speed: expected a number above 0 and at most 100, got {arguments.speed:g}")
     target = arguments.target
     if target.is_file() or str(target) in PACKAGED_URDFS:
-        return show_urdf(target)
+        return show_urdf(target, port=arguments.port)
     stored = load_run(target)
-    return show_log(stored.experiment, stored.log, speed=arguments.speed, repeat=not arguments.once)
+    return show_log(
+        stored.experiment,
+        stored.log,
+        speed=arguments.speed,
+        repeat=not arguments.once,
+        port=arguments.port,
+    )
 
 
-def show_log(experiment: Experiment, log: pd.DataFrame, *, speed: float = 1.0, repeat: bool = True) -> int:
+def show_log(
+    experiment: Experiment, log: pd.DataFrame, *, speed: float = 1.0, repeat: bool = True, port: int = 7000
+) -> int:
     """Play a log in the live viewer until it ends or Ctrl-C.
 
     Args:
@@ -51,6 +62,7 @@ def show_log(experiment: Experiment, log: pd.DataFrame, *, speed: float = 1.0, r
         log: One row per tick.
         speed: Seconds of the log per second.
         repeat: Whether to start over at the end.
+        port: First port to try.
 
     Returns:
         Exit status.
@@ -69,24 +81,26 @@ def show_log(experiment: Experiment, log: pd.DataFrame, *, speed: float = 1.0, r
             belt_speed=belt_speed,
             speed=speed,
             repeat=repeat,
+            port=port,
             should_stop=should_stop,
             announce=announce,
         )
     return DONE
 
 
-def show_urdf(path: Path) -> int:
+def show_urdf(path: Path, *, port: int = 7000) -> int:
     """Show a URDF until Ctrl-C.
 
     Args:
         path: The file, or the name of a packaged one.
+        port: First port to try.
 
     Returns:
         Exit status.
     """
     from twin_gait.viewer import view_urdf
 
-    with stop_on_interrupt() as should_stop, view_urdf(path) as viewer:
+    with stop_on_interrupt() as should_stop, view_urdf(path, port=port) as viewer:
         announce(viewer.url)
         while not should_stop():
             time.sleep(0.1)
