@@ -91,7 +91,7 @@ def test_kernel_of_any_tree_equals_pinocchio(seed, joints):
     inertia = np.zeros(joints)
     names["control_inertia"](q, tau, values, inertia)
     assert relative_error(inertia, np.array(pin.crba(model, data, q)) @ tau) <= 1e-12
-    kinetic, potential, force, moment = names["observe"](q, v, a, values, GRAVITY, np.zeros(5))
+    kinetic, potential, force, moment = names["observe"](q, v, a, values, GRAVITY, np.zeros((1, 3)))
     assert kinetic == pytest.approx(0.5 * v @ pin.crba(model, data, q) @ v, rel=1e-11, abs=1e-12)
     assert potential == pytest.approx(pin.computePotentialEnergy(model, data, q), rel=1e-11, abs=1e-10)
     pin.rnea(model, data, q, v, a)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import brentq
 
 from twin_gait.core import plant
 from twin_gait.leg_model import LegModel, PelvisGuide
@@ -146,8 +145,20 @@ def stand_on_both_feet(model: LegModel, q: np.ndarray) -> float:
         return _lowest_point(model, lower, bent) - reach[higher]
 
     # Dorsiflexion lifts the toe; if even the stop does not level the feet, one starts in the air.
-    q[ankle] = brentq(gap, 0.0, limit) if gap(0.0) < 0.0 < gap(limit) else 0.0
+    q[ankle] = _bisect(gap, 0.0, limit) if gap(0.0) < 0.0 < gap(limit) else 0.0
     return -min(_lowest_point(model, side, q) for side in model.sides)
+
+
+def _bisect(rising: Callable[[float], float], low: float, high: float) -> float:
+    """Root of a function that is negative at one end and positive at the other.
+
+    Written out because importing scipy.optimize takes longer than a compiled run.
+    """
+    while True:
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            return middle
+        low, high = (middle, high) if rising(middle) < 0.0 else (low, middle)
 
 
 def _lowest_point(model: LegModel, side: Side, q: np.ndarray) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from twin_gait.core.plant import WORK_SOURCE_COUNT
 from twin_gait.experiment import IntegrationMethod
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
-from twin_gait.leg_model.bodies import contact_points, export_bodies
+from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
 from twin_gait.simulation import episode
 from twin_gait.simulation.compiling import loop_of
 from twin_gait.simulation.engine import (
@@ -49,12 +48,18 @@ class CompiledEngine:
         points = contact_points(world.model.model, frames)
         control_bodies = export_bodies(problem.control_model.model)
         kernel = write_kernel(bodies, points, control_bodies, world.model.up_axis)
-        self._run_ticks, self._types = loop_of(kernel)
+        self._run_ticks = loop_of(kernel)
         inputs = self._inputs(bodies, points, control_bodies, record)
-        self._episode = self._types.Episode(inputs, self._state(len(points)))
+        self._episode = episode.Episode(inputs, self._state(len(points)))
         self._record = record
 
-    def _inputs(self, bodies: Any, points: Any, control_bodies: Any, record: bool) -> Any:
+    def _inputs(
+        self,
+        bodies: list[BodyArrays],
+        points: list[ContactPoint],
+        control_bodies: list[BodyArrays],
+        record: bool,
+    ) -> episode.EpisodeInputs:
         problem = self.problem
         experiment, world = problem.experiment, problem.world
         legs = len(problem.sides)
@@ -78,7 +83,7 @@ class CompiledEngine:
         integers[episode.HAND_INDEX] = -1 if world.hand is None else world.hand.index
         integers[episode.N_ANKLES] = len(ankles)
         integers[episode.RECORD] = record
-        return self._types.EpisodeInputs(
+        return episode.EpisodeInputs(
             integers=integers,
             numbers=self._numbers(),
             bodies=np.array(body_values(bodies, points)),
@@ -168,7 +173,7 @@ class CompiledEngine:
             ]
         )
 
-    def _state(self, n_points: int) -> Any:
+    def _state(self, n_points: int) -> episode.EpisodeState:
         problem = self.problem
         world, experiment = problem.world, problem.experiment
         n, legs, joints = world.model.nv, len(problem.sides), len(problem.joints)
@@ -184,7 +189,7 @@ class CompiledEngine:
         changing[episode.BUS_VOLTAGE] = experiment.plant.battery.voltage
         n_control = problem.control_model.nv
         capacity = max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration))
-        return self._types.EpisodeState(
+        return episode.EpisodeState(
             q=world.start_q.copy(),
             v=world.start_v.copy(),
             a=np.zeros(n),

@@ -20,14 +20,15 @@ from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import Any
 
+import numpy as np
 from numba.extending import register_jitable
 
 from twin_gait import core
 from twin_gait.core import integrators
 from twin_gait.files import write_atomically
 from twin_gait.simulation import episode
+from twin_gait.simulation.flattening import BUNDLE, flatten_bundle
 from twin_gait.simulation.kernel import KERNEL_VERSION
 
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
@@ -78,23 +79,15 @@ def module_source(kernel: str) -> str:
     loop = _without_import(inspect.getsource(episode), "twin_gait.simulation.kernel_interface")
     loop = _without_import(loop, "twin_gait.core.integrators")
     loop = loop.replace("_step(_acceleration, episode,", "_step(episode,")
-    body = "\n\n".join(
-        [
-            loop,
-            "# --- integrators of core, with the acceleration of this module",
-            _bound_integrator(integrators.semi_implicit_euler_step),
-            _bound_integrator(integrators.rk4_step),
-            f"# --- kernel, version {KERNEL_VERSION}",
-            kernel,
-        ]
-    )
+    bound = [_bound_integrator(item) for item in (integrators.semi_implicit_euler_step, integrators.rk4_step)]
+    text, arguments = flatten_bundle("\n\n".join([loop, *bound]))
     # numba compiles at the first call, when all functions of the module exist, whatever their order.
-    jitted = re.sub(
-        r"^def (_(?!acceleration)\w+|\w+_step)\(", r"@_inlined\ndef \1(", body, flags=re.MULTILINE
-    )
-    jitted = re.sub(r"^def (\w+)\(", r"@_jit\ndef \1(", jitted, flags=re.MULTILINE)
-    jitted = jitted.replace("@_inlined\n@_jit\n", "@_inlined\n")
-    return jitted.replace("import numpy as np\n", _PREAMBLE, 1)
+    text = re.sub(r"^def (_(?!acceleration)\w+|\w+_step)\(", r"@_inlined\ndef \1(", text, flags=re.MULTILINE)
+    text = re.sub(r"^def (?=run_ticks|_acceleration)", "@_jit\ndef ", text, flags=re.MULTILINE)
+    kernel = re.sub(r"^def ", "@_jit\ndef ", kernel, flags=re.MULTILINE)
+    text = text.replace("import numpy as np\n", _PREAMBLE, 1)
+    handed_over = f"RUN_TICKS_ARGUMENTS = {arguments['run_ticks']!r}\n"
+    return f"{text}\n\n{handed_over}\n\n# --- kernel, version {KERNEL_VERSION}\n\n{kernel}"
 
 
 _PREAMBLE = """import math
@@ -125,9 +118,9 @@ def _bound_integrator(function: Callable[..., None]) -> str:
     holds the address of such an object.
     """
     source = inspect.getsource(function)
-    source, count = re.subn(r"acceleration: Acceleration,\s*", "", source)
-    assert count == 1, "an integrator no longer takes the acceleration as its first argument"
-    source = re.sub(r"\bacceleration\(context", "_acceleration(context", source)
+    source, count = re.subn(r"acceleration: Acceleration,\s*context: Any", f"{BUNDLE}: Any", source)
+    assert count == 1, "an integrator no longer takes the acceleration and its context first"
+    source = source.replace("acceleration(context,", f"_acceleration({BUNDLE},")
     return re.sub(r": (?:Any|Array|float|int)\b", "", source)
 
 
@@ -177,14 +170,20 @@ def compiled_before(text: str) -> bool:
     return any((cache_folder() / "__pycache__").glob(f"{name}.run_ticks-*.nbi"))
 
 
-def loop_of(kernel: str) -> tuple[RunTicks, Any]:
-    """The compiled loop of a kernel.
+def loop_of(kernel: str) -> RunTicks:
+    """The compiled loop of a kernel, to be called like :func:`twin_gait.simulation.episode.run_ticks`.
 
     Args:
         kernel: From :func:`twin_gait.simulation.kernel.write_kernel`.
 
     Returns:
-        ``run_ticks`` and the module that holds its ``Episode`` types.
+        The loop.
     """
     module = load_module(module_source(kernel))
-    return module.run_ticks, module
+    names = [name.split("_", 1) for name in module.RUN_TICKS_ARGUMENTS]
+
+    def run_ticks(whole: episode.Episode, first: int, end: int, rows: np.ndarray) -> int:
+        arrays = [getattr(getattr(whole, part), name) for part, name in names]
+        return int(module.run_ticks(*arrays, first, end, rows))
+
+    return run_ticks

@@ -87,7 +87,7 @@ def _gravity_vector(trace: Trace, up_axis: str) -> Vector:
 def _ground(trace: Trace, heights: list[Scalar], powers: list[Scalar]) -> rigid_body.ContactLaw:
     """Contact law that calls the one in core, and keeps heights and powers."""
 
-    def law(position: Vector, velocity: Vector) -> list[Scalar]:
+    def law(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
         parameters = _inputs(trace, "contact", 5)
         forward, upward = trace.call(
             "ground_contact_force", [position[2], velocity[0], velocity[2], *parameters], 2
@@ -171,17 +171,19 @@ def write_contact_forces(bodies: Sequence[BodyArrays], points: Sequence[ContactP
 
 def write_observe(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str) -> str:
     """Source of ``observe``."""
-    trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
+    trace = Trace()
     inputs, places = _as_inputs(trace, bodies, points)
     n = len(bodies)
     q, v, a = (_inputs(trace, name, n) for name in ("q", "v", "a"))
     gravity = _gravity_vector(trace, up_axis)
-    matrix = rigid_body.joint_space_inertia(inputs, q)
-    kinetic = 0.5 * rigid_body.dot(v, [rigid_body.dot(row, v) for row in matrix])
+
+    def known_force(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
+        return [trace.input(f"points[{number}, {column}]") for column in (0, 1)]
+
+    result = rigid_body.inverse_dynamics(inputs, q, v, a, gravity, places, known_force)
     potential = rigid_body.potential_energy(inputs, q, gravity)
-    result = rigid_body.inverse_dynamics(inputs, q, v, a, gravity, places, _ground(trace, heights, powers))
-    returned = [kinetic, potential, result.root_force[0], result.root_moment[1]]
-    return _function("observe(q, v, a, bodies, gravity, contact)", trace, [], returned)
+    returned = [result.kinetic_energy, potential, result.root_force[0], result.root_moment[1]]
+    return _function("observe(q, v, a, bodies, gravity, points)", trace, [], returned)
 
 
 def write_control_gravity(bodies: Sequence[BodyArrays], up_axis: str) -> str:

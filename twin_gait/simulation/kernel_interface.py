@@ -41,7 +41,7 @@ def contact_forces(q: Array, v: Array, bodies: Array, contact: Array, points: Ar
 
 
 def observe(
-    q: Array, v: Array, a: Array, bodies: Array, gravity: float, contact: Array
+    q: Array, v: Array, a: Array, bodies: Array, gravity: float, points: Array
 ) -> tuple[float, float, float, float]:
     """Kinetic and potential energy in [J], force [N] and moment [N m] of the pelvis guide."""
     raise NotImplementedError

@@ -38,12 +38,14 @@ class InverseDynamics(NamedTuple):
         contacts: Results of the contact law per point.
         root_force: Force that the first joint passes on to its body, in the body's frame.
         root_moment: Moment likewise, about the joint frame's origin.
+        kinetic_energy: With that of the rotors.
     """
 
     torques: list[Scalar]
     contacts: list[list[Scalar]]
     root_force: Vector
     root_moment: Vector
+    kinetic_energy: Scalar
 
 
 def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
@@ -132,7 +134,7 @@ def _pose(body: BodyArrays, q: Scalar) -> _Pose:
     return _Pose(rotation, body.position, body.axis, ZERO)
 
 
-ContactLaw = Callable[[Vector, Vector], list[Scalar]]
+ContactLaw = Callable[[int, Vector, Vector], list[Scalar]]
 
 
 def _path_to_contacts(bodies: Sequence[BodyArrays], contacts: Sequence[ContactPoint]) -> set[int]:
@@ -163,7 +165,7 @@ def newton_euler(
         a: Accelerations; zeros give the bias.
         gravity: Acceleration of gravity in the world frame.
         contacts: Points that may touch the ground.
-        contact_law: From position and velocity of a point in the world to its force along world x
+        contact_law: From number, position and velocity of a point in the world to its force along world x
             and z (first two results) and anything else.
 
     Returns:
@@ -175,6 +177,7 @@ def newton_euler(
     world: list[tuple[Matrix, Vector] | None] = []
     needed = _path_to_contacts(bodies, contacts)
     results: list[list[Scalar]] = [[] for _ in contacts]
+    twice_kinetic: Scalar = 0.0
     for index, (body, pose) in enumerate(zip(bodies, poses, strict=True)):
         back = transpose(pose.rotation)
         if body.parent >= 0:
@@ -196,6 +199,8 @@ def newton_euler(
         acceleration.append((aw, al))
         momentum_l = add(scale(linear, body.mass), cross(w, body.first_moment))
         momentum_w = add(times(body.inertia, w), cross(body.first_moment, linear))
+        rotor = body.armature * v[index] * v[index]
+        twice_kinetic = twice_kinetic + dot(w, momentum_w) + dot(linear, momentum_l) + rotor
         moment = add(
             times(body.inertia, aw),
             cross(body.first_moment, al),
@@ -210,7 +215,7 @@ def newton_euler(
             rotation, origin = world[index]  # type: ignore[misc]  # it is in needed
             position = add(origin, times(rotation, point.position))
             speed = times(rotation, add(linear, cross(w, point.position)))
-            results[number] = contact_law(position, speed)
+            results[number] = contact_law(number, position, speed)
             local = times(transpose(rotation), [results[number][0], 0.0, results[number][1]])
             linear_force = subtract(linear_force, local)
             moment = subtract(moment, cross(point.position, local))
@@ -226,7 +231,7 @@ def newton_euler(
                 force[parent][0], times(pose.rotation, moment), cross(pose.position, turned)
             )
             force[parent][1] = add(force[parent][1], turned)
-    return InverseDynamics(bias, results, force[0][1], force[0][0])
+    return InverseDynamics(bias, results, force[0][1], force[0][0], 0.5 * twice_kinetic)
 
 
 def _world_pose(
