@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
-from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR, PatientParameters
+from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR, Patient
 from twin_gait.vocabulary import JointName, Side
 
 # Reproducible, and without a deadline: a busy machine is not a failure.
@@ -56,7 +56,7 @@ def worn_twin(both_legs: dict[Side, LegJoints]) -> LegModel:
     return LegModel(
         "twin.urdf",
         both_legs,
-        patient=PatientParameters(),
+        patient=Patient(),
         pelvis=PelvisGuide.VERTICAL,
         armature=ARMATURE,
     )

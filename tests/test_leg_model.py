@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide, device_sizes, packaged_urdf
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
-from twin_gait.parameters import PatientParameters
+from twin_gait.parameters import Patient
 from twin_gait.vocabulary import JointName, Sex, Side
 
 GRAVITY = 9.81
@@ -78,7 +78,7 @@ def test_device_weighs_20_kg(both_legs: dict[Side, LegJoints], pelvis: PelvisGui
 def test_device_and_wearer_weigh_their_sum(
     both_legs: dict[Side, LegJoints], mass: float, height: float, sex: Sex
 ) -> None:
-    patient = PatientParameters(mass=mass, height=height, sex=sex)
+    patient = Patient(mass=mass, height=height, sex=sex)
     model = LegModel("twin.urdf", both_legs, patient=patient, pelvis=PelvisGuide.VERTICAL)
     assert_allclose(model.total_mass, 20.0 + mass, rtol=1e-12)
 
@@ -312,7 +312,7 @@ def hip_to_knee(model: LegModel, side: Side) -> float:
 
 @pytest.mark.parametrize("height", [1.50, 1.62, 1.75, 1.88])
 def test_fitting_moves_knees_ankles_and_hips(both_legs: dict[Side, LegJoints], height: float) -> None:
-    patient = PatientParameters(height=height)
+    patient = Patient(height=height)
     model = LegModel("twin.urdf", both_legs, patient=patient)
     sizes = device_sizes(patient)
     assert model.sizes == sizes
@@ -330,7 +330,7 @@ def test_fitting_moves_knees_ankles_and_hips(both_legs: dict[Side, LegJoints], h
 
 
 def test_without_fitting_the_urdf_stays_as_it_is(both_legs: dict[Side, LegJoints], twin: LegModel) -> None:
-    model = LegModel("twin.urdf", both_legs, patient=PatientParameters(height=1.5), fit_device=False)
+    model = LegModel("twin.urdf", both_legs, patient=Patient(height=1.5), fit_device=False)
     assert model.sizes is None
     assert hip_to_knee(model, Side.LEFT) == hip_to_knee(twin, Side.LEFT)
 
@@ -339,7 +339,7 @@ def test_fitting_keeps_the_mass_of_the_device_and_stretches_its_inertia(
     bench_leg: dict[Side, LegJoints],
 ) -> None:
     """A rod of the same mass and other length: centre of mass ∝ L, inertia about it ∝ L²."""
-    patient = PatientParameters(height=1.50)
+    patient = Patient(height=1.50)
     fitted = LegModel("twin_leg.urdf", bench_leg, patient=patient)
     worn = LegModel("twin_leg.urdf", bench_leg, patient=patient, fit_device=False)
     assert_allclose(fitted.total_mass, worn.total_mass, rtol=1e-12)
@@ -361,7 +361,7 @@ def test_wearer_adds_the_gravity_torque_of_the_segments(bench_leg: dict[Side, Le
     """
     model, bare = (
         LegModel("twin_leg.urdf", bench_leg, patient=patient, fit_device=False)
-        for patient in (PatientParameters(mass=70.0, height=1.75), None)
+        for patient in (Patient(mass=70.0, height=1.75), None)
     )
     q = np.array([math.radians(30.0), 0.0])
     femur = hip_to_knee(bare, Side.RIGHT)
@@ -378,7 +378,7 @@ def test_wearer_adds_the_inertia_of_the_segments(bench_leg: dict[Side, LegJoints
     """About the knee: m (r² + c²) L² with the radius of gyration and centre of mass of the shank."""
     worn, bare = (
         LegModel("twin_leg.urdf", bench_leg, patient=patient, fit_device=False)
-        for patient in (PatientParameters(mass=70.0, height=1.75), None)
+        for patient in (Patient(mass=70.0, height=1.75), None)
     )
     q = np.array([0.2, 0.3])
     added = worn.effective_inertia(q, 1) - bare.effective_inertia(q, 1)
@@ -386,16 +386,14 @@ def test_wearer_adds_the_inertia_of_the_segments(bench_leg: dict[Side, LegJoints
 
 
 def test_heavier_wearer_has_a_heavier_leg_everywhere(both_legs: dict[Side, LegJoints]) -> None:
-    light, heavy = (
-        LegModel("twin.urdf", both_legs, patient=PatientParameters(mass=mass)) for mass in (60.0, 90.0)
-    )
+    light, heavy = (LegModel("twin.urdf", both_legs, patient=Patient(mass=mass)) for mass in (60.0, 90.0))
     q = np.full(6, 0.3)
     assert np.all(np.diag(heavy.mass_matrix(q)) > np.diag(light.mass_matrix(q)))
 
 
 def test_wearer_that_the_device_cannot_fit_is_refused(both_legs: dict[Side, LegJoints]) -> None:
     with pytest.raises(ParameterError, match="tibia"):
-        LegModel("twin.urdf", both_legs, patient=PatientParameters(height=2.05))
+        LegModel("twin.urdf", both_legs, patient=Patient(height=2.05))
 
 
 # ---------------------------------------------------------------------------------- any URDF
@@ -446,10 +444,8 @@ def test_model_whose_vertical_is_y_feels_the_same_gravity(tmp_path: Path) -> Non
     ):
         assert old in turned
         turned = turned.replace(old, new)
-    upright = pendulum(tmp_path, patient=PatientParameters(), pelvis=PelvisGuide.VERTICAL)
-    model = pendulum(
-        tmp_path, text=turned, patient=PatientParameters(), pelvis=PelvisGuide.VERTICAL, up_axis="y"
-    )
+    upright = pendulum(tmp_path, patient=Patient(), pelvis=PelvisGuide.VERTICAL)
+    model = pendulum(tmp_path, text=turned, patient=Patient(), pelvis=PelvisGuide.VERTICAL, up_axis="y")
     assert model.sizes == upright.sizes
     q, v, tau = np.array([0.3, 0.4, 0.9]), np.array([0.1, -1.0, 2.0]), np.array([100.0, 5.0, -3.0])
     assert_allclose(model.forward_dynamics(q, v, tau), upright.forward_dynamics(q, v, tau), rtol=1e-10)
@@ -527,7 +523,7 @@ def test_contact_frame_that_is_not_there_is_named(tmp_path: Path) -> None:
 def test_joints_that_coincide_cannot_carry_a_segment(fit_device: bool, tmp_path: Path) -> None:
     path = tmp_path / "pendulum.urdf"
     path.write_text(PENDULUM.format(kind="revolute", knee=0.0))
-    refused(path, "coincide", patient=PatientParameters(), fit_device=fit_device)
+    refused(path, "coincide", patient=Patient(), fit_device=fit_device)
 
 
 def test_wrong_options_are_refused(tmp_path: Path) -> None:

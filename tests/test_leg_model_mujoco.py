@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait.core.integrators import semi_implicit_euler_step
 from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide, device_sizes, packaged_urdf
-from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR, PatientParameters
+from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR, Patient
 from twin_gait.vocabulary import JointName, Sex, Side
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is in the extra [test]")
@@ -88,7 +88,7 @@ class WornUrdf:
     package. The wearer's segments are links of their own, fixed to those of the device.
     """
 
-    def __init__(self, name: str, patient: PatientParameters) -> None:
+    def __init__(self, name: str, patient: Patient) -> None:
         self.root = ElementTree.fromstring(urdf_text(name))
         self.patient = patient
         sizes = device_sizes(patient)
@@ -163,8 +163,8 @@ class WornUrdf:
 
 
 PATIENTS = [
-    pytest.param(PatientParameters(mass=70.0, height=1.75, sex=Sex.MALE), id="70kg-male"),
-    pytest.param(PatientParameters(mass=55.0, height=1.58, sex=Sex.FEMALE), id="55kg-female"),
+    pytest.param(Patient(mass=70.0, height=1.75, sex=Sex.MALE), id="70kg-male"),
+    pytest.param(Patient(mass=55.0, height=1.58, sex=Sex.FEMALE), id="55kg-female"),
 ]
 
 
@@ -211,7 +211,7 @@ def test_device_on_a_guided_pelvis_has_the_dynamics_that_mujoco_finds(rng: np.ra
 @pytest.mark.parametrize("patient", PATIENTS)
 @pytest.mark.parametrize("name", ["twin.urdf", "twin_leg.urdf"])
 def test_worn_and_fitted_device_has_the_dynamics_that_mujoco_finds(
-    name: str, patient: PatientParameters, rng: np.random.Generator
+    name: str, patient: Patient, rng: np.random.Generator
 ) -> None:
     model = LegModel(name, legs_of(name), patient=patient, armature=ARMATURE)
     compare(model, mujoco_model(WornUrdf(name, patient).text), rng)
@@ -219,10 +219,8 @@ def test_worn_and_fitted_device_has_the_dynamics_that_mujoco_finds(
 
 def test_witness_would_notice_another_wearer(rng: np.random.Generator) -> None:
     """The comparison is not blind: a wearer who is 1 kg heavier is found out."""
-    model = LegModel(
-        "twin.urdf", legs_of("twin.urdf"), patient=PatientParameters(mass=71.0), armature=ARMATURE
-    )
-    witness = mujoco_model(WornUrdf("twin.urdf", PatientParameters(mass=70.0)).text)
+    model = LegModel("twin.urdf", legs_of("twin.urdf"), patient=Patient(mass=71.0), armature=ARMATURE)
+    witness = mujoco_model(WornUrdf("twin.urdf", Patient(mass=70.0)).text)
     with pytest.raises(AssertionError):
         compare(model, witness, rng)
 
@@ -230,7 +228,7 @@ def test_witness_would_notice_another_wearer(rng: np.random.Generator) -> None:
 @pytest.mark.parametrize("name", ["twin.urdf", "twin_leg.urdf"])
 def test_free_motion_is_that_of_mujoco(name: str, rng: np.random.Generator) -> None:
     """Half a second of free fall at 1 ms: MuJoCo's Euler method is the semi-implicit one."""
-    patient = PatientParameters()
+    patient = Patient()
     model = LegModel(name, legs_of(name), patient=patient, armature=ARMATURE)
     witness = mujoco_model(WornUrdf(name, patient).text)
     order = joint_order(model, witness)

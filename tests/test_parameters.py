@@ -22,7 +22,7 @@ from twin_gait.parameters import (
     BatteryParameters,
     ContactParameters,
     LimitParameters,
-    PatientParameters,
+    Patient,
     SensorParameters,
     StopParameters,
     SupportParameters,
@@ -61,10 +61,10 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (SupportParameters, "share", 1.01),
     (SupportParameters, "share", -0.01),
     (SupportParameters, "damping", -1.0),
-    (PatientParameters, "mass", 29.9),
-    (PatientParameters, "mass", 110.1),
-    (PatientParameters, "height", 1.39),
-    (PatientParameters, "height", 2.06),
+    (Patient, "mass", 29.9),
+    (Patient, "mass", 110.1),
+    (Patient, "height", 1.39),
+    (Patient, "height", 2.06),
 ]
 REQUIRED = {ActuatorParameters: {"torque_constant": 0.07, "resistance": 0.3}}
 
@@ -135,7 +135,7 @@ def test_battery_is_the_pack_of_the_thesis() -> None:
 
 
 def test_wearer_weighs_at_most_what_the_device_carries() -> None:
-    assert PatientParameters(mass=110.0).mass == 110.0
+    assert Patient(mass=110.0).mass == 110.0
 
 
 def test_gear_is_lossless_by_default() -> None:

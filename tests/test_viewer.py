@@ -31,7 +31,7 @@ from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.palette import PHASE_COLOURS
-from twin_gait.parameters import PatientParameters
+from twin_gait.parameters import Patient
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.animation import _belt_track, write_animation
 from twin_gait.viewer.figure import Figure
@@ -43,7 +43,7 @@ from twin_gait.viewer.staging import build_scene, build_urdf_scene
 from twin_gait.viewer.visuals import load_visuals
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
-PATIENT = PatientParameters()
+PATIENT = Patient()
 BELT_SPEED = 0.4
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
@@ -146,9 +146,7 @@ def test_creased_mesh_keeps_the_edges_of_a_corner_and_smooths_a_ball() -> None:
 
 @pytest.mark.parametrize("height", [1.55, 1.75, 1.88])
 def test_visuals_follow_the_fitted_segments(both_legs: dict[Side, LegJoints], height: float) -> None:
-    model = LegModel(
-        "twin.urdf", both_legs, patient=PatientParameters(height=height), pelvis=PelvisGuide.VERTICAL
-    )
+    model = LegModel("twin.urdf", both_legs, patient=Patient(height=height), pelvis=PelvisGuide.VERTICAL)
     visuals = load_visuals(model.model, model.urdf_path)
     figure = Figure(Recorder(), model.model)
     for leg in both_legs.values():

@@ -19,7 +19,7 @@ from twin_gait.leg_model.wearer import (
     segment_inertia,
     trunk_mass,
 )
-from twin_gait.parameters import PatientParameters
+from twin_gait.parameters import Patient
 from twin_gait.vocabulary import Sex
 
 # de Leva (1996), J Biomech 29(9):1223-1230, table 4, as transcribed in the data folder of the BMC
@@ -58,12 +58,12 @@ def test_trunk_weighs_what_the_table_gives_to_head_arms_and_trunk(sex: Sex) -> N
     head, trunk, upper_arm, forearm, hand = DE_LEVA_REST[sex]
     expected = (head + trunk + 2.0 * (upper_arm + forearm + hand)) / 100.0
     # The table sums to 100 % within the rounding of its entries.
-    assert_allclose(trunk_mass(PatientParameters(mass=80.0, sex=sex)) / 80.0, expected, atol=6e-4)
+    assert_allclose(trunk_mass(Patient(mass=80.0, sex=sex)) / 80.0, expected, atol=6e-4)
 
 
 @given(mass=st.floats(30.0, 110.0), sex=sexes)
 def test_segments_and_trunk_add_up_to_the_body(mass: float, sex: Sex) -> None:
-    patient = PatientParameters(mass=mass, sex=sex)
+    patient = Patient(mass=mass, sex=sex)
     axis = np.array([0.0, 0.0, -0.4])
     legs = 2.0 * sum(segment_inertia(item, mass, axis)[0] for item in SEGMENTS[sex].values())
     assert_allclose(legs + trunk_mass(patient), mass, rtol=1e-12)
@@ -96,7 +96,7 @@ def test_inertia_belongs_to_the_segment_and_not_to_its_direction(axis: np.ndarra
 @given(height=heights)
 def test_device_is_set_to_the_nearest_sizes(height: float) -> None:
     """Thigh 0.245 H, shank 0.246 H, hips 0.191 H (Drillis and Contini, in Winter, 2009)."""
-    sizes = device_sizes(PatientParameters(height=height))
+    sizes = device_sizes(Patient(height=height))
     assert sizes.femur in FEMUR_SIZES
     assert all(abs(sizes.femur - 0.245 * height) <= abs(size - 0.245 * height) for size in FEMUR_SIZES)
     assert_allclose(sizes.tibia, 0.246 * height, rtol=1e-12)
@@ -105,12 +105,12 @@ def test_device_is_set_to_the_nearest_sizes(height: float) -> None:
 
 @given(height=st.floats(1.50, 1.88))
 def test_femur_of_a_5th_to_95th_percentile_wearer_misfits_by_a_centimetre_at_most(height: float) -> None:
-    sizes = device_sizes(PatientParameters(height=height))
+    sizes = device_sizes(Patient(height=height))
     assert abs(sizes.femur - 0.245 * height) <= 0.0100001
 
 
 def test_wider_hips_get_a_wider_waist() -> None:
-    waists = [device_sizes(PatientParameters(height=height)).waist for height in (1.50, 1.75, 1.93)]
+    waists = [device_sizes(Patient(height=height)).waist for height in (1.50, 1.75, 1.93)]
     assert waists == sorted(waists)
     assert len(set(waists)) > 1
 
@@ -118,7 +118,7 @@ def test_wider_hips_get_a_wider_waist() -> None:
 @pytest.mark.parametrize("height", [1.40, 1.46, 1.96, 2.05])
 def test_wearer_outside_the_range_of_the_tibia_is_refused(height: float) -> None:
     with pytest.raises(ParameterError) as caught:
-        device_sizes(PatientParameters(height=height))
+        device_sizes(Patient(height=height))
     message = str(caught.value)
     assert f"{height:g} m" in message
     assert str(TIBIA_RANGE[0]) in message

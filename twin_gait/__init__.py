@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
     from twin_gait.gait import GaitStateMachine, GaitTable
     from twin_gait.leg_model import LegModel
+    from twin_gait.parameters import Patient
     from twin_gait.simulation import Run, RunStatus, simulate
     from twin_gait.vocabulary import GaitPhase, JointName, Side
 
@@ -30,6 +31,7 @@ __all__ = [
     "GaitTable",
     "JointName",
     "LegModel",
+    "Patient",
     "Run",
     "RunStatus",
     "Side",
@@ -48,6 +50,7 @@ _HOMES = {
     "GaitTable": "gait",
     "JointName": "vocabulary",
     "LegModel": "leg_model",
+    "Patient": "parameters",
     "Run": "simulation",
     "RunStatus": "simulation",
     "Side": "vocabulary",

@@ -20,7 +20,7 @@ from twin_gait.parameters import (
     BatteryParameters,
     FrictionParameters,
     LimitParameters,
-    PatientParameters,
+    Patient,
     SensorParameters,
     StopParameters,
     require,
@@ -111,7 +111,7 @@ class ControlParameters:
         default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: 0.0}
     )
     limits: LimitParameters = field(default_factory=LimitParameters)
-    patient: PatientParameters | None = None
+    patient: Patient | None = None
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -184,7 +184,7 @@ class Experiment:
     leg: LegSource
     table: GaitTable
     duration: float = 20.0
-    patient: PatientParameters | None = field(default_factory=PatientParameters)
+    patient: Patient | None = field(default_factory=Patient)
     control: ControlParameters = field(default_factory=ControlParameters)
     plant: PlantParameters = field(default_factory=PlantParameters)
     sensors: SensorParameters = field(default_factory=SensorParameters)

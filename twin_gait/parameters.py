@@ -369,7 +369,7 @@ class SupportParameters:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PatientParameters:
+class Patient:
     """The wearer.
 
     Attributes:

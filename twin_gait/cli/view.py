@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import os
+import sys
 import time
+import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,5 +111,8 @@ def show_urdf(path: Path, *, port: int = 7000) -> int:
 
 
 def announce(url: str) -> None:
-    """Say where the page is."""
+    """Say where the page is, and open it where there is a screen."""
     print(f"open {url} in a browser; Ctrl-C ends", flush=True)
+    # Without a screen Python would start a text browser in this terminal.
+    if sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        webbrowser.open(url)

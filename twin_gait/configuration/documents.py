@@ -18,7 +18,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
 from twin_gait.gait.table import TICK, GaitTable, PhaseParameters, Transition
 from twin_gait.leg_model import LegJoints
-from twin_gait.parameters import FrictionParameters, PatientParameters
+from twin_gait.parameters import FrictionParameters, Patient
 from twin_gait.scenario import BenchLegScenario, TreadmillScenario
 
 
@@ -139,7 +139,7 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
     }
 
 
-def _patient(patient: PatientParameters) -> dict[str, Any]:
+def _patient(patient: Patient) -> dict[str, Any]:
     return {"mass_kg": patient.mass, "height_m": patient.height, "sex": str(patient.sex)}
 
 

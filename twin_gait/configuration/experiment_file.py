@@ -30,7 +30,7 @@ from twin_gait.parameters import (
     ContactParameters,
     FrictionParameters,
     LimitParameters,
-    PatientParameters,
+    Patient,
     SensorParameters,
     StopParameters,
     SupportParameters,
@@ -58,9 +58,9 @@ class PatientEntry(Strict):
     height_m: Number = 1.75
     sex: Sex = Sex.MALE
 
-    def convert(self) -> PatientParameters:
+    def convert(self) -> Patient:
         """Convert to SI."""
-        return PatientParameters(mass=self.mass_kg, height=self.height_m, sex=self.sex)
+        return Patient(mass=self.mass_kg, height=self.height_m, sex=self.sex)
 
 
 class LegJointsEntry(Strict):

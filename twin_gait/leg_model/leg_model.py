@@ -31,7 +31,7 @@ from twin_gait.leg_model.wearer import (
     segment_inertia,
     trunk_mass,
 )
-from twin_gait.parameters import PatientParameters
+from twin_gait.parameters import Patient
 from twin_gait.vocabulary import JointName, Side
 
 PELVIS_JOINT = "pelvis_vertical"
@@ -99,7 +99,7 @@ class LegModel:
         urdf: str | Path,
         legs: Mapping[Side, LegJoints],
         *,
-        patient: PatientParameters | None = None,
+        patient: Patient | None = None,
         fit_device: bool = True,
         pelvis: PelvisGuide = PelvisGuide.FIXED,
         armature: Mapping[JointName, float] | None = None,
@@ -229,7 +229,7 @@ class LegModel:
             body.mass, body.lever * ratio, body.inertia * (ratio * ratio)
         )
 
-    def _add_wearer(self, patient: PatientParameters) -> None:
+    def _add_wearer(self, patient: Patient) -> None:
         segments = SEGMENTS[patient.sex]
         for leg in self.legs.values():
             hip, knee = self._joint_id(leg.hip), self._joint_id(leg.knee)
@@ -251,7 +251,7 @@ class LegModel:
         if self.pelvis is PelvisGuide.VERTICAL:
             self._append_trunk(patient)
 
-    def _append_foot(self, ankle: int, patient: PatientParameters) -> None:
+    def _append_foot(self, ankle: int, patient: Patient) -> None:
         # The heel lies a quarter of the foot length behind the ankle (gait2d: 0.06 of 0.21 m).
         length = FOOT_LENGTH * patient.height
         forward, up = np.array([1.0, 0.0, 0.0]), self._up()
@@ -260,7 +260,7 @@ class LegModel:
         heel = -0.25 * length * forward - 0.5 * FOOT_HEIGHT * patient.height * up
         self._append(ankle, mass, heel + from_heel, inertia)
 
-    def _append_trunk(self, patient: PatientParameters) -> None:
+    def _append_trunk(self, patient: Patient) -> None:
         mass = trunk_mass(patient)
         length = TRUNK_LENGTH * patient.height
         radius = TRUNK_RADIUS_OF_GYRATION * length

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import PatientParameters
+from twin_gait.parameters import Patient
 from twin_gait.vocabulary import Sex
 
 # Segment lengths as shares of the body height: Drillis and Contini, in Winter (2009), fig. 4.1.
@@ -89,7 +89,7 @@ class DeviceSizes:
     waist: float
 
 
-def device_sizes(patient: PatientParameters) -> DeviceSizes:
+def device_sizes(patient: Patient) -> DeviceSizes:
     """Sizes of the device that fit a wearer best.
 
     The femur and waist are the nearest sizes; the tibia is adjusted to the shank of the wearer.
@@ -143,7 +143,7 @@ def segment_inertia(
     return mass, segment.centre_of_mass * axis, inertia
 
 
-def trunk_mass(patient: PatientParameters) -> float:
+def trunk_mass(patient: Patient) -> float:
     """Mass of head, arms and trunk with pelvis: what the legs leave over, in [kg]."""
     legs = 2.0 * sum(segment.mass for segment in SEGMENTS[patient.sex].values())
     return (1.0 - legs) * patient.mass

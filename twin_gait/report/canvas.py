@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from twin_gait.palette import phase_colour
-from twin_gait.parameters import PatientParameters
+from twin_gait.parameters import Patient
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
 
@@ -60,7 +60,7 @@ def describe(run: Run) -> str:
     return " · ".join([*parts, f"{run.duration:.1f} s", str(run.status)])
 
 
-def _wearer(patient: PatientParameters | None) -> str:
+def _wearer(patient: Patient | None) -> str:
     return "no wearer" if patient is None else f"{patient.mass:g} kg, {patient.height:.2f} m"
 
 

@@ -14,7 +14,7 @@ from twin_gait.parameters import (
     AnkleParameters,
     ContactParameters,
     FrictionParameters,
-    PatientParameters,
+    Patient,
     StopParameters,
 )
 from twin_gait.vocabulary import JointName, Side
@@ -95,7 +95,7 @@ class World:
 def build_leg_model(
     source: LegSource,
     *,
-    patient: PatientParameters | None,
+    patient: Patient | None,
     actuators: Mapping[JointName, ActuatorParameters],
     pelvis: PelvisGuide,
     gravity: float,

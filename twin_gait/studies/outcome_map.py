@@ -13,7 +13,7 @@ import pandas as pd
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
-from twin_gait.parameters import PatientParameters
+from twin_gait.parameters import Patient
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.summary import summarise
@@ -64,7 +64,7 @@ def experiment_of(base: Experiment, case: Case) -> Experiment:
         raise ParameterError(f"{base.name}: expected a treadmill with a wearer; there is nothing to vary")
     return replace(
         base,
-        patient=PatientParameters(mass=case.mass, height=case.height, sex=base.patient.sex),
+        patient=Patient(mass=case.mass, height=case.height, sex=base.patient.sex),
         scenario=replace(
             base.scenario,
             belt_speed=case.speed,

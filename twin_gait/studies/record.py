@@ -24,7 +24,7 @@ from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
 from twin_gait.gait.machine import PhaseSwitch
-from twin_gait.parameters import PatientParameters
+from twin_gait.parameters import Patient
 from twin_gait.report.figures import write_figures
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, unit_of
@@ -230,7 +230,7 @@ def belt_speed_of(experiment: Experiment) -> float:
     return scenario.belt_speed if isinstance(scenario, TreadmillScenario) else 0.0
 
 
-def describe(patient: PatientParameters | None, belt_speed: float) -> str:
+def describe(patient: Patient | None, belt_speed: float) -> str:
     """One line on who walks and how fast.
 
     Args:

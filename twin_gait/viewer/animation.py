@@ -14,7 +14,7 @@ import pandas as pd
 from twin_gait.files import write_atomically
 from twin_gait.leg_model import LegModel
 from twin_gait.palette import phase_colour
-from twin_gait.parameters import PatientParameters
+from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Track, rgb, set_animation
 from twin_gait.viewer.motion import LegMotion, Motion, read_motion
@@ -37,7 +37,7 @@ def write_animation(
     title: str,
     subtitle: str = "",
     belt_speed: float = 0.0,
-    patient: PatientParameters | None = None,
+    patient: Patient | None = None,
     phases: Sequence[str] | None = None,
     frames_per_second: float = 30.0,
 ) -> Path:

@@ -12,7 +12,7 @@ import numpy as np
 
 from twin_gait.leg_model import LegJoints
 from twin_gait.leg_model.wearer import FOOT_HEIGHT, FOOT_LENGTH, SHANK_LENGTH, TRUNK_LENGTH
-from twin_gait.parameters import PatientParameters
+from twin_gait.parameters import Patient
 from twin_gait.viewer import shapes
 from twin_gait.viewer.commands import Material
 from twin_gait.viewer.figure import Figure
@@ -73,7 +73,7 @@ _STRAPS = {"thigh": (0.46, 0.60), "shank": (0.32, 0.46)}  # cuffs around the lim
 
 
 def draw_wearer(
-    figure: Figure, legs: Mapping[Side, LegJoints], patient: PatientParameters, *, trunk_joint: str | None
+    figure: Figure, legs: Mapping[Side, LegJoints], patient: Patient, *, trunk_joint: str | None
 ) -> None:
     """Draw the wearer on a figure.
 
@@ -101,7 +101,7 @@ def draw_wearer(
         figure.draw(trunk_joint, "wearer_trunk", shapes.moved(_trunk(patient), _axes(figure, up, 0.0)), CLOTH)
 
 
-def girth(patient: PatientParameters) -> float:
+def girth(patient: Patient) -> float:
     """Scale of limb radii: the same density in a body of other height and mass.
 
     Args:
@@ -113,7 +113,7 @@ def girth(patient: PatientParameters) -> float:
     return math.sqrt((patient.mass / _DRAWN_MASS) / (patient.height / _DRAWN_HEIGHT))
 
 
-def _inside(figure: Figure, side: Side, hip: str, patient: PatientParameters) -> float:
+def _inside(figure: Figure, side: Side, hip: str, patient: Patient) -> float:
     """How far the wearer's hip centre lies to the left of the device's joint in [m]."""
     placement = figure.model.jointPlacements[figure.model.getJointId(hip)].translation
     lateral = abs(float((figure.base[:3, :3] @ np.asarray(placement))[1]))
@@ -143,7 +143,7 @@ def _draw_segment(
     rings: Sequence[Sequence[float]],
     upper: float,
     lower: float,
-    patient: PatientParameters,
+    patient: Patient,
 ) -> None:
     length = float(np.linalg.norm(segment))
     scale = girth(patient)
@@ -181,7 +181,7 @@ def _band(table: np.ndarray, top: float, bottom: float) -> Shape:
     return shapes.creased(grid, faces)
 
 
-def _foot(patient: PatientParameters) -> Shape:
+def _foot(patient: Patient) -> Shape:
     """Foot in a frame at the ankle: x forward, z up, sole a foot height below."""
     length, height = FOOT_LENGTH * patient.height, FOOT_HEIGHT * patient.height
     rings = [
@@ -194,7 +194,7 @@ def _foot(patient: PatientParameters) -> Shape:
     return shapes.moved(shapes.limb(rings), turn)
 
 
-def _trunk(patient: PatientParameters) -> Shape:
+def _trunk(patient: Patient) -> Shape:
     length, scale = TRUNK_LENGTH * patient.height, girth(patient)
     rings = [(share * length, scale * x, 0.0, scale * a, scale * b) for share, x, a, b in _TRUNK]
     shape = shapes.limb(rings, columns=40)

@@ -22,7 +22,7 @@ from zmq.sugar.context import Context
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
-from twin_gait.parameters import PatientParameters
+from twin_gait.parameters import Patient
 from twin_gait.viewer.commands import Command, encode
 from twin_gait.viewer.motion import Motion, read_motion
 from twin_gait.viewer.page import leg_entry, page_data
@@ -131,7 +131,7 @@ class LiveViewer:
         *,
         title: str = "twin_gait",
         subtitle: str = "",
-        patient: PatientParameters | None = None,
+        patient: Patient | None = None,
         belt_speed: float = 0.0,
         phases: Sequence[str] = (),
         curves: Sequence[str] = ("hip", "knee"),
@@ -292,7 +292,7 @@ def show_run(
     *,
     title: str = "twin_gait",
     subtitle: str = "",
-    patient: PatientParameters | None = None,
+    patient: Patient | None = None,
     belt_speed: float = 0.0,
     speed: float = 1.0,
     repeat: bool = True,

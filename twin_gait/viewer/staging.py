@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
 from twin_gait.leg_model.leg_model import PELVIS_JOINT
-from twin_gait.parameters import PatientParameters
+from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.body import draw_wearer
 from twin_gait.viewer.commands import Window
@@ -22,7 +22,7 @@ from twin_gait.vocabulary import Side
 _FROM_THE_FRONT = (0.6, -1.0, 0.3)
 
 
-def build_scene(window: Window, model: LegModel, *, patient: PatientParameters | None = None) -> Scene:
+def build_scene(window: Window, model: LegModel, *, patient: Patient | None = None) -> Scene:
     """Draw a leg model with its wearer and its surroundings.
 
     Args:
