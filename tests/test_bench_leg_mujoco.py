@@ -58,13 +58,13 @@ class MujocoPlantEngine(PinocchioEngine):
     def prepare(self) -> None:
         experiment = self.problem.experiment
         armature = experiment.plant.actuators[JointName.KNEE].armature
-        self.mj_model = mujoco_leg(armature, experiment.plant.gravity, experiment.integration.step)
+        self.mj_model = mujoco_leg(armature, experiment.plant.gravity, experiment.stepping.step)
         self.mj_data = mujoco.MjData(self.mj_model)
         self.mj_data.qpos[:] = self.plant.q
         self.lowest_knee = math.radians(-4.0)
 
     def _integrate(self) -> None:
-        for _ in range(self.problem.experiment.integration.substeps):
+        for _ in range(self.problem.experiment.stepping.substeps):
             v = self.mj_data.qvel
             friction = [plant_friction(v[i], *HALF_FRICTION[i]) for i in range(2)]
             self.mj_data.qfrc_applied[:] = self.plant.motor - np.array(friction)
@@ -74,7 +74,7 @@ class MujocoPlantEngine(PinocchioEngine):
 
 
 def test_closed_loop_of_two_seconds_equals_mujoco():
-    experiment = load_experiment("bench_leg", ["duration_s=2"]).experiment
+    experiment = load_experiment("bench_leg", ["duration_s=2", "engine=pinocchio"]).experiment
     ours = PinocchioEngine(build_problem(experiment))
     theirs = MujocoPlantEngine(build_problem(experiment))
     theirs.prepare()

@@ -135,25 +135,28 @@ def test_joint_rotation_of_a_slanted_axis_is_rodrigues():
     np.testing.assert_allclose(ours, pin.exp3(0.7 * axis), atol=1e-15)
 
 
+EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
 CASES = {
-    "treadmill": ("treadmill", "duration_s=3"),
+    "treadmill": ("treadmill", "duration_s=3", EULER),
     "treadmill, rk4": (
         "treadmill",
         "duration_s=0.6",
         "integration.method=rk4",
         "integration.step_ms=0.25",
     ),
-    "bench leg": ("bench_leg", "duration_s=10"),
+    "bench leg": ("bench_leg", "duration_s=10", EULER),
     "bench leg, rk4": ("bench_leg", "duration_s=3", "integration.method=rk4", "integration.step_ms=1"),
     "bench leg with a hand": (
         "bench_leg",
         "duration_s=2",
+        EULER,
         "control.mode=transparent",
         "scenario.hand={joint: knee, amplitude_deg: 40, release_s: 1.5}",
     ),
     "inertia compensation and noise": (
         "bench_leg",
         "duration_s=1",
+        EULER,
         "control.inertia_compensation=0.2",
         "sensors.ideal=false",
         "sensors.angle_noise_deg=0.001",
@@ -165,7 +168,7 @@ CASES = {
 def test_engines_agree_in_every_column(case):
     name, *changes = case
     ours = simulate(load_experiment(name, [*changes, "engine=compiled"]).experiment)
-    theirs = simulate(load_experiment(name, changes).experiment)
+    theirs = simulate(load_experiment(name, [*changes, "engine=pinocchio"]).experiment)
     assert ours.status is theirs.status
     assert ours.switches == theirs.switches
     for column in theirs.log.columns:
@@ -179,8 +182,8 @@ def test_engines_agree_in_every_column(case):
 
 def test_engines_agree_over_the_default_walk():
     """Twenty seconds on the belt: angles to 1e-9 rad and every switch in the same tick."""
-    ours = simulate(load_experiment("treadmill", ["engine=compiled"]).experiment)
-    theirs = simulate(load_experiment("treadmill").experiment)
+    ours = simulate(load_experiment("treadmill", [EULER, "engine=compiled"]).experiment)
+    theirs = simulate(load_experiment("treadmill", [EULER, "engine=pinocchio"]).experiment)
     assert ours.switches == theirs.switches
     for column in [name for name in theirs.log.columns if name.endswith("_angle_rad")]:
         np.testing.assert_allclose(ours.log[column], theirs.log[column], atol=1e-9, rtol=0, err_msg=column)
@@ -247,3 +250,59 @@ def test_an_edit_in_core_is_used_by_the_next_run(tmp_path, monkeypatch):
     after = run()
     assert before != after
     assert abs(after) < abs(before)
+
+
+# ------------------------------------------------------------------ controllers of the user's
+
+
+def weaker(angle, fast, slow, k, b, equilibrium, gain, fa, fb, fc, fd):
+    """Half the spring, no friction compensation."""
+    return -0.5 * k * (angle - equilibrium) - b * fast, 0.0
+
+
+class Counting:
+    """A controller that numba cannot compile."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def __call__(self, *values):
+        self.calls += 1
+        return weaker(*values)
+
+
+BENCH = ("bench_leg", ["duration_s=0.5"])
+
+
+def test_a_controller_of_ones_own_takes_the_place_of_the_thesis_in_both_engines():
+    compiled = simulate(load_experiment(*BENCH).experiment, controller=weaker)
+    stepping = f"integration={{method: {compiled.experiment.stepping.method}, step_ms: 1}}"
+    name, settings_ = BENCH
+    witness = load_experiment(name, [*settings_, "engine=pinocchio", stepping]).experiment
+    stepped = simulate(witness, controller=weaker)
+    standard = simulate(load_experiment(*BENCH).experiment)
+    assert not compiled.log["right_hip_friction_compensation_torque_Nm"].any()
+    assert standard.log["right_hip_friction_compensation_torque_Nm"].any()
+    for column in ("right_knee_angle_rad", "right_hip_motor_torque_Nm"):
+        np.testing.assert_allclose(compiled.log[column], stepped.log[column], atol=1e-9)
+
+
+def test_an_njit_controller_is_compiled_once(monkeypatch):
+    import numba
+
+    controller = numba.njit(weaker)
+    first = simulate(load_experiment(*BENCH).experiment, controller=controller)
+    made = compiling._module_with.cache_info().misses
+    second = simulate(load_experiment(*BENCH).experiment, controller=controller)
+    assert compiling._module_with.cache_info().misses == made
+    assert first.log.equals(second.log)
+
+
+def test_a_controller_that_cannot_be_compiled_works_and_says_so():
+    from twin_gait.simulation.simulator import SlowControllerWarning
+
+    controller = Counting()
+    with pytest.warns(SlowControllerWarning, match="stepping through Python"):
+        run = simulate(load_experiment("bench_leg", ["duration_s=0.1"]).experiment, controller=controller)
+    assert run.status == "completed"
+    assert controller.calls == 2 * 100

@@ -25,6 +25,11 @@ def reread(document: dict, folder: Path = Path()):
     return experiment_from_mapping(yaml.safe_load(dump_yaml(document)), "again.yaml", folder)
 
 
+def with_stepping(experiment):
+    """The experiment with the integrator and step that it left to its engine written out."""
+    return dataclasses.replace(experiment, integration=experiment.stepping)
+
+
 @pytest.mark.parametrize("name", sorted(presets()))
 def test_every_preset_survives_being_written_and_read_in_si(name):
     experiment = load_experiment(name).experiment
@@ -35,7 +40,7 @@ def test_every_preset_survives_being_written_and_read_in_si(name):
 def test_every_preset_survives_being_written_and_read_as_typed(name):
     loaded = load_experiment(name, ["duration_s=3"])
     document = resolved_document(loaded.experiment, loaded.document, {})
-    assert reread(document) == loaded.experiment
+    assert reread(document) == with_stepping(loaded.experiment)
 
 
 @pytest.mark.parametrize("name", packaged_gait_tables())
@@ -56,7 +61,7 @@ def test_resolved_document_of_an_experiment_changed_in_python_tells_the_truth():
     changed = dataclasses.replace(loaded.experiment, duration=3.0)
     document = resolved_document(changed, loaded.document, {})
     assert document["duration_s"] == 3.0
-    assert reread(document) == changed
+    assert reread(document) == with_stepping(changed)
 
 
 def test_experiment_of_a_changed_urdf_is_refused(tmp_path):
@@ -66,7 +71,7 @@ def test_experiment_of_a_changed_urdf_is_refused(tmp_path):
     urdf.write_text(packaged_urdf("twin_leg.urdf").read_text())
     loaded = load_experiment("bench_leg", [f"leg.urdf={urdf}", "duration_s=1"])
     document = resolved_document(loaded.experiment, loaded.document, {})
-    assert reread(document) == loaded.experiment
+    assert reread(document) == with_stepping(loaded.experiment)
     urdf.write_text(urdf.read_text() + "<!-- changed -->\n")
     with pytest.raises(ParameterFileError, match="not the file that this experiment was made with"):
         reread(document)
@@ -122,6 +127,18 @@ def test_settings_reach_defaults_that_the_preset_does_not_name():
 def test_settings_reach_list_elements():
     loaded = load_experiment("treadmill", ['table.transitions[0].all[0]="hip.angle_deg < 5"'])
     assert str(loaded.experiment.table.transitions[0].guard).startswith("hip.angle_deg < 5")
+
+
+def test_each_engine_brings_its_own_integrator_unless_asked_otherwise():
+    def stepping(preset, *settings):
+        used = load_experiment(preset, settings).experiment.stepping
+        return str(used.method), used.step
+
+    assert stepping("treadmill") == ("rk4", 1e-4)
+    assert stepping("bench_leg") == ("rk4", 1e-3)
+    assert stepping("treadmill", "engine=pinocchio") == ("semi_implicit_euler", 0.25e-3)
+    assert stepping("treadmill", "integration.step_ms=0.2") == ("rk4", 0.2e-3)
+    assert stepping("treadmill", "integration.method=semi_implicit_euler") == ("semi_implicit_euler", 1e-4)
 
 
 def test_merge_replaces_a_quantity_in_another_unit():

@@ -67,7 +67,7 @@ def test_summary_is_json_and_comes_back_equal(summary: dict[str, Any]) -> None:
 
 def test_run_is_described(summary: dict[str, Any]) -> None:
     assert summary["name"] == "synthetic"
-    assert summary["engine"] == "pinocchio"
+    assert summary["engine"] == "compiled"
     assert summary["status"] == "completed" and summary["fell"] is False and summary["reason"] == ""
     assert summary["duration_s"] == pytest.approx(LENGTH * TICK)
     assert summary["realtime_factor"] == pytest.approx(LENGTH * TICK / 3.6)

@@ -13,6 +13,7 @@ from twin_gait.cli.terminal import (
     FAILED,
     INTERRUPTED,
     clear_line,
+    note_compilation,
     note_step,
     progress_bar,
     stop_on_interrupt,
@@ -33,9 +34,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="run directory (runs/<time>-<name>)")
     parser.add_argument("--force", action="store_true", help="replace an existing run directory")
     parser.add_argument("--duration", type=float, metavar="S", help="simulated time in seconds")
-    parser.add_argument(
-        "--engine", help="pinocchio (Python on Pinocchio) or compiled (the same laws, faster)"
-    )
+    parser.add_argument("--engine", help="compiled (the default), or pinocchio, the witness in Python")
     parser.add_argument(
         "--set",
         action="append",
@@ -72,7 +71,9 @@ def run(arguments: argparse.Namespace) -> int:
     out = arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{loaded.experiment.name}"
     with stop_on_interrupt() as should_stop, staged_directory(out, force=arguments.force) as staging:
         with progress_bar("simulating", "tick") as progress:
-            result = simulate(loaded.experiment, progress=progress, should_stop=should_stop)
+            result = simulate(
+                loaded.experiment, progress=progress, should_stop=should_stop, on_compile=note_compilation
+            )
         accuracy = None
         if arguments.accuracy and result.status is RunStatus.COMPLETED:
             with progress_bar("a tenth of the step", "tick") as progress:

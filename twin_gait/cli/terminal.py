@@ -48,6 +48,13 @@ def note_step(name: str) -> None:
         print(f"\r\033[Kwriting {name}", end="", file=sys.stderr, flush=True)
 
 
+def note_compilation() -> None:
+    """Say why the first run on a machine takes its time."""
+    print(
+        "compiling the engine for this model, once on this machine (some 15 s) …", file=sys.stderr, flush=True
+    )
+
+
 def clear_line() -> None:
     """Take the last note away again."""
     if sys.stderr.isatty():

@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
-from twin_gait.experiment import Experiment
+from twin_gait.experiment import Experiment, Integration
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
 from twin_gait.gait.table import TICK, GaitTable, PhaseParameters, Transition
 from twin_gait.leg_model import LegJoints
@@ -119,15 +119,13 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
     Returns:
         The mapping; reading it gives an equal experiment.
     """
+    asked = experiment.integration
     return {
         "schema_version": SCHEMA_VERSION,
         "name": experiment.name,
         "duration_s": experiment.duration,
         "engine": str(experiment.engine),
-        "integration": {
-            "method": str(experiment.integration.method),
-            "step_s": experiment.integration.step,
-        },
+        **({} if asked is None else {"integration": integration_document(asked)}),
         "seed": experiment.seed,
         "patient": None if experiment.patient is None else _patient(experiment.patient),
         "scenario": _scenario(experiment.scenario),
@@ -137,6 +135,11 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
         "sensors": _sensors(experiment),
         "table": table_document(experiment.table),
     }
+
+
+def integration_document(integration: Integration) -> dict[str, Any]:
+    """Integrator and step as a mapping."""
+    return {"method": str(integration.method), "step_s": integration.step}
 
 
 def _patient(patient: Patient) -> dict[str, Any]:

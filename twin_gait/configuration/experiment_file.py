@@ -20,6 +20,7 @@ from twin_gait.experiment import (
     IntegrationMethod,
     PlantParameters,
     Scenario,
+    default_integration,
 )
 from twin_gait.leg_model import LegJoints
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
@@ -419,15 +420,20 @@ class SensorsEntry(Strict):
 class IntegrationEntry(Strict):
     """Integrator and step."""
 
-    method: IntegrationMethod = Integration.method
+    method: IntegrationMethod | None = None
     step_s: Number | None = None
     step_ms: Number | None = None
 
-    def convert(self) -> Integration:
-        """Convert to SI."""
+    def convert(self, default: Integration) -> Integration:
+        """Convert to SI.
+
+        Args:
+            default: For what is not given.
+        """
+        method = default.method if self.method is None else self.method
         if self.step_s is None and self.step_ms is None:
-            return Integration(method=self.method)
-        return Integration(method=self.method, step=_one_of(self, {"step_ms": 1e-3, "step_s": 1.0}))
+            return Integration(method=method, step=default.step)
+        return Integration(method=method, step=_one_of(self, {"step_ms": 1e-3, "step_s": 1.0}))
 
 
 class ProvenanceEntry(Strict):
@@ -452,8 +458,8 @@ class ExperimentFile(Strict):
     control: ControlEntry = ControlEntry()
     plant: PlantEntry = PlantEntry()
     sensors: SensorsEntry = SensorsEntry()
-    integration: IntegrationEntry = IntegrationEntry()
-    engine: Engine = Engine.PINOCCHIO
+    integration: IntegrationEntry | None = None
+    engine: Engine = Engine.COMPILED
     seed: Count = 0
     provenance: ProvenanceEntry | None = None
 
@@ -499,11 +505,17 @@ def experiment_from_mapping(data: dict[str, Any], source: str, folder: Path) -> 
             control=converting(source, "control", entry.control.convert),
             plant=converting(source, "plant", entry.plant.convert),
             sensors=converting(source, "sensors", entry.sensors.convert),
-            integration=converting(source, "integration", entry.integration.convert),
+            integration=converting(source, "integration", lambda: _integration(entry, scenario)),
             engine=entry.engine,
             seed=entry.seed,
         ),
     )
+
+
+def _integration(entry: ExperimentFile, scenario: Scenario) -> Integration | None:
+    if entry.integration is None:
+        return None
+    return entry.integration.convert(default_integration(entry.engine, scenario))
 
 
 def _scenario(entry: TreadmillEntry | BenchLegEntry) -> Scenario:

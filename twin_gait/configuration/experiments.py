@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from twin_gait.configuration.documents import content_hash, experiment_document
+from twin_gait.configuration.documents import content_hash, experiment_document, integration_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.gait_table_file import packaged_gait_tables
 from twin_gait.configuration.overrides import assign, merge, parse_assignment
@@ -100,6 +100,8 @@ def resolved_document(
     The mapping as typed is kept if it still gives this very experiment; otherwise (the experiment was
     made or changed in Python) everything is written in SI.
 
+    An integrator and step that were left to the engine are written out.
+
     Args:
         experiment: The experiment.
         typed: Complete mapping that it was loaded from, or None.
@@ -113,6 +115,7 @@ def resolved_document(
     if typed is not None and experiment_from_mapping(typed, "experiment", Path()) == experiment:
         document = typed
     return {
+        "integration": integration_document(experiment.stepping),
         **document,
         "provenance": {
             "urdf_sha256": urdf_hash(find_urdf(experiment.leg.urdf)),

@@ -1,11 +1,11 @@
-"""Controllers behind one interface."""
+"""The controller of a joint, behind one interface."""
 
 from twin_gait.control.controller import (
     Controller,
+    ControllerFunction,
     ControllerTorques,
-    ImpedanceController,
     JointMeasurement,
     JointSetpoint,
 )
 
-__all__ = ["Controller", "ControllerTorques", "ImpedanceController", "JointMeasurement", "JointSetpoint"]
+__all__ = ["Controller", "ControllerFunction", "ControllerTorques", "JointMeasurement", "JointSetpoint"]

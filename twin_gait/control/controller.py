@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from twin_gait.core.control_tick import controller_torques
 from twin_gait.parameters import FrictionParameters
@@ -51,29 +52,28 @@ class ControllerTorques(NamedTuple):
     friction_compensation: float
 
 
-class Controller(Protocol):
-    """A controller of one joint. It keeps no state: everything it may use is handed in."""
-
-    def torques(self, measurement: JointMeasurement, setpoint: JointSetpoint) -> ControllerTorques:
-        """Torques for one tick."""
-        ...
+# From angle, fast and slow velocity; k, b, θ0, G; and a, b, c, d of the friction model to the impedance and
+# the friction-compensation torque: the signature of :func:`twin_gait.core.control_tick.controller_torques`.
+ControllerFunction = Callable[..., tuple[float, float]]
 
 
 @dataclass(frozen=True)
-class ImpedanceController:
-    """Impedance on friction compensation, the controller of the thesis.
+class Controller:
+    """The controller of one joint; it keeps no state, everything it may use is handed in.
 
-    With stiffness and damping of zero it is the thesis's transparent mode: friction compensation
-    with a target torque.
+    The default is the thesis's, impedance on friction compensation. With stiffness and damping of zero it is
+    the thesis's transparent mode: friction compensation with a target torque.
 
     Attributes:
         friction_model: The compensator's own friction model.
+        law: The control law.
     """
 
     friction_model: FrictionParameters
+    law: ControllerFunction = controller_torques
 
     def torques(self, measurement: JointMeasurement, setpoint: JointSetpoint) -> ControllerTorques:
-        """Torques of equations (2.17) and (2.18).
+        """Torques for one tick; equations (2.17) and (2.18) of the thesis by default.
 
         Args:
             measurement: Of the joint.
@@ -84,7 +84,7 @@ class ImpedanceController:
         """
         model = self.friction_model
         return ControllerTorques(
-            *controller_torques(
+            *self.law(
                 *measurement,
                 *setpoint,
                 model.breakaway_torque,

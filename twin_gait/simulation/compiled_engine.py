@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from twin_gait.control import ControllerFunction
 from twin_gait.core.plant import WORK_SOURCE_COUNT
 from twin_gait.experiment import IntegrationMethod
 from twin_gait.gait.machine import PhaseSwitch
@@ -33,12 +34,21 @@ MOST_SWITCHES_PER_SECOND = 200
 class CompiledEngine:
     """Runs one problem from start to end in compiled code."""
 
-    def __init__(self, problem: Problem, *, record: bool = True) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        *,
+        controller: ControllerFunction | None = None,
+        record: bool = True,
+        on_compile: Callable[[], None] | None = None,
+    ) -> None:
         """Lay the problem out and get the compiled loop.
 
         Args:
             problem: The experiment as arrays.
+            controller: Control law that takes the place of the thesis's; numba must be able to compile it.
             record: Whether to keep the log; without it only the switches and the last state remain.
+            on_compile: Called if the loop has to be compiled first.
         """
         self.problem = problem
         self.layout = log_layout(problem)
@@ -48,7 +58,7 @@ class CompiledEngine:
         points = contact_points(world.model.model, frames)
         control_bodies = export_bodies(problem.control_model.model)
         kernel = write_kernel(bodies, points, control_bodies, world.model.up_axis)
-        self._run_ticks = loop_of(kernel)
+        self._run_ticks = loop_of(kernel, controller, on_compile)
         inputs = self._inputs(bodies, points, control_bodies, record)
         self._episode = episode.Episode(inputs, self._state(len(points)))
         self._record = record
@@ -63,7 +73,7 @@ class CompiledEngine:
         problem = self.problem
         experiment, world = problem.experiment, problem.world
         legs = len(problem.sides)
-        blending, integration = problem.table.blending, experiment.integration
+        blending, integration = problem.table.blending, experiment.stepping
         pelvis = world.model.pelvis_index
         ankles = [
             world.model.index(side, JointName.ANKLE)
@@ -117,7 +127,7 @@ class CompiledEngine:
         numbers[episode.PERIOD] = TICK
         numbers[episode.FAST_GAIN] = self.problem.fast_gain
         numbers[episode.GRAVITY] = experiment.plant.gravity
-        numbers[episode.STEP] = experiment.integration.step
+        numbers[episode.STEP] = experiment.stepping.step
         numbers[episode.TORQUE_LIMIT] = limits.torque
         numbers[episode.CURRENT_LIMIT] = limits.current
         numbers[episode.BATTERY_VOLTAGE] = battery.voltage

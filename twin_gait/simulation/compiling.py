@@ -20,11 +20,16 @@ from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 from types import FunctionType, ModuleType
+from typing import Any
 
+import numba
 import numpy as np
+from numba.core.dispatcher import Dispatcher
+from numba.core.errors import NumbaError
 from numba.extending import register_jitable
 
 from twin_gait import core
+from twin_gait.control import ControllerFunction
 from twin_gait.core import integrators
 from twin_gait.files import write_atomically
 from twin_gait.simulation import episode
@@ -170,16 +175,26 @@ def compiled_before(text: str) -> bool:
     return any((cache_folder() / "__pycache__").glob(f"{name}.run_ticks-*.nbi"))
 
 
-def loop_of(kernel: str) -> RunTicks:
+def loop_of(
+    kernel: str,
+    controller: ControllerFunction | None = None,
+    on_compile: Callable[[], None] | None = None,
+) -> RunTicks:
     """The compiled loop of a kernel, to be called like :func:`twin_gait.simulation.episode.run_ticks`.
 
     Args:
         kernel: From :func:`twin_gait.simulation.kernel.write_kernel`.
+        controller: Control law that takes the place of the thesis's. The loop is then compiled once in this
+            process and not kept on disk, because the sources that the function depends on are unknown.
+        on_compile: Called if the loop has to be compiled, which takes some 15 s.
 
     Returns:
         The loop.
     """
-    module = load_module(module_source(kernel))
+    text = module_source(kernel)
+    if on_compile is not None and (controller is not None or not compiled_before(text)):
+        on_compile()
+    module = load_module(text) if controller is None else _module_with(text, controller)
     names = [name.split("_", 1) for name in module.RUN_TICKS_ARGUMENTS]
 
     def run_ticks(whole: episode.Episode, first: int, end: int, rows: np.ndarray) -> int:
@@ -187,3 +202,35 @@ def loop_of(kernel: str) -> RunTicks:
         return int(module.run_ticks(*arrays, first, end, rows))
 
     return run_ticks
+
+
+@lru_cache(maxsize=16)
+def _module_with(text: str, controller: ControllerFunction) -> ModuleType:
+    """Generated module with a controller of the user's, compiled for this process only."""
+    register_core()
+    module = ModuleType("twin_gait_episode_with_controller")
+    exec(compile(text.replace("cache=True, ", ""), module.__name__, "exec"), module.__dict__)
+    module.__dict__["controller_torques"] = _jitted(controller)
+    return module
+
+
+@lru_cache(maxsize=16)
+def _jitted(function: ControllerFunction) -> Any:
+    return function if isinstance(function, Dispatcher) else numba.njit(nogil=True)(function)
+
+
+def compiles(function: ControllerFunction) -> bool:
+    """Whether numba can compile a control law.
+
+    Args:
+        function: An ``njit`` function, or a Python function.
+
+    Returns:
+        True if it gives two numbers for eleven.
+    """
+    register_core()
+    try:
+        _jitted(function).compile((numba.float64,) * 11)
+    except (NumbaError, TypeError, AttributeError):
+        return False
+    return True

@@ -6,9 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from twin_gait.control import Controller, ImpedanceController, JointMeasurement, JointSetpoint
+from twin_gait.control import Controller, ControllerFunction, JointMeasurement, JointSetpoint
 from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
-from twin_gait.core.control_tick import blend_phase, drive_motor, leg_signals, measure_joints
+from twin_gait.core.control_tick import (
+    blend_phase,
+    controller_torques,
+    drive_motor,
+    leg_signals,
+    measure_joints,
+)
 from twin_gait.core.estimation import first_order_step
 from twin_gait.core.plant import FRICTION, SPRING, STOP
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
@@ -30,24 +36,22 @@ from twin_gait.vocabulary import JointName
 
 PROGRESS_TICKS = 100
 
-ControllerFactory = Callable[[ActuatedJoint], Controller]
-
 
 class PinocchioEngine:
     """Runs one problem from start to end."""
 
-    def __init__(self, problem: Problem, controllers: ControllerFactory | None = None) -> None:
+    def __init__(self, problem: Problem, controller: ControllerFunction | None = None) -> None:
         """Set everything to time 0.
 
         Args:
             problem: The experiment as arrays.
-            controllers: Makes the controller of each joint; the thesis's by default.
+            controller: Control law of the joints; the thesis's by default.
         """
         self.problem = problem
         experiment = problem.experiment
         models = experiment.control.friction_model
-        make = controllers or (lambda joint: ImpedanceController(models[joint.joint]))
-        self.controllers = [make(joint) for joint in problem.joints]
+        law = controller or controller_torques
+        self.controllers = [Controller(models[joint.joint], law) for joint in problem.joints]
         self.plant = PinocchioPlant(problem.world)
         self.machines = {
             side: GaitStateMachine(
@@ -267,7 +271,7 @@ class PinocchioEngine:
         )
 
     def _integrate(self) -> None:
-        integration = self.problem.experiment.integration
+        integration = self.problem.experiment.stepping
         start = self.plant.time
         for substep in range(integration.substeps):
             self.plant.time = start + substep * integration.step

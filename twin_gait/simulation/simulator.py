@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 
-from twin_gait.exceptions import ParameterError
+from twin_gait.control import ControllerFunction
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.pinocchio_engine import ControllerFactory, PinocchioEngine
+from twin_gait.simulation.compiling import compiles
+from twin_gait.simulation.pinocchio_engine import PinocchioEngine
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run, log_table
+
+
+class SlowControllerWarning(UserWarning):
+    """A controller could not be compiled, so the run steps through Python."""
 
 
 def simulate(
     experiment: Experiment,
     *,
-    controllers: ControllerFactory | None = None,
+    controller: ControllerFunction | None = None,
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
+    on_compile: Callable[[], None] | None = None,
 ) -> Run:
     """Run an experiment from start to end.
 
@@ -26,10 +33,13 @@ def simulate(
 
     Args:
         experiment: Everything that the run needs.
-        controllers: Makes the controller of each joint; the thesis's impedance on friction
-            compensation by default.
+        controller: Control law of the joints with the signature of
+            :func:`twin_gait.core.control_tick.controller_torques`; that one by default. An ``njit``
+            function, or a Python function that numba can compile, is fused into the compiled engine. Any
+            other steps through the Pinocchio engine, slower, with a :class:`SlowControllerWarning`.
         progress: Called now and then with ticks done and ticks in all.
         should_stop: Asked now and then; True ends the run and marks it as interrupted.
+        on_compile: Called if the engine has to be compiled for this model first, which takes some 15 s.
 
     Returns:
         The run with its log.
@@ -40,7 +50,7 @@ def simulate(
         MeasurementError: If a controller or sensor hands the state machine something not finite.
     """
     problem = build_problem(experiment)
-    engine = _engine(problem, controllers)
+    engine = _engine(problem, controller, on_compile)
     began = time.perf_counter()
     result = engine.run(progress, should_stop)
     wall = time.perf_counter() - began
@@ -56,9 +66,17 @@ def simulate(
     )
 
 
-def _engine(problem: Problem, controllers: ControllerFactory | None) -> PinocchioEngine | CompiledEngine:
+def _engine(
+    problem: Problem, controller: ControllerFunction | None, on_compile: Callable[[], None] | None
+) -> PinocchioEngine | CompiledEngine:
     if problem.experiment.engine is Engine.PINOCCHIO:
-        return PinocchioEngine(problem, controllers)
-    if controllers is not None:
-        raise ParameterError("controllers written in Python need engine: pinocchio")
-    return CompiledEngine(problem)
+        return PinocchioEngine(problem, controller)
+    if controller is None or compiles(controller):
+        return CompiledEngine(problem, controller=controller, on_compile=on_compile)
+    warnings.warn(
+        f"numba cannot compile the controller {getattr(controller, '__name__', controller)!r}; "
+        "stepping through Python instead, which takes a hundred times as long",
+        SlowControllerWarning,
+        stacklevel=3,
+    )
+    return PinocchioEngine(problem, controller)

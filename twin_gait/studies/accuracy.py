@@ -35,7 +35,7 @@ def step_error(
         Steps, largest difference of any hip or knee angle in the common time, the same up to the
         first switch at different ticks, and whether the phases came in the same order.
     """
-    integration = run.experiment.integration
+    integration = run.experiment.stepping
     fine = Integration(method=integration.method, step=integration.step / REFINEMENT)
     reference = simulate(
         replace(run.experiment, integration=fine), progress=progress, should_stop=should_stop
