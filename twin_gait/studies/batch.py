@@ -145,12 +145,7 @@ def simulate_batch(
     base = replace(experiment, engine=engine)
     for index, override in enumerate(overrides):
         _episode(base, override, index, seed)
-    # Made again one by one as they are needed: ten thousand experiments at once would fill the memory.
-    tasks = (
-        _Task(index, _episode(base, override, index, seed), index in logs)
-        for index, override in enumerate(overrides)
-        if not (should_stop is not None and should_stop())
-    )
+    tasks = _tasks(base, overrides, seed, logs, should_stop)
     done: dict[int, _Outcome] = {}
     with closing(_in_turn(tasks) if workers == 1 else _side_by_side(tasks, workers)) as outcomes:
         for outcome in outcomes:
@@ -216,6 +211,20 @@ def _check(episodes: int, workers: int, logs: Collection[int], seed: int | None)
     strangers = [index for index in logs if not 0 <= index < episodes]
     if strangers:
         raise ParameterError(f"logs: expected episodes from 0 to {episodes - 1}, got {strangers[0]}")
+
+
+def _tasks(
+    base: Experiment,
+    overrides: Sequence[Override],
+    seed: int | None,
+    logs: Collection[int],
+    should_stop: Callable[[], bool] | None,
+) -> Iterator[_Task]:
+    """Episodes one by one, until the batch is stopped; ten thousand experiments at once would take memory."""
+    for index, override in enumerate(overrides):
+        if should_stop is not None and should_stop():
+            return
+        yield _Task(index, _episode(base, override, index, seed), index in logs)
 
 
 def _episode(base: Experiment, override: Override, index: int, seed: int | None) -> Experiment:

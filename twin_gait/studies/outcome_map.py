@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import replace
-from multiprocessing import get_context
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import pandas as pd
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
-from twin_gait.parameters import Patient
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.simulation import Run, RunStatus, simulate
-from twin_gait.studies.summary import summarise
+from twin_gait.simulation import RunStatus
+from twin_gait.studies.batch import overridden, simulate_batch
+from twin_gait.vocabulary import Side
 
 MASSES = (55.0, 65.0, 75.0, 85.0, 95.0)  # [kg]
 HEIGHTS = (1.60, 1.70, 1.80, 1.90)  # [m]
@@ -47,6 +44,16 @@ def grid() -> list[Case]:
     return [Case(*values) for values in itertools.product(MASSES, HEIGHTS, SPEEDS, SUPPORTS)]
 
 
+def changes_of(case: Case) -> dict[str, float]:
+    """What a case changes, by the keys of an experiment."""
+    return {
+        "patient.mass_kg": case.mass,
+        "patient.height_m": case.height,
+        "scenario.belt_speed_m_per_s": case.speed,
+        "scenario.support.share": case.support,
+    }
+
+
 def experiment_of(base: Experiment, case: Case) -> Experiment:
     """The base experiment with the wearer, speed and support of a case.
 
@@ -59,52 +66,28 @@ def experiment_of(base: Experiment, case: Case) -> Experiment:
 
     Raises:
         ParameterError: If the base has no treadmill or no wearer.
+        ParameterFileError: If the case is out of range.
     """
-    if not isinstance(base.scenario, TreadmillScenario) or base.patient is None:
-        raise ParameterError(f"{base.name}: expected a treadmill with a wearer; there is nothing to vary")
-    return replace(
-        base,
-        patient=Patient(mass=case.mass, height=case.height, sex=base.patient.sex),
-        scenario=replace(
-            base.scenario,
-            belt_speed=case.speed,
-            support=replace(base.scenario.support, share=case.support),
-        ),
-    )
+    _check_walker(base)
+    return overridden(base, changes_of(case), base.name)
 
 
-def outcome_of(run: Run) -> str:
-    """What became of a run, in one word.
+def outcome_of(episode: Mapping[str, Any], sides: Iterable[Side]) -> str:
+    """What became of an episode, in one word.
 
     Args:
-        run: The run.
+        episode: Row of a batch's table, or a flat summary.
+        sides: Legs.
 
     Returns:
         ``walks``, ``falls``, ``stalls`` (on its feet, but hardly a stride) or ``diverges``.
     """
-    if run.status is RunStatus.FELL:
+    if episode["status"] == RunStatus.FELL:
         return "falls"
-    if run.status is RunStatus.DIVERGED:
+    if episode["status"] == RunStatus.DIVERGED:
         return "diverges"
-    strides = [values["strides"] for values in summarise(run)["sides"].values()]
-    return "walks" if min(strides) >= run.duration / LONGEST_STRIDE else "stalls"
-
-
-def run_case(base: Experiment, case: Case) -> dict[str, Any]:
-    """Simulate one case and keep what the map shows."""
-    run = simulate(experiment_of(base, case))
-    sides = summarise(run)["sides"].values()
-    return {
-        "mass_kg": case.mass,
-        "height_m": case.height,
-        "speed_m_per_s": case.speed,
-        "support_share": case.support,
-        "outcome": outcome_of(run),
-        "duration_s": run.duration,
-        "strides": min(values["strides"] for values in sides),
-        "further_contacts": sum(values["further_contacts"] for values in sides),
-        "time_outs": sum(values["time_outs"] for values in sides),
-    }
+    strides = min(episode[f"{side}_strides"] for side in sides)
+    return "walks" if strides >= episode["duration_s"] / LONGEST_STRIDE else "stalls"
 
 
 def map_outcomes(
@@ -114,7 +97,7 @@ def map_outcomes(
     workers: int = 2,
     progress: Callable[[int, int], None] | None = None,
 ) -> pd.DataFrame:
-    """Simulate many cases.
+    """Simulate many cases with the base's engine.
 
     Args:
         base: The experiment that is varied.
@@ -123,18 +106,40 @@ def map_outcomes(
         progress: Called with cases done and in all.
 
     Returns:
-        One row per case in the order of the cases, whatever the order in which they ended.
+        One row per case in the order of the cases.
+
+    Raises:
+        ParameterError: If the base has no treadmill or no wearer.
+        ParameterFileError: If a case is out of range.
     """
+    _check_walker(base)
     cases = list(cases)
-    rows: dict[int, dict[str, Any]] = {}
-    # Forked children would share the BLAS and OpenMP threads of this process; spawned ones do not.
-    with ProcessPoolExecutor(max_workers=workers, mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(run_case, base, case): index for index, case in enumerate(cases)}
-        for done in as_completed(waiting):
-            rows[waiting[done]] = done.result()
-            if progress is not None:
-                progress(len(rows), len(cases))
-    return pd.DataFrame([rows[index] for index in range(len(cases))])
+    changes = [changes_of(case) for case in cases]
+    batch = simulate_batch(base, changes, workers=workers, engine=base.engine, progress=progress)
+    episodes = batch.table.to_dict("records")
+    return pd.DataFrame(
+        [_row(case, episode, tuple(base.leg.legs)) for case, episode in zip(cases, episodes, strict=True)]
+    )
+
+
+def _check_walker(base: Experiment) -> None:
+    if not isinstance(base.scenario, TreadmillScenario) or base.patient is None:
+        raise ParameterError(f"{base.name}: expected a treadmill with a wearer; there is nothing to vary")
+
+
+def _row(case: Case, episode: Mapping[Any, Any], sides: tuple[Side, ...]) -> dict[str, Any]:
+    """What the map shows of one case."""
+    return {
+        "mass_kg": case.mass,
+        "height_m": case.height,
+        "speed_m_per_s": case.speed,
+        "support_share": case.support,
+        "outcome": outcome_of(episode, sides),
+        "duration_s": episode["duration_s"],
+        "strides": min(episode[f"{side}_strides"] for side in sides),
+        "further_contacts": sum(episode[f"{side}_further_contacts"] for side in sides),
+        "time_outs": sum(episode[f"{side}_time_outs"] for side in sides),
+    }
 
 
 _SYMBOLS = {"walks": "#", "falls": ".", "stalls": "o", "diverges": "x"}
