@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 Array = np.ndarray[Any, np.dtype[Any]]
+Work = Array | tuple[Array, Array, Array, Array, Array]
 Acceleration = Callable[[Any, float, float, Array, Array, Array], None]
 
 RK4_STAGES = 4
@@ -40,7 +41,7 @@ def semi_implicit_euler_step(
         q[i] += step * v[i]
 
 
-def rk4_step(acceleration: Acceleration, context: Any, q: Array, v: Array, step: float, work: Array) -> None:
+def rk4_step(acceleration: Acceleration, context: Any, q: Array, v: Array, step: float, work: Work) -> None:
     """Advance by one step of the classical Runge-Kutta method, of fourth order.
 
     Args:
@@ -50,10 +51,10 @@ def rk4_step(acceleration: Acceleration, context: Any, q: Array, v: Array, step:
         q: Coordinates, shape ``(n,)``; changed in place.
         v: Velocities, shape ``(n,)``; changed in place.
         step: h in [s].
-        work: Room for stages, shape ``(5, n)``; changed in place.
+        work: Room for the stages: five arrays of shape ``(n,)``; changed in place.
     """
     n = q.shape[0]
-    stage_q, stage_v, a, sum_v, sum_a = work[0], work[1], work[2], work[3], work[4]
+    stage_q, stage_v, a, sum_v, sum_a = work
     for i in range(n):
         stage_q[i] = q[i]
         stage_v[i] = v[i]

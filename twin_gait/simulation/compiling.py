@@ -126,7 +126,7 @@ def _bound_integrator(function: Callable[..., None]) -> str:
     source, count = re.subn(r"acceleration: Acceleration,\s*context: Any", f"{BUNDLE}: Any", source)
     assert count == 1, "an integrator no longer takes the acceleration and its context first"
     source = source.replace("acceleration(context,", f"_acceleration({BUNDLE},")
-    return re.sub(r": (?:Any|Array|float|int)\b", "", source)
+    return re.sub(r": (?:Any|Array|Work|float|int)\b", "", source)
 
 
 def source_key(text: str) -> str:

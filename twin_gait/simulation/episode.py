@@ -160,7 +160,14 @@ class EpisodeState(NamedTuple):
         points: Contact points, shape ``(n_points, 3)``.
         works: By source, shape ``(6,)``.
         changing: See the positions above, shape ``(5,)``.
-        work: Room for the integrator, shape ``(6, n)``.
+        stage_q: Room for the integrators, shape ``(n,)``.
+        stage_v: Likewise.
+        sum_v: Likewise.
+        sum_a: Likewise.
+        mean_v: Likewise.
+        angles: True angles, shape ``(n_joints,)``.
+        noise: Sensor noise of the tick, shape ``(n_joints,)``.
+        last_fast: Fast velocity of the tick before, shape ``(n_joints,)``.
         control_q: Shape ``(n_control,)``.
         control_a: Shape ``(n_control,)``.
         gravity_torque: Shape ``(n_control,)``.
@@ -191,7 +198,14 @@ class EpisodeState(NamedTuple):
     points: Array
     works: Array
     changing: Array
-    work: Array
+    stage_q: Array
+    stage_v: Array
+    sum_v: Array
+    sum_a: Array
+    mean_v: Array
+    angles: Array
+    noise: Array
+    last_fast: Array
     control_q: Array
     control_a: Array
     gravity_torque: Array
@@ -281,9 +295,10 @@ def _integrate(episode: Episode, tick: int) -> None:
     for substep in range(inputs.integers[SUBSTEPS]):
         state.changing[TIME] = tick * inputs.numbers[PERIOD] + substep * step
         if inputs.integers[USE_RK4] != 0:
-            rk4_step(_acceleration, episode, state.q, state.v, step, state.work)
+            room = (state.stage_q, state.stage_v, state.a, state.sum_v, state.sum_a)
+            rk4_step(_acceleration, episode, state.q, state.v, step, room)
             continue
-        mean = state.work[5]
+        mean = state.mean_v
         for i in range(n):
             mean[i] = state.v[i]
         semi_implicit_euler_step(_acceleration, episode, state.q, state.v, step, state.a)
@@ -306,16 +321,15 @@ def _measure(episode: Episode, tick: int) -> None:
     """Encoders, velocity estimates and foot loads."""
     inputs, state = episode.inputs, episode.state
     noise_row = tick if inputs.noise.shape[0] > 1 else 0
-    joints = inputs.coordinates.shape[0]
-    true_angles = state.work[0]
-    for joint in range(joints):
-        true_angles[joint] = state.q[inputs.coordinates[joint]]
+    for joint in range(inputs.coordinates.shape[0]):
+        state.angles[joint] = state.q[inputs.coordinates[joint]]
+        state.noise[joint] = inputs.noise[noise_row, joint]
         # The estimate of the acceleration needs the last fast velocity.
-        state.work[1, joint] = state.measured[joint, 1]
+        state.last_fast[joint] = state.measured[joint, 1]
     measure_joints(
         tick,
-        true_angles[:joints],
-        inputs.noise[noise_row],
+        state.angles,
+        state.noise,
         inputs.resolution,
         inputs.numbers[PERIOD],
         inputs.numbers[FAST_GAIN],
@@ -406,13 +420,13 @@ def _feed_forward(episode: Episode) -> None:
     control_gravity(state.control_q, inputs.control_bodies, inputs.numbers[GRAVITY], state.gravity_torque)
     if inputs.numbers[INERTIA_GAIN] > 0.0:
         for joint in range(joints):
-            rate = (state.measured[joint, 1] - state.work[1, joint]) / inputs.numbers[PERIOD]
+            rate = (state.measured[joint, 1] - state.last_fast[joint]) / inputs.numbers[PERIOD]
             state.rate[joint] = first_order_step(state.rate[joint], rate, inputs.numbers[FAST_GAIN])
             state.control_a[inputs.control_coordinates[joint]] = state.rate[joint]
         control_inertia(state.control_q, state.control_a, inputs.control_bodies, state.inertia_torque)
 
 
-def _control(episode: Episode, joint: int, row: Array) -> float:
+def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
     """Torque of one motor for this tick; returns its electrical power."""
     inputs, state = episode.inputs, episode.state
     per_leg = inputs.integers[JOINTS_PER_LEG]
@@ -455,74 +469,74 @@ def _control(episode: Episode, joint: int, row: Array) -> float:
     if inputs.integers[RECORD] != 0:
         first = inputs.integers[N_LEGS] + JOINT_WIDTH * joint
         for i in range(3):
-            row[first + 2 + i] = state.measured[joint, i]
-        row[first + 5] = impedance
-        row[first + 6] = friction
-        row[first + 7] = gravity
-        row[first + 8] = inertia
-        row[first + 9] = target
-        row[first + 10] = command
-        row[first + 11] = torque
-        row[first + 15] = target_current
-        row[first + 16] = current
-        row[first + 17] = stiffness
-        row[first + 18] = damping
-        row[first + 19] = equilibrium
-        row[first + 20] = gain
+            rows[tick, first + 2 + i] = state.measured[joint, i]
+        rows[tick, first + 5] = impedance
+        rows[tick, first + 6] = friction
+        rows[tick, first + 7] = gravity
+        rows[tick, first + 8] = inertia
+        rows[tick, first + 9] = target
+        rows[tick, first + 10] = command
+        rows[tick, first + 11] = torque
+        rows[tick, first + 15] = target_current
+        rows[tick, first + 16] = current
+        rows[tick, first + 17] = stiffness
+        rows[tick, first + 18] = damping
+        rows[tick, first + 19] = equilibrium
+        rows[tick, first + 20] = gain
     return motor_electrical_power(
         current, velocity, inputs.actuators[joint, 3], inputs.actuators[joint, 0], inputs.actuators[joint, 1]
     )
 
 
-def _record(episode: Episode, tick: int, battery_power: float, row: Array) -> None:
+def _record(episode: Episode, tick: int, battery_power: float, rows: Array) -> None:
     """Write everything that is not a controller's, at the state before integration."""
     inputs, state = episode.inputs, episode.state
     state.changing[TIME] = tick * inputs.numbers[PERIOD]
     _acceleration(episode, 0.0, 0.0, state.q, state.v, state.a)
     for leg in range(inputs.integers[N_LEGS]):
-        row[leg] = state.phase[leg]
+        rows[tick, leg] = state.phase[leg]
     for joint in range(inputs.coordinates.shape[0]):
         index = inputs.coordinates[joint]
         first = inputs.integers[N_LEGS] + JOINT_WIDTH * joint
-        row[first] = state.q[index]
-        row[first + 1] = state.v[index]
-        row[first + 12] = state.passive[index, FRICTION]
-        row[first + 13] = state.passive[index, STOP]
-        row[first + 14] = state.changing[HAND_TORQUE] if inputs.integers[HAND_INDEX] == index else 0.0
+        rows[tick, first] = state.q[index]
+        rows[tick, first + 1] = state.v[index]
+        rows[tick, first + 12] = state.passive[index, FRICTION]
+        rows[tick, first + 13] = state.passive[index, STOP]
+        rows[tick, first + 14] = state.changing[HAND_TORQUE] if inputs.integers[HAND_INDEX] == index else 0.0
     place = inputs.integers[N_LEGS] + JOINT_WIDTH * inputs.coordinates.shape[0]
     for ankle in range(inputs.integers[N_ANKLES]):
         index = inputs.ankles[ankle]
-        row[place] = state.q[index]
-        row[place + 1] = state.v[index]
-        row[place + 2] = state.passive[index, SPRING]
+        rows[tick, place] = state.q[index]
+        rows[tick, place + 1] = state.v[index]
+        rows[tick, place + 2] = state.passive[index, SPRING]
         place += ANKLE_WIDTH
     per_foot = inputs.integers[POINTS_PER_FOOT]
     if per_foot > 0:
         for leg in range(inputs.integers[N_LEGS]):
-            row[place] = _foot_sum(state.points, leg, per_foot, 1)
-            row[place + 1] = _foot_sum(state.points, leg, per_foot, 0)
+            rows[tick, place] = _foot_sum(state.points, leg, per_foot, 1)
+            rows[tick, place + 1] = _foot_sum(state.points, leg, per_foot, 0)
             lowest = state.points[leg * per_foot, 2]
             for number in range(leg * per_foot, (leg + 1) * per_foot):
                 lowest = min(lowest, state.points[number, 2])
-            row[place + 2] = lowest
+            rows[tick, place + 2] = lowest
             place += FOOT_WIDTH
     kinetic, potential, force, moment = observe(
         state.q, state.v, state.a, inputs.bodies, inputs.numbers[GRAVITY], state.points
     )
     pelvis = inputs.integers[PELVIS_INDEX]
     if pelvis >= 0:
-        row[place] = state.q[pelvis]
-        row[place + 1] = state.v[pelvis]
-        row[place + 2] = state.passive[pelvis, SPRING]
-        row[place + 3] = force
-        row[place + 4] = moment
+        rows[tick, place] = state.q[pelvis]
+        rows[tick, place + 1] = state.v[pelvis]
+        rows[tick, place + 2] = state.passive[pelvis, SPRING]
+        rows[tick, place + 3] = force
+        rows[tick, place + 4] = moment
         place += PELVIS_WIDTH
-    row[place] = state.changing[BUS_VOLTAGE]
-    row[place + 1] = battery_power
-    row[place + 2] = kinetic
-    row[place + 3] = potential
+    rows[tick, place] = state.changing[BUS_VOLTAGE]
+    rows[tick, place + 1] = battery_power
+    rows[tick, place + 2] = kinetic
+    rows[tick, place + 3] = potential
     for source in range(state.works.shape[0]):
-        row[place + 4 + source] = state.works[source]
+        rows[tick, place + 4 + source] = state.works[source]
 
 
 def _status(episode: Episode) -> int:
@@ -552,15 +566,14 @@ def run_ticks(episode: Episode, first: int, end: int, rows: Array) -> int:
     inputs, state = episode.inputs, episode.state
     record = inputs.integers[RECORD] != 0
     for tick in range(first, end):
-        row = rows[tick] if record else rows[0]
         _measure(episode, tick)
         _decide(episode, tick)
         _feed_forward(episode)
         battery_power = 0.0
         for joint in range(inputs.coordinates.shape[0]):
-            battery_power += _control(episode, joint, row)
+            battery_power += _control(episode, joint, tick, rows)
         if record:
-            _record(episode, tick, battery_power, row)
+            _record(episode, tick, battery_power, rows)
         state.changing[BUS_VOLTAGE] = sagged_bus_voltage(
             inputs.numbers[BATTERY_VOLTAGE],
             inputs.numbers[BATTERY_RESISTANCE],
