@@ -14,11 +14,12 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from table_builder import JOINTS, guard, impedance, phase, transition, two_phase_table
 
+from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.exceptions import GaitTableError, ParameterError, TwinGaitError
 from twin_gait.gait import Blending, BlendingLaw, GaitTable, Scaling
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, PhaseMembership
 from twin_gait.gait.program import compile_guards
-from twin_gait.gait.scaling import COLUMNS_PER_JOINT, resolve_phases, scale_table
+from twin_gait.gait.scaling import resolve_phases, scale_table
 from twin_gait.vocabulary import GaitPhase, Side
 
 

@@ -26,6 +26,10 @@ Array = np.ndarray[Any, np.dtype[Any]]
 # Columns of a measurement.
 ANGLE, VELOCITY_FAST, VELOCITY_SLOW = range(3)
 
+# Columns of the parameters of a phase: four per joint, then the share of gravity compensation.
+STIFFNESS, DAMPING, EQUILIBRIUM, GAIN = range(4)
+COLUMNS_PER_JOINT = 4
+
 
 def measure_joints(
     tick: int,

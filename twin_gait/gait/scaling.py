@@ -12,10 +12,6 @@ from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, signal_scale
 from twin_gait.gait.table import GaitTable, PhaseParameters
 from twin_gait.vocabulary import JointName, Side
 
-# Columns of a resolved phase: four per joint, then the share of gravity compensation.
-STIFFNESS, DAMPING, EQUILIBRIUM, GAIN = range(4)
-COLUMNS_PER_JOINT = 4
-
 InertiaAt = Callable[[Side, Mapping[str, float], str], float]
 
 

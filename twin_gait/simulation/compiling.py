@@ -32,7 +32,7 @@ from twin_gait import core
 from twin_gait.control import ControllerFunction
 from twin_gait.core import integrators
 from twin_gait.files import write_atomically
-from twin_gait.simulation import episode
+from twin_gait.simulation import columns, episode
 from twin_gait.simulation.flattening import BUNDLE, flatten_bundle
 from twin_gait.simulation.kernel import KERNEL_VERSION
 
@@ -132,6 +132,7 @@ def _bound_integrator(function: Callable[..., None]) -> str:
 def source_key(text: str) -> str:
     """Hash over a generated module and everything that it is compiled with."""
     digest = hashlib.sha256(text.encode())
+    digest.update(inspect.getsource(columns).encode())
     for name in CORE_MODULES:
         module = importlib.import_module(f"{core.__name__}.{name}")
         digest.update(inspect.getsource(module).encode())

@@ -17,6 +17,11 @@ import numpy as np
 
 from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
 from twin_gait.core.control_tick import (
+    COLUMNS_PER_JOINT,
+    DAMPING,
+    EQUILIBRIUM,
+    GAIN,
+    STIFFNESS,
     blend_phase,
     controller_torques,
     drive_motor,
@@ -39,6 +44,7 @@ from twin_gait.core.plant import (
     hand_torque,
     passive_torque,
 )
+from twin_gait.simulation.columns import ANKLE_COLUMNS, FOOT_COLUMNS, JOINT_COLUMNS, PELVIS_COLUMNS
 from twin_gait.simulation.kernel_interface import (
     contact_forces,
     control_gravity,
@@ -83,10 +89,13 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
 # Positions in the array of numbers that change: bus voltage, time of the step, hand, contact power.
 BUS_VOLTAGE, TIME, HAND_TORQUE, CONTACT_POWER, LAST_CONTACT_POWER = range(5)
 
-JOINT_WIDTH = 21  # columns of a joint in the log
-ANKLE_WIDTH = 3
-FOOT_WIDTH = 3
-PELVIS_WIDTH = 5
+# Blocks of the log, and where groups of columns begin in the block of a joint.
+JOINT_WIDTH, ANKLE_WIDTH = len(JOINT_COLUMNS), len(ANKLE_COLUMNS)
+FOOT_WIDTH, PELVIS_WIDTH = len(FOOT_COLUMNS), len(PELVIS_COLUMNS)
+MEASURED = JOINT_COLUMNS.index("measured_angle_rad")
+CONTROLLED = JOINT_COLUMNS.index("impedance_torque_Nm")
+PASSIVE = JOINT_COLUMNS.index("friction_torque_Nm")
+ELECTRICAL = JOINT_COLUMNS.index("target_current_A")
 
 
 class EpisodeInputs(NamedTuple):
@@ -431,9 +440,9 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
     inputs, state = episode.inputs, episode.state
     per_leg = inputs.integers[JOINTS_PER_LEG]
     leg = joint // per_leg
-    column = 4 * (joint % per_leg)
-    stiffness, damping = state.blended[leg, column], state.blended[leg, column + 1]
-    equilibrium, gain = state.blended[leg, column + 2], state.blended[leg, column + 3]
+    column = COLUMNS_PER_JOINT * (joint % per_leg)
+    stiffness, damping = state.blended[leg, column + STIFFNESS], state.blended[leg, column + DAMPING]
+    equilibrium, gain = state.blended[leg, column + EQUILIBRIUM], state.blended[leg, column + GAIN]
     impedance, friction = controller_torques(
         state.measured[joint, 0],
         state.measured[joint, 1],
@@ -469,20 +478,20 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
     if inputs.integers[RECORD] != 0:
         first = inputs.integers[N_LEGS] + JOINT_WIDTH * joint
         for i in range(3):
-            rows[tick, first + 2 + i] = state.measured[joint, i]
-        rows[tick, first + 5] = impedance
-        rows[tick, first + 6] = friction
-        rows[tick, first + 7] = gravity
-        rows[tick, first + 8] = inertia
-        rows[tick, first + 9] = target
-        rows[tick, first + 10] = command
-        rows[tick, first + 11] = torque
-        rows[tick, first + 15] = target_current
-        rows[tick, first + 16] = current
-        rows[tick, first + 17] = stiffness
-        rows[tick, first + 18] = damping
-        rows[tick, first + 19] = equilibrium
-        rows[tick, first + 20] = gain
+            rows[tick, first + MEASURED + i] = state.measured[joint, i]
+        rows[tick, first + CONTROLLED] = impedance
+        rows[tick, first + CONTROLLED + 1] = friction
+        rows[tick, first + CONTROLLED + 2] = gravity
+        rows[tick, first + CONTROLLED + 3] = inertia
+        rows[tick, first + CONTROLLED + 4] = target
+        rows[tick, first + CONTROLLED + 5] = command
+        rows[tick, first + CONTROLLED + 6] = torque
+        rows[tick, first + ELECTRICAL] = target_current
+        rows[tick, first + ELECTRICAL + 1] = current
+        rows[tick, first + ELECTRICAL + 2] = stiffness
+        rows[tick, first + ELECTRICAL + 3] = damping
+        rows[tick, first + ELECTRICAL + 4] = equilibrium
+        rows[tick, first + ELECTRICAL + 5] = gain
     return motor_electrical_power(
         current, velocity, inputs.actuators[joint, 3], inputs.actuators[joint, 0], inputs.actuators[joint, 1]
     )
@@ -500,9 +509,11 @@ def _record(episode: Episode, tick: int, battery_power: float, rows: Array) -> N
         first = inputs.integers[N_LEGS] + JOINT_WIDTH * joint
         rows[tick, first] = state.q[index]
         rows[tick, first + 1] = state.v[index]
-        rows[tick, first + 12] = state.passive[index, FRICTION]
-        rows[tick, first + 13] = state.passive[index, STOP]
-        rows[tick, first + 14] = state.changing[HAND_TORQUE] if inputs.integers[HAND_INDEX] == index else 0.0
+        rows[tick, first + PASSIVE] = state.passive[index, FRICTION]
+        rows[tick, first + PASSIVE + 1] = state.passive[index, STOP]
+        rows[tick, first + PASSIVE + 2] = (
+            state.changing[HAND_TORQUE] if inputs.integers[HAND_INDEX] == index else 0.0
+        )
     place = inputs.integers[N_LEGS] + JOINT_WIDTH * inputs.coordinates.shape[0]
     for ankle in range(inputs.integers[N_ANKLES]):
         index = inputs.ankles[ankle]

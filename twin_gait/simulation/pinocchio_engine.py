@@ -9,6 +9,7 @@ import numpy as np
 from twin_gait.control import Controller, ControllerFunction, JointMeasurement, JointSetpoint
 from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
 from twin_gait.core.control_tick import (
+    COLUMNS_PER_JOINT,
     blend_phase,
     controller_torques,
     drive_motor,
@@ -18,7 +19,6 @@ from twin_gait.core.control_tick import (
 from twin_gait.core.estimation import first_order_step
 from twin_gait.core.plant import FRICTION, SPRING, STOP
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
-from twin_gait.gait.scaling import COLUMNS_PER_JOINT
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.columns import WORK_SOURCES
 from twin_gait.simulation.engine import (

@@ -8,18 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, STIFFNESS
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.gait.guards import signal_names
 from twin_gait.gait.program import GuardProgram, compile_guards
-from twin_gait.gait.scaling import (
-    COLUMNS_PER_JOINT,
-    DAMPING,
-    STIFFNESS,
-    InertiaAt,
-    resolve_phases,
-    scale_table,
-)
+from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ActuatorParameters

@@ -10,7 +10,7 @@ two processes, half of which is the two interpreters starting up; that is paid o
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -69,7 +69,9 @@ JOINT_COLUMNS = (
 )
 _TEXTS = frozenset({"status"})
 _TRUTHS = frozenset({"fell", "phases_in_order"})
-_COUNTS = frozenset({"strides", "strides_counted", "further_contacts", "scuffs", "strides_by_phase", "time_outs"})
+_COUNTS = frozenset(
+    {"strides", "strides_counted", "further_contacts", "scuffs", "strides_by_phase", "time_outs"}
+)
 
 
 @dataclass(frozen=True)
@@ -254,12 +256,12 @@ def _run_episode(task: _Task) -> _Outcome:
     return _Outcome(task.episode, flat_summary(run), run.log if task.keep_log else None, "")
 
 
-def _in_turn(tasks: Iterable[_Task]) -> Iterator[_Outcome]:
+def _in_turn(tasks: Iterable[_Task]) -> Generator[_Outcome, None, None]:
     for task in tasks:
         yield _run_episode(task)
 
 
-def _side_by_side(tasks: Iterable[_Task], workers: int) -> Iterator[_Outcome]:
+def _side_by_side(tasks: Iterable[_Task], workers: int) -> Generator[_Outcome, None, None]:
     """Run tasks in processes, with no more of them under way than keeps every process busy."""
     # Forked children would share the BLAS and OpenMP threads of this process; spawned ones do not.
     context = get_context("spawn")

@@ -32,6 +32,7 @@ from twin_gait.simulation.pinocchio_plant import PinocchioPlant
 from twin_gait.vocabulary import JointName
 
 EXTRA = "test"  # the extra of this package that installs MuJoCo
+OLDEST = (3, 3)  # earlier ones cannot edit a model by the names of its joints
 # MuJoCo would else merge links and mend inertias that it finds odd.
 _COMPILER = (
     '<mujoco><compiler fusestatic="false" balanceinertia="false" boundmass="0" boundinertia="0"/></mujoco>'
@@ -45,12 +46,16 @@ def import_mujoco() -> Any:
         The module.
 
     Raises:
-        MissingOptionalDependency: If it is not installed.
+        MissingOptionalDependency: If it is not installed or too old.
     """
+    package = f"mujoco {'.'.join(map(str, OLDEST))} or newer"
     try:
-        return importlib.import_module("mujoco")
+        mujoco = importlib.import_module("mujoco")
     except ImportError as error:
-        raise MissingOptionalDependency("mujoco", EXTRA, "the comparison with MuJoCo") from error
+        raise MissingOptionalDependency(package, EXTRA, "the comparison with MuJoCo") from error
+    if tuple(int(number) for number in mujoco.__version__.split(".")[:2]) < OLDEST:
+        raise MissingOptionalDependency(package, EXTRA, "the comparison with MuJoCo")
+    return mujoco
 
 
 # ---------------------------------------------------------------------- the rigid bodies
@@ -134,9 +139,7 @@ def _fit(spec: Any, leg: LegJoints, patient: Patient) -> None:
         tube.fullinertia = ratio * ratio * np.array(tube.fullinertia)
 
 
-def _add_segment(
-    body: Any, patient: Patient, segment: Segment, start: np.ndarray, axis: np.ndarray
-) -> None:
+def _add_segment(body: Any, patient: Patient, segment: Segment, start: np.ndarray, axis: np.ndarray) -> None:
     """A limb along x or z of its body: a transverse inertia across it, a longitudinal one along."""
     mass, length = segment.mass * patient.mass, float(np.linalg.norm(axis))
     radii = np.where(axis != 0.0, segment.longitudinal_radius, segment.transverse_radius)
@@ -203,7 +206,9 @@ def coordinate_order(witness: Any, model: LegModel) -> list[int]:
     Returns:
         Positions in the order of the leg model.
     """
-    names = {model.index(side, joint): name for side, leg in model.legs.items() for joint, name in leg.items()}
+    names = {
+        model.index(side, joint): name for side, leg in model.legs.items() for joint, name in leg.items()
+    }
     if model.pelvis_index is not None:
         names[model.pelvis_index] = PELVIS_JOINT
     return [int(witness.joint(names[index]).dofadr[0]) for index in range(model.nv)]
@@ -272,9 +277,7 @@ class MujocoPlant(PinocchioPlant):
         self.q[:], self.v[:] = data.qpos[self._order], data.qvel[self._order]
 
 
-def _friction_laws(
-    model: LegModel, laws: Mapping[JointName, FrictionParameters]
-) -> list[FrictionParameters]:
+def _friction_laws(model: LegModel, laws: Mapping[JointName, FrictionParameters]) -> list[FrictionParameters]:
     """Laws in the order of the coordinates of one leg of hip and knee."""
     (side,) = model.sides
     joints = sorted(laws, key=lambda joint: model.index(side, joint))

@@ -11,8 +11,8 @@ import pandas as pd
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.simulation import RunStatus
-from twin_gait.studies.batch import overridden, simulate_batch
+from twin_gait.simulation import Run, RunStatus
+from twin_gait.studies.batch import flat_summary, overridden, simulate_batch
 from twin_gait.vocabulary import Side
 
 MASSES = (55.0, 65.0, 75.0, 85.0, 95.0)  # [kg]
@@ -72,22 +72,16 @@ def experiment_of(base: Experiment, case: Case) -> Experiment:
     return overridden(base, changes_of(case), base.name)
 
 
-def outcome_of(episode: Mapping[str, Any], sides: Iterable[Side]) -> str:
-    """What became of an episode, in one word.
+def outcome_of(run: Run) -> str:
+    """What became of a run, in one word.
 
     Args:
-        episode: Row of a batch's table, or a flat summary.
-        sides: Legs.
+        run: The run.
 
     Returns:
         ``walks``, ``falls``, ``stalls`` (on its feet, but hardly a stride) or ``diverges``.
     """
-    if episode["status"] == RunStatus.FELL:
-        return "falls"
-    if episode["status"] == RunStatus.DIVERGED:
-        return "diverges"
-    strides = min(episode[f"{side}_strides"] for side in sides)
-    return "walks" if strides >= episode["duration_s"] / LONGEST_STRIDE else "stalls"
+    return _outcome(flat_summary(run), run.sides)
 
 
 def map_outcomes(
@@ -127,6 +121,16 @@ def _check_walker(base: Experiment) -> None:
         raise ParameterError(f"{base.name}: expected a treadmill with a wearer; there is nothing to vary")
 
 
+def _outcome(episode: Mapping[Any, Any], sides: Iterable[Side]) -> str:
+    """Outcome in a flat summary."""
+    if episode["status"] == RunStatus.FELL:
+        return "falls"
+    if episode["status"] == RunStatus.DIVERGED:
+        return "diverges"
+    strides = min(episode[f"{side}_strides"] for side in sides)
+    return "walks" if strides >= episode["duration_s"] / LONGEST_STRIDE else "stalls"
+
+
 def _row(case: Case, episode: Mapping[Any, Any], sides: tuple[Side, ...]) -> dict[str, Any]:
     """What the map shows of one case."""
     return {
@@ -134,7 +138,7 @@ def _row(case: Case, episode: Mapping[Any, Any], sides: tuple[Side, ...]) -> dic
         "height_m": case.height,
         "speed_m_per_s": case.speed,
         "support_share": case.support,
-        "outcome": outcome_of(episode, sides),
+        "outcome": _outcome(episode, sides),
         "duration_s": episode["duration_s"],
         "strides": min(episode[f"{side}_strides"] for side in sides),
         "further_contacts": sum(episode[f"{side}_further_contacts"] for side in sides),

@@ -77,6 +77,4 @@ class CheckPlan:
             return Check(self.name, self.witness, None, self.unit, self.tolerance, None, way_out)
         # A figure that is not a number is not within any tolerance.
         passed = finding.sound and math.isfinite(finding.figure) and finding.figure <= self.tolerance
-        return Check(
-            self.name, self.witness, finding.figure, self.unit, self.tolerance, passed, finding.note
-        )
+        return Check(self.name, self.witness, finding.figure, self.unit, self.tolerance, passed, finding.note)

@@ -52,7 +52,9 @@ def random_states(n: int) -> Iterator[State]:
     generator = np.random.default_rng(SEED)
     for _ in range(N_STATES):
         yield State(
-            generator.uniform(-1.0, 1.5, n), generator.uniform(-4.0, 4.0, n), generator.uniform(-40.0, 40.0, n)
+            q=generator.uniform(-1.0, 1.5, n),
+            v=generator.uniform(-4.0, 4.0, n),
+            torque=generator.uniform(-40.0, 40.0, n),
         )
 
 
@@ -190,7 +192,7 @@ def pendulum_acceleration(pendulum: Pendulum, state: State) -> np.ndarray:
     r1 = state.torque[0] + k * knee_rate * (2.0 * hip_rate - knee_rate) - thigh - shank
     r2 = state.torque[1] - k * hip_rate * hip_rate + shank
     determinant = m11 * m22 - m12 * m12
-    return np.array([m22 * r1 - m12 * r2, m11 * r2 - m12 * r1]) / determinant
+    return np.asarray(np.array([m22 * r1 - m12 * r2, m11 * r2 - m12 * r1]) / determinant)
 
 
 def pendulum_error() -> Finding:

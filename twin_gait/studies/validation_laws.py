@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from twin_gait.configuration import load_experiment
-from twin_gait.core.contact import ground_contact_force, mechanical_stop_torque
+from twin_gait.core.contact import ground_contact_force
 from twin_gait.core.integrators import rk4_step, semi_implicit_euler_step
-from twin_gait.core.plant import FRICTION, passive_torque
+from twin_gait.core.plant import FRICTION, STOP, STOP_LOWER, STOP_UPPER, passive_torque
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import ContactParameters, StopParameters
+from twin_gait.parameters import ContactParameters
 from twin_gait.studies.validation_check import CheckPlan, Finding
 from twin_gait.studies.validation_dynamics import Pendulum, State, pendulum_acceleration, pendulum_of
 
 START = (1.2, 0.3)  # hip and knee of the free leg at rest in [rad]: a swing of half a turn
 FREE_DURATION, FREE_STEP = 5.0, 1e-3  # [s]
 ORDER_DURATION = 0.5  # [s]
-ORDER_STEPS = {"semi_implicit_euler": (400, 800, 1600), "rk4": (10, 20, 40)}
+ORDER_STEPS = {"semi_implicit_euler": (400, 800, 1600), "rk4": (20, 40, 80)}
 ORDERS = {"semi_implicit_euler": 1, "rk4": 4}
 
 Advance = Callable[[np.ndarray, np.ndarray, float], None]
@@ -85,7 +87,6 @@ def exact_motion(pendulum: Pendulum, duration: float) -> np.ndarray:
     Returns:
         Shape ``(4,)``.
     """
-    from scipy.integrate import solve_ivp
 
     def slope(_: float, state: np.ndarray) -> np.ndarray:
         q, v = state[:2], state[2:]
@@ -164,12 +165,47 @@ def ground_pull() -> Finding:
 
 
 def stop_pull() -> Finding:
-    """Largest torque by which a mechanical stop pulls the joint towards itself."""
-    law, (lower, upper) = StopParameters(), (-0.3, 1.9)
-    angles, speeds = np.linspace(-0.5, 2.1, 261).tolist(), np.linspace(-12.0, 12.0, 121).tolist()
-    pulls = [0.0]
-    for angle, velocity in itertools.product(angles, speeds):
-        torque = mechanical_stop_torque(angle, velocity, lower, upper, law.stiffness, law.dissipation)
-        inwards = -torque if angle > upper else torque
-        pulls.append(abs(torque) if lower <= angle <= upper else -inwards)
-    return Finding(max(pulls), f"{len(angles) * len(speeds)} angles and velocities")
+    """Largest torque by which a mechanical stop pulls a joint outwards, or acts before it is touched."""
+    world = load_experiment("bench_leg").experiment.build_world()
+    worst, count = -np.inf, 0
+    for row in world.plant_rows.tolist():
+        lower, upper = row[STOP_LOWER], row[STOP_UPPER]
+        angles, speeds = np.linspace(lower - 0.2, upper + 0.2, 261), np.linspace(-12.0, 12.0, 121)
+        for angle, velocity in itertools.product(angles.tolist(), speeds.tolist()):
+            torque = passive_torque(angle, velocity, *row)[STOP]
+            outwards = torque if angle > upper else -torque if angle < lower else abs(torque)
+            worst, count = max(worst, outwards), count + 1
+    return Finding(float(worst), f"hip and knee, {count} angles and velocities")
+
+
+LAW_CHECKS = (
+    CheckPlan(
+        name="free-energy",
+        witness="conservation of energy",
+        unit="1",
+        # Runge-Kutta changes the energy of an oscillation by (ωh)⁶/72 in a step; nothing in the free leg is
+        # faster than 10 rad/s: 7e-11 in 5000 steps.
+        tolerance=1e-10,
+        find=free_energy_drift,
+    ),
+    CheckPlan(
+        name="order-semi-implicit-euler",
+        witness="scipy DOP853, by hand",
+        unit="1",
+        # The next term of the error is smaller by the step over the time scale of the motion, here about
+        # 1/1000. A method that lost its order is off by 1.
+        tolerance=0.01,
+        find=partial(order_error, "semi_implicit_euler"),
+    ),
+    CheckPlan(
+        name="order-rk4",
+        witness="scipy DOP853, by hand",
+        unit="1",
+        # As above with steps twenty times as long, which an error above scipy's 1e-13 needs.
+        tolerance=0.1,
+        find=partial(order_error, "rk4"),
+    ),
+    CheckPlan(name="friction-passive", witness="passivity", unit="W", tolerance=0.0, find=friction_power),
+    CheckPlan(name="ground-never-pulls", witness="passivity", unit="N", tolerance=0.0, find=ground_pull),
+    CheckPlan(name="stops-never-pull", witness="passivity", unit="N m", tolerance=0.0, find=stop_pull),
+)

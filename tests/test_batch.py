@@ -1,0 +1,270 @@
+"""Batches of short walks: the same table whoever runs them, and each row what `simulate` gives alone."""
+
+from __future__ import annotations
+
+import weakref
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.experiment import Engine, Experiment
+from twin_gait.simulation import Run, RunStatus
+from twin_gait.studies import batch
+from twin_gait.studies.batch import BatchResult, overridden, simulate_batch
+from twin_gait.studies.outcome_map import Case, draw_map, experiment_of, map_outcomes, outcome_of
+from twin_gait.studies.summary import summarise
+
+FALLING = 4
+LOGS = (1, FALLING)
+OVERRIDES: list[dict[str, Any]] = [
+    {"patient.mass_kg": 60.0 + 2.0 * number, "scenario.belt_speed_m_per_s": 0.30 + 0.01 * number}
+    for number in range(12)
+]
+OVERRIDES[FALLING] = {
+    "patient.mass_kg": 68.0,
+    "scenario.support.share": 0.0,
+    "table.phases.early_stance.knee.stiffness_Nm_per_deg": 0.01,
+}
+
+
+@pytest.fixture(scope="module")
+def walk() -> Experiment:
+    return load_experiment("treadmill", ["duration_s=6", "engine=compiled"]).experiment
+
+
+@pytest.fixture(scope="module")
+def noisy(walk: Experiment) -> Experiment:
+    sensors = replace(walk.sensors, ideal=False, angle_noise=1e-5)
+    return replace(walk, duration=0.5, sensors=sensors, seed=11)
+
+
+@pytest.fixture(scope="module")
+def alone(walk: Experiment) -> BatchResult:
+    """All twelve in this process."""
+    return simulate_batch(walk, OVERRIDES)
+
+
+def assert_same(ours: pd.DataFrame, theirs: pd.DataFrame) -> None:
+    pd.testing.assert_frame_equal(ours, theirs, check_exact=True)
+
+
+def test_two_workers_give_the_same_table_and_the_logs_of_simulate(walk, alone):
+    asked, counts = [], []
+
+    def progress(done: int, total: int) -> None:
+        counts.append((done, total))
+        # A worker's task and one to follow: what is under way does not grow with the batch.
+        assert len(asked) <= done + 3
+
+    result = simulate_batch(
+        walk,
+        OVERRIDES,
+        workers=2,
+        logs=LOGS,
+        progress=progress,
+        should_stop=lambda: asked.append(True) or False,
+    )
+    assert result.status is RunStatus.COMPLETED
+    assert_same(result.table, alone.table)
+    assert counts == [(done, 12) for done in range(1, 13)]
+    assert sorted(result.logs) == list(LOGS)
+    for episode, log in result.logs.items():
+        assert_same(log, simulate(overridden(walk, OVERRIDES[episode])).log)
+    assert alone.logs == {}
+
+
+@pytest.mark.parametrize("length", [1, 7])
+def test_a_shorter_batch_is_the_beginning_of_a_longer_one(walk, alone, length):
+    short = simulate_batch(walk, OVERRIDES[:length]).table
+    longer = alone.table.head(length)
+    keys = [name for name in longer.columns if name in short.columns]
+    assert set(longer.columns) - set(short.columns) <= set(OVERRIDES[FALLING])
+    assert_same(short, longer[keys])
+
+
+def test_order_does_not_matter(walk, alone):
+    order = np.random.default_rng(3).permutation(len(OVERRIDES))
+    shuffled = simulate_batch(walk, [OVERRIDES[index] for index in order]).table
+    assert shuffled["episode"].tolist() == list(range(12))
+    shuffled = shuffled.assign(episode=order).sort_values("episode").reset_index(drop=True)
+    assert_same(shuffled[list(alone.table.columns)], alone.table)
+
+
+def test_a_row_is_the_summary_of_its_episode(walk, alone):
+    settings = ["duration_s=6", "engine=compiled", "patient.mass_kg=82", "scenario.belt_speed_m_per_s=0.41"]
+    by_command_line = load_experiment("treadmill", settings).experiment
+    assert overridden(walk, OVERRIDES[11]) == by_command_line
+    summary, row = summarise(simulate(by_command_line)), alone.table.iloc[11]
+    assert row["patient.mass_kg"] == 82.0
+    assert row["duration_s"] == 6.0
+    assert row["battery_power_mean_W"] == summary["battery_power_mean_W"]
+    left = summary["sides"]["left"]
+    assert row["left_strides"] == left["strides"] >= 1
+    assert row["left_further_contacts"] == left["further_contacts"]
+    assert row["left_hip_torque_rms_Nm"] == left["joints"]["hip"]["torque_rms_Nm"]
+    assert row["right_knee_saturated_share"] == summary["sides"]["right"]["joints"]["knee"]["saturated_share"]
+
+
+def test_changes_have_an_effect_and_no_wall_time_is_kept(alone):
+    assert alone.table["battery_power_mean_W"].nunique() == len(OVERRIDES)
+    assert not [name for name in alone.table.columns if "wall" in name or "realtime" in name]
+
+
+def test_a_fall_ends_its_episode_only(alone):
+    fallen = alone.table["fell"]
+    assert fallen.tolist() == [index == FALLING for index in range(12)]
+    assert alone.table["status"][FALLING] == "fell"
+    assert 0.0 < alone.table["duration_s"][FALLING] < 6.0
+    assert (alone.table["duration_s"][~fallen] == 6.0).all()
+    assert np.isnan(alone.table["scenario.support.share"][0])
+
+
+WRONG = {
+    "misspelt": ({"patient.mas_kg": 80}, "episode 1: patient.mas_kg: unknown key; did you mean 'mass_kg'"),
+    "out of range": ({"patient.mass_kg": -1}, "episode 1: patient: .*30 to 110 kg.*-1"),
+    "not a key": ({"patient..mass_kg": 80}, r"episode 1: patient\.\.mass_kg: there is no such place"),
+    "no such item": (
+        {"table.transitions[99].cause": "x"},
+        r"episode 1: table\.transitions\[99\]\.cause: there",
+    ),
+    "assignment": ({"patient.mass_kg=80": 80}, "episode 1: patient.mass_kg=80: expected a key and its value"),
+    "wrong type": ({"duration_s": "long"}, "episode 1: duration_s: .*'long'"),
+}
+
+
+@pytest.mark.parametrize(("wrong", "message"), WRONG.values(), ids=WRONG.keys())
+def test_a_wrong_change_is_one_line_and_nothing_runs(walk, monkeypatch, wrong, message):
+    ran: list[Experiment] = []
+    monkeypatch.setattr(batch, "simulate", ran.append)
+    with pytest.raises(ParameterFileError, match=f"^{message}") as error:
+        simulate_batch(walk, [{}, wrong])
+    assert "\n" not in str(error.value)
+    assert ran == []
+
+
+def test_an_episode_that_cannot_be_run_is_named_across_processes(walk):
+    with pytest.raises(ParameterFileError, match=r"^episode 1: .*no joint 'nothing'"):
+        simulate_batch(walk, [{"duration_s": 0.1}, {"leg.left.hip": "nothing"}], workers=2)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [({"workers": 0}, "workers"), ({"logs": [2]}, "logs: .*0 to 1, got 2"), ({"seed": -1}, "seed")],
+)
+def test_senseless_arguments_are_refused(walk, arguments, message):
+    with pytest.raises(ParameterError, match=message):
+        simulate_batch(walk, [{}, {}], **arguments)
+
+
+def values_of(table: pd.DataFrame) -> pd.DataFrame:
+    return table.drop(columns=["episode", "seed"])
+
+
+def test_without_a_seed_equal_episodes_are_equal(noisy):
+    table = simulate_batch(noisy, [{}, {}]).table
+    assert table["seed"].tolist() == [11, 11]
+    assert_same(values_of(table.iloc[[0]]), values_of(table.iloc[[1]]).set_axis([0]))
+
+
+def test_a_seed_gives_every_episode_draws_of_its_own(noisy):
+    table = simulate_batch(noisy, [{}, {}, {"seed": 11}], seed=5).table
+    assert table["seed"].nunique() == 3
+    assert table["battery_power_mean_W"].nunique() == 3
+    assert_same(simulate_batch(noisy, [{}, {}], seed=5).table, table.head(2).drop(columns="set.seed"))
+    other = simulate_batch(noisy, [{}, {}], seed=6).table
+    assert not set(other["seed"]) & set(table["seed"])
+    # An episode that names its seed draws what the experiment with that seed draws.
+    named = simulate_batch(noisy, [{}]).table
+    assert table["battery_power_mean_W"][2] == named["battery_power_mean_W"][0]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_stopped_batch_keeps_the_first_episodes(walk, alone, workers):
+    done = 0
+
+    def progress(number: int, total: int) -> None:
+        nonlocal done
+        done = number
+
+    result = simulate_batch(
+        walk, OVERRIDES, workers=workers, progress=progress, should_stop=lambda: done >= 3
+    )
+    assert result.status is RunStatus.INTERRUPTED
+    # With two workers those that were under way are finished and kept.
+    assert 3 <= len(result.table) <= (3 if workers == 1 else 6)
+    assert_same(result.table, alone.table.head(len(result.table)))
+
+
+def test_a_batch_stopped_at_once_and_an_empty_one_have_no_rows(walk):
+    stopped = simulate_batch(walk, OVERRIDES[:2], should_stop=lambda: True)
+    assert (stopped.status, len(stopped.table)) == (RunStatus.INTERRUPTED, 0)
+    empty = simulate_batch(walk, [])
+    assert (empty.status, len(empty.table)) == (RunStatus.COMPLETED, 0)
+
+
+def test_no_log_outlives_its_episode_unless_it_is_asked_for(noisy, monkeypatch):
+    made: list[weakref.ref[pd.DataFrame]] = []
+
+    def simulate_and_watch(experiment: Experiment) -> Run:
+        # Nothing but the log that was asked for may be left of the episodes before.
+        assert len([log for log in made if log() is not None]) <= 1
+        run = simulate(experiment)
+        made.append(weakref.ref(run.log))
+        return run
+
+    monkeypatch.setattr(batch, "simulate", simulate_and_watch)
+    result = simulate_batch(noisy, [{}] * 5, logs=[0])
+    assert [log() is not None for log in made] == [True, False, False, False, False]
+    assert result.logs[0] is made[0]()
+
+
+def test_a_key_named_like_a_measure_keeps_both(walk):
+    table = simulate_batch(
+        walk, [{"duration_s": np.float64(0.2)}, {**OVERRIDES[FALLING], "duration_s": 4}]
+    ).table
+    assert table["set.duration_s"].tolist() == [0.2, 4.0]
+    assert table["duration_s"][0] == 0.2
+    assert table["duration_s"][1] < 4.0
+
+
+def test_the_engine_can_be_overridden(noisy, monkeypatch):
+    engines: list[Engine] = []
+
+    def note(experiment: Experiment) -> Run:
+        engines.append(experiment.engine)
+        return simulate(experiment)
+
+    monkeypatch.setattr(batch, "simulate", note)
+    short = replace(noisy, duration=0.02, engine=Engine.PINOCCHIO)
+    simulate_batch(short, [{}, {"engine": "pinocchio"}])
+    assert engines == [Engine.COMPILED, Engine.PINOCCHIO]
+    engines.clear()
+    map_outcomes(short, [Case(70.0, 1.75, 0.34, 0.5)], workers=1)
+    assert engines == [Engine.PINOCCHIO]
+
+
+def test_a_map_tells_of_every_case_what_its_run_alone_does(walk):
+    walk = replace(walk, duration=9.0)
+    cases = [Case(75.0, 1.80, 0.38, 0.6), Case(55.0, 1.60, 0.30, 0.1)]
+    table = map_outcomes(walk, cases, workers=1)
+    for case, (_, row) in zip(cases, table.iterrows(), strict=True):
+        run = simulate(experiment_of(walk, case))
+        sides = summarise(run)["sides"].values()
+        assert row["outcome"] == outcome_of(run)
+        assert row["duration_s"] == run.duration
+        assert row["strides"] == min(values["strides"] for values in sides)
+        assert row["further_contacts"] == sum(values["further_contacts"] for values in sides)
+        assert (row["mass_kg"], row["height_m"], row["speed_m_per_s"], row["support_share"]) == case
+    assert table["outcome"].tolist() == ["walks", "falls"]
+    assert "support 60%: 100% walk" in draw_map(table)
+    assert "support 10%: 0% walk" in draw_map(table)
+
+
+def test_a_map_needs_a_walker():
+    with pytest.raises(ParameterError, match="expected a treadmill with a wearer"):
+        map_outcomes(load_experiment("bench_leg").experiment, [Case(75.0, 1.80, 0.38, 0.6)])
