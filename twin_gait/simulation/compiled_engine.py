@@ -238,6 +238,10 @@ class CompiledEngine:
             counters=np.zeros(2, dtype=np.int64),
         )
 
+    def warm_up(self) -> None:
+        """Load or compile the loop without taking a tick, so that a clock started afterwards is right."""
+        self._run_ticks(self._episode, 0, 0, np.zeros((1, len(self.layout.names))))
+
     def run(
         self,
         progress: Callable[[int, int], None] | None = None,
