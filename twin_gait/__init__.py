@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from twin_gait.leg_model import LegModel
     from twin_gait.parameters import Patient
     from twin_gait.simulation import Run, RunStatus, simulate
+    from twin_gait.studies.batch import simulate_batch
     from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 __all__ = [
@@ -41,6 +42,7 @@ __all__ = [
     "load_gait_table",
     "presets",
     "simulate",
+    "simulate_batch",
 ]
 
 _HOMES = {
@@ -59,6 +61,7 @@ _HOMES = {
     "load_gait_table": "configuration",
     "presets": "configuration",
     "simulate": "simulation",
+    "simulate_batch": "studies.batch",
 }
 
 

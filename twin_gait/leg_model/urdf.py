@@ -8,6 +8,7 @@ import io
 import math
 import os
 import sys
+import threading
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from importlib.resources import files
@@ -17,6 +18,7 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
 
+_SILENCE = threading.Lock()
 PACKAGED_URDFS = ("twin.urdf", "twin_leg.urdf")
 
 
@@ -167,7 +169,15 @@ def build_model(path: Path, root_joint: tuple[pin.JointModel, str] | None = None
 
 @contextlib.contextmanager
 def quiet_stderr() -> Iterator[None]:
-    """Silence the C++ URDF parser, which prints to the file descriptor before it raises."""
+    """Silence the C++ URDF parser, which prints to the file descriptor before it raises.
+
+    The descriptor belongs to the whole process, so only one thread at a time may swap it.
+    """
+    with _SILENCE:
+        yield from _without_stderr()
+
+
+def _without_stderr() -> Iterator[None]:
     try:
         descriptor = sys.stderr.fileno()
     except (AttributeError, OSError, io.UnsupportedOperation):

@@ -72,8 +72,11 @@ def register_core() -> None:
                 register_jitable(function)
 
 
+@lru_cache(maxsize=8)
 def module_source(kernel: str) -> str:
     """Text of the module that is compiled: the loop with a kernel in place of its interface.
+
+    The sources are read once in a process, so that an edit during a long batch changes nothing in it.
 
     Args:
         kernel: From :func:`twin_gait.simulation.kernel.write_kernel`.
@@ -129,6 +132,7 @@ def _bound_integrator(function: Callable[..., None]) -> str:
     return re.sub(r": (?:Any|Array|Work|float|int)\b", "", source)
 
 
+@lru_cache(maxsize=8)
 def source_key(text: str) -> str:
     """Hash over a generated module and everything that it is compiled with."""
     digest = hashlib.sha256(text.encode())
@@ -165,8 +169,8 @@ def load_module(text: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None and spec.loader is not None  # a .py file always has a loader
     module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
     spec.loader.exec_module(module)
+    sys.modules[name] = module
     return module
 
 
