@@ -252,6 +252,15 @@ def test_an_edit_in_core_is_used_by_the_next_run(tmp_path, monkeypatch):
     assert abs(after) < abs(before)
 
 
+def test_a_cache_that_cannot_be_written_gives_way_to_a_private_folder(tmp_path):
+    (tmp_path / "file").write_text("")
+    folder = compiling.usable_folder(tmp_path / "file" / "cache")
+    assert folder.is_dir()
+    assert folder.stat().st_mode & 0o077 == 0  # nobody else may put code there
+    wanted = tmp_path / "new" / "cache"
+    assert compiling.usable_folder(wanted) == wanted
+
+
 # ------------------------------------------------------------------ controllers of the user's
 
 

@@ -8,13 +8,16 @@ edit in a callee and silently run the old law.
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import importlib.util
 import inspect
 import os
 import platform
 import re
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable
 from functools import lru_cache
 from importlib import metadata
@@ -60,6 +63,33 @@ def cache_folder() -> Path:
         return Path(chosen)
     base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     return Path(base) / "twin_gait"
+
+
+def usable_folder(wanted: Path) -> Path:
+    """The wanted folder, made if needed, or a private temporary one where it cannot be written.
+
+    The temporary one lasts as long as the process: compiled code is not kept where others could write.
+
+    Args:
+        wanted: From :func:`cache_folder`.
+
+    Returns:
+        A folder that can be written.
+    """
+    try:
+        wanted.mkdir(parents=True, exist_ok=True)
+        if os.access(wanted, os.W_OK):
+            return wanted
+    except OSError:
+        pass
+    return _private_folder()
+
+
+@lru_cache(maxsize=1)
+def _private_folder() -> Path:
+    folder = tempfile.mkdtemp(prefix="twin_gait_")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Path(folder)
 
 
 @lru_cache(maxsize=1)
@@ -161,8 +191,7 @@ def load_module(text: str) -> ModuleType:
     name = f"twin_gait_episode_{source_key(text)}"
     if name in sys.modules:
         return sys.modules[name]
-    folder = cache_folder()
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = usable_folder(cache_folder())
     path = folder / f"{name}.py"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
         write_atomically(path, text)
