@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model.bodies import contact_points, export_bodies
+from twin_gait.leg_model.urdf import build_model
 from twin_gait.simulation import compiling, rigid_body
 from twin_gait.simulation.columns import WORK_SOURCES
 from twin_gait.simulation.kernel import body_values, write_kernel
@@ -97,6 +99,42 @@ def test_kernel_of_any_tree_equals_pinocchio(seed, joints):
     pin.rnea(model, data, q, v, a)
     assert force == pytest.approx(data.f[1].linear[0], rel=1e-9, abs=1e-8)
     assert moment == pytest.approx(data.f[1].angular[1], rel=1e-9, abs=1e-8)
+
+
+ROBOTS = {
+    "double_pendulum_description/urdf/double_pendulum.urdf": 2,
+    "double_pendulum_description/urdf/double_pendulum_continuous.urdf": 2,
+    "ur_description/urdf/ur5_robot.urdf": 6,
+    "panda_description/urdf/panda.urdf": 9,
+    "hyq_description/robots/hyq_no_sensors.urdf": 12,
+    "talos_data/robots/talos_reduced.urdf": 32,
+}
+
+
+def robot_urdf(name: str) -> Path:
+    """A URDF of example-robot-data, which is a package of data only."""
+    try:
+        recorded = metadata.files("example-robot-data") or []
+    except metadata.PackageNotFoundError:
+        pytest.skip("example-robot-data (400 MB) is not installed: pip install 'twin-gait[robots]'")
+    for item in recorded:
+        if str(item).endswith(f"/robots/{name}"):
+            return Path(str(item.locate()))
+    pytest.skip(f"this version of example-robot-data has no {name}")
+
+
+@pytest.mark.parametrize(("name", "joints"), ROBOTS.items(), ids=[Path(item).stem for item in ROBOTS])
+def test_kernel_of_real_robots_equals_pinocchio(name, joints):
+    model = build_model(robot_urdf(name))
+    data = model.createData()
+    assert model.nv == joints
+    functions, values = kernel_functions(model)
+    generator = np.random.default_rng(joints)
+    for _ in range(20):
+        q, v, tau = (generator.uniform(-1.0, 1.0, joints) for _ in range(3))
+        a = np.zeros(joints)
+        functions["dynamics"](q, v, tau, values, GRAVITY, np.zeros(5), a, np.zeros((1, 3)))
+        assert relative_error(a, np.array(pin.aba(model, data, q, v, tau))) <= 1e-12
 
 
 def test_another_wearer_needs_no_other_kernel():

@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide, device_sizes, packaged_urdf
-from twin_gait.leg_model.urdf import find_urdf, urdf_hash
+from twin_gait.leg_model.urdf import build_model, find_urdf, urdf_hash
 from twin_gait.parameters import Patient
 from twin_gait.vocabulary import JointName, Sex, Side
 
@@ -552,6 +552,15 @@ def test_hash_tells_edited_urdfs_apart(tmp_path: Path, bench: LegModel) -> None:
 
 
 # ---------------------------------------------------------------------------------- second subject
+
+
+def test_axis_of_a_joint_that_does_not_move_may_be_zero(tmp_path: Path) -> None:
+    """Real URDFs, Talos for one, write ``0 0 0`` for fixed joints."""
+    text = """<robot name="r"><link name="a"/><link name="b"/>
+    <joint name="weld" type="fixed"><parent link="a"/><child link="b"/><axis xyz="0 0 0"/></joint></robot>"""
+    path = tmp_path / "weld.urdf"
+    path.write_text(text)
+    assert build_model(path).njoints == 1
 
 
 def human_urdf() -> Path:

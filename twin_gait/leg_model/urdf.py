@@ -103,9 +103,9 @@ def read_urdf(path: Path) -> str:
 
 
 def _check_axis(path: Path, joint: ElementTree.Element) -> None:
-    """Refuse an axis that is not three numbers or has no direction."""
+    """Refuse an axis that is not three numbers or has no direction, where the joint turns or slides."""
     axis = joint.find("axis")
-    if axis is None:
+    if axis is None or joint.get("type") not in ("revolute", "continuous", "prismatic"):
         return
     text = axis.get("xyz", "1 0 0")
     try:
