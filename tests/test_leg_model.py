@@ -563,6 +563,15 @@ def test_axis_of_a_joint_that_does_not_move_may_be_zero(tmp_path: Path) -> None:
     assert build_model(path).njoints == 1
 
 
+def test_inertia_that_is_zero_but_for_rounding_is_accepted(tmp_path: Path) -> None:
+    """The iCub's hip has ``ixx="-5.42101e-20"``."""
+    text = """<robot name="r"><link name="a"><inertial><mass value="1"/>
+    <inertia ixx="-5.4e-20" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/></inertial></link></robot>"""
+    path = tmp_path / "hip.urdf"
+    path.write_text(text)
+    assert build_model(path).njoints == 1
+
+
 def human_urdf() -> Path:
     """The human model of example-robot-data; the package holds data only."""
     try:

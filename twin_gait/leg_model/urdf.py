@@ -19,6 +19,8 @@ import pinocchio as pin
 from twin_gait.exceptions import ModelError
 
 _SILENCE = threading.Lock()
+# Drawing programs export a zero inertia as -5e-20 (iCub's hip); this much below zero is such a zero.
+_ROUNDING = 1e-12
 PACKAGED_URDFS = ("twin.urdf", "twin_leg.urdf")
 
 
@@ -130,7 +132,7 @@ def _check_inertial(path: Path, link: ElementTree.Element) -> None:
             except ValueError:
                 value = math.nan
             may_be_negative = element.tag == "inertia" and key in ("ixy", "ixz", "iyz")
-            if not math.isfinite(value) or (value < 0.0 and not may_be_negative):
+            if not math.isfinite(value) or (value < -_ROUNDING and not may_be_negative):
                 raise ModelError(
                     f"{path}: {element.tag} {key} of link {link.get('name')!r}: "
                     f"expected a finite number of 0 or more, got {text!r}"
