@@ -173,6 +173,7 @@ BAD_SETTINGS = {
     "table=no_such_table": "no gait table",
     "duration_s=.nan": "finite number",
     "duration_s=0": "duration",
+    "duration_s=1e6": "0.001 to 3600",
     "scenario.kind=moon": "moon",
     "scenario.support.share=1.2": "from 0 to 1",
     "scenario.belt_speed_m_per_s=-1": "belt speed",

@@ -33,6 +33,10 @@ from twin_gait.scenario.world import LegSource, World, build_leg_model
 from twin_gait.vocabulary import JointName
 
 
+# A log keeps about 1 kB a millisecond in memory; an hour of walking is 3 GB.
+LONGEST_RUN = 3600.0  # [s]
+
+
 class Engine(StrEnum):
     """What steps through the episode: the same laws, as Python on Pinocchio or compiled."""
 
@@ -215,9 +219,9 @@ class Experiment:
     def __post_init__(self) -> None:
         """Check the duration, the joints of the table and the seed."""
         require(
-            math.isfinite(self.duration) and TICK <= self.duration <= 24 * 3600.0,
+            math.isfinite(self.duration) and TICK <= self.duration <= LONGEST_RUN,
             "duration",
-            f"a number of seconds from {TICK:g} to 86400",
+            f"a number of seconds from {TICK:g} to {LONGEST_RUN:g}",
             self.duration,
         )
         require(self.seed >= 0, "seed", "a whole number of 0 or more", self.seed)

@@ -80,7 +80,7 @@ class CompiledEngine:
             for side, leg in world.model.legs.items()
             if leg.ankle is not None
         ]
-        integers = np.zeros(12, dtype=np.int64)
+        integers = np.zeros(episode.INTEGER_COUNT, dtype=np.int64)
         integers[episode.N_LEGS] = legs
         integers[episode.JOINTS_PER_LEG] = problem.joints_per_leg
         integers[episode.POINTS_PER_FOOT] = len(points) // legs
@@ -123,7 +123,7 @@ class CompiledEngine:
     def _numbers(self) -> np.ndarray:
         experiment, world = self.problem.experiment, self.problem.world
         battery, limits = experiment.plant.battery, experiment.control.limits
-        numbers = np.zeros(12)
+        numbers = np.zeros(episode.NUMBER_COUNT)
         numbers[episode.PERIOD] = TICK
         numbers[episode.FAST_GAIN] = self.problem.fast_gain
         numbers[episode.GRAVITY] = experiment.plant.gravity
@@ -195,7 +195,7 @@ class CompiledEngine:
             dtype=np.int64,
         )
         start = problem.phase_rows[np.arange(legs), phases]
-        changing = np.zeros(5)
+        changing = np.zeros(episode.CHANGING_COUNT)
         changing[episode.BUS_VOLTAGE] = experiment.plant.battery.voltage
         n_control = problem.control_model.nv
         capacity = max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration))

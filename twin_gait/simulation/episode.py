@@ -88,6 +88,7 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
 ) = range(12)
 # Positions in the array of numbers that change: bus voltage, time of the step, hand, contact power.
 BUS_VOLTAGE, TIME, HAND_TORQUE, CONTACT_POWER, LAST_CONTACT_POWER = range(5)
+INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = RECORD + 1, INERTIA_GAIN + 1, LAST_CONTACT_POWER + 1
 
 # Blocks of the log, and where groups of columns begin in the block of a joint.
 JOINT_WIDTH, ANKLE_WIDTH = len(JOINT_COLUMNS), len(ANKLE_COLUMNS)

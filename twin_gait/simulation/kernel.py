@@ -114,8 +114,6 @@ def _function(
     lines += [f"    {place} = {text(value)}" for place, value in stores]
     if returned:
         lines.append(f"    return {', '.join(text(value) for value in returned)}")
-    elif not stores:
-        lines.append("    pass")
     return "\n".join(lines) + "\n"
 
 

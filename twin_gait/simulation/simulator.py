@@ -77,7 +77,7 @@ def _engine(
         return CompiledEngine(problem, controller=controller, on_compile=on_compile)
     warnings.warn(
         f"numba cannot compile the controller {getattr(controller, '__name__', controller)!r}; "
-        "stepping through Python instead, which takes a hundred times as long",
+        "stepping through Python instead, which takes some twenty times as long",
         SlowControllerWarning,
         stacklevel=3,
     )
