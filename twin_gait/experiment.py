@@ -32,7 +32,6 @@ from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.scenario.world import LegSource, World, build_leg_model
 from twin_gait.vocabulary import JointName
 
-
 # A log keeps about 1 kB a millisecond in memory; an hour of walking is 3 GB.
 LONGEST_RUN = 3600.0  # [s]
 
