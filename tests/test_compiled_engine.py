@@ -302,7 +302,7 @@ def test_a_cache_that_cannot_be_written_gives_way_to_a_private_folder(tmp_path):
 # ------------------------------------------------------------------ controllers of the user's
 
 
-def weaker(angle, fast, slow, k, b, equilibrium, gain, fa, fb, fc, fd):
+def weaker(angle, fast, slow, k, b, equilibrium, gain, model_friction):
     """Half the spring, no friction compensation."""
     return -0.5 * k * (angle - equilibrium) - b * fast, 0.0
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from twin_gait.core.control_tick import controller_torques
+from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.parameters import FrictionParameters
 
 
@@ -52,8 +53,9 @@ class ControllerTorques(NamedTuple):
     friction_compensation: float
 
 
-# From angle, fast and slow velocity; k, b, θ0, G; and a, b, c, d of the friction model to the impedance and
-# the friction-compensation torque: the signature of :func:`twin_gait.core.control_tick.controller_torques`.
+# From angle, fast and slow velocity; k, b, θ0, G; and the friction torque of the compensator's model at the
+# slow velocity to the impedance and the friction-compensation torque, as
+# :func:`twin_gait.core.control_tick.controller_torques`.
 ControllerFunction = Callable[..., tuple[float, float]]
 
 
@@ -83,13 +85,11 @@ class Controller:
             Impedance and friction-compensation torque.
         """
         model = self.friction_model
-        return ControllerTorques(
-            *self.law(
-                *measurement,
-                *setpoint,
-                model.breakaway_torque,
-                model.coulomb_friction,
-                model.breakaway_velocity,
-                model.viscous_friction,
-            )
+        friction = rotational_friction_torque(
+            measurement.velocity_slow,
+            model.breakaway_torque,
+            model.coulomb_friction,
+            model.breakaway_velocity,
+            model.viscous_friction,
         )
+        return ControllerTorques(*self.law(*measurement, *setpoint, friction))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from twin_gait.core.hyperbolic import hyperbolic_tangent
+
 
 def contact_normal_force(
     penetration: float, penetration_rate: float, stiffness: float, dissipation: float
@@ -51,7 +53,7 @@ def contact_friction_force(
     """
     if normal_force <= 0.0:
         return 0.0
-    return -friction_coefficient * normal_force * math.tanh(slip_velocity / transition_velocity)
+    return -friction_coefficient * normal_force * hyperbolic_tangent(slip_velocity / transition_velocity)
 
 
 def mechanical_stop_torque(

@@ -18,7 +18,6 @@ from twin_gait.core.actuator import (
 )
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.estimation import first_order_step, quantise
-from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.impedance import impedance_torque
 
 Array = np.ndarray[Any, np.dtype[Any]]
@@ -149,10 +148,7 @@ def controller_torques(
     damping: float,
     equilibrium_angle: float,
     friction_compensation_gain: float,
-    breakaway_torque: float,
-    coulomb_friction: float,
-    breakaway_velocity: float,
-    viscous_friction: float,
+    model_friction_torque: float,
 ) -> tuple[float, float]:
     r"""Impedance on friction compensation, equations (2.17) and (2.18) of the thesis.
 
@@ -164,24 +160,18 @@ def controller_torques(
     Args:
         angle: Measured angle in [rad].
         velocity_fast: Fast velocity estimate in [rad] / [s], for the damper.
-        velocity_slow: Slow estimate in [rad] / [s], for the friction model.
+        velocity_slow: Slow estimate in [rad] / [s]; this law needs it only through the friction model.
         stiffness: k in [N m] / [rad].
         damping: b in [N m s] / [rad].
         equilibrium_angle: θ0 in [rad].
         friction_compensation_gain: G.
-        breakaway_torque: a of the friction model in [N m].
-        coulomb_friction: b of the friction model in [N m].
-        breakaway_velocity: c of the friction model in [rad] / [s].
-        viscous_friction: d of the friction model in [N m s] / [rad].
+        model_friction_torque: T_fr of the compensator's friction model at the slow velocity in [N m].
 
     Returns:
         Impedance torque and friction-compensation torque in [N m].
     """
     impedance = impedance_torque(angle, velocity_fast, stiffness, damping, equilibrium_angle)
-    friction = rotational_friction_torque(
-        velocity_slow, breakaway_torque, coulomb_friction, breakaway_velocity, viscous_friction
-    )
-    return impedance, friction_compensation_gain * friction
+    return impedance, friction_compensation_gain * model_friction_torque
 
 
 def drive_motor(

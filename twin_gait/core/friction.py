@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from twin_gait.core.hyperbolic import hyperbolic_tangent
+
 _SQRT_2E = math.sqrt(2.0 * math.e)
 
 
@@ -39,4 +41,4 @@ def rotational_friction_torque(
     """
     x = velocity / breakaway_velocity
     stribeck = _SQRT_2E * (breakaway_torque - coulomb_friction) * math.exp(-(x * x)) * x
-    return stribeck + coulomb_friction * math.tanh(10.0 * x) + viscous_friction * velocity
+    return stribeck + coulomb_friction * hyperbolic_tangent(10.0 * x) + viscous_friction * velocity

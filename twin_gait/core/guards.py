@@ -90,6 +90,7 @@ def next_transition(
     signals: np.ndarray[Any, np.dtype[np.float64]],
     other_phase: int,
     dwell: np.ndarray[Any, np.dtype[np.int64]],
+    first_dwell: int = 0,
 ) -> int:
     """Pick the transition that a leg takes in this tick, and count the dwell of all its exits.
 
@@ -106,7 +107,8 @@ def next_transition(
         comparisons: Comparison rows, shape ``(n_comparisons, 5)``.
         signals: Signals of this leg and the other in SI units.
         other_phase: Index of the phase of the other leg at the start of the tick.
-        dwell: Counters, shape ``(n_transitions,)``; changed in place.
+        dwell: Counters, one per transition; changed in place.
+        first_dwell: Where the counters of this leg begin.
 
     Returns:
         Index of the transition, or ``NO_TRANSITION``.
@@ -114,7 +116,7 @@ def next_transition(
     chosen = NO_TRANSITION
     for index in range(transitions.shape[0]):
         if transitions[index, SOURCE] != phase:
-            dwell[index] = 0
+            dwell[first_dwell + index] = 0
             continue
         if not guard_holds(
             nodes,
@@ -124,12 +126,12 @@ def next_transition(
             signals,
             other_phase,
         ):
-            dwell[index] = 0
+            dwell[first_dwell + index] = 0
             continue
-        dwell[index] += 1
+        dwell[first_dwell + index] += 1
         if (
             chosen == NO_TRANSITION
-            and dwell[index] >= transitions[index, DWELL_TICKS]
+            and dwell[first_dwell + index] >= transitions[index, DWELL_TICKS]
             and ticks_in_phase >= transitions[index, TIME_OUT_TICKS]
             and ticks_in_phase >= minimum_ticks
         ):

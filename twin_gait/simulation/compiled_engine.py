@@ -22,6 +22,7 @@ from twin_gait.simulation.engine import (
     log_layout,
     stopped_reason,
 )
+from twin_gait.simulation.flat_episode import lay_out
 from twin_gait.simulation.kernel import body_values, write_kernel
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
@@ -58,9 +59,10 @@ class CompiledEngine:
         points = contact_points(world.model.model, frames)
         control_bodies = export_bodies(problem.control_model.model)
         kernel = write_kernel(bodies, points, control_bodies, world.model.up_axis)
-        self._run_ticks = loop_of(kernel, controller, on_compile)
         inputs = self._inputs(bodies, points, control_bodies, record)
-        self._episode = episode.Episode(inputs, self._state(len(points)))
+        flat = lay_out(episode.Episode(inputs, self._state(len(points))))
+        self._episode = flat.episode
+        self._run_ticks = loop_of(flat, kernel, len(self.layout.names), controller, on_compile)
         self._record = record
 
     def _inputs(
@@ -209,7 +211,7 @@ class CompiledEngine:
             rate=np.zeros(joints),
             phase=phases,
             entry_tick=np.zeros(legs, dtype=np.int64),
-            dwell=np.zeros((legs, len(problem.program.transitions)), dtype=np.int64),
+            dwell=np.zeros(legs * len(problem.program.transitions), dtype=np.int64),
             blend_start=start.copy(),
             blended=start.copy(),
             signals=np.full(2 * problem.signals_per_leg, np.nan),
@@ -227,6 +229,7 @@ class CompiledEngine:
             angles=np.zeros(joints),
             noise=np.zeros(joints),
             last_fast=np.zeros(joints),
+            model_friction=np.zeros(joints),
             control_q=np.zeros(n_control),
             control_a=np.zeros(n_control),
             gravity_torque=np.zeros(n_control),
@@ -240,7 +243,7 @@ class CompiledEngine:
 
     def warm_up(self) -> None:
         """Load or compile the loop without taking a tick, so that a clock started afterwards is right."""
-        self._run_ticks(self._episode, 0, 0, np.zeros((1, len(self.layout.names))))
+        self._run_ticks(0, 0, np.zeros((1, len(self.layout.names))))
 
     def run(
         self,
@@ -266,7 +269,7 @@ class CompiledEngine:
             if should_stop is not None and should_stop():
                 status, reason = RunStatus.INTERRUPTED, stopped_reason(done)
                 break
-            done = int(self._run_ticks(self._episode, done, min(done + CHUNK_TICKS, total), rows))
+            done = int(self._run_ticks(done, min(done + CHUNK_TICKS, total), rows))
             status, reason = self._ending(done)
         if progress is not None:
             progress(done, total)

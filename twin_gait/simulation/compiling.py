@@ -14,7 +14,6 @@ import importlib.util
 import inspect
 import os
 import platform
-import re
 import shutil
 import sys
 import tempfile
@@ -33,11 +32,10 @@ from numba.extending import register_jitable
 
 from twin_gait import core
 from twin_gait.control import ControllerFunction
-from twin_gait.core import integrators
 from twin_gait.files import write_atomically
-from twin_gait.simulation import columns, episode
-from twin_gait.simulation.flattening import BUNDLE, flatten_bundle
-from twin_gait.simulation.kernel import KERNEL_VERSION
+from twin_gait.simulation import columns, episode, pointers
+from twin_gait.simulation.flat_episode import FlatEpisode, fields_of
+from twin_gait.simulation.module_text import module_source
 
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 CORE_MODULES = (
@@ -48,6 +46,7 @@ CORE_MODULES = (
     "estimation",
     "friction",
     "guards",
+    "hyperbolic",
     "impedance",
     "integrators",
     "plant",
@@ -103,70 +102,11 @@ def register_core() -> None:
 
 
 @lru_cache(maxsize=8)
-def module_source(kernel: str) -> str:
-    """Text of the module that is compiled: the loop with a kernel in place of its interface.
-
-    The sources are read once in a process, so that an edit during a long batch changes nothing in it.
-
-    Args:
-        kernel: From :func:`twin_gait.simulation.kernel.write_kernel`.
-
-    Returns:
-        Python source.
-    """
-    loop = _without_import(inspect.getsource(episode), "twin_gait.simulation.kernel_interface")
-    loop = _without_import(loop, "twin_gait.core.integrators")
-    loop = loop.replace("_step(_acceleration, episode,", "_step(episode,")
-    bound = [_bound_integrator(item) for item in (integrators.semi_implicit_euler_step, integrators.rk4_step)]
-    text, arguments = flatten_bundle("\n\n".join([loop, *bound]))
-    # numba compiles at the first call, when all functions of the module exist, whatever their order.
-    text = re.sub(r"^def (_(?!acceleration)\w+|\w+_step)\(", r"@_inlined\ndef \1(", text, flags=re.MULTILINE)
-    text = re.sub(r"^def (?=run_ticks|_acceleration)", "@_jit\ndef ", text, flags=re.MULTILINE)
-    kernel = re.sub(r"^def ", "@_jit\ndef ", kernel, flags=re.MULTILINE)
-    text = text.replace("import numpy as np\n", _PREAMBLE, 1)
-    handed_over = f"RUN_TICKS_ARGUMENTS = {arguments['run_ticks']!r}\n"
-    return f"{text}\n\n{handed_over}\n\n# --- kernel, version {KERNEL_VERSION}\n\n{kernel}"
-
-
-_PREAMBLE = """import math
-
-import numba
-import numpy as np
-
-from twin_gait.core.contact import ground_contact_force
-from twin_gait.core.integrators import RK4_STAGES
-
-_jit = numba.njit(cache=True, nogil=True, error_model="numpy")
-_inlined = numba.njit(inline="always", nogil=True, error_model="numpy")
-"""
-
-
-def _without_import(text: str, module: str) -> str:
-    """Take one import statement out of a source text."""
-    pattern = rf"^from {re.escape(module)} import (?:\([^)]*\)|[^\n(]*)\n"
-    text, count = re.subn(pattern, "", text, flags=re.MULTILINE)
-    assert count == 1, f"the episode loop no longer imports {module} in one statement"
-    return text
-
-
-def _bound_integrator(function: Callable[..., None]) -> str:
-    """Source of an integrator that calls this module's acceleration instead of an argument.
-
-    A function handed over as an argument would be fused just as well, but numba does not keep code that
-    holds the address of such an object.
-    """
-    source = inspect.getsource(function)
-    source, count = re.subn(r"acceleration: Acceleration,\s*context: Any", f"{BUNDLE}: Any", source)
-    assert count == 1, "an integrator no longer takes the acceleration and its context first"
-    source = source.replace("acceleration(context,", f"_acceleration({BUNDLE},")
-    return re.sub(r": (?:Any|Array|Work|float|int)\b", "", source)
-
-
-@lru_cache(maxsize=8)
 def source_key(text: str) -> str:
     """Hash over a generated module and everything that it is compiled with."""
     digest = hashlib.sha256(text.encode())
-    digest.update(inspect.getsource(columns).encode())
+    for module in (columns, pointers):
+        digest.update(inspect.getsource(module).encode())
     for name in CORE_MODULES:
         module = importlib.import_module(f"{core.__name__}.{name}")
         digest.update(inspect.getsource(module).encode())
@@ -206,18 +146,22 @@ def load_module(text: str) -> ModuleType:
 def compiled_before(text: str) -> bool:
     """Whether numba has kept the compiled loop of a generated module."""
     name = f"twin_gait_episode_{source_key(text)}"
-    return any((cache_folder() / "__pycache__").glob(f"{name}.run_ticks-*.nbi"))
+    return any((cache_folder() / "__pycache__").glob(f"{name}.run_episode-*.nbi"))
 
 
 def loop_of(
+    flat: FlatEpisode,
     kernel: str,
+    columns: int,
     controller: ControllerFunction | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> RunTicks:
-    """The compiled loop of a kernel, to be called like :func:`twin_gait.simulation.episode.run_ticks`.
+    """The compiled loop of an episode: ``run_ticks`` of :mod:`twin_gait.simulation.episode` bound to it.
 
     Args:
+        flat: The episode that it runs and changes.
         kernel: From :func:`twin_gait.simulation.kernel.write_kernel`.
+        columns: Of the log.
         controller: Control law that takes the place of the thesis's. The loop is then compiled once in this
             process and not kept on disk, because the sources that the function depends on are unknown.
         on_compile: Called if the loop has to be compiled, which takes some 15 s.
@@ -225,17 +169,26 @@ def loop_of(
     Returns:
         The loop.
     """
-    text = module_source(kernel)
+    text = module_source(kernel, flat.places, _constants(flat.episode), columns)
     if on_compile is not None and (controller is not None or not compiled_before(text)):
         on_compile()
     module = load_module(text) if controller is None else _module_with(text, controller)
-    names = [name.split("_", 1) for name in module.RUN_TICKS_ARGUMENTS]
+    fields = fields_of(flat.episode)
+    arrays = [flat.numbers, flat.integers, *(fields[name] for name in module.LOOSE_ARRAYS)]
 
-    def run_ticks(whole: episode.Episode, first: int, end: int, rows: np.ndarray) -> int:
-        arrays = [getattr(getattr(whole, part), name) for part, name in names]
-        return int(module.run_ticks(*arrays, first, end, rows))
+    def run_ticks(first: int, end: int, rows: np.ndarray) -> int:
+        addresses = [item.ctypes.data for item in arrays]
+        return int(module.run_episode(*addresses, first, end, rows.ctypes.data))
 
     return run_ticks
+
+
+def _constants(whole: episode.Episode) -> tuple[tuple[str, int], ...]:
+    """Whole numbers that follow from the structure of the legs, so that loops over them can be unrolled."""
+    return tuple((name, int(whole.inputs.integers[getattr(episode, name)])) for name in STRUCTURE)
+
+
+STRUCTURE = ("N_LEGS", "JOINTS_PER_LEG", "POINTS_PER_FOOT", "PELVIS_INDEX", "N_ANKLES")
 
 
 @lru_cache(maxsize=16)
@@ -260,11 +213,11 @@ def compiles(function: ControllerFunction) -> bool:
         function: An ``njit`` function, or a Python function.
 
     Returns:
-        True if it gives two numbers for eleven.
+        True if it gives two numbers for eight.
     """
     register_core()
     try:
-        _jitted(function).compile((numba.float64,) * 11)
+        _jitted(function).compile((numba.float64,) * 8)
     except (NumbaError, TypeError, AttributeError):
         return False
     return True

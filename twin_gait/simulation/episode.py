@@ -29,6 +29,7 @@ from twin_gait.core.control_tick import (
     measure_joints,
 )
 from twin_gait.core.estimation import first_order_step
+from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.guards import NO_TRANSITION, TARGET, next_transition
 from twin_gait.core.integrators import rk4_step, semi_implicit_euler_step
 from twin_gait.core.plant import (
@@ -160,7 +161,7 @@ class EpisodeState(NamedTuple):
         rate: Acceleration estimates, shape ``(n_joints,)``.
         phase: Phase of each leg, shape ``(n_legs,)``.
         entry_tick: Tick of entry, shape ``(n_legs,)``.
-        dwell: Shape ``(n_legs, n_transitions)``.
+        dwell: Shape ``(n_legs * n_transitions,)``.
         blend_start: Shape ``(n_legs, n_columns)``.
         blended: Shape ``(n_legs, n_columns)``.
         signals: Shape ``(2 n_signals,)``.
@@ -178,6 +179,7 @@ class EpisodeState(NamedTuple):
         angles: True angles, shape ``(n_joints,)``.
         noise: Sensor noise of the tick, shape ``(n_joints,)``.
         last_fast: Fast velocity of the tick before, shape ``(n_joints,)``.
+        model_friction: Friction torque of the compensator's model, shape ``(n_joints,)``.
         control_q: Shape ``(n_control,)``.
         control_a: Shape ``(n_control,)``.
         gravity_torque: Shape ``(n_control,)``.
@@ -216,6 +218,7 @@ class EpisodeState(NamedTuple):
     angles: Array
     noise: Array
     last_fast: Array
+    model_friction: Array
     control_q: Array
     control_a: Array
     gravity_torque: Array
@@ -348,11 +351,26 @@ def _measure(episode: Episode, tick: int) -> None:
         state.decimated_angle,
         state.ring,
     )
+    if tick % inputs.integers[DECIMATION] == 0:
+        _model_friction(episode)
     if inputs.integers[POINTS_PER_FOOT] > 0:
         contact_forces(state.q, state.v, inputs.bodies, inputs.contact, state.points)
         for leg in range(inputs.integers[N_LEGS]):
             load = _foot_sum(state.points, leg, inputs.integers[POINTS_PER_FOOT], 1)
             state.legs[leg] = load / inputs.numbers[BODY_WEIGHT]
+
+
+def _model_friction(episode: Episode) -> None:
+    """Friction torque of the compensator's model; it changes only with the slow velocity."""
+    inputs, state = episode.inputs, episode.state
+    for joint in range(inputs.coordinates.shape[0]):
+        state.model_friction[joint] = rotational_friction_torque(
+            state.measured[joint, 2],
+            inputs.friction_model[joint, 0],
+            inputs.friction_model[joint, 1],
+            inputs.friction_model[joint, 2],
+            inputs.friction_model[joint, 3],
+        )
 
 
 def _decide(episode: Episode, tick: int) -> None:
@@ -381,7 +399,8 @@ def _decide(episode: Episode, tick: int) -> None:
             inputs.comparisons,
             state.signals,
             other,
-            state.dwell[leg],
+            state.dwell,
+            leg * inputs.transitions.shape[0],
         )
         if chosen != NO_TRANSITION:
             _switch(episode, leg, tick, chosen)
@@ -452,10 +471,7 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
         damping,
         equilibrium,
         gain,
-        inputs.friction_model[joint, 0],
-        inputs.friction_model[joint, 1],
-        inputs.friction_model[joint, 2],
-        inputs.friction_model[joint, 3],
+        state.model_friction[joint],
     )
     place = inputs.control_coordinates[joint]
     share = state.blended[leg, state.blended.shape[1] - 1]

@@ -1,0 +1,140 @@
+"""Write the module that is compiled: the episode loop with a kernel in place of its interface.
+
+The functions of :mod:`twin_gait.core` on plain numbers are called; the few that take arrays are written into
+the module together with the loop, because the places of the arrays are only known there.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from types import FunctionType
+from typing import Any
+
+from twin_gait.core import control_tick, guards, integrators
+from twin_gait.simulation import episode
+from twin_gait.simulation.flat_episode import LOOSE_INTEGERS
+from twin_gait.simulation.flattening import BUNDLE, Place, flatten
+from twin_gait.simulation.kernel import KERNEL_VERSION
+
+
+@lru_cache(maxsize=8)
+def module_source(
+    kernel: str, places: tuple[tuple[str, Place], ...], constants: tuple[tuple[str, int], ...], columns: int
+) -> str:
+    """Text of the module that is compiled: the loop with a kernel in place of its interface.
+
+    The sources are read once in a process, so that an edit during a long batch changes nothing in it.
+
+    Args:
+        kernel: From :func:`twin_gait.simulation.kernel.write_kernel`.
+        places: Where the arrays of the episode lie.
+        constants: Whole numbers of the episode that are the same for every run of this kernel.
+        columns: Of the log.
+
+    Returns:
+        Python source.
+    """
+    loop = _without_import(inspect.getsource(episode), "twin_gait.simulation.kernel_interface")
+    loop = _without_import(loop, "twin_gait.core.integrators")
+    loop = loop.replace("_step(_acceleration, episode,", "_step(episode,")
+    bound = [_bound_integrator(item) for item in (integrators.semi_implicit_euler_step, integrators.rk4_step)]
+    bound += [_without_annotations(inspect.getsource(item)) for item in ARRAY_FUNCTIONS]
+    text, loose = flatten(
+        "\n\n".join([loop, *bound, kernel]),
+        dict(places),
+        dict(constants),
+        {"rows": Place("", 0, (0, columns))},
+    )
+    # numba compiles at the first call, when all functions of the module exist, whatever their order.
+    text = re.sub(r"^def ", "@_inlined\ndef ", text, flags=re.MULTILINE)
+    text = text.replace("import numpy as np\n", _PREAMBLE + _imports_of(ARRAY_FUNCTIONS), 1)
+    names = loose["run_ticks"]
+    pointers = [f"{_POINTER[name in LOOSE_INTEGERS]}({name})" for name in names]
+    return text + _ENTRY.format(
+        addresses=", ".join(names), pointers=", ".join(pointers), names=names, version=KERNEL_VERSION
+    )
+
+
+# Functions of core that take arrays: they are rewritten together with the loop instead of being called.
+ARRAY_FUNCTIONS = (
+    control_tick.measure_joints,
+    control_tick.leg_signals,
+    control_tick.blend_phase,
+    guards.guard_holds,
+    guards.next_transition,
+)
+
+_PREAMBLE = """import math
+
+import numba
+import numpy as np
+
+from twin_gait.core.contact import ground_contact_force
+from twin_gait.core.integrators import RK4_STAGES
+from twin_gait.simulation.pointers import float_pointer, integer_pointer
+
+_jit = numba.njit(cache=True, nogil=True, error_model="numpy")
+_inlined = numba.njit(forceinline=True, nogil=True, error_model="numpy")
+"""
+
+_ENTRY = """
+
+@_jit
+def run_episode(numbers, integers, {addresses}, first, end, rows):
+    x, k = float_pointer(numbers), integer_pointer(integers)
+    return run_ticks(x, k, {pointers}, first, end, float_pointer(rows))
+
+
+LOOSE_ARRAYS = {names!r}
+KERNEL_VERSION = {version}
+"""
+
+
+_POINTER = {True: "integer_pointer", False: "float_pointer"}
+
+
+def _imports_of(functions: Sequence[Callable[..., Any]]) -> str:
+    """Import statements for the functions and numbers of core that some functions of it use."""
+    lines = set()
+    for function in functions:
+        assert isinstance(function, FunctionType)
+        for name in function.__code__.co_names:
+            value = function.__globals__.get(name)
+            if isinstance(value, (FunctionType, int, float)) and value not in functions:
+                lines.add(f"from {function.__module__} import {name}\n")
+    return "".join(sorted(lines))
+
+
+def _without_import(text: str, module: str) -> str:
+    """Take one import statement out of a source text."""
+    pattern = rf"^from {re.escape(module)} import (?:\([^)]*\)|[^\n(]*)\n"
+    text, count = re.subn(pattern, "", text, flags=re.MULTILINE)
+    assert count == 1, f"the episode loop no longer imports {module} in one statement"
+    return text
+
+
+def _bound_integrator(function: Callable[..., None]) -> str:
+    """Source of an integrator that calls this module's acceleration instead of an argument.
+
+    A function handed over as an argument would be fused just as well, but numba does not keep code that
+    holds the address of such an object.
+    """
+    source = inspect.getsource(function)
+    source, count = re.subn(r"acceleration: Acceleration,\s*context: Any", f"{BUNDLE}: Any", source)
+    assert count == 1, "an integrator no longer takes the acceleration and its context first"
+    return _without_annotations(source.replace("acceleration(context,", f"_acceleration({BUNDLE},"))
+
+
+def _without_annotations(source: str) -> str:
+    """Source of one function without the types of its arguments, which the generated module does not know."""
+    tree = ast.parse(source)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.arg):
+            node.annotation = None
+        if isinstance(node, ast.FunctionDef):
+            node.returns = None
+    return ast.unparse(tree)

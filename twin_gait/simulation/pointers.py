@@ -1,0 +1,27 @@
+"""Plain pointers for compiled code.
+
+numba counts references to an array whenever a function is handed one; a pointer is a number. The caller
+keeps the array alive.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.core import types
+from numba.extending import intrinsic
+
+
+def _pointer_to(kind: Any) -> Any:
+    def typing(context: Any, address: Any) -> Any:
+        def lower(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], context.get_value_type(signature.return_type))
+
+        return types.CPointer(kind)(types.intp), lower  # type: ignore[attr-defined]
+
+    return intrinsic(typing)
+
+
+# Pointer to the first element of an array, from its address.
+float_pointer = _pointer_to(types.float64)
+integer_pointer = _pointer_to(types.int64)
