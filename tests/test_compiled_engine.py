@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +18,11 @@ from twin_gait import load_experiment, simulate
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model.bodies import contact_points, export_bodies
-from twin_gait.leg_model.urdf import build_model
-from twin_gait.simulation import compiling, rigid_body
+from twin_gait.simulation import compiled_engine, compiling, episode, rigid_body
 from twin_gait.simulation.columns import WORK_SOURCES
+from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.kernel import body_values, write_kernel
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.tracing import Trace, cosine
 
 GRAVITY = 9.81
@@ -99,42 +99,6 @@ def test_kernel_of_any_tree_equals_pinocchio(seed, joints):
     pin.rnea(model, data, q, v, a)
     assert force == pytest.approx(data.f[1].linear[0], rel=1e-9, abs=1e-8)
     assert moment == pytest.approx(data.f[1].angular[1], rel=1e-9, abs=1e-8)
-
-
-ROBOTS = {
-    "double_pendulum_description/urdf/double_pendulum.urdf": 2,
-    "double_pendulum_description/urdf/double_pendulum_continuous.urdf": 2,
-    "ur_description/urdf/ur5_robot.urdf": 6,
-    "panda_description/urdf/panda.urdf": 9,
-    "hyq_description/robots/hyq_no_sensors.urdf": 12,
-    "talos_data/robots/talos_reduced.urdf": 32,
-}
-
-
-def robot_urdf(name: str) -> Path:
-    """A URDF of example-robot-data, which is a package of data only."""
-    try:
-        recorded = metadata.files("example-robot-data") or []
-    except metadata.PackageNotFoundError:
-        pytest.skip("example-robot-data (400 MB) is not installed: pip install 'twin-gait[robots]'")
-    for item in recorded:
-        if str(item).endswith(f"/robots/{name}"):
-            return Path(str(item.locate()))
-    pytest.skip(f"this version of example-robot-data has no {name}")
-
-
-@pytest.mark.parametrize(("name", "joints"), ROBOTS.items(), ids=[Path(item).stem for item in ROBOTS])
-def test_kernel_of_real_robots_equals_pinocchio(name, joints):
-    model = build_model(robot_urdf(name))
-    data = model.createData()
-    assert model.nv == joints
-    functions, values = kernel_functions(model)
-    generator = np.random.default_rng(joints)
-    for _ in range(20):
-        q, v, tau = (generator.uniform(-1.0, 1.0, joints) for _ in range(3))
-        a = np.zeros(joints)
-        functions["dynamics"](q, v, tau, values, GRAVITY, np.zeros(5), a, np.zeros((1, 3)))
-        assert relative_error(a, np.array(pin.aba(model, data, q, v, tau))) <= 1e-12
 
 
 def test_another_wearer_needs_no_other_kernel():
@@ -353,3 +317,25 @@ def test_a_controller_that_cannot_be_compiled_works_and_says_so():
         run = simulate(load_experiment("bench_leg", ["duration_s=0.1"]).experiment, controller=controller)
     assert run.status == "completed"
     assert controller.calls == 2 * 100
+
+
+# ------------------------------------------------------------------ what is compiled is what is written
+
+
+@pytest.mark.parametrize("case", ["bench_leg", "treadmill"])
+def test_the_loop_as_plain_python_equals_the_compiled_one(case, monkeypatch):
+    """The rewriting into flat arrays changes no number: the loop runs as it stands, on arrays of its own."""
+    problem = build_problem(load_experiment(case, ["duration_s=0.03"]).experiment)
+    engine = CompiledEngine(problem)
+    kernel_text = []
+    monkeypatch.setattr(compiled_engine, "loop_of", lambda flat, kernel, *_: kernel_text.append(kernel))
+    plain = CompiledEngine(problem)
+    functions = {"math": math, "ground_contact_force": ground_contact_force}
+    exec(kernel_text[0], functions)
+    for name in ("dynamics", "contact_forces", "observe", "control_gravity", "control_inertia"):
+        monkeypatch.setattr(episode, name, functions[name])
+    rows = np.zeros((30, len(plain.layout.names)))
+    episode.run_ticks(plain._episode, 0, 30, rows)
+    found = engine.run().rows
+    assert rows.any()
+    np.testing.assert_allclose(found, rows, rtol=1e-12, atol=1e-12)

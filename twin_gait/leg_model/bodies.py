@@ -55,6 +55,8 @@ class ContactPoint(NamedTuple):
 def export_bodies(model: pin.Model) -> list[BodyArrays]:
     """Export a Pinocchio model of joints with one degree of freedom.
 
+    A continuous joint counts with its angle, where Pinocchio has cosine and sine.
+
     Args:
         model: The model.
 
@@ -89,8 +91,10 @@ def export_bodies(model: pin.Model) -> list[BodyArrays]:
 def _axis(joint: pin.JointModel, name: str) -> tuple[bool, np.ndarray]:
     kind = joint.shortname().removeprefix("JointModel")
     coordinate = {"X": [1.0, 0.0, 0.0], "Y": [0.0, 1.0, 0.0], "Z": [0.0, 0.0, 1.0]}
-    if kind in ("RX", "RY", "RZ", "PX", "PY", "PZ"):
-        return kind[0] == "P", np.array(coordinate[kind[1]])
+    if kind in ("RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "PX", "PY", "PZ"):
+        return kind[0] == "P", np.array(coordinate[kind[-1]])
+    if kind == "RevoluteUnboundedUnaligned":  # its axis has no other name in Python
+        return False, np.asarray(joint.createData().S).ravel()[3:]
     if kind in ("RevoluteUnaligned", "PrismaticUnaligned"):
         return kind.startswith("P"), np.asarray(joint.extract().axis)
     raise ModelError(f"joint {name!r} is a {kind}; expected a revolute or prismatic joint")

@@ -39,6 +39,7 @@ from twin_gait.simulation.module_text import module_source
 
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 CORE_MODULES = (
+    "articulated_body",
     "actuator",
     "blending",
     "contact",

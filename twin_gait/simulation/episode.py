@@ -405,9 +405,12 @@ def _decide(episode: Episode, tick: int) -> None:
         if chosen != NO_TRANSITION:
             _switch(episode, leg, tick, chosen)
     for leg in range(legs):
+        ticks = tick - state.entry_tick[leg]
+        if ticks > inputs.integers[BLEND_TICKS]:
+            continue  # the fade is over
         blend_phase(
             leg,
-            tick - state.entry_tick[leg],
+            ticks,
             inputs.integers[BLEND_TICKS],
             inputs.integers[BLEND_LAW],
             state.blend_start,

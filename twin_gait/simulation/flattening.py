@@ -264,8 +264,24 @@ class _Rewriter(ast.NodeTransformer):
             return None
         return self._constants.get(node.slice.id)
 
+    def _array(self, place: ast.expr, view: Place) -> ast.expr:
+        """An array that begins at a place."""
+        assert not view.loose, "only arrays of known shape can be handed to other modules"
+        text = f"carray(shifted({view.array}, {ast.unparse(place)}), {view.shape})"
+        return ast.parse(text, mode="eval").body
+
     def visit_Call(self, node: ast.Call) -> ast.AST:
-        """Calls hand over ``x`` and ``k``, and the loose arrays in place of the bundle."""
+        """Calls hand over ``x`` and ``k``, and the loose arrays in place of the bundle.
+
+        A function of another module, ``module.function(q)``, gets arrays.
+        """
+        if isinstance(node.func, ast.Attribute):
+            views = [_view(item, self._places, self._own) for item in node.args]
+            node.args = [
+                self.visit(item) if view is None else self._array(self.visit(item), view)
+                for item, view in zip(node.args, views, strict=True)
+            ]
+            return node
         self.generic_visit(node)
         name = node.func.id if isinstance(node.func, ast.Name) else ""
         first: list[ast.expr] = [ast.Name(id=item, ctx=ast.Load()) for item in FLAT]

@@ -3,6 +3,10 @@
 The generic algorithms of :mod:`twin_gait.simulation.rigid_body` run once over symbols. Topology, axes and
 structural zeros are folded into the text; masses, inertias, lengths and armature stay inputs, so that
 another wearer needs no new kernel.
+
+Straight-line code runs five to ten times faster than loops, but its text grows with the square of the number
+of joints, and the time to compile it faster still. Models of more than :data:`STRAIGHT_LINE_LIMIT` joints get
+the loops of :mod:`twin_gait.core.articulated_body` behind the same interface.
 """
 
 from __future__ import annotations
@@ -10,11 +14,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
-from twin_gait.simulation import rigid_body
+from twin_gait.simulation import articulated_body, rigid_body
 from twin_gait.simulation.rigid_body import Vector
 from twin_gait.simulation.tracing import Scalar, Trace, text
 
 KERNEL_VERSION = 1
+# Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32; the loops
+# once for all in 7 s.
+STRAIGHT_LINE_LIMIT = 15
+
+
+def _in_loops(bodies: Sequence[BodyArrays]) -> bool:
+    return len(bodies) > STRAIGHT_LINE_LIMIT
 
 
 def _map_values(
@@ -42,6 +53,8 @@ def _map_values(
 def body_values(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> list[float]:
     """Run-time inputs of a kernel, in the order in which it reads them; structural zeros left out.
 
+    A model beyond the limit of straight-line kernels is given whole.
+
     Args:
         bodies: The model.
         points: Contact points.
@@ -49,6 +62,8 @@ def body_values(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = (
     Returns:
         The values.
     """
+    if _in_loops(bodies):
+        return articulated_body.tree_values(bodies, points)
     values: list[float] = []
 
     def visit(value: float) -> float:
@@ -114,6 +129,8 @@ def _function(
     lines += [f"    {place} = {text(value)}" for place, value in stores]
     if returned:
         lines.append(f"    return {', '.join(text(value) for value in returned)}")
+    if len(lines) == 1:
+        lines.append("    pass")
     return "\n".join(lines) + "\n"
 
 
@@ -132,6 +149,8 @@ def _point_stores(
 
 def write_dynamics(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str) -> str:
     """Source of ``dynamics``; see :mod:`twin_gait.simulation.kernel_interface`."""
+    if _in_loops(bodies):
+        return articulated_body.write_call("dynamics", up_axis)
     trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
     inputs, places = _as_inputs(trace, bodies, points)
     n = len(bodies)
@@ -151,6 +170,8 @@ def write_dynamics(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint],
 
 def write_contact_forces(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint]) -> str:
     """Source of ``contact_forces``."""
+    if _in_loops(bodies):
+        return articulated_body.write_call("contact_forces")
     trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
     inputs, places = _as_inputs(trace, bodies, points)
     n = len(bodies)
@@ -169,6 +190,8 @@ def write_contact_forces(bodies: Sequence[BodyArrays], points: Sequence[ContactP
 
 def write_observe(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str) -> str:
     """Source of ``observe``."""
+    if _in_loops(bodies):
+        return articulated_body.write_call("observe", up_axis)
     trace = Trace()
     inputs, places = _as_inputs(trace, bodies, points)
     n = len(bodies)
@@ -186,6 +209,8 @@ def write_observe(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], 
 
 def write_control_gravity(bodies: Sequence[BodyArrays], up_axis: str) -> str:
     """Source of ``control_gravity``."""
+    if _in_loops(bodies):
+        return articulated_body.write_call("control_gravity", up_axis)
     trace = Trace()
     inputs, _ = _as_inputs(trace, bodies, ())
     n = len(bodies)
@@ -200,6 +225,8 @@ def write_control_gravity(bodies: Sequence[BodyArrays], up_axis: str) -> str:
 
 def write_control_inertia(bodies: Sequence[BodyArrays]) -> str:
     """Source of ``control_inertia``."""
+    if _in_loops(bodies):
+        return articulated_body.write_call("control_inertia")
     trace = Trace()
     inputs, _ = _as_inputs(trace, bodies, ())
     n = len(bodies)
@@ -207,6 +234,54 @@ def write_control_inertia(bodies: Sequence[BodyArrays]) -> str:
     matrix = rigid_body.joint_space_inertia(inputs, _inputs(trace, "q", n))
     torques = [rigid_body.dot(row, a) for row in matrix]
     return _function("control_inertia(q, a, bodies, torque)", trace, _stores("torque", torques), [])
+
+
+def write_inverse_dynamics(bodies: Sequence[BodyArrays], up_axis: str) -> str:
+    """Source of ``inverse_dynamics``; see :func:`write_model_functions`."""
+    if _in_loops(bodies):
+        return articulated_body.write_call("inverse_dynamics", up_axis)
+    trace = Trace()
+    inputs, _ = _as_inputs(trace, bodies, ())
+    q, v, a = (_inputs(trace, name, len(bodies)) for name in ("q", "v", "a"))
+    result = rigid_body.inverse_dynamics(inputs, q, v, a, _gravity_vector(trace, up_axis))
+    rotors = [body.armature * acceleration for body, acceleration in zip(inputs, a, strict=True)]
+    torques = rigid_body.add(result.torques, rotors)
+    return _function(
+        "inverse_dynamics(q, v, a, bodies, gravity, torque)", trace, _stores("torque", torques), []
+    )
+
+
+def write_mass_matrix(bodies: Sequence[BodyArrays]) -> str:
+    """Source of ``mass_matrix``; see :func:`write_model_functions`."""
+    if _in_loops(bodies):
+        return articulated_body.write_call("mass_matrix")
+    trace = Trace()
+    inputs, _ = _as_inputs(trace, bodies, ())
+    matrix = rigid_body.joint_space_inertia(inputs, _inputs(trace, "q", len(bodies)))
+    stores = [(f"matrix[{i}, {j}]", value) for i, row in enumerate(matrix) for j, value in enumerate(row)]
+    return _function("mass_matrix(q, bodies, matrix)", trace, stores, [])
+
+
+def write_contact_kinematics(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint]) -> str:
+    """Source of ``contact_kinematics``; see :func:`write_model_functions`."""
+    if _in_loops(bodies):
+        return articulated_body.write_call("contact_kinematics")
+    trace = Trace()
+    inputs, places = _as_inputs(trace, bodies, points)
+    motions: list[Vector] = [[] for _ in points]
+
+    def keep(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
+        motions[number] = [*position, *velocity]
+        return [0.0, 0.0]
+
+    q, v = (_inputs(trace, name, len(bodies)) for name in ("q", "v"))
+    rigid_body.inverse_dynamics(inputs, q, v, [0.0] * len(bodies), rigid_body.ZERO, places, keep)
+    stores = [
+        (f"motion[{number}, {column}]", value)
+        for number, motion in enumerate(motions)
+        for column, value in enumerate(motion)
+    ]
+    return _function("contact_kinematics(q, v, bodies, motion)", trace, stores, [])
 
 
 def write_kernel(
@@ -226,12 +301,64 @@ def write_kernel(
     Returns:
         Python source; it needs ``math`` and ``ground_contact_force`` in its module.
     """
-    return "\n\n".join(
+    structure = _structure(bodies, points), _structure(control_bodies), up_axis, str(STRAIGHT_LINE_LIMIT)
+    if structure not in _written:
+        _written[structure] = _joined(
+            [
+                write_dynamics(bodies, points, up_axis),
+                write_contact_forces(bodies, points),
+                write_observe(bodies, points, up_axis),
+                write_control_gravity(control_bodies, up_axis),
+                write_control_inertia(control_bodies),
+            ]
+        )
+    return _written[structure]
+
+
+# Tracing takes some 50 ms, and all episodes of a batch mostly share one structure.
+_written: dict[tuple[str, ...], str] = {}
+
+
+def _structure(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> str:
+    """All that the text of a kernel depends on: topology, axes, and which run-time inputs are zero."""
+    return repr(_map_values(bodies, points, lambda value: float(value != 0.0)))
+
+
+def write_model_functions(
+    bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str = "z"
+) -> str:
+    """Source of the dynamics of a model for uses other than the episode loop.
+
+    - ``dynamics(q, v, torque, bodies, gravity, contact, a, points)``: accelerations, with ground contact
+    - ``inverse_dynamics(q, v, a, bodies, gravity, torque)``: torques of a motion, without contact
+    - ``control_gravity(q, bodies, gravity, torque)``: torques of gravity
+    - ``mass_matrix(q, bodies, matrix)``: joint-space inertia, both triangles
+    - ``contact_kinematics(q, v, bodies, motion)``: position and velocity of every point, six columns
+
+    The last argument, in ``dynamics`` the last two, is changed in place; ``bodies`` is the array of
+    :func:`body_values`. Armature is included throughout.
+
+    Args:
+        bodies: The model.
+        points: Points whose motion is wanted.
+        up_axis: ``"z"`` or ``"y"``.
+
+    Returns:
+        Python source; it needs ``math`` and ``ground_contact_force`` in its module.
+    """
+    return _joined(
         [
             write_dynamics(bodies, points, up_axis),
-            write_contact_forces(bodies, points),
-            write_observe(bodies, points, up_axis),
-            write_control_gravity(control_bodies, up_axis),
-            write_control_inertia(control_bodies),
+            write_inverse_dynamics(bodies, up_axis),
+            write_control_gravity(bodies, up_axis),
+            write_mass_matrix(bodies),
+            write_contact_kinematics(bodies, points),
         ]
     )
+
+
+def _joined(functions: Sequence[str]) -> str:
+    """Functions in one text, what they import only once and first."""
+    whole = "\n\n".join(functions)
+    bare = whole.replace(f"{articulated_body.IMPORT}\n\n", "")
+    return whole if bare == whole else f"{articulated_body.IMPORT}\n\n{bare}"

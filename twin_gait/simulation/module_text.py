@@ -72,10 +72,11 @@ _PREAMBLE = """import math
 
 import numba
 import numpy as np
+from numba import carray
 
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.core.integrators import RK4_STAGES
-from twin_gait.simulation.pointers import float_pointer, integer_pointer
+from twin_gait.simulation.pointers import float_pointer, integer_pointer, shifted
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 _inlined = numba.njit(forceinline=True, nogil=True, error_model="numpy")

@@ -25,3 +25,15 @@ def _pointer_to(kind: Any) -> Any:
 # Pointer to the first element of an array, from its address.
 float_pointer = _pointer_to(types.float64)
 integer_pointer = _pointer_to(types.int64)
+
+
+def _shifted(context: Any, pointer: Any, places: Any) -> Any:
+
+    def lower(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.gep(arguments[0], [arguments[1]])
+
+    return pointer(pointer, types.intp), lower
+
+
+# Pointer so many places further on.
+shifted = intrinsic(_shifted)

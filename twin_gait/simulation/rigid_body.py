@@ -346,7 +346,7 @@ def forward_dynamics(
         tau: Torques.
         gravity: Acceleration of gravity in the world frame.
         contacts: Points that may touch the ground.
-        contact_law: See :func:`bias_forces`.
+        contact_law: See :func:`newton_euler`.
 
     Returns:
         Accelerations and contact results.

@@ -1,0 +1,281 @@
+"""Which kernel a model gets, what stays a run-time input, and how compiled kernels are kept."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import math
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import FunctionType
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from test_dynamics_pinocchio import LOOPS, STRAIGHT_LINE, assert_equal, kernels
+
+from twin_gait import core, load_experiment, simulate
+from twin_gait.core.contact import ground_contact_force
+from twin_gait.leg_model import LegModel, packaged_urdf
+from twin_gait.leg_model.bodies import contact_points, export_bodies
+from twin_gait.simulation import columns, compiling, kernel, pointers
+from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.problem import build_problem
+
+GRAVITY = 9.81
+
+
+def chain(joints: int) -> pin.Model:
+    """An arm of equal links, its joints turning about y and z in turn."""
+    model, parent = pin.Model(), 0
+    for number in range(joints):
+        kind = pin.JointModelRZ() if number % 2 else pin.JointModelRY()
+        place = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]) if number else np.zeros(3))
+        parent = model.addJoint(parent, kind, place, f"joint{number}")
+        link = pin.Inertia(1.0, np.array([0.15, 0.0, 0.02]), 0.01 * np.eye(3))
+        model.appendBodyToJoint(parent, link, pin.SE3.Identity())
+    return model
+
+
+def functions_of(text: str) -> dict:
+    """Functions of a kernel as plain Python."""
+    functions = {"math": math, "ground_contact_force": ground_contact_force}
+    exec(compile(text, "kernel", "exec"), functions)
+    return functions
+
+
+# ------------------------------------------------------------------ which kernel
+
+
+def test_models_beyond_the_limit_share_one_kernel_of_loops():
+    texts = {}
+    for joints in (kernel.STRAIGHT_LINE_LIMIT, kernel.STRAIGHT_LINE_LIMIT + 1, 30):
+        bodies = export_bodies(chain(joints))
+        texts[joints] = kernel.write_kernel(bodies, [], bodies, "z")
+    small, large, larger = texts.values()
+    assert "articulated_body" not in small
+    assert "articulated_body" in large
+    assert large == larger
+
+
+def test_plant_and_controller_may_have_kernels_of_different_kinds():
+    plant, control = export_bodies(chain(20)), export_bodies(chain(2))
+    text = kernel.write_kernel(plant, [], control, "z")
+    functions, torque = functions_of(text), np.zeros(2)
+    assert text.count("import articulated_body") == 1
+    q = np.array([0.3, -0.4])
+    functions["control_gravity"](q, np.array(kernel.body_values(control)), GRAVITY, torque)
+    model = chain(2)
+    model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
+    assert_equal(torque, np.array(pin.computeGeneralizedGravity(model, model.createData(), q)))
+
+
+def test_loops_offer_the_episode_the_same_as_the_straight_line_kernel(worn_twin: LegModel, monkeypatch, rng):
+    """Feet in the ground: forces, powers, energies and what the guide carries, function by function."""
+    frames = [name for leg in worn_twin.legs.values() for name in leg.contact_frames]
+    bodies, points = export_bodies(worn_twin.model), contact_points(worn_twin.model, frames)
+    contact = np.array([0.8, 1.5e5, 0.8, 0.8, 0.05])
+    q, v, torque = (rng.uniform(-0.3, 0.3, worn_twin.nv) for _ in range(3))
+    q[worn_twin.pelvis_index] -= 0.05 + lowest_point(worn_twin, q, frames)
+    results = []
+    for limit in (LOOPS, STRAIGHT_LINE):
+        monkeypatch.setattr(kernel, "STRAIGHT_LINE_LIMIT", limit)
+        functions = functions_of(kernel.write_kernel(bodies, points, bodies, "z"))
+        values, control = np.array(kernel.body_values(bodies, points)), np.array(kernel.body_values(bodies))
+        a, forces, again = np.zeros(worn_twin.nv), np.zeros((len(points), 3)), np.zeros((len(points), 3))
+        gravity, inertia = np.zeros(worn_twin.nv), np.zeros(worn_twin.nv)
+        power = functions["dynamics"](q, v, torque, values, GRAVITY, contact, a, forces)
+        assert functions["contact_forces"](q, v, values, contact, again) == power
+        np.testing.assert_array_equal(again, forces)
+        functions["control_gravity"](q, control, GRAVITY, gravity)
+        functions["control_inertia"](q, a, control, inertia)
+        seen = functions["observe"](q, v, a, values, GRAVITY, forces)
+        results.append([a, forces, gravity, inertia, np.array([power, *seen])])
+    assert (results[0][1][:, 1] > 100.0).any()  # a foot is loaded
+    for loops, straight in zip(*results, strict=True):
+        assert_equal(loops, straight)
+
+
+def lowest_point(model: LegModel, q: np.ndarray, frames: list[str]) -> float:
+    data = model.model.createData()
+    pin.framesForwardKinematics(model.model, data, q)
+    return min(float(data.oMf[model.model.getFrameId(name)].translation[2]) for name in frames)
+
+
+def test_gravity_may_point_along_y(rng):
+    model, q = chain(5), rng.uniform(-1.0, 1.0, 5)
+    model.gravity.linear = np.array([0.0, -GRAVITY, 0.0])
+    bodies, expected = export_bodies(model), pin.computeGeneralizedGravity(model, model.createData(), q)
+    for limit in (LOOPS, STRAIGHT_LINE):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(kernel, "STRAIGHT_LINE_LIMIT", limit)
+            functions = functions_of(kernel.write_model_functions(bodies, [], "y"))
+            torque = np.zeros(5)
+            functions["control_gravity"](q, np.array(kernel.body_values(bodies)), GRAVITY, torque)
+        assert_equal(torque, np.array(expected))
+
+
+def test_other_masses_lengths_and_armature_need_no_other_text(bench: LegModel, rng):
+    changed = bench.model.copy()
+    for joint in range(1, changed.njoints):
+        inertia, place = changed.inertias[joint], changed.jointPlacements[joint]
+        place.translation = 1.3 * place.translation
+        changed.inertias[joint] = pin.Inertia(2.0 * inertia.mass, 0.8 * inertia.lever, 3.0 * inertia.inertia)
+        changed.jointPlacements[joint] = place
+    changed.armature = 0.7 * changed.armature
+    before, after = export_bodies(bench.model), export_bodies(changed)
+    text = kernel.write_model_functions(before, [])
+    assert kernel.write_model_functions(after, []) == text
+    q, v, torque = rng.uniform(-1.0, 1.0, (3, changed.nv))
+    expected = np.array(pin.aba(changed, changed.createData(), q, v, torque))
+    for item in kernels(changed):
+        assert_equal(item.accelerations(q, v, torque), expected)
+    assert np.abs(kernels(bench.model)[1].accelerations(q, v, torque) - expected).max() > 0.1
+
+
+# ------------------------------------------------------------------ engines
+
+STEPPING = "integration={method: semi_implicit_euler, step_ms: 0.5}"
+
+
+def test_an_episode_in_loops_is_that_of_the_straight_line_kernel(monkeypatch):
+    case = ("bench_leg", ["duration_s=0.5", STEPPING, "engine=compiled"])
+    straight = simulate(load_experiment(*case).experiment).log
+    monkeypatch.setattr(kernel, "STRAIGHT_LINE_LIMIT", LOOPS)
+    loops = simulate(load_experiment(*case).experiment).log
+    for column in straight.columns:
+        if not column.endswith("_phase"):
+            np.testing.assert_allclose(loops[column], straight[column], atol=1e-9, rtol=1e-9, err_msg=column)
+
+
+@pytest.mark.parametrize("engine", ["compiled", "pinocchio"])
+def test_a_leg_of_continuous_joints_runs_as_one_of_angles(engine, tmp_path):
+    bounded = packaged_urdf("twin_leg.urdf").read_text()
+    unbounded = bounded.replace('type="revolute"', 'type="continuous"')
+    assert unbounded.count('type="continuous"') == 2
+    (tmp_path / "leg.urdf").write_text(unbounded)
+    case = ["duration_s=0.3", STEPPING, f"engine={engine}"]
+    expected = simulate(load_experiment("bench_leg", case).experiment)
+    found = simulate(load_experiment("bench_leg", [*case, f"leg.urdf={tmp_path / 'leg.urdf'}"]).experiment)
+    assert found.log.equals(expected.log)
+
+
+# ------------------------------------------------------------------ kept on disk
+
+SMALL = """import math
+
+import numba
+
+from twin_gait.core.contact import ground_contact_force
+
+
+@numba.njit(cache=True, error_model="numpy")
+{kernel}"""
+
+BUILD = """
+import sys, time
+from pathlib import Path
+import numpy as np
+from twin_gait.simulation.compiling import load_module
+text, folder, number = Path(sys.argv[1]).read_text(), Path(sys.argv[2]), sys.argv[3]
+(folder / f"ready{number}").touch()
+while not (folder / "go").exists():
+    time.sleep(0.001)
+module = load_module(text)
+a = np.zeros(2)
+module.dynamics(
+    np.array([0.3, -0.4]), np.array([1.0, 2.0]), np.array([3.0, 4.0]), np.load(folder / "values.npy"), 9.81,
+    np.zeros(5), a, np.zeros((1, 3)),
+)
+hits = sum(module.dynamics.stats.cache_hits.values())
+print(hits, *map(float.hex, a.tolist()))
+"""
+
+
+def test_two_processes_may_build_the_same_kernel_at_once(tmp_path, monkeypatch):
+    """Both start from one empty cache at the same instant; a third finds it built."""
+    model = chain(2)
+    model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
+    bodies = export_bodies(model)
+    (tmp_path / "kernel.txt").write_text(SMALL.format(kernel=kernel.write_dynamics(bodies, [], "z")))
+    np.save(tmp_path / "values.npy", np.array(kernel.body_values(bodies)))
+    monkeypatch.setenv(compiling.CACHE_VARIABLE, str(tmp_path / "cache"))
+    both = [build(tmp_path, number) for number in range(2)]
+    wait_for(tmp_path / "ready0", tmp_path / "ready1")
+    (tmp_path / "go").touch()
+    results = [finished(process) for process in both]
+    hits, *third = finished(build(tmp_path, 2))
+    assert hits == "1"
+    assert results[0][1:] == results[1][1:] == third
+    found = np.array([float.fromhex(entry) for entry in third])
+    q, v, torque = np.array([0.3, -0.4]), np.array([1.0, 2.0]), np.array([3.0, 4.0])
+    assert_equal(found, np.array(pin.aba(model, model.createData(), q, v, torque)))
+    assert len(list((tmp_path / "cache").glob("twin_gait_episode_*.py"))) == 1
+
+
+def build(folder: Path, number: int) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", BUILD, str(folder / "kernel.txt"), str(folder), str(number)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def wait_for(*files: Path) -> None:
+    for _ in range(6000):
+        if all(path.exists() for path in files):
+            return
+        time.sleep(0.01)
+    pytest.fail("the processes did not start within a minute")
+
+
+def finished(process: subprocess.Popen[str]) -> list[str]:
+    output, errors = process.communicate(timeout=120)
+    assert process.returncode == 0, errors
+    return output.split()
+
+
+def core_modules() -> list[str]:
+    return sorted(path.stem for path in Path(core.__file__).parent.glob("[a-z]*.py"))
+
+
+def test_every_module_of_core_is_compiled_and_hashed():
+    assert sorted(compiling.CORE_MODULES) == core_modules()
+
+
+@pytest.mark.parametrize("name", core_modules())
+def test_an_edit_of_any_function_of_core_changes_the_key(name, monkeypatch):
+    module = importlib.import_module(f"{core.__name__}.{name}")
+    source, read = inspect.getsource(module), inspect.getsource
+    defined = [item for item in vars(module).values() if isinstance(item, FunctionType)]
+    functions = [item.__name__ for item in defined if item.__module__ == module.__name__]
+    assert functions
+    keys = {key_of("text")}
+    for function in functions:
+        edited, count = re.subn(rf"^def {function}\(", f"def {function}_(", source, flags=re.MULTILINE)
+        assert count == 1
+        monkeypatch.setattr(
+            inspect, "getsource", lambda item, text=edited: text if item is module else read(item)
+        )
+        keys.add(key_of("text"))
+    assert len(keys) == 1 + len(functions)
+
+
+def key_of(text: str) -> str:
+    compiling.source_key.cache_clear()
+    key = compiling.source_key(text)
+    compiling.source_key.cache_clear()
+    return key
+
+
+def test_the_compiled_module_imports_nothing_that_its_key_leaves_out(monkeypatch):
+    texts = []
+    load = compiling.load_module
+    monkeypatch.setattr(compiling, "load_module", lambda text: texts.append(text) or load(text))
+    CompiledEngine(build_problem(load_experiment("bench_leg", ["duration_s=0.1"]).experiment))
+    imported = {node.module for node in ast.walk(ast.parse(texts[0])) if isinstance(node, ast.ImportFrom)}
+    hashed = {f"{core.__name__}.{name}" for name in compiling.CORE_MODULES}
+    hashed |= {columns.__name__, pointers.__name__}
+    assert {name for name in imported if name.startswith("twin_gait")} <= hashed
+    assert f"KERNEL_VERSION = {kernel.KERNEL_VERSION}" in texts[0]
