@@ -52,7 +52,7 @@ WORK_COLOURS: dict[str, str] = {
 }
 
 # For phases of a table that does not use the five names.
-_FURTHER_COLOURS = (REDDISH_PURPLE, YELLOW, GREY, *PHASE_COLOURS.values())
+_FURTHER_COLOURS = (REDDISH_PURPLE, YELLOW, GREY, *reversed(PHASE_COLOURS.values()))
 
 
 def phase_colour(phase: str, position: int = 0) -> str:

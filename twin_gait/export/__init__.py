@@ -1,5 +1,6 @@
 """Logs in the formats of other programs."""
 
+from twin_gait.export.opensim import export_motion
 from twin_gait.export.table import export_csv
 
-__all__ = ["export_csv"]
+__all__ = ["export_csv", "export_motion"]

@@ -1,0 +1,130 @@
+"""Motions for OpenSim: the header that it reads, the names and signs of its models, every digit."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from twin_gait.cli import main
+from twin_gait.conventions import CORC_X2, OPENSIM_GAIT2392, OSL, RAJAGOPAL
+from twin_gait.exceptions import ParameterError
+from twin_gait.export import export_motion
+from twin_gait.replay.opensim import parse_storage
+
+
+def small_log(rng) -> pd.DataFrame:
+    names = [f"{side}_{joint}_angle_rad" for side in ("left", "right") for joint in ("hip", "knee", "ankle")]
+    angles = rng.uniform(-1.0, 1.0, size=(40, 6))
+    return pd.DataFrame({"time_s": np.arange(40) * 1e-3, **dict(zip(names, angles.T, strict=True))})
+
+
+def read_motion(path) -> tuple[dict[str, str], pd.DataFrame]:
+    """Header and table as a reader that knows nothing of this package takes them."""
+    header, _, body = path.read_text().partition("endheader\n")
+    pairs = dict(line.split("=") for line in header.splitlines() if "=" in line)
+    names, rows = body.split("\n", 1)
+    return pairs, pd.DataFrame(np.loadtxt(io.StringIO(rows)), columns=names.split("\t"))
+
+
+def test_radians_are_read_back_to_the_last_bit(tmp_path, rng):
+    log = small_log(rng)
+    path = tmp_path / "walk.sto"
+    columns = export_motion(log, path, OPENSIM_GAIT2392, unit="rad")
+    header, motion = read_motion(path)
+    assert header == {"version": "1", "nRows": "40", "nColumns": "7", "inDegrees": "no"}
+    assert list(motion.columns) == columns
+    assert columns[0] == "time" and set(columns[1:]) == set(OPENSIM_GAIT2392.columns.values())
+    assert (motion["time"] == log["time_s"]).all()
+    for side in ("left", "right"):
+        assert (motion[f"hip_flexion_{side[0]}"] == log[f"{side}_hip_angle_rad"]).all()
+        assert (motion[f"knee_angle_{side[0]}"] == -log[f"{side}_knee_angle_rad"]).all()
+        assert (motion[f"ankle_angle_{side[0]}"] == log[f"{side}_ankle_angle_rad"]).all()
+
+
+def test_degrees_are_read_back_to_a_rounding(tmp_path, rng):
+    log = small_log(rng)
+    path = tmp_path / "walk.mot"
+    export_motion(log, path, RAJAGOPAL)
+    header, motion = read_motion(path)
+    assert header["inDegrees"] == "yes"
+    knee = np.radians(motion["knee_angle_r"].to_numpy())
+    np.testing.assert_allclose(knee, log["right_knee_angle_rad"], rtol=4 * np.finfo(float).eps, atol=0.0)
+
+
+def test_the_reader_of_replay_takes_the_same_numbers(tmp_path, rng):
+    path = tmp_path / "walk.sto"
+    export_motion(small_log(rng), path, OPENSIM_GAIT2392, unit="rad")
+    _, motion = read_motion(path)
+    storage = parse_storage(path.read_text(), "walk")
+    assert storage.unit == "rad" and storage.names == tuple(motion.columns)
+    assert (storage.values == motion.to_numpy()).all()
+
+
+def test_a_log_of_one_leg_without_an_ankle_has_two_angles(tmp_path, rng):
+    log = small_log(rng)[["time_s", "right_hip_angle_rad", "right_knee_angle_rad"]]
+    assert export_motion(log, tmp_path / "leg.mot", OPENSIM_GAIT2392) == [
+        "time",
+        "hip_flexion_r",
+        "knee_angle_r",
+    ]
+    assert export_motion(log, tmp_path / "x2.mot", CORC_X2) == [
+        "time",
+        "JointPositions_3",
+        "JointPositions_4",
+    ]
+
+
+def test_what_cannot_be_written_is_refused(tmp_path, rng):
+    with pytest.raises(ParameterError, match="osl has no column names of its own"):
+        export_motion(small_log(rng), tmp_path / "leg.mot", OSL)
+    with pytest.raises(ParameterError, match="expected deg or rad, got 'grad'"):
+        export_motion(small_log(rng), tmp_path / "leg.mot", RAJAGOPAL, unit="grad")
+    assert list(tmp_path.iterdir()) == []
+
+
+# ---------------------------------------------------------------------- the command
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "bench"
+    assert main(["simulate", "bench_leg", "--duration", "0.5", "--out", str(out), "--no-pictures"]) == 0
+    return out
+
+
+@pytest.mark.parametrize(
+    ("options", "sign", "in_degrees"),
+    [
+        (["--format", "mot"], -1.0, "yes"),
+        (["--to", "sto"], -1.0, "no"),
+        (["--format", "sto", "--convention", "rajagopal"], 1.0, "no"),
+    ],
+)
+def test_export_writes_a_motion_of_the_chosen_model(bench, tmp_path, capsys, options, sign, in_degrees):
+    path = tmp_path / "walk.mot"
+    assert main(["export", str(bench), *options, "--out", str(path)]) == 0
+    assert capsys.readouterr().out == f"500 rows, 3 columns: {path}\n"
+    header, motion = read_motion(path)
+    assert header["inDegrees"] == in_degrees
+    knee = motion["knee_angle_r"].to_numpy()
+    expected = sign * pd.read_parquet(bench / "log.parquet")["right_knee_angle_rad"].to_numpy()
+    np.testing.assert_allclose(np.radians(knee) if in_degrees == "yes" else knee, expected, rtol=1e-15)
+
+
+def test_export_goes_into_the_run_by_default_and_replaces_with_force_only(bench, capsys):
+    assert main(["export", str(bench), "--format", "mot"]) == 0
+    assert main(["export", str(bench), "--format", "mot"]) == 2
+    assert "log.mot: exists; choose another --out" in capsys.readouterr().err
+    assert main(["export", str(bench), "--format", "mot", "--force"]) == 0
+
+
+def test_a_csv_keeps_its_own_convention(bench, tmp_path, capsys):
+    path = tmp_path / "log.csv"
+    assert (
+        main(["export", str(bench), "--format", "csv", "--convention", "rajagopal", "--out", str(path)]) == 2
+    )
+    assert "leave it out" in capsys.readouterr().err
+    assert not path.exists()

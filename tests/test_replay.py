@@ -1,0 +1,393 @@
+"""The machine over recorded walks: closed forms, our own runs, healthy walking."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from table_builder import phase, transition, two_phase_table
+
+from twin_gait import load_experiment, simulate
+from twin_gait.configuration import packaged_gait_table
+from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
+from twin_gait.gait.scaling import scale_table
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.measures.reference import CYCLE, reference_curve
+from twin_gait.replay import (
+    Recording,
+    Replay,
+    agreement,
+    at_ticks,
+    mirrored,
+    normative_walk,
+    replay,
+    stride_period,
+)
+from twin_gait.replay.reading import shifted
+from twin_gait.replay.requirements import needed_signals
+from twin_gait.replay.strides import meant_cycles, stride_phases
+from twin_gait.vocabulary import JointName, Side
+
+HIP, KNEE = JointName.HIP, JointName.KNEE
+THRESHOLD, AMPLITUDE, PERIOD = math.radians(10.0), math.radians(30.0), 1.6
+
+
+def one_leg(hip: np.ndarray, **changes) -> Recording:
+    angles = {Side.LEFT: {HIP: hip, KNEE: np.zeros_like(hip)}}
+    return Recording(**{"source": "log", "start": 0.0, "angles": angles, "loads": {}, "phases": {}} | changes)
+
+
+def two_way_table() -> GaitTable:
+    """Stance while the hip is below 10 degrees, swing above."""
+    return GaitTable(
+        name="two_ways",
+        joints=("hip", "knee"),
+        phases={"stance": phase(), "swing": phase()},
+        transitions=(
+            transition("stance", "swing", "hip.angle_deg > 10"),
+            transition("swing", "stance", "hip.angle_deg < 10"),
+        ),
+    )
+
+
+def crossings(duration: float) -> list[float]:
+    """Instants at which a sine of the hip passes 10 degrees, from its inverse."""
+    first = math.asin(THRESHOLD / AMPLITUDE) / (2.0 * math.pi) * PERIOD
+    instants = [first + n * PERIOD for n in range(9)] + [0.5 * PERIOD - first + n * PERIOD for n in range(9)]
+    return sorted(instant for instant in instants if instant < duration)
+
+
+def sine(time: np.ndarray) -> np.ndarray:
+    return AMPLITUDE * np.sin(2.0 * np.pi * time / PERIOD)
+
+
+def test_switches_come_at_the_first_tick_after_the_crossing():
+    result = replay(one_leg(sine(np.arange(4000) * TICK)), two_way_table())
+    expected = [math.floor(instant / TICK) + 1 for instant in crossings(4.0)]
+    assert [switch.tick for switch in result.switches] == expected
+    assert [switch.target for switch in result.switches[:2]] == ["swing", "stance"]
+    assert np.flatnonzero(np.diff(result.phases[Side.LEFT])).tolist() == [tick - 1 for tick in expected]
+
+
+@pytest.mark.parametrize("rate", [50.0, 128.0, 4000.0])
+def test_a_log_of_another_rate_switches_at_the_same_instants(rate):
+    time = np.arange(round(4.0 * rate) + 1) / rate
+    recording = at_ticks("log", time, {Side.LEFT: {HIP: sine(time), KNEE: 0.0 * time}}, {}, {})
+    assert recording.n_ticks == 4001
+    result = replay(recording, two_way_table())
+    found = [switch.time for switch in result.switches]
+    # Up to a tick until the crossing is seen; on this sine PCHIP is off by 0.007 degrees at 50 Hz, which at
+    # 111 degrees/s is another 0.06 ms.
+    np.testing.assert_allclose(found, crossings(4.0), atol=1.07 * TICK)
+
+
+def test_the_velocity_is_that_of_the_firmwares_filter():
+    speed = math.radians(40.0)
+    result = replay(one_leg(speed * np.arange(50) * TICK), two_way_table(), fast_time_constant=0.005)
+    # Step response of a first-order filter, exact at the samples.
+    expected = speed * (1.0 - np.exp(-np.arange(50) * TICK / 0.005))
+    np.testing.assert_allclose(result.velocities[Side.LEFT]["hip"], expected, rtol=1e-10)
+
+
+def test_samples_on_the_ticks_are_kept_bit_for_bit():
+    time = 17.3 + np.arange(200) * TICK
+    hip = np.random.default_rng(3).uniform(-1.0, 1.0, size=200)
+    recording = at_ticks("log", time, {Side.LEFT: {HIP: hip}}, {}, {})
+    assert (recording.angles[Side.LEFT][HIP] == hip).all()
+    np.testing.assert_allclose(recording.time, time, atol=1e-9)
+
+
+def test_interpolation_meets_every_sample_and_overshoots_none():
+    time = np.arange(21) * 0.01
+    hip = np.where(time < 0.1, 0.0, 0.5)  # a step, where a cubic spline would overshoot
+    names = np.array(["stance" if instant < 0.1 else "swing" for instant in time], dtype=object)
+    recording = at_ticks("log", time, {Side.LEFT: {HIP: hip}}, {}, {Side.LEFT: names})
+    values = recording.angles[Side.LEFT][HIP]
+    np.testing.assert_allclose(values[::10], hip, atol=1e-12)
+    assert values.min() >= 0.0 and values.max() <= 0.5
+    phases = recording.phases[Side.LEFT]
+    assert phases[99] == "stance" and phases[100] == "swing"
+
+
+# ---------------------------------------------------------------------- our own runs
+
+
+@pytest.fixture(scope="module", params=["ideal", "encoder and noise"])
+def walk(request):
+    settings = ["duration_s=5"]
+    if request.param != "ideal":
+        settings += ["sensors.ideal=false", "sensors.angle_noise_rad=0.0002"]
+    return simulate(load_experiment("treadmill", settings).experiment)
+
+
+def recorded(run, names=("measured_angle_rad",)) -> Recording:
+    angles = {
+        side: {joint: run.log[f"{side}_{joint}_{names[0]}"].to_numpy() for joint in run.table.joints}
+        for side in run.sides
+    }
+    phases = {side: run.log[f"{side}_phase"].to_numpy(dtype=object) for side in run.sides}
+    return Recording("run", 0.0, angles, {}, phases)
+
+
+def test_a_run_gives_the_same_switches_again(walk):
+    start = dict(walk.experiment.build_world().initial_phases)
+    constant = walk.experiment.sensors.fast_time_constant
+    result = replay(recorded(walk), walk.table, start_phases=start, fast_time_constant=constant)
+    assert len(walk.switches) > 10
+    assert result.switches == walk.switches
+    for side, compared in agreement(result).items():
+        assert compared.equal_share == 1.0
+        assert all((lags == 0.0).all() for lags in compared.lags.values())
+        for joint in walk.table.joints:
+            logged = walk.log[f"{side}_{joint}_velocity_fast_rad_per_s"].to_numpy()
+            assert (result.velocities[side][joint] == logged).all()
+
+
+def test_another_threshold_moves_the_switches_and_the_agreement_says_so(walk):
+    leave = next(item for item in walk.table.transitions if item.cause == "hip_extension")
+    later = replace(leave, guard=replace(leave.guard, guards=(_lowered(leave.guard.guards[0]),)))
+    transitions = tuple(later if item is leave else item for item in walk.table.transitions)
+    start = dict(walk.experiment.build_world().initial_phases)
+    result = replay(recorded(walk), replace(walk.table, transitions=transitions), start_phases=start)
+    compared = agreement(result)[Side.LEFT]
+    assert 0.9 < compared.equal_share < 1.0
+    assert (compared.lags["late_stance"] > 0.0).all()
+    assert compared.phase_share("middle_stance") == 1.0 and compared.phase_share("late_stance") < 1.0
+    middle, late = (compared.replayed.index(name) for name in ("middle_stance", "late_stance"))
+    assert compared.confusion[late, middle] > 0
+
+
+def _lowered(comparison):
+    return replace(comparison, threshold=comparison.threshold - 1.0)
+
+
+def test_a_one_legged_run_gives_the_same_switches_again():
+    run = simulate(load_experiment("bench_leg", ["duration_s=4"]).experiment)
+    result = replay(recorded(run), run.table)
+    assert len(run.switches) > 5
+    assert result.switches == run.switches
+
+
+# ---------------------------------------------------------------------- healthy walking
+
+
+def assert_walks(result: Replay, cycle_time: float) -> None:
+    """Every stride has all five phases, by its thresholds rather than by time-outs, in the walk's time."""
+    for side in result.recording.sides:
+        strides = stride_phases(result.phases[side])
+        assert len(strides) >= 2
+        assert {stride.phases for stride in strides} == {(0, 1, 2, 3, 4)}
+        np.testing.assert_allclose([stride.duration for stride in strides], cycle_time, atol=2.0 * TICK)
+    assert not any(result.table.transitions[switch.transition].is_time_out for switch in result.switches)
+
+
+@pytest.mark.parametrize("speed", [1.0, 1.5, 3.0, 5.0])
+def test_healthy_walking_passes_through_all_five_phases_of_the_treadmill_table(speed):
+    walk = normative_walk(f"koopman@{speed}", strides=4)
+    assert_walks(replay(walk.recording, packaged_gait_table("treadmill")), walk.cycle_time)
+
+
+def test_healthy_walking_at_1_5_km_per_h_changes_phase_where_the_documentation_says():
+    walk = normative_walk("koopman@1.5", strides=3)
+    switches = replay(walk.recording, packaged_gait_table("treadmill")).switches
+    entries = {item.target: item.time for item in switches if item.side is Side.LEFT}  # the last of each
+    share = {name: 100.0 * (instant / walk.cycle_time % 1.0) for name, instant in entries.items()}
+    # Heel contact is at 0 %.
+    assert {name: round(percent) for name, percent in share.items()} == {
+        "middle_stance": 27,
+        "late_stance": 47,
+        "swing_flexion": 53,
+        "swing_extension": 87,
+        "early_stance": 95,
+    }
+
+
+def test_slower_walking_needs_the_table_scaled_to_its_speed():
+    walk = normative_walk("koopman@0.75", strides=4)
+    written = packaged_gait_table("treadmill")
+    assert any(switch.cause == "time_out" for switch in replay(walk.recording, written).switches)
+    scaled = scale_table(written, carried_mass=None, speed=walk.speed)
+    assert_walks(replay(walk.recording, scaled), walk.cycle_time)
+
+
+def test_faster_walking_passes_through_the_table_of_the_bench_too():
+    walk = normative_walk("koopman@4", strides=4)
+    assert_walks(replay(walk.recording, packaged_gait_table("bench_leg")), walk.cycle_time)
+
+
+def test_the_walk_of_winter_passes_once_its_hip_is_measured_from_koopmans_zero():
+    walk = normative_walk("winter", strides=4)
+    table = packaged_gait_table("treadmill")
+    percent = np.arange(0.0, CYCLE, 0.5)
+    koopman = reference_curve(HIP, percent, speed=walk.speed, height=1.75)
+    hip = walk.recording.angles[Side.LEFT][HIP]
+    offset = float(koopman.mean() - hip.mean())
+    assert math.degrees(offset) == pytest.approx(6.6, abs=0.1)
+    assert_walks(replay(shifted(walk.recording, {HIP: offset}), table), walk.cycle_time)
+    # As it is, the hip stays below the threshold of clearance.
+    assert any(switch.cause == "time_out" for switch in replay(walk.recording, table).switches)
+
+
+def test_the_normative_walk_is_the_regression_with_the_legs_half_a_stride_apart():
+    walk = normative_walk("koopman@1.5", height=1.8, strides=2)
+    ticks = np.array([0, 321, 900])
+    percent = np.mod(ticks * TICK / walk.cycle_time, 1.0) * CYCLE
+    for side, lead in ((Side.LEFT, 0.0), (Side.RIGHT, 50.0)):
+        expected = reference_curve(KNEE, percent + lead, speed=1.5 / 3.6, height=1.8)
+        np.testing.assert_allclose(walk.recording.angles[side][KNEE][ticks], expected, atol=1e-12)
+
+
+def test_the_walk_of_winter_meets_the_table_and_closes_its_cycle():
+    walk = normative_walk("winter", strides=3)
+    knee = np.degrees(walk.recording.angles[Side.LEFT][KNEE])
+    mid_swing = round(0.72 * walk.cycle_time / TICK)
+    assert knee[mid_swing] == pytest.approx(64.86, abs=0.02)  # printed at 72 %
+    assert np.abs(np.diff(knee)).max() < 0.4  # [deg] a tick: no step at heel contact
+    assert len(knee) == pytest.approx(3 * walk.cycle_time / TICK, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("koopman@fast", "speed in km/h"),
+        ("koopman@nan", "speed in km/h"),
+        ("koopman@", "speed in km/h"),
+        ("koopman@9", "hold from"),
+        ("koopman@-1", "hold from"),
+    ],
+)
+def test_a_walk_that_the_literature_has_not_is_refused(name, message):
+    with pytest.raises(ParameterError, match=message):
+        normative_walk(name)
+
+
+# ---------------------------------------------------------------------- the other leg
+
+
+def test_a_mirrored_leg_is_the_other_leg_of_a_symmetric_walk():
+    walk = normative_walk("koopman@1.5", strides=4)
+    alone = replace(walk.recording, angles={Side.LEFT: walk.recording.angles[Side.LEFT]})
+    assert stride_period(alone) == pytest.approx(walk.cycle_time, abs=TICK)
+    both = mirrored(alone)
+    half = round(0.5 * walk.cycle_time / TICK)
+    assert both.start == pytest.approx(half * TICK)
+    for joint, values in both.angles[Side.RIGHT].items():
+        # Half a stride is a whole number of ticks here, half a tick off at most.
+        np.testing.assert_allclose(values, walk.recording.angles[Side.RIGHT][joint][half:], atol=3e-3)
+    assert_walks(replay(both, packaged_gait_table("treadmill")), walk.cycle_time)
+
+
+def test_a_leg_that_does_not_repeat_cannot_be_mirrored_without_a_stride_time():
+    ramp = one_leg(np.linspace(0.0, 0.5, 3000))
+    with pytest.raises(ParameterFileError, match="state the stride time"):
+        mirrored(ramp)
+    with pytest.raises(ParameterFileError, match="do not repeat"):
+        stride_period(one_leg(np.zeros(3000)))
+    assert mirrored(ramp, 1.0).n_ticks == 2500
+    for period in (0.0, -1.0, math.nan, 9.0):
+        with pytest.raises(ParameterFileError, match="stride time of at most 3 s"):
+            mirrored(ramp, period)
+
+
+def test_two_legs_are_not_mirrored():
+    with pytest.raises(ParameterFileError, match="leave --mirror out"):
+        mirrored(normative_walk("koopman@1.5", strides=1).recording)
+
+
+# ---------------------------------------------------------------------- what a table needs
+
+
+def test_needed_signals_are_those_that_the_guards_name():
+    table = two_phase_table(
+        transition("stance", "swing", "other.hip.angle_deg - knee.angle_deg > 1", cause="apart"),
+        transition("stance", "swing", "other.phase in [swing]", cause="partner"),
+        transition("stance", "swing", "foot.load_bw < 0.1", cause="unloaded"),
+    )
+    needed = needed_signals(table)
+    assert set(needed) == {
+        "other.hip.angle_deg",
+        "knee.angle_deg",
+        "other.phase",
+        "foot.load_bw",
+        "hip.angle_deg",  # of the way back
+    }
+    assert needed["other.phase"] == ["stance → swing (partner)"]
+
+
+@pytest.mark.parametrize(
+    ("condition", "changes", "message"),
+    [
+        ("other.hip.angle_deg > 3", {}, r"other.hip.angle_deg in stance → swing \(why\), .* add --mirror"),
+        ("other.phase in [swing]", {}, "other.phase .* one leg"),
+        ("knee.angle_deg > 3", {"angles": {Side.LEFT: {HIP: np.zeros(5)}}}, "no angle of the left knee"),
+        ("foot.load_bw > 0.1", {}, "no left_foot_normal_force_N"),
+        ("foot.load_bw > 0.1", {"loads": {Side.LEFT: np.zeros(5)}}, "add --mass"),
+    ],
+)
+def test_a_signal_that_the_log_lacks_is_named_with_its_transitions(condition, changes, message):
+    table = two_phase_table(transition("stance", "swing", condition, cause="why"))
+    with pytest.raises(GaitTableError, match=message):
+        replay(one_leg(np.zeros(5), **changes), table)
+
+
+def test_a_joint_that_no_guard_reads_may_be_missing():
+    recording = one_leg(sine(np.arange(2000) * TICK), angles={Side.LEFT: {HIP: sine(np.arange(2000) * TICK)}})
+    assert len(replay(recording, two_way_table()).switches) == len(crossings(2.0))
+
+
+def test_the_load_of_the_foot_counts_in_body_weights():
+    load = np.where(np.arange(100) < 40, 500.0, 60.0)
+    table = two_phase_table(transition("stance", "swing", "foot.load_bw < 0.1", cause="unloaded"))
+    recording = one_leg(np.zeros(100), loads={Side.LEFT: load})
+    assert [switch.tick for switch in replay(recording, table, body_weight=700.0).switches] == [40]
+    assert replay(recording, table, body_weight=500.0).switches == ()  # 60 N is more than a tenth then
+
+
+def test_the_start_phase_is_the_one_asked_for_then_the_recorded_one_then_the_first():
+    hip = np.full(5, -0.1)
+    swinging = np.array(["swing"] * 5, dtype=object)
+    table = two_phase_table(transition("stance", "swing", "hip.angle_deg > 10"))
+
+    def first(recording: Recording, **options) -> int:
+        return int(replay(recording, table, **options).phases[Side.LEFT][0])
+
+    assert first(one_leg(hip)) == 0
+    assert first(one_leg(hip, phases={Side.LEFT: swinging})) == 1
+    assert first(one_leg(hip, phases={Side.LEFT: swinging}), start_phases={Side.LEFT: "stance"}) == 0
+    unknown = np.array(["ES"] * 5, dtype=object)
+    assert first(one_leg(hip, phases={Side.LEFT: unknown})) == 0
+    with pytest.raises(GaitTableError, match="has no 'flight'; there are stance, swing"):
+        first(one_leg(hip), start_phases={Side.LEFT: "flight"})
+
+
+# ---------------------------------------------------------------------- agreement and strides
+
+
+def test_the_confusion_matrix_counts_ticks_and_lags_are_late_positive():
+    hip = np.where((np.arange(100) >= 40) & (np.arange(100) < 80), 0.5, 0.0)  # swing from 40 to 80
+    names = np.array(["stance"] * 30 + ["swing"] * 55 + ["flight"] * 5 + ["stance"] * 10, dtype=object)
+    result = replay(one_leg(hip, phases={Side.LEFT: names}), two_way_table())
+    compared = agreement(result)[Side.LEFT]
+    assert compared.recorded == ("stance", "swing", "flight")
+    # By hand: stance 0-40 and 80-100 replayed against stance 0-30, swing 30-85, flight 85-90, stance 90-100.
+    assert compared.confusion.tolist() == [[40, 0], [15, 40], [5, 0]]
+    assert compared.equal_share == 0.8
+    assert compared.phase_share("swing") == pytest.approx(40 / 55)
+    np.testing.assert_allclose(compared.lags["swing"], [0.010])
+    np.testing.assert_allclose(compared.lags["stance"], [-0.010])
+
+
+def test_strides_begin_where_the_first_phase_is_entered():
+    phases = np.array([0, 0, 1, 2, 0, 1, 2, 2, 0, 1, 0, 1])
+    strides = stride_phases(phases)
+    assert [(item.start, item.end, item.phases) for item in strides] == [(4, 8, (0, 1, 2)), (8, 10, (0, 1))]
+    assert strides[0].duration == pytest.approx(0.004)
+    assert stride_phases(np.zeros(9, dtype=int)) == []
+
+
+def test_a_table_that_states_its_cycles_means_those():
+    table = two_way_table()
+    assert meant_cycles(table) == {(0, 1)}
+    assert meant_cycles(replace(table, cycles=(("swing", "stance"),))) == {(0, 1)}

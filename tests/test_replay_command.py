@@ -1,0 +1,193 @@
+"""``twin-gait replay`` as a user meets it: runs, files, folders, one line."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from twin_gait.cli import main
+
+PHASES = ["early_stance", "middle_stance", "late_stance", "swing_flexion", "swing_extension"]
+
+
+def run(*arguments: object) -> int:
+    try:
+        return main([str(item) for item in arguments])
+    except SystemExit as leave:  # argparse leaves on its own for usage errors
+        return int(leave.code or 0)
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "walk"
+    assert run("simulate", "--duration", 4, "--out", out, "--no-pictures") == 0
+    return out
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    out = tmp_path_factory.mktemp("runs") / "bench"
+    assert run("simulate", "bench_leg", "--duration", 4, "--out", out, "--no-pictures") == 0
+    return out
+
+
+def test_a_run_replays_to_its_own_switches(walk, tmp_path, capsys):
+    out = tmp_path / "again"
+    assert run("replay", walk, "--out", out) == 0
+    printed = capsys.readouterr().out
+    assert printed.count("recorded phases: 100.0 % of the ticks equal") == 2
+    assert "at most 0 ms apart" in printed
+    switches, original = pd.read_csv(out / "transitions.csv"), pd.read_csv(walk / "transitions.csv")
+    columns = ["tick", "time_s", "side", "from", "to", "cause", "hip_angle_rad", "knee_angle_rad"]
+    assert list(switches.columns) == list(original.columns)
+    pd.testing.assert_frame_equal(switches[columns], original[columns], check_exact=True)
+    phases, log = pd.read_csv(out / "phases.csv"), pd.read_parquet(walk / "log.parquet")
+    assert len(phases) == len(log)
+    for side in ("left", "right"):
+        assert phases[f"{side}_phase"].tolist() == log[f"{side}_phase"].tolist()
+    assert (out / "figures" / "replay.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_summary_counts_strides_and_switches(walk, tmp_path):
+    out = tmp_path / "again"
+    assert run("replay", walk, "--out", out, "--no-pictures") == 0
+    assert sorted(path.name for path in out.iterdir()) == ["phases.csv", "summary.json", "transitions.csv"]
+    summary = json.loads((out / "summary.json").read_text())
+    switches = pd.read_csv(out / "transitions.csv")
+    assert summary["cycles"] == [PHASES]
+    for side, values in summary["sides"].items():
+        counted = switches[switches["side"] == side].groupby(["from", "to", "cause"]).size()
+        for item in values["switches"]:
+            assert counted[item["from"], item["to"], item["cause"]] == item["count"]
+        assert sum(item["count"] for item in values["switches"]) == counted.sum()
+        assert values["strides"] == values["strides_with_the_whole_cycle"]
+        matrix = pd.DataFrame(values["agreement"]["confusion_ticks"])
+        assert matrix.to_numpy().sum() == 4000 and np.trace(matrix.to_numpy()) == 4000
+        assert values["agreement"]["phase_share"] == dict.fromkeys(PHASES, 1.0)
+
+
+@pytest.mark.parametrize("file_format", ["csv", "mot", "sto"])
+def test_a_run_replays_to_its_own_switches_through_an_exported_file(walk, tmp_path, capsys, file_format):
+    path = tmp_path / f"log.{file_format}"
+    assert run("export", walk, "--format", file_format, "--out", path) == 0
+    # The run scales its table to its belt; an ideal sensor measures the true angle, which motions hold.
+    # A motion in degrees is off by a rounding, which no switch notices.
+    options = ["--belt-speed-km-per-h", 1.5, "--start", "left=early_stance,right=late_stance"]
+    to = ["--out", tmp_path / "again", "--no-pictures"]
+    if file_format != "csv":
+        options += ["--convention", "opensim_gait2392"]
+    assert run("replay", path, "--table", "treadmill", *options, *to) == 0
+    found, original = (pd.read_csv(folder / "transitions.csv") for folder in (tmp_path / "again", walk))
+    columns = ["tick", "side", "from", "to", "cause"]
+    pd.testing.assert_frame_equal(found[columns], original[columns])
+
+
+def test_one_leg_goes_through_the_table_of_the_bench_and_mirrored_through_that_of_the_treadmill(
+    bench, capsys
+):
+    assert run("replay", bench) == 0
+    assert "right: 1 stride of" in capsys.readouterr().out
+    assert run("replay", bench, "--table", "treadmill") == 2
+    error = capsys.readouterr().err
+    assert "other.phase in late_stance → swing_flexion (trailing_limb)" in error and "--mirror" in error
+    assert run("replay", bench, "--mirror", 2.0) == 0
+    printed = capsys.readouterr().out
+    # Mirrored, both legs begin in the phase that was recorded then, and go on as recorded.
+    shares = [float(text) for text in re.findall(r"recorded phases: ([\d.]+) % of the ticks equal", printed)]
+    assert len(shares) == 2 and min(shares) > 99.0
+    assert run("replay", bench, "--table", "treadmill", "--mirror", 2.0) == 0
+    assert "left: " in capsys.readouterr().out
+
+
+def test_a_run_at_another_speed_keeps_its_own_table(walk, capsys):
+    assert run("replay", walk, "--belt-speed-km-per-h", 0.8) == 0
+    printed = capsys.readouterr().out
+    assert "through the table treadmill" in printed
+    assert printed.count("100.0 % of the ticks equal") == 0
+
+
+def test_healthy_walking_goes_through_the_table(capsys):
+    assert run("replay", "koopman@1.5", "--table", "treadmill") == 0
+    printed = capsys.readouterr().out
+    assert printed.count("7 strides of 1.75 s, 7 with all 5 phases once and in order") == 2
+    assert "time_out" not in printed
+
+
+def test_a_table_of_ones_own_is_read_from_its_file(tmp_path, capsys):
+    path = tmp_path / "mine.yaml"
+    impedance = (
+        "{stiffness_Nm_per_deg: 1, damping_ratio: 1, equilibrium_deg: 0, friction_compensation_gain: 0}"
+    )
+    phases = "\n".join(f"  {name}: {{hip: {impedance}}}" for name in ("behind", "before"))
+    transitions = "\n".join(
+        f"  - {{from: {source}, to: {target}, cause: {cause}, all: ['{guard}']}}"
+        for source, target, cause, guard in (
+            ("behind", "before", "forward", "hip.angle_deg > 10"),
+            ("before", "behind", "back", "hip.angle_deg < 5"),
+        )
+    )
+    path.write_text(f"schema_version: 1\njoints: [hip]\nphases:\n{phases}\ntransitions:\n{transitions}\n")
+    assert run("replay", "koopman@4", "--table", path) == 0
+    assert "× behind → before (forward)" in capsys.readouterr().out
+
+
+def test_a_folder_is_replaced_with_force_only_and_only_if_it_is_a_replay(tmp_path, capsys):
+    log = tmp_path / "log.csv"
+    log.write_text("time_s,left_hip_angle_deg,left_knee_angle_deg\n0,10,5\n1,-20,5\n")
+    command = ["replay", log, "--table", "bench_leg", "--no-pictures", "--out"]
+    out = tmp_path / "out"
+    assert run(*command, out) == 0
+    assert run(*command, out) == 2
+    assert "exists; choose another --out, or replace it with --force" in capsys.readouterr().err
+    (out / "note.txt").write_text("old")
+    assert run(*command, out, "--force") == 0
+    assert not (out / "note.txt").exists() and (out / "phases.csv").is_file()
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    (mine / "thesis.tex").write_text("irreplaceable")
+    assert run(*command, mine, "--force") == 2
+    assert (mine / "thesis.tex").read_text() == "irreplaceable"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "mine", "out"]
+
+
+def test_a_run_directory_is_never_replaced_by_a_replay_of_it(walk, capsys):
+    before = sorted(path.name for path in walk.iterdir())
+    assert run("replay", walk, "--out", walk) == 2
+    assert sorted(path.name for path in walk.iterdir()) == before
+
+
+BAD = {
+    "no log": ["nowhere.csv"],
+    "not a run": ["."],
+    "no table": ["koopman@1.5", "--table", "moonwalk"],
+    "convention": ["koopman@1.5", "--convention", "isb"],
+    "columns without a name": ["koopman@1.5", "--columns", "time"],
+    "columns twice": ["koopman@1.5", "--columns", "time=a,time=b"],
+    "no such quantity": ["koopman@1.5", "--columns", "elbow=b"],
+    "columns of a walk without any": ["koopman@1.5", "--columns", "time=b"],
+    "offset of what": ["koopman@1.5", "--offset-deg", "elbow=3"],
+    "offset of how much": ["koopman@1.5", "--offset-deg", "hip=a little"],
+    "infinite offset": ["koopman@1.5", "--offset-deg", "hip=inf"],
+    "start side": ["koopman@1.5", "--start", "both=late_stance"],
+    "start phase": ["koopman@1.5", "--start", "left=flight"],
+    "speed": ["koopman@1.5", "--belt-speed-km-per-h", "0"],
+    "mass": ["koopman@1.5", "--mass", "-70"],
+    "mirror a pair": ["koopman@1.5", "--mirror"],
+    "mirror by a word": ["koopman@1.5", "--mirror", "twice"],
+    "units": ["koopman@1.5", "--units", "grad"],
+    "out of range": ["koopman@50"],
+}
+
+
+@pytest.mark.parametrize("arguments", BAD.values(), ids=BAD)
+def test_bad_input_is_one_line_with_status_2_and_no_folder(arguments, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run("replay", *arguments, "--out", "out") == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert len(printed.err.splitlines()) == 1 and printed.err.startswith("twin-gait: ")
+    assert list(tmp_path.iterdir()) == []

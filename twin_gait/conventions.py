@@ -1,0 +1,130 @@
+"""Sign conventions of the field: what other programs call a joint angle, and which way they count it.
+
+Inside this package hip flexion, knee flexion and ankle dorsiflexion are positive and angles are in [rad].
+A convention leads into it and back; it sits at the edge, where files are read and written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from twin_gait.exceptions import ParameterError
+from twin_gait.vocabulary import JointName, Side
+
+RADIANS, DEGREES = "rad", "deg"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Convention:
+    r"""Names, signs and zeros of joint angles in another program.
+
+    An angle :math:`\varphi` there is :math:`\theta = s \varphi + \theta_0` here.
+
+    Attributes:
+        name: What it is called on the command line.
+        description: Whose it is, and where that is written.
+        columns: Name of the column of each joint of each side; empty where the user chooses them.
+        signs: s of each joint, 1 or -1; 1 where it is not named.
+        offsets: θ0 of each joint in [rad]; 0 where it is not named.
+        unit: Of columns that do not state theirs, ``rad`` or ``deg``; None if it must be asked for.
+    """
+
+    name: str
+    description: str
+    columns: Mapping[tuple[Side, JointName], str] = field(default_factory=dict)
+    signs: Mapping[JointName, float] = field(default_factory=dict)
+    offsets: Mapping[JointName, float] = field(default_factory=dict)
+    unit: str | None = None
+
+    def to_house(self, joint: JointName, angle: np.ndarray) -> np.ndarray:
+        """Turn an angle of that program into one of this package.
+
+        Args:
+            joint: The joint.
+            angle: In [rad], any shape.
+
+        Returns:
+            In [rad]; flexion and dorsiflexion positive.
+        """
+        return np.asarray(self.signs.get(joint, 1.0) * angle + self.offsets.get(joint, 0.0))
+
+    def from_house(self, joint: JointName, angle: np.ndarray) -> np.ndarray:
+        """Turn an angle of this package into one of that program.
+
+        Args:
+            joint: The joint.
+            angle: In [rad], flexion and dorsiflexion positive, any shape.
+
+        Returns:
+            In [rad], as that program counts it.
+        """
+        return np.asarray(self.signs.get(joint, 1.0) * (angle - self.offsets.get(joint, 0.0)))
+
+
+_OPENSIM_COLUMNS = {
+    (side, joint): f"{name}_{str(side)[0]}"
+    for side in Side
+    for joint, name in (
+        (JointName.HIP, "hip_flexion"),
+        (JointName.KNEE, "knee_angle"),
+        (JointName.ANKLE, "ankle_angle"),
+    )
+}
+
+HOUSE = Convention(
+    name="twin_gait",
+    description="this package's own: flexion of hip and knee and dorsiflexion positive",
+    columns={(side, joint): f"{side}_{joint}_angle_rad" for side in Side for joint in JointName},
+)
+OPENSIM_GAIT2392 = Convention(
+    name="opensim_gait2392",
+    description="OpenSim's gait2392, gait2354 and gait10dof18musc: knee flexion negative",
+    columns=_OPENSIM_COLUMNS,
+    signs={JointName.KNEE: -1.0},
+)
+RAJAGOPAL = Convention(
+    name="rajagopal",
+    description="Rajagopal et al. (2016) in OpenSim: the names of gait2392, but knee flexion positive",
+    columns=_OPENSIM_COLUMNS,
+)
+OSL = Convention(
+    name="osl",
+    description="Open-Source Leg: knee flexion and ankle dorsiflexion positive; its logger takes any names",
+    unit=RADIANS,
+)
+CORC_X2 = Convention(
+    name="corc_x2",
+    description=(
+        "ExoMotus X2 in CANOpenRobotController: left hip, left knee, right hip, right knee as "
+        "JointPositions_1 to _4; knee flexion negative (0 to -120 deg)"
+    ),
+    columns={
+        (side, joint): f"JointPositions_{number}"
+        for number, (side, joint) in enumerate(
+            ((side, joint) for side in Side for joint in (JointName.HIP, JointName.KNEE)), start=1
+        )
+    },
+    signs={JointName.KNEE: -1.0},
+    unit=RADIANS,
+)
+CONVENTIONS = {item.name: item for item in (HOUSE, OPENSIM_GAIT2392, RAJAGOPAL, OSL, CORC_X2)}
+
+
+def find_convention(name: str) -> Convention:
+    """Look a convention up.
+
+    Args:
+        name: For example ``opensim_gait2392``.
+
+    Returns:
+        The convention.
+
+    Raises:
+        ParameterError: If there is none of that name.
+    """
+    if name not in CONVENTIONS:
+        raise ParameterError(f"convention: no {name!r}; there are {', '.join(CONVENTIONS)}")
+    return CONVENTIONS[name]

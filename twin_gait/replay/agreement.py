@@ -1,0 +1,84 @@
+"""How well replayed phases agree with the recorded ones."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from twin_gait.gait.table import TICK
+from twin_gait.measures.phases import entry_lags, phase_entries
+from twin_gait.replay.machine import Replay
+from twin_gait.vocabulary import Side
+
+
+class Agreement(NamedTuple):
+    """Replayed against recorded phases of one leg.
+
+    Attributes:
+        recorded: Names of the rows: the phases of the table, then further names of the log.
+        replayed: Names of the columns: the phases of the table.
+        confusion: Ticks in each pair of phases, shape ``(n_recorded, n_replayed)``, integers.
+        lags: For each phase of the table, the time in [s] by which the replay enters it later than the
+            record, for every recorded entry; NaN for one that the replay has no partner for.
+    """
+
+    recorded: tuple[str, ...]
+    replayed: tuple[str, ...]
+    confusion: np.ndarray
+    lags: dict[str, np.ndarray]
+
+    @property
+    def equal_share(self) -> float:
+        """Share of the ticks with equal phases."""
+        return float(np.trace(self.confusion) / self.confusion.sum())
+
+    def phase_share(self, phase: str) -> float:
+        """Share of the ticks recorded in a phase that the replay spends in it too.
+
+        Args:
+            phase: Name of the phase.
+
+        Returns:
+            In [0, 1]; NaN if it was not recorded.
+        """
+        index = self.recorded.index(phase)
+        total = self.confusion[index].sum()
+        return float(self.confusion[index, index] / total) if total else float("nan")
+
+
+def agreement(result: Replay) -> dict[Side, Agreement]:
+    """Compare replayed with recorded phases.
+
+    Args:
+        result: The replay.
+
+    Returns:
+        One comparison for each leg whose phases were recorded.
+    """
+    names = result.table.phase_names
+    return {
+        side: _compare(result.phases[side], recorded, names)
+        for side, recorded in result.recording.phases.items()
+    }
+
+
+def _compare(replayed: np.ndarray, recorded: np.ndarray, names: tuple[str, ...]) -> Agreement:
+    further = sorted(set(recorded.tolist()) - set(names))
+    rows = (*names, *further)
+    place = {name: index for index, name in enumerate(rows)}
+    codes = np.array([place[name] for name in recorded.tolist()], dtype=int)
+    confusion = np.zeros((len(rows), len(names)), dtype=int)
+    np.add.at(confusion, (codes, replayed), 1)
+    lags = {
+        # entry_lags counts a phase that begins before the event as positive; a late replay is positive here.
+        name: -entry_lags(_entries(replayed, index), _entries(codes, index), TICK)
+        for index, name in enumerate(names)
+    }
+    return Agreement(rows, names, confusion, lags)
+
+
+def _entries(phases: np.ndarray, phase: int) -> np.ndarray:
+    """Entries into a phase, without the stay that the record begins with."""
+    entries = phase_entries(phases, phase)
+    return entries[entries > 0]

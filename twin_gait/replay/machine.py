@@ -1,0 +1,194 @@
+"""The gait state machine over a recorded walk: what the controller would have decided.
+
+The recorded angles pass through the firmware's own estimator and the machine's own evaluator, tick by tick
+in the order of the engines: measure, then advance both legs on one snapshot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin_gait.core.control_tick import VELOCITY_FAST, leg_signals, measure_joints
+from twin_gait.core.estimation import first_order_gain
+from twin_gait.exceptions import GaitTableError
+from twin_gait.gait.guards import signal_names
+from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
+from twin_gait.gait.program import compile_guards
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.parameters import SensorParameters
+from twin_gait.replay.recording import Recording
+from twin_gait.replay.requirements import check_signals
+from twin_gait.vocabulary import Side
+
+PROGRESS_TICKS = 500
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """A recorded walk with the phases that a table gives it.
+
+    Attributes:
+        table: The gait table.
+        recording: The walk.
+        velocities: Fast velocity estimate of each joint of the table in [rad] / [s], shape ``(n,)``.
+        phases: Index of the phase of each leg at each tick, shape ``(n,)``, integers.
+        switches: Every change of phase with its cause.
+    """
+
+    table: GaitTable
+    recording: Recording
+    velocities: Mapping[Side, Mapping[str, np.ndarray]]
+    phases: Mapping[Side, np.ndarray]
+    switches: tuple[PhaseSwitch, ...]
+
+
+def replay(
+    recording: Recording,
+    table: GaitTable,
+    *,
+    body_weight: float | None = None,
+    start_phases: Mapping[Side, str] | None = None,
+    fast_time_constant: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Replay:
+    """Run the state machines of the recorded legs over a walk.
+
+    Args:
+        recording: The walk.
+        table: The gait table, already scaled.
+        body_weight: Of wearer and device in [N]; only for guards on the load of the foot.
+        start_phases: Phase of each leg at tick 0; where there is none the recorded one, or without that
+            the first of the table.
+        fast_time_constant: Of the fast velocity estimate in [s]; the firmware's if None.
+        progress: Called with ticks done and ticks in all, now and then.
+
+    Returns:
+        Phases, velocities and switches.
+
+    Raises:
+        GaitTableError: If the guards need a signal that was not recorded, or there is no such start phase.
+    """
+    check_signals(recording, table, body_weight)
+    loop = _Loop(recording, table, body_weight, start_phases or {}, fast_time_constant)
+    total = recording.n_ticks
+    for tick in range(total):
+        if progress is not None and tick % PROGRESS_TICKS == 0:
+            progress(tick, total)
+        loop.step(tick)
+    if progress is not None:
+        progress(total, total)
+    return loop.result()
+
+
+class _Loop:
+    """What is carried from tick to tick."""
+
+    def __init__(
+        self,
+        recording: Recording,
+        table: GaitTable,
+        body_weight: float | None,
+        start_phases: Mapping[Side, str],
+        fast_time_constant: float | None,
+    ) -> None:
+        """Lay the walk out as the estimator and the guards read it."""
+        sensors = SensorParameters()
+        self._table = table
+        self._recording = recording
+        self._angles = _angle_rows(recording, table)
+        self._loads = _load_rows(recording, body_weight)
+        n_joints = self._angles.shape[1]
+        time_constant = sensors.fast_time_constant if fast_time_constant is None else fast_time_constant
+        self._fast_gain = first_order_gain(TICK, time_constant)
+        self._decimation = sensors.decimation
+        self._measured = np.zeros((n_joints, 3))
+        self._decimated = np.zeros(n_joints)
+        self._ring = np.zeros((sensors.window, n_joints))
+        self._nothing = np.zeros(n_joints)
+        self._signals = np.full(2 * len(signal_names(table.joints)), np.nan)
+        program = compile_guards(table)
+        self._machines = [
+            GaitStateMachine(
+                table, side, initial_phase=_start(recording, table, side, start_phases), program=program
+            )
+            for side in recording.sides
+        ]
+        self._velocity = np.zeros_like(self._angles)
+        self._phase = np.zeros((len(self._angles), len(self._machines)), dtype=int)
+        self._switches: list[PhaseSwitch] = []
+
+    def step(self, tick: int) -> None:
+        """Measure, decide, record."""
+        self._measure(tick)
+        ticks = np.array([tick - machine.entry_tick for machine in self._machines])
+        before = [machine.phase_index for machine in self._machines]
+        for leg, machine in enumerate(self._machines):
+            self._write_signals(leg, tick, ticks, 0)
+            other_phase = -1
+            if len(self._machines) == 2:
+                self._write_signals(1 - leg, tick, ticks, len(self._signals) // 2)
+                other_phase = before[1 - leg]
+            switch = machine.advance(tick, self._signals, other_phase)
+            if switch is not None:
+                self._switches.append(switch)
+        self._phase[tick] = [machine.phase_index for machine in self._machines]
+        self._velocity[tick] = self._measured[:, VELOCITY_FAST]
+
+    def _measure(self, tick: int) -> None:
+        measure_joints(
+            tick,
+            self._angles[tick],
+            self._nothing,
+            self._nothing,
+            TICK,
+            self._fast_gain,
+            self._decimation,
+            self._measured,
+            self._decimated,
+            self._ring,
+        )
+
+    def _write_signals(self, leg: int, tick: int, ticks: np.ndarray, offset: int) -> None:
+        joints = len(self._table.joints)
+        leg_signals(leg, joints, self._measured, self._loads[tick], ticks, TICK, self._signals, offset)
+
+    def result(self) -> Replay:
+        """What came out."""
+        sides, joints = self._recording.sides, self._table.joints
+        velocities = {
+            side: {joint: self._velocity[:, leg * len(joints) + i] for i, joint in enumerate(joints)}
+            for leg, side in enumerate(sides)
+        }
+        phases = {side: self._phase[:, leg] for leg, side in enumerate(sides)}
+        return Replay(self._table, self._recording, velocities, phases, tuple(self._switches))
+
+
+def _angle_rows(recording: Recording, table: GaitTable) -> np.ndarray:
+    """Angles leg by leg in the order of the table, 0 for a joint that no guard reads; ``(n, n_joints)``."""
+    nothing = np.zeros(recording.n_ticks)
+    columns = [joints.get(name, nothing) for joints in recording.angles.values() for name in table.joints]
+    return np.column_stack(columns)
+
+
+def _load_rows(recording: Recording, body_weight: float | None) -> np.ndarray:
+    """Foot loads over body weight, 0 where no guard reads them; shape ``(n, n_legs)``."""
+    nothing = np.zeros(recording.n_ticks)
+    if body_weight is None:
+        return np.column_stack([nothing for _ in recording.sides])
+    return np.column_stack([recording.loads.get(side, nothing) / body_weight for side in recording.sides])
+
+
+def _start(recording: Recording, table: GaitTable, side: Side, start_phases: Mapping[Side, str]) -> str:
+    asked = start_phases.get(side)
+    if asked is not None:
+        if asked not in table.phases:
+            raise GaitTableError(
+                f"start phase of the {side} leg: the table {table.name} has no {asked!r}; there are "
+                f"{', '.join(table.phases)}"
+            )
+        return asked
+    recorded = str(recording.phases[side][0]) if side in recording.phases else ""
+    return recorded if recorded in table.phases else table.phase_names[0]

@@ -1,0 +1,103 @@
+"""Healthy walking from the literature as a recorded walk of two legs, to try a table on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from twin_gait.exceptions import ParameterError
+from twin_gait.gait.table import TICK
+from twin_gait.measures.reference import CYCLE, KILOMETRES_PER_HOUR, reference_curve, reference_cycle_time
+from twin_gait.parameters import Patient
+from twin_gait.replay import winter1991
+from twin_gait.replay.recording import Recording
+from twin_gait.vocabulary import JointName, Side
+
+STRIDES = 8
+KOOPMAN, WINTER = "koopman", "winter"
+_WINTER_JOINTS = (JointName.HIP, JointName.KNEE)
+Curve = Callable[[JointName, np.ndarray], np.ndarray]
+
+
+class NormativeWalk(NamedTuple):
+    """A walk made of curves from the literature.
+
+    Attributes:
+        recording: The walk; the left leg begins at heel contact, the right one half a stride later.
+        speed: Of walking in [m] / [s].
+        cycle_time: Stride time in [s].
+    """
+
+    recording: Recording
+    speed: float
+    cycle_time: float
+
+
+def is_normative(name: str) -> bool:
+    """Whether a name asks for a walk from the literature."""
+    return name == WINTER or name.startswith(f"{KOOPMAN}@")
+
+
+def normative_walk(name: str, *, height: float | None = None, strides: int = STRIDES) -> NormativeWalk:
+    """Make a walk of curves from the literature.
+
+    Args:
+        name: ``koopman@1.5`` for the regression of Koopman et al. (2014) at a walking speed in km/h, or
+            ``winter`` for the means of Winter (1991) at natural cadence.
+        height: Body height in [m] that the regression reckons with; that of the default wearer if None.
+        strides: How many.
+
+    Returns:
+        The walk.
+
+    Raises:
+        ParameterError: If there is no such walk, or the regression does not reach the speed.
+    """
+    curve, joints, speed, cycle_time = _winter() if name == WINTER else _koopman(name, height)
+    time = np.arange(round(strides * cycle_time / TICK)) * TICK
+    angles = {}
+    for side, lead in ((Side.LEFT, 0.0), (Side.RIGHT, 0.5)):
+        percent = CYCLE * np.mod(time / cycle_time + lead, 1.0)
+        angles[side] = {str(joint): curve(joint, percent) for joint in joints}
+    return NormativeWalk(Recording(name, 0.0, angles, {}, {}), speed, cycle_time)
+
+
+def _winter() -> tuple[Curve, tuple[JointName, ...], float, float]:
+    return _winter_curve, _WINTER_JOINTS, winter1991.SPEED, winter1991.CYCLE_TIME
+
+
+def _koopman(name: str, height: float | None) -> tuple[Curve, tuple[JointName, ...], float, float]:
+    speed = _speed(name)
+    body_height = Patient().height if height is None else height
+
+    def curve(joint: JointName, percent: np.ndarray) -> np.ndarray:
+        return reference_curve(joint, percent, speed=speed, height=body_height)
+
+    return curve, tuple(JointName), speed, reference_cycle_time(speed, body_height)
+
+
+def _speed(name: str) -> float:
+    kind, _, text = name.partition("@")
+    try:
+        speed = float(text) / KILOMETRES_PER_HOUR
+    except ValueError:
+        speed = math.nan
+    if kind != KOOPMAN or not math.isfinite(speed):
+        raise ParameterError(f"{name}: expected {KOOPMAN}@SPEED with the speed in km/h, such as koopman@1.5")
+    return speed
+
+
+def _winter_curve(joint: JointName, percent: np.ndarray) -> np.ndarray:
+    """Interpolate the table of Winter.
+
+    The means at 0 and 100 % differ by up to 1.8 degrees; the last one is left out, so that the cycle closes.
+    """
+    degrees = [row[_WINTER_JOINTS.index(joint)] for row in winter1991.ANGLES]
+    closed = (*degrees[:-1], degrees[0])
+    places = np.arange(len(closed)) * winter1991.PERCENT_STEP
+    spline = CubicSpline(places, np.radians(closed), bc_type="periodic")
+    return np.asarray(spline(np.mod(percent, CYCLE)))

@@ -1,0 +1,120 @@
+"""Readable words for phases, guards and numbers of a gait table, shared by its drawing and its tables."""
+
+from __future__ import annotations
+
+import textwrap
+
+from twin_gait.gait.guards import OTHER, AllOf, AnyOf, Guard, PhaseMembership
+from twin_gait.gait.table import TICK, JointImpedance, Transition
+
+# By the ending of a signal's name: what follows the joint, and the unit.
+_QUANTITIES = {
+    "angle_deg": ("", "°"),
+    "velocity_deg_per_s": (" velocity", "°/s"),
+    "load_bw": (" load", " BW"),
+    "time_in_phase_s": ("time in phase", " s"),
+}
+
+
+def readable(name: str) -> str:
+    """Write a name of the table as words.
+
+    Args:
+        name: For example ``early_stance``.
+
+    Returns:
+        For example ``early stance``, on one line.
+    """
+    return " ".join(name.replace("_", " ").split()) or name
+
+
+def number(value: float, digits: int = 10) -> str:
+    """Write a number without noise in its last digits.
+
+    Args:
+        value: The number.
+        digits: Significant digits; ten keep what a file gives and drop what a conversion of units adds.
+
+    Returns:
+        The text, with a true minus sign.
+    """
+    return f"{value:.{digits}g}".replace("-", "−")
+
+
+def duration(ticks: int) -> str:
+    """Write a number of ticks as milliseconds, or seconds from one second on."""
+    seconds = ticks * TICK
+    return f"{number(seconds)} s" if seconds >= 1.0 else f"{number(1000.0 * seconds)} ms"
+
+
+def damping_words(joint: JointImpedance, digits: int = 10) -> str:
+    """Write the damping of a joint as the table gives it: ``ζ`` or ``b`` in [Nms/rad]."""
+    if joint.damping_ratio is not None:
+        return f"ζ {number(joint.damping_ratio, digits)}"
+    assert joint.damping is not None  # JointImpedance holds exactly one of them
+    return f"b {number(joint.damping, digits)}"
+
+
+def signal_words(signal: str) -> tuple[str, str]:
+    """Name of a signal in words, and its unit.
+
+    Args:
+        signal: For example ``other.hip.velocity_deg_per_s``.
+
+    Returns:
+        For example ``("other hip velocity", "°/s")``.
+    """
+    leg = "other " if signal.startswith(OTHER) else ""
+    source, _, quantity = signal.removeprefix(OTHER).rpartition(".")
+    words, unit = _QUANTITIES[quantity]
+    return f"{leg}{readable(source) if source else ''}{words}", unit
+
+
+def guard_words(guard: Guard) -> str:
+    """Write a guard with readable names and units.
+
+    Args:
+        guard: The guard.
+
+    Returns:
+        For example ``hip < −8° and (knee > 40° or foot load < 0.1 BW)``.
+    """
+    if isinstance(guard, PhaseMembership):
+        return f"other leg in {' or '.join(readable(name) for name in guard.phases)}"
+    if isinstance(guard, (AllOf, AnyOf)):
+        return _joiner(guard).join(_bracketed(inner) for inner in guard.guards)
+    left, unit = signal_words(guard.signal)
+    if guard.minus is not None:
+        left = f"{left} − {signal_words(guard.minus)[0]}"
+    return f"{left} {guard.operator} {number(guard.threshold)}{unit}"
+
+
+def _joiner(guard: AllOf | AnyOf) -> str:
+    return " and " if isinstance(guard, AllOf) else " or "
+
+
+def _bracketed(guard: Guard) -> str:
+    return f"({guard_words(guard)})" if isinstance(guard, (AllOf, AnyOf)) else guard_words(guard)
+
+
+def condition_lines(transition: Transition, width: int) -> list[str]:
+    """Write what a transition waits for, in short lines.
+
+    Args:
+        transition: The transition.
+        width: Longest line in characters.
+
+    Returns:
+        One condition a line, ``and`` or ``or`` in front of all but the first; then dwell and time.
+    """
+    guard = transition.guard
+    if isinstance(guard, (AllOf, AnyOf)):
+        word = _joiner(guard).lstrip()
+        lines = [f"{word if index else ''}{_bracketed(inner)}" for index, inner in enumerate(guard.guards)]
+    else:
+        lines = [guard_words(guard)]
+    if transition.dwell_ticks > 1:
+        lines.append(f"for {duration(transition.dwell_ticks)}")
+    if transition.time_out_ticks is not None:
+        lines.append(f"after {duration(transition.time_out_ticks)}")
+    return [part for line in lines for part in textwrap.wrap(line, width)]
