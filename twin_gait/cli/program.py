@@ -32,9 +32,19 @@ def build_parser() -> argparse.ArgumentParser:
         dest="command", required=True, parser_class=OneLineParser, metavar="COMMAND"
     )
     # Heavy imports wait until a command runs, so that --help answers at once.
-    from twin_gait.cli import diagram, export, outcomes, presets, replay, simulate, validate, view
+    from twin_gait.cli import (
+        benchmark,
+        diagram,
+        export,
+        outcomes,
+        presets,
+        replay,
+        simulate,
+        validate,
+        view,
+    )
 
-    for module in (simulate, view, export, presets, diagram, replay, outcomes, validate):
+    for module in (simulate, view, export, presets, diagram, replay, outcomes, validate, benchmark):
         module.add_parser(commands)
     return parser
 
