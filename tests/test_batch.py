@@ -140,7 +140,7 @@ WRONG = {
 @pytest.mark.parametrize(("wrong", "message"), WRONG.values(), ids=WRONG.keys())
 def test_a_wrong_change_is_one_line_and_nothing_runs(walk, monkeypatch, wrong, message):
     ran: list[Experiment] = []
-    monkeypatch.setattr(batch, "simulate", ran.append)
+    monkeypatch.setattr(batch, "simulate", lambda experiment, **options: ran.append(experiment))
     with pytest.raises(ParameterFileError, match=f"^{message}") as error:
         simulate_batch(walk, [{}, wrong])
     assert "\n" not in str(error.value)
@@ -210,7 +210,7 @@ def test_a_batch_stopped_at_once_and_an_empty_one_have_no_rows(walk):
 def test_no_log_outlives_its_episode_unless_it_is_asked_for(noisy, monkeypatch):
     made: list[weakref.ref[pd.DataFrame]] = []
 
-    def simulate_and_watch(experiment: Experiment) -> Run:
+    def simulate_and_watch(experiment: Experiment, **options: Any) -> Run:
         # Nothing but the log that was asked for may be left of the episodes before.
         assert len([log for log in made if log() is not None]) <= 1
         run = simulate(experiment)
@@ -235,7 +235,7 @@ def test_a_key_named_like_a_measure_keeps_both(walk):
 def test_the_engine_can_be_overridden(noisy, monkeypatch):
     engines: list[Engine] = []
 
-    def note(experiment: Experiment) -> Run:
+    def note(experiment: Experiment, **options: Any) -> Run:
         engines.append(experiment.engine)
         return simulate(experiment)
 
@@ -246,6 +246,18 @@ def test_the_engine_can_be_overridden(noisy, monkeypatch):
     engines.clear()
     map_outcomes(short, [Case(70.0, 1.75, 0.34, 0.5)], workers=1)
     assert engines == [Engine.PINOCCHIO]
+
+
+def test_the_first_episode_compiles_here_for_all(noisy, monkeypatch):
+    told: list[Any] = []
+
+    def note(experiment: Experiment, *, on_compile: Any) -> Run:
+        told.append(on_compile)
+        return simulate(experiment)
+
+    monkeypatch.setattr(batch, "simulate", note)
+    simulate_batch(replace(noisy, duration=0.02), [{}, {}, {}], on_compile=print)
+    assert told == [print, None, None]
 
 
 def test_a_map_tells_of_every_case_what_its_run_alone_does(walk):

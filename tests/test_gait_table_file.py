@@ -13,12 +13,12 @@ import pytest
 import yaml
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping, load_gait_table
 from twin_gait.configuration.validation import MAXIMUM_FILE_SIZE, parse_yaml
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.gait import BlendingLaw, GaitTable
+from twin_gait.gait import BlendingLaw, DraftTable, GaitTable, Waiver
 from twin_gait.gait.guards import AllOf, AnyOf, parse_guard
 from twin_gait.gait.program import compile_guards
 from twin_gait.vocabulary import GaitPhase, Side
@@ -182,6 +182,50 @@ def test_time_out_is_rounded_to_whole_ticks(seconds: str, ticks: int, tmp_path: 
     assert table.transitions[4].time_out_ticks == ticks
 
 
+def test_what_checks_read_is_kept(tmp_path: Path) -> None:
+    text = TABLE.replace("cause: loaded", "cause: loaded, driven_by: contact").replace(
+        "sides:",
+        "cycles: [[early_stance, middle_stance]]\n"
+        "waive: [{rule: cascade, phase: late_stance, transition: clearance, reason: it is slow}]\nsides:",
+    )
+    table = load_text(text, tmp_path)
+    assert [str(item.driven_by) for item in table.transitions[:2]] == ["contact", "joint"]
+    assert table.cycles == (("early_stance", "middle_stance"),)
+    assert table.waivers == (
+        Waiver(rule="cascade", reason="it is slow", phase="late_stance", transition="clearance"),
+    )
+    assert load_text(TABLE, tmp_path).waivers == load_text(TABLE, tmp_path).cycles == ()
+
+
+def test_what_checks_read_does_not_change_the_guards(tmp_path: Path) -> None:
+    plain = load_text(TABLE, tmp_path)
+    declared = load_text(TABLE.replace("cause: loaded", "cause: loaded, driven_by: contact"), tmp_path)
+    for before, after in zip(compile_guards(plain), compile_guards(declared), strict=True):
+        assert_array_equal(after, before)
+
+
+def test_machine_of_four_of_the_five_phases_declares_its_cycle() -> None:
+    data = mapping()
+    del data["phases"]["middle_stance"]
+    data["transitions"][0]["to"] = "late_stance"
+    del data["transitions"][1]
+    with pytest.raises(ParameterFileError) as caught:
+        gait_table_from_mapping(data, "table.yaml", "t")
+    check_message(caught.value, "table.yaml", "phases", "missing middle_stance", "cycles")
+    data["cycles"] = [list(data["phases"])]
+    assert gait_table_from_mapping(data, "table.yaml", "t").phase_names == tuple(data["phases"])
+
+
+def test_draft_may_be_open_where_a_table_may_not() -> None:
+    data = mapping()
+    data["transitions"] = data["transitions"][:2]
+    with pytest.raises(ParameterFileError, match="no transition leaves it"):
+        gait_table_from_mapping(data, "table.yaml", "t")
+    draft = gait_table_from_mapping(data, "table.yaml", "t", draft=True)
+    assert isinstance(draft, DraftTable)
+    assert len(draft.transitions) == 2
+
+
 # ---------------------------------------------------------------------------------- mistakes
 
 HIP_KEY = "phases.early_stance.hip"
@@ -291,6 +335,28 @@ MISTAKES = {
     "hip centre twice": (
         "hip_centre_deg: 9", "hip_centre_deg: 9, hip_centre_rad: 0.3",
         "scaling", "hip_centre",
+    ),
+    "driven by": ("cause: loaded", "cause: loaded, driven_by: wind", "transitions[0].driven_by", "contact"),
+    "waiver without reason": ("sides:", "waive: [{rule: cascade}]\nsides:", "waive[0].reason", "missing"),
+    "waiver with an empty reason": (
+        "sides:", "waive: [{rule: cascade, reason: ' '}]\nsides:", "waive.reason", "why",
+    ),
+    "waiver of an unknown phase": (
+        "sides:", "waive: [{rule: cascade, reason: so, phase: flight}]\nsides:", "waive[0].phase", "flight",
+    ),
+    "waiver of an unknown transition": (
+        "sides:", "waive: [{rule: cascade, reason: so, transition: push}]\nsides:",
+        "waive[0].transition", "trailing_limb",
+    ),
+    "waiver with an unknown key": (
+        "sides:", "waive: [{rule: cascade, reason: so, phas: flight}]\nsides:", "waive[0].phas", "phase",
+    ),
+    "cycle through an unknown phase": (
+        "sides:", "cycles: [[early_stance, flight]]\nsides:", "cycles[0]", "flight",
+    ),
+    "cycle of one phase": ("sides:", "cycles: [[early_stance]]\nsides:", "cycles[0]", "two or more"),
+    "cycle that passes a phase twice": (
+        "sides:", "cycles: [[early_stance, late_stance, early_stance]]\nsides:", "cycles[0]", "different",
     ),
     "unclosed": ("joints: [hip, knee]", "joints: [hip, knee", "line", "YAML"),
     "tab": ("name: example", "\tname: example", "line 2", "YAML"),

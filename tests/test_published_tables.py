@@ -380,3 +380,12 @@ def test_drawings_in_the_documentation_are_those_of_the_shipped_tables(path: Pat
         pytest.skip("not the drawing of a gait table")
     expected = state_diagram_svg(packaged_gait_table(path.stem))
     assert drawn_texts(path.read_text("utf-8")) == drawn_texts(expected)
+
+
+@pytest.mark.parametrize("name", ["sup_2009", "osl_walking"])
+def test_the_page_shows_what_the_check_says(name, capsys):
+    from twin_gait.cli import main
+
+    assert main(["check", name]) == 0
+    page = (Path(__file__).parents[1] / "docs" / "published_machines.md").read_text(encoding="utf-8")
+    assert capsys.readouterr().out.rstrip() in page

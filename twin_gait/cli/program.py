@@ -34,17 +34,22 @@ def build_parser() -> argparse.ArgumentParser:
     # Heavy imports wait until a command runs, so that --help answers at once.
     from twin_gait.cli import (
         benchmark,
+        check,
         diagram,
         export,
         outcomes,
         presets,
         replay,
         simulate,
+        sweep,
         validate,
         view,
     )
 
-    for module in (simulate, view, export, presets, diagram, replay, outcomes, validate, benchmark):
+    runs = (simulate, view, export, presets)
+    tables = (check, diagram, replay)
+    studies = (sweep, outcomes, validate, benchmark)
+    for module in (*runs, *tables, *studies):
         module.add_parser(commands)
     return parser
 

@@ -16,7 +16,7 @@ import yaml
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.experiment import Experiment, Integration
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
-from twin_gait.gait.table import TICK, GaitTable, PhaseParameters, Transition
+from twin_gait.gait.table import TICK, DrivenBy, GaitTable, PhaseParameters, Transition, Waiver
 from twin_gait.leg_model import LegJoints
 from twin_gait.parameters import FrictionParameters, Patient
 from twin_gait.scenario import BenchLegScenario, TreadmillScenario
@@ -55,7 +55,21 @@ def table_document(table: GaitTable) -> dict[str, Any]:
         str(side): {name: _phase(phase) for name, phase in phases.items()}
         for side, phases in table.side_phases.items()
     }
+    if table.cycles:
+        document["cycles"] = [list(cycle) for cycle in table.cycles]
+    if table.waivers:
+        document["waive"] = [_waiver(item) for item in table.waivers]
     return {**document, "sides": sides} if sides else document
+
+
+def _waiver(waiver: Waiver) -> dict[str, Any]:
+    document = {
+        "rule": waiver.rule,
+        "phase": waiver.phase,
+        "transition": waiver.transition,
+        "reason": waiver.reason,
+    }
+    return {key: value for key, value in document.items() if value is not None}
 
 
 def _scaling(table: GaitTable) -> dict[str, Any]:
@@ -99,6 +113,8 @@ def _transition(item: Transition) -> dict[str, Any]:
         document["all"] = [_guard(item.guard)]
     if item.time_out_ticks is not None:
         document["after_s"] = round(item.time_out_ticks * TICK, 3)
+    if item.driven_by is not DrivenBy.JOINT:
+        document["driven_by"] = str(item.driven_by)
     return document
 
 

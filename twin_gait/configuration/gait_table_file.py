@@ -18,29 +18,34 @@ from twin_gait.gait.table import (
     TICK,
     Blending,
     BlendingLaw,
+    DraftTable,
+    DrivenBy,
     GaitTable,
     JointImpedance,
     PhaseParameters,
     Scaling,
     Transition,
+    Waiver,
 )
 from twin_gait.vocabulary import GaitPhase, Side
 
 _DEGREE = math.pi / 180.0
 _PER_DEGREE = 180.0 / math.pi
 SCHEMA_VERSION = 1
+# Far beyond any drive, mass and speed; squares and powers of such numbers still are numbers.
+LARGEST, SMALLEST = 1e9, 1e-3
 
 
 class JointEntry(Strict):
     """Impedance of a joint in a phase."""
 
-    stiffness_Nm_per_deg: Number | None = Field(default=None, ge=0)
-    stiffness_Nm_per_rad: Number | None = Field(default=None, ge=0)
-    damping_Nms_per_rad: Number | None = Field(default=None, ge=0)
-    damping_Nms_per_deg: Number | None = Field(default=None, ge=0)
-    damping_ratio: Number | None = Field(default=None, ge=0)
-    equilibrium_deg: Number | None = None
-    equilibrium_rad: Number | None = None
+    stiffness_Nm_per_deg: Number | None = Field(default=None, ge=0, le=LARGEST)
+    stiffness_Nm_per_rad: Number | None = Field(default=None, ge=0, le=LARGEST * _PER_DEGREE)
+    damping_Nms_per_rad: Number | None = Field(default=None, ge=0, le=LARGEST * _PER_DEGREE)
+    damping_Nms_per_deg: Number | None = Field(default=None, ge=0, le=LARGEST)
+    damping_ratio: Number | None = Field(default=None, ge=0, le=LARGEST)
+    equilibrium_deg: Number | None = Field(default=None, ge=-LARGEST, le=LARGEST)
+    equilibrium_rad: Number | None = Field(default=None, ge=-LARGEST, le=LARGEST)
     friction_compensation_gain: Number = Field(ge=0, le=1)
 
     @model_validator(mode="after")
@@ -90,6 +95,7 @@ class TransitionEntry(Strict):
     any: list[Any] | None = None
     after_s: Number | None = Field(default=None, gt=0, le=LONGEST * TICK)
     dwell_ms: Count | None = Field(default=None, ge=1)
+    driven_by: DrivenBy = DrivenBy.JOINT
 
     @model_validator(mode="after")
     def _one_condition(self) -> TransitionEntry:
@@ -112,18 +118,31 @@ class BlendingEntry(Strict):
 class ScalingEntry(Strict):
     """Scaling laws."""
 
-    carried_mass_kg: Number | None = Field(default=None, gt=0)
+    carried_mass_kg: Number | None = Field(default=None, ge=SMALLEST, le=LARGEST)
     stance_phases: tuple[str, ...] = ()
-    speed_m_per_s: Number | None = Field(default=None, gt=0)
+    speed_m_per_s: Number | None = Field(default=None, ge=SMALLEST, le=LARGEST)
     speed_exponent: Number = 0.0
-    hip_centre_deg: Number | None = None
-    hip_centre_rad: Number | None = None
+    hip_centre_deg: Number | None = Field(default=None, ge=-LARGEST, le=LARGEST)
+    hip_centre_rad: Number | None = Field(default=None, ge=-LARGEST, le=LARGEST)
 
     @model_validator(mode="after")
     def _one_centre(self) -> ScalingEntry:
         if self.hip_centre_deg is not None and self.hip_centre_rad is not None:
             raise ValueError("give either hip_centre_deg or hip_centre_rad")
         return self
+
+
+class WaiverEntry(Strict):
+    """A warning of the check that the table lives with."""
+
+    rule: str = Field(min_length=1)
+    reason: str = Field(min_length=1)
+    phase: str | None = None
+    transition: str | None = None
+
+    def convert(self) -> Waiver:
+        """Convert."""
+        return Waiver(rule=self.rule, reason=self.reason, phase=self.phase, transition=self.transition)
 
 
 def _hip_centre(entry: ScalingEntry) -> float:
@@ -143,14 +162,17 @@ class GaitTableFile(Strict):
     scaling: ScalingEntry = ScalingEntry()
     phases: dict[str, dict[str, Any]] = Field(min_length=1)
     transitions: list[TransitionEntry]
+    cycles: list[list[str]] = Field(default_factory=list)
+    waive: list[WaiverEntry] = Field(default_factory=list)
     sides: dict[Side, dict[str, dict[str, Any]]] = Field(default_factory=dict)
 
 
-def load_gait_table(path: str | Path) -> GaitTable:
+def load_gait_table(path: str | Path, *, draft: bool = False) -> GaitTable:
     """Read a gait table from a YAML file.
 
     Args:
         path: The file.
+        draft: Whether phases may lack exits or be out of reach, which a check reports itself.
 
     Returns:
         The table.
@@ -159,7 +181,7 @@ def load_gait_table(path: str | Path) -> GaitTable:
         ParameterFileError: If the file has a mistake; the message names file, key and value.
     """
     path = Path(path)
-    return gait_table_from_mapping(read_yaml(path), str(path), path.stem)
+    return gait_table_from_mapping(read_yaml(path), str(path), path.stem, draft=draft)
 
 
 def packaged_gait_table(name: str) -> GaitTable:
@@ -174,9 +196,24 @@ def packaged_gait_table(name: str) -> GaitTable:
     Raises:
         GaitTableError: If there is no such table.
     """
+    return load_gait_table(packaged_table_path(name))
+
+
+def packaged_table_path(name: str) -> Path:
+    """File of a gait table that ships with the package.
+
+    Args:
+        name: For example ``treadmill``.
+
+    Returns:
+        The path.
+
+    Raises:
+        GaitTableError: If there is no such table.
+    """
     if name not in packaged_gait_tables():
         raise GaitTableError(f"no gait table {name!r} ships; there are {', '.join(packaged_gait_tables())}")
-    return load_gait_table(_tables() / f"{name}.yaml")
+    return _tables() / f"{name}.yaml"
 
 
 def packaged_gait_tables() -> list[str]:
@@ -188,13 +225,16 @@ def _tables() -> Path:
     return Path(str(files("twin_gait.configuration"))) / "tables"
 
 
-def gait_table_from_mapping(data: dict[str, Any], source: str, name: str) -> GaitTable:
+def gait_table_from_mapping(
+    data: dict[str, Any], source: str, name: str, *, draft: bool = False
+) -> GaitTable:
     """Turn parsed YAML into a gait table.
 
     Args:
         data: The parsed file.
         source: File name for messages.
         name: Name of the table if the file gives none.
+        draft: Whether to make a :class:`~twin_gait.gait.table.DraftTable`, which need not be closed.
 
     Returns:
         The table.
@@ -207,9 +247,12 @@ def gait_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Gai
     phases = {
         phase: _phase(values, joints, source, f"phases.{phase}") for phase, values in entry.phases.items()
     }
-    if set(phases) < {str(item) for item in GaitPhase}:
-        missing = [str(item) for item in GaitPhase if item not in phases]
-        raise ParameterFileError(source, "phases", f"missing {', '.join(missing)}")
+    # Some of the five phases are a mistake, unless the table says how it goes round without the others.
+    if set(phases) < {str(item) for item in GaitPhase} and not entry.cycles:
+        missing = ", ".join(str(item) for item in GaitPhase if item not in phases)
+        raise ParameterFileError(
+            source, "phases", f"missing {missing}; a cycle without them goes under cycles"
+        )
     names = tuple(phases)
     transitions = tuple(
         _transition(item, joints, names, source, f"transitions[{index}]")
@@ -226,10 +269,11 @@ def gait_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Gai
         if differences
     }
     scaling = entry.scaling
+    kind = DraftTable if draft else GaitTable
     return converting(
         source,
         "",
-        lambda: GaitTable(
+        lambda: kind(
             name=entry.name or name,
             joints=joints,
             phases=phases,
@@ -244,6 +288,8 @@ def gait_table_from_mapping(data: dict[str, Any], source: str, name: str) -> Gai
                 hip_centre=_hip_centre(scaling),
             ),
             description=entry.description,
+            cycles=tuple(tuple(cycle) for cycle in entry.cycles),
+            waivers=tuple(item.convert() for item in entry.waive),
         ),
     )
 
@@ -311,6 +357,7 @@ def _transition(
             guard=guard,
             dwell_ticks=1 if entry.dwell_ms is None else entry.dwell_ms,
             time_out_ticks=None if entry.after_s is None else round(entry.after_s / TICK),
+            driven_by=entry.driven_by,
         )
 
     return converting(source, key, build)

@@ -6,17 +6,22 @@ from twin_gait.gait.table import (
     TICK,
     Blending,
     BlendingLaw,
+    DraftTable,
+    DrivenBy,
     GaitTable,
     JointImpedance,
     PhaseParameters,
     Scaling,
     Transition,
+    Waiver,
 )
 
 __all__ = [
     "TICK",
     "Blending",
     "BlendingLaw",
+    "DraftTable",
+    "DrivenBy",
     "GaitStateMachine",
     "GaitTable",
     "GuardProgram",
@@ -26,5 +31,6 @@ __all__ = [
     "PhaseSwitch",
     "Scaling",
     "Transition",
+    "Waiver",
     "compile_guards",
 ]

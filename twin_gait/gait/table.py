@@ -8,18 +8,28 @@ edge (:mod:`twin_gait.configuration`) converts.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, all_signal_names
+from twin_gait.gait.guards import (
+    OTHER,
+    AllOf,
+    AnyOf,
+    Comparison,
+    Guard,
+    PhaseMembership,
+    all_signal_names,
+)
 from twin_gait.parameters import require, require_non_negative, require_positive, require_share
 from twin_gait.vocabulary import Side
 
 TICK = 1e-3  # [s], the firmware's control period (thesis, section 2.1.2)
 LONGEST = 10**9  # ticks, eleven days: no time in a table is longer
+MOST_PHASES = 62  # a membership of the other leg's phase is a bit mask in a signed 64-bit integer
 
 
 class BlendingLaw(StrEnum):
@@ -113,6 +123,15 @@ class PhaseParameters:
         require(0 <= self.minimum_ticks <= LONGEST, "min_time_ms", f"0 to {LONGEST}", self.minimum_ticks)
 
 
+class DrivenBy(StrEnum):
+    """What carries a leg to an exit."""
+
+    JOINT = "joint"
+    """The joint's own balance of impedance, gravity and friction."""
+    CONTACT = "contact"
+    """Ground, belt or the other leg."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Transition:
     """One entry of the transition list.
@@ -124,6 +143,7 @@ class Transition:
         guard: Condition; an empty ``AllOf`` for a pure time-out.
         dwell_ticks: The guard must hold on so many consecutive ticks; it fires on the last.
         time_out_ticks: Least time in the phase, or None; alone it is a time-out.
+        driven_by: What carries the leg to this exit; read by checks only.
     """
 
     source: str
@@ -132,6 +152,7 @@ class Transition:
     guard: Guard = field(default_factory=lambda: AllOf(guards=()))
     dwell_ticks: int = 1
     time_out_ticks: int | None = None
+    driven_by: DrivenBy = DrivenBy.JOINT
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -186,6 +207,28 @@ class Scaling:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Waiver:
+    """A warning of the check that the table lives with.
+
+    Attributes:
+        rule: Id of the rule.
+        reason: Why it is right as it is.
+        phase: Only for findings about this phase; None for all.
+        transition: Only for findings about transitions with this cause; None for all.
+    """
+
+    rule: str
+    reason: str
+    phase: str | None = None
+    transition: str | None = None
+
+    def __post_init__(self) -> None:
+        """Check that there is a rule and a reason."""
+        require(bool(self.rule.strip()), "waive.rule", "the id of a rule", self.rule)
+        require(bool(self.reason.strip()), "waive.reason", "why the finding is accepted", self.reason)
+
+
+@dataclass(frozen=True, kw_only=True)
 class GaitTable:
     """Per-phase impedances and transitions.
 
@@ -198,6 +241,8 @@ class GaitTable:
         side_phases: Parameters that differ on one side (hemiparesis).
         scaling: Laws that adapt the table.
         description: What it is for and where its numbers come from.
+        cycles: Cycles of phases that are meant; empty for the phases in their order.
+        waivers: Warnings of the check that the table lives with.
     """
 
     name: str
@@ -208,25 +253,56 @@ class GaitTable:
     side_phases: Mapping[Side, Mapping[str, PhaseParameters]] = field(default_factory=dict)
     scaling: Scaling = field(default_factory=Scaling)
     description: str = ""
+    cycles: tuple[tuple[str, ...], ...] = ()
+    waivers: tuple[Waiver, ...] = ()
 
     def __post_init__(self) -> None:
         """Check that the table is complete and closed."""
         if not self.joints:
             raise GaitTableError("joints: expected at least one joint, got none")
+        for name in self.joints:
+            # Signals are joint.quantity, and those of the other leg begin with "other.".
+            if not re.fullmatch(r"[A-Za-z_]\w*", name) or f"{name}." == OTHER:
+                raise GaitTableError(f"joints: expected a name of letters, digits and '_', got {name!r}")
         twice = sorted({name for name in self.joints if self.joints.count(name) > 1})
         if twice:
             raise GaitTableError(f"joints: {', '.join(twice)} is named twice")
         if not self.phases:
             raise GaitTableError("phases: expected at least one phase, got none")
+        if len(self.phases) > MOST_PHASES:
+            raise GaitTableError(f"phases: at most {MOST_PHASES} fit, got {len(self.phases)}")
         for mapping in (self.phases, *self.side_phases.values()):
             for phase, parameters in mapping.items():
                 self._check_phase(phase, parameters)
         for index, transition in enumerate(self.transitions):
             self._check_transition(index, transition)
-        self._check_exits()
-        self._check_reachable()
+        self._check_closed()
         for phase in self.scaling.stance_phases:
             self._check_known(f"scaling.stance_phases: {phase}", phase)
+        for index, cycle in enumerate(self.cycles):
+            self._check_cycle(f"cycles[{index}]", cycle)
+        for index, waiver in enumerate(self.waivers):
+            self._check_waiver(f"waive[{index}]", waiver)
+
+    def _check_closed(self) -> None:
+        self._check_exits()
+        self._check_reachable()
+
+    def _check_cycle(self, place: str, cycle: tuple[str, ...]) -> None:
+        for phase in cycle:
+            self._check_known(place, phase)
+        if len(cycle) < 2 or len(set(cycle)) < len(cycle):
+            raise GaitTableError(f"{place}: expected two or more different phases, got {', '.join(cycle)}")
+
+    def _check_waiver(self, place: str, waiver: Waiver) -> None:
+        if waiver.phase is not None:
+            self._check_known(f"{place}.phase", waiver.phase)
+        causes = sorted({item.cause for item in self.transitions})
+        if waiver.transition is not None and waiver.transition not in causes:
+            raise GaitTableError(
+                f"{place}.transition: no transition with the cause {waiver.transition!r}; "
+                f"there are {', '.join(causes)}"
+            )
 
     def _check_known(self, place: str, phase: str) -> None:
         if phase not in self.phases:
@@ -302,6 +378,16 @@ class GaitTable:
     def phases_of(self, side: Side) -> Mapping[str, PhaseParameters]:
         """Parameters of one side, its own differences laid over the common ones."""
         return {**self.phases, **self.side_phases.get(side, {})}
+
+
+class DraftTable(GaitTable):
+    """A table that need not be closed: phases may lack exits, or chains of transitions that reach them.
+
+    Nothing can be run on it. Checks read it, to report what is open.
+    """
+
+    def _check_closed(self) -> None:
+        """Leave it to the check."""
 
 
 def _phases_in(guard: Guard) -> list[str]:

@@ -1,0 +1,129 @@
+"""``twin-gait check``: what it prints, and its exit status."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import pytest
+
+from twin_gait.checking.check import rules
+from twin_gait.checking.finding import Finding, Severity
+from twin_gait.cli import check as command
+from twin_gait.cli.check import draw
+from twin_gait.cli.terminal import DONE, FAILED
+from twin_gait.configuration.gait_table_file import packaged_table_path
+from twin_gait.exceptions import TwinGaitError
+
+
+def run(*arguments: str) -> int:
+    parser = argparse.ArgumentParser()
+    command.add_parser(parser.add_subparsers())
+    parsed = parser.parse_args(["check", *arguments])
+    return int(parsed.run(parsed))
+
+
+@pytest.fixture
+def stiff_knee(tmp_path: Path) -> str:
+    """A published machine whose early swing waits for a knee angle that no knee has."""
+    text = packaged_table_path("osl_walking").read_text(encoding="utf-8")
+    assert "knee.angle_deg > 50" in text
+    path = tmp_path / "stiff_knee.yaml"
+    path.write_text(text.replace("knee.angle_deg > 50", "knee.angle_deg > 150"), encoding="utf-8")
+    return str(path)
+
+
+def test_sound_table_passes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("osl_walking") == DONE
+    assert capsys.readouterr().out.splitlines()[-1].startswith("osl_walking, by itself: 0 errors, ")
+
+
+def test_error_fails_the_check_and_shows_where_why_and_the_way_out(
+    stiff_knee: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(stiff_knee) == FAILED
+    lines = capsys.readouterr().out.splitlines()
+    place = lines.index("error never_opens: early_swing → late_swing (knee_flexed)")
+    assert "no signals inside the limits open" in lines[place + 1]
+    assert "    → correct the thresholds, or take the transition out" in lines[place + 1 : place + 5]
+    assert [line.split()[0] for line in lines if line.startswith(("error", "warning"))] == sorted(
+        line.split()[0] for line in lines if line.startswith(("error", "warning"))
+    )
+    assert lines[-1].startswith("osl_walking, by itself: 4 errors, ")
+
+
+def test_json_has_the_same_findings(stiff_knee: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(stiff_knee, "--json") == FAILED
+    document = json.loads(capsys.readouterr().out)
+    assert set(document) == {"schema_version", "table", "experiment", "counts", "findings"}
+    errors = {item["rule"] for item in document["findings"] if item["severity"] == "error"}
+    assert errors == {"never_opens", "trap", "unreachable_phase", "deadlock"}
+    assert document["counts"]["errors"] == 4
+    assert {item["rule"] for item in document["findings"]} <= set(rules())
+    keys = {"rule", "severity", "phase", "transition", "side", "reason", "suggestion", "witness", "waived"}
+    assert all(set(item) == keys for item in document["findings"])
+
+
+def test_experiment_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
+    run("bench_leg", "--experiment", "treadmill", "--json")
+    document = json.loads(capsys.readouterr().out)
+    assert document["experiment"] == "treadmill"
+    # With two legs the stepping of the bench leg lets both swing.
+    assert "both_in_swing" in {item["rule"] for item in document["findings"]}
+
+
+def test_rules_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--rules") == DONE
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(rules())
+    assert all(meaning in line for line, meaning in zip(lines, rules().values(), strict=True))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "explained"),
+    [
+        ([], "expected a gait table"),
+        (["nowhere.yaml"], "nowhere.yaml: neither a packaged gait table"),
+        (["treadmill", "--experiment", "nowhere"], "nowhere: neither a preset"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: list[str], explained: str) -> None:
+    with pytest.raises(TwinGaitError, match=explained) as caught:
+        run(*arguments)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_malformed_table_is_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "broken.yaml"
+    path.write_text("joints: [hip", encoding="utf-8")
+    with pytest.raises(TwinGaitError, match=r"broken.yaml.*not valid YAML"):
+        run(str(path))
+
+
+def finding(**changes: object) -> Finding:
+    values = {
+        "rule": "cascade",
+        "severity": Severity.WARNING,
+        "reason": "it is left in its first tick",
+        "suggestion": "part the thresholds",
+        "phase": "early_stance",
+        "witness": {"hip.angle_deg": -2.5, "other.phase": "late_stance"},
+    }
+    return Finding(**{**values, **changes})  # type: ignore[arg-type]
+
+
+def test_waived_finding_shows_the_reason_of_the_table() -> None:
+    assert list(draw([finding(waived="the belt is slow")])) == [
+        "waived warning cascade: early_stance",
+        "    the belt is slow",
+    ]
+
+
+def test_live_finding_shows_reason_witness_and_suggestion() -> None:
+    assert list(draw([finding()])) == [
+        "warning cascade: early_stance",
+        "    it is left in its first tick",
+        "    at hip.angle_deg -2.5, other.phase late_stance",
+        "    → part the thresholds",
+    ]

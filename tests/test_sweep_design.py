@@ -1,0 +1,83 @@
+"""Points of a sweep: grids against brute force, Latin hypercubes by their defining property."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from twin_gait.exceptions import ParameterError
+from twin_gait.studies.sweep_design import MOST_EPISODES, Range, Scale, grid, latin_hypercube, listed
+
+LEVELS = {"a": [1, 2, 3], "b.c": ["x", "y"], "d": [[1, 2], {"k": 3}]}
+
+
+def test_a_grid_is_every_combination_in_order_each_repeated():
+    wanted = [dict(zip(LEVELS, values, strict=True)) for values in itertools.product(*LEVELS.values())]
+    assert list(grid(LEVELS)) == wanted
+    assert list(grid(LEVELS, repetitions=2)) == [point for point in wanted for _ in range(2)]
+    assert grid(LEVELS, repetitions=2).column("a") == [1] * 8 + [2] * 8 + [3] * 8
+
+
+def test_a_range_of_a_grid_is_evenly_spaced_with_both_ends_exact():
+    linear = grid({"a": Range(start=0.1, stop=0.7, count=4)}).column("a")
+    assert (linear[0], linear[-1]) == (0.1, 0.7)
+    np.testing.assert_allclose(np.diff(linear), 0.2, rtol=1e-14)
+    log = grid({"a": Range(start=0.01, stop=100.0, count=5, scale=Scale.LOG)}).column("a")
+    assert (log[0], log[-1]) == (0.01, 100.0)
+    np.testing.assert_allclose(log, [0.01, 0.1, 1.0, 10.0, 100.0], rtol=1e-14)
+
+
+@given(samples=st.integers(1, 60), seed=st.integers(0, 2**32))
+def test_a_latin_hypercube_has_one_point_in_every_slice_of_every_range(samples, seed):
+    ranges = {
+        "a": Range(start=-3.0, stop=5.0),
+        "b": Range(start=0.5, stop=500.0, scale=Scale.LOG),
+    }
+    design = latin_hypercube(ranges, samples, seed)
+    a, b = np.array(design.column("a")), np.array(design.column("b"))
+    shares = [(a + 3.0) / 8.0, np.log10(b / 0.5) / 3.0]
+    for share in shares:
+        # A share at a slice's very edge may round to its neighbour.
+        slices = np.floor(np.sort(share) * samples + np.array([1e-9]))
+        assert slices.tolist() == list(range(samples))
+
+
+def test_a_latin_hypercube_uses_the_values_of_a_list_equally_often_and_its_seed():
+    values = {"a": ["x", "y", "z"], "b": Range(start=0.0, stop=1.0)}
+    design = latin_hypercube(values, 30, 1)
+    assert sorted(design.column("a")) == ["x"] * 10 + ["y"] * 10 + ["z"] * 10
+    assert list(design) == list(latin_hypercube(values, 30, 1))
+    assert list(design) != list(latin_hypercube(values, 30, 2))
+
+
+def test_rows_of_a_list_need_not_change_the_same_keys():
+    rows = [{"a": 1}, {"b": None}, {}]
+    design = listed(rows)
+    assert list(design) == rows
+    assert design.column("a") == [1, None, None]
+    with pytest.raises(IndexError):
+        design[3]
+
+
+WRONG = {
+    "falling": (lambda: Range(start=2.0, stop=1.0), "from below to"),
+    "log of zero": (lambda: Range(start=0.0, stop=1.0, scale=Scale.LOG), "above 0 on a log scale"),
+    "no count": (lambda: grid({"a": Range(start=0.0, stop=1.0)}), "a: expected a count"),
+    "one": (lambda: grid({"a": Range(start=0.0, stop=1.0, count=1)}), "a: expected a count of 2"),
+    "too many": (
+        lambda: grid({name: Range(start=0.0, stop=1.0, count=3000) for name in "abc"}),
+        "at most 10000000 episodes, got 27000000000",
+    ),
+    "too many samples": (lambda: latin_hypercube({"a": [1]}, MOST_EPISODES, 0, 2), "got 20000000"),
+    "none": (lambda: listed([]), "expected 1 to"),
+}
+
+
+@pytest.mark.parametrize(("make", "message"), WRONG.values(), ids=WRONG.keys())
+def test_a_senseless_design_is_refused(make, message):
+    with pytest.raises(ParameterError, match=message):
+        make()

@@ -1,0 +1,114 @@
+"""The test kit as a pytest plugin, in a pytest of its own."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from twin_gait.configuration.gait_table_file import _tables
+
+# Once the package is installed its entry point loads the plugin; -p would load it twice.
+_INSTALLED = any(
+    point.value == "twin_gait.testing.plugin" for point in importlib.metadata.entry_points(group="pytest11")
+)
+LOAD = [] if _INSTALLED else ["-p", "twin_gait.testing.plugin"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with a gait table and a test of something else."""
+    shutil.copy(_tables() / "treadmill.yaml", tmp_path / "walk.yaml")
+    (tmp_path / "test_other.py").write_text("def test_of_another_matter():\n    assert True\n")
+    return tmp_path
+
+
+def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *LOAD, *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert old in text
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+
+
+def test_table_is_tested_beside_other_tests(folder: Path) -> None:
+    done = run(folder, "--gait-table", "walk.yaml", "-v")
+    assert done.returncode == 0, done.stdout
+    lines = done.stdout.splitlines()
+    name = "walk.yaml::late_stance→swing_flexion (trailing_limb)::holds just below hip.angle_deg < -2.8"
+    assert any(line.startswith(f"{name} PASSED") for line in lines)
+    assert any(line.startswith("test_other.py::test_of_another_matter PASSED") for line in lines)
+    assert " skipped" not in lines[-1] and " failed" not in lines[-1]
+
+
+def test_two_tables_and_a_selection(folder: Path) -> None:
+    shutil.copy(_tables() / "bench_leg.yaml", folder / "bench.yaml")
+    done = run(
+        folder, "--gait-table", "walk.yaml", "--gait-table", "bench.yaml", "-k", "closed and anew", "-v"
+    )
+    assert done.returncode == 0, done.stdout
+    passed = sorted(line.split("::")[0] for line in done.stdout.splitlines() if "PASSED" in line)
+    assert passed == ["bench.yaml", "walk.yaml"]
+
+
+def test_approved_text_is_written_compared_and_its_difference_shown(folder: Path) -> None:
+    options = ["--gait-table", "walk.yaml", "--approved", "approved/walk.md", "-q", "-k", "approved"]
+    missing = run(folder, *options)
+    assert missing.returncode == 1
+    assert "there is no approved text yet" in missing.stdout
+    assert not (folder / "approved").exists()
+    assert run(folder, *options, "--approve").returncode == 0
+    assert run(folder, *options).returncode == 0
+    edit(folder / "walk.yaml", "hip.angle_deg < 9.2", "hip.angle_deg < 9.3")
+    changed = run(folder, *options)
+    assert changed.returncode == 1
+    assert "-| 0 | early_stance | middle_stance | loaded | `hip.angle_deg < 9.2 and" in changed.stdout
+    assert "+| 0 | early_stance | middle_stance | loaded | `hip.angle_deg < 9.3 and" in changed.stdout
+    assert "--approved approved/walk.md --approve" in changed.stdout
+    assert "Traceback" not in changed.stdout and ".py:" not in changed.stdout
+
+
+def test_condition_that_never_decides_is_skipped_with_the_reason(folder: Path) -> None:
+    edit(folder / "walk.yaml", '"hip.angle_deg < -0.4"', '"hip.angle_deg < -0.4", "hip.angle_deg < 30"')
+    done = run(folder, "--gait-table", "walk.yaml", "-rs")
+    assert done.returncode == 0, done.stdout
+    assert "no measurements make this decide" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--gait-table", "none.yaml"], "none.yaml: cannot be read"),
+        (["--gait-table", "broken.yaml"], "broken.yaml: transitions[0]"),
+        (["--gait-table", "walk.yaml", "--gait-table", "walk.yaml"], "named twice"),
+        (["--approved", "walk.md"], "one for each --gait-table, got 1 for 0"),
+        (["--gait-table", "walk.yaml", "--approve"], "--approve: expected"),
+    ],
+    ids=["missing", "malformed", "twice", "approved alone", "approve alone"],
+)
+def test_mistake_ends_in_one_line(folder: Path, arguments: list[str], told: str) -> None:
+    shutil.copy(folder / "walk.yaml", folder / "broken.yaml")
+    edit(folder / "broken.yaml", "hip.angle_deg < 9.2", "hip.angle_deg <= 9.2")
+    done = run(folder, *arguments)
+    assert done.returncode == pytest.ExitCode.USAGE_ERROR
+    (line,) = done.stderr.strip().splitlines()
+    assert line.startswith("ERROR: ") and told in line
+
+
+def test_plugin_imports_nothing_and_adds_nothing_without_its_options(folder: Path) -> None:
+    probe = (
+        "import sys\ndef test_bare():\n    heavy = {'numpy', 'transitions', 'pydantic', 'twin_gait.gait'}\n"
+    )
+    (folder / "test_other.py").write_text(
+        f"{probe}    assert not heavy & set(sys.modules)\n", encoding="utf-8"
+    )
+    done = run(folder, "-v", "-p", "no:hypothesispytest")
+    assert done.returncode == 0, done.stdout
+    assert "1 passed" in done.stdout and "walk.yaml" not in done.stdout

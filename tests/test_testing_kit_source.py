@@ -1,0 +1,95 @@
+"""Single mutations of the source of the state machine itself, driven by the tests of one table.
+
+Where :mod:`test_testing_kit_mutations` changes what the machine reads, here its Python is changed: an
+operator, a constant, a statement at a time, in the evaluator, the compiler of guards and the machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from source_mutants import source_mutants
+from test_testing_kit import rich_table
+
+from twin_gait.core import guards
+from twin_gait.gait import GaitStateMachine, machine, program
+from twin_gait.testing import transition_tests
+from twin_gait.vocabulary import Side
+
+# What no test can notice: a part of the mutant's text, and why it behaves the same.
+EQUIVALENT = {
+    "stack = 0: 0 → 1": "a bit below all results is never joined",
+    "time_out = -1": "no time-out is any tick that every leg has stayed for: -2, -1 or 1",
+    ".reshape(-1, ": "numpy takes any negative size for the one to be worked out",
+    "sign = 1.0 if": "both sides of the inequality are doubled",
+    "minus = 0.0 if": "the place of a second signal whose factor is zero",
+    "strict=True": "the lengths were compared before",
+    "initial = table.phase_names[0]": "the kit always names the phase",
+    "auto_transitions=False": "triggers that nobody calls",
+    "other_index = -1": "any negative number is no other leg",
+    "signals, got {len(signals)}": "a leg with a joint missing is refused earlier, in signal_array",
+    'leg = "other leg': "words of the message",
+    "position = int(": "words of the message",
+}
+
+
+def evaluator() -> Iterator[tuple[str, Callable[[str], Any]]]:
+    for text, names in source_mutants(guards, {"guard_holds", "next_transition"}):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(machine, "next_transition", names["next_transition"])
+            yield text, lambda phase: GaitStateMachine(rich_table(), Side.LEFT, initial_phase=phase)
+
+
+def compiler() -> Iterator[tuple[str, Callable[[str], Any]]]:
+    for text, names in source_mutants(program, {"compile_guards", "_emit", "_comparison_row"}):
+        compiled = names["compile_guards"]
+
+        def build(phase: str, compiled: Callable[..., Any] = compiled) -> GaitStateMachine:
+            table = rich_table()
+            return GaitStateMachine(table, Side.LEFT, initial_phase=phase, program=compiled(table))
+
+        yield text, build
+
+
+def state_machine() -> Iterator[tuple[str, Callable[[str], Any]]]:
+    functions = {"__init__", "time_in_phase", "step", "advance", "_refuse_non_finite", "signal_array"}
+    for text, names in source_mutants(machine, {*functions, "_leg_array"}):
+        changed = names["GaitStateMachine"]
+        yield text, lambda phase, changed=changed: changed(rich_table(), Side.LEFT, initial_phase=phase)
+
+
+@pytest.mark.parametrize("part", [evaluator, compiler, state_machine])
+def test_every_mutant_of_the_source_is_caught_or_known_to_be_equivalent(part: Callable[[], Any]) -> None:
+    tests = sorted(transition_tests(rich_table()), key=lambda item: item.ticks)
+    made, explained, survived = 0, [], []
+    for text, build in part():
+        made += 1
+        if _is_caught(tests, build):
+            continue
+        why = next((reason for fragment, reason in EQUIVALENT.items() if fragment in text), None)
+        (survived if why is None else explained).append(f"{text} – {why}")
+    print(
+        f"{part.__name__}: {made - len(explained) - len(survived)} of {made} caught", *explained, sep="\n- "
+    )
+    assert survived == []
+    assert len(explained) < 0.25 * made
+
+
+def _is_caught(tests: list[Any], build: Callable[[str], Any]) -> bool:
+    """A mutant is caught by a test that fails, and by its own crash."""
+    for test in tests:
+        try:
+            replace(test, machine=build).run()
+        except Exception:
+            return True
+    return False
+
+
+def test_source_as_it_is_passes() -> None:
+    assert not _is_caught(
+        transition_tests(rich_table()),
+        lambda phase: GaitStateMachine(rich_table(), Side.LEFT, initial_phase=phase),
+    )

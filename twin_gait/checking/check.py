@@ -1,0 +1,187 @@
+"""Check a gait table by all rules: what it is checked against, the rules, and the report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from twin_gait.checking import (
+    ambiguity,
+    both_legs,
+    cascade,
+    conditions,
+    leaving,
+    reachability,
+    sense,
+    serving,
+    stability,
+    torque_jumps,
+)
+from twin_gait.checking.finding import Finding, Severity, Subject
+from twin_gait.checking.signals import ANY_ANGLE, HIGHEST_VELOCITY, JOINT_RANGES
+from twin_gait.checking.waiving import unknown_rule, unused_waiver, waive
+from twin_gait.configuration import load_experiment, load_gait_table, packaged_gait_tables
+from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
+from twin_gait.configuration.gait_table_file import packaged_table_path
+from twin_gait.exceptions import GaitTableError
+from twin_gait.experiment import Experiment
+from twin_gait.gait.table import GaitTable
+from twin_gait.scenario.world import World
+from twin_gait.simulation.problem import scaled_table
+from twin_gait.vocabulary import JointName
+
+Rule = Callable[[Subject], list[Finding]]
+
+_MODULES = (
+    reachability,
+    ambiguity,
+    cascade,
+    conditions,
+    both_legs,
+    leaving,
+    torque_jumps,
+    serving,
+    stability,
+    sense,
+)
+RULES: tuple[Rule, ...] = tuple(rule for module in _MODULES for rule in module.RULES)
+REPORT_VERSION = 1
+
+
+def rules() -> dict[str, str]:
+    """Ids of all rules with one line on what each finds."""
+    everything: tuple[Callable[..., Any], ...] = (*RULES, unknown_rule, unused_waiver)
+    return {rule.__name__: (rule.__doc__ or "").splitlines()[0] for rule in everything}
+
+
+def load_subject(source: str | Path, experiment: str | Path | None = None) -> Subject:
+    """Load a table and what it is checked against.
+
+    Args:
+        source: Name of a packaged table, or path of a table file.
+        experiment: Preset, or path of an experiment file or run directory. Without it a table for hip
+            and knee is checked against the preset of its name, or the default one, and a table for other
+            joints by itself.
+
+    Returns:
+        The subject; its table may be a draft.
+
+    Raises:
+        TwinGaitError: If a file has a mistake, or the experiment cannot drive the joints of the table.
+    """
+    table = _load_table(source)
+    if experiment is None:
+        if table.joints != (JointName.HIP, JointName.KNEE):
+            return build_subject(table)
+        experiment = table.name if table.name in presets() else DEFAULT_PRESET
+    return build_subject(table, load_experiment(experiment).experiment)
+
+
+def _load_table(source: str | Path) -> GaitTable:
+    if str(source) in packaged_gait_tables():
+        return load_gait_table(packaged_table_path(str(source)), draft=True)
+    path = Path(source).expanduser()
+    if not path.exists():
+        names = ", ".join(packaged_gait_tables())
+        raise GaitTableError(f"{source}: neither a packaged gait table ({names}) nor a file")
+    return load_gait_table(path, draft=True)
+
+
+def build_subject(table: GaitTable, experiment: Experiment | None = None) -> Subject:
+    """Lay out what is checked.
+
+    Args:
+        table: The gait table.
+        experiment: What it drives; its own table is replaced. None checks the table by itself.
+
+    Returns:
+        The table, scaled to the experiment, with the limits of its joints: those of the URDF, or
+        without an experiment the normal ranges of human joints.
+    """
+    if experiment is None:
+        limits = {joint: JOINT_RANGES.get(joint, ANY_ANGLE) for joint in table.joints}
+        return Subject(table=table, experiment=None, limits=limits)
+    driving = replace(experiment, table=table)
+    world = driving.build_world()
+    return Subject(
+        table=scaled_table(driving, world),
+        experiment=driving,
+        limits={joint: _angles(world, JointName(joint)) for joint in table.joints},
+        velocity_limits={joint: _velocity(world, JointName(joint)) for joint in table.joints},
+    )
+
+
+def _angles(world: World, joint: JointName) -> tuple[float, float]:
+    """Range of a joint over both sides; a joint that turns without end is read within a turn."""
+    limits = [world.model.position_limits(side, joint) for side in world.model.sides]
+    lowest, highest = min(low for low, _ in limits), max(high for _, high in limits)
+    return max(lowest, ANY_ANGLE[0]), min(highest, ANY_ANGLE[1])
+
+
+def _velocity(world: World, joint: JointName) -> float:
+    """Highest speed of a joint over both sides, from the URDF if it gives one."""
+    highest = max(
+        float(world.model.model.velocityLimit[world.model.index(side, joint)]) for side in world.model.sides
+    )
+    return highest if math.isfinite(highest) and highest > 0.0 else HIGHEST_VELOCITY
+
+
+def check(subject: Subject, chosen: Sequence[Rule] = RULES) -> list[Finding]:
+    """Check a table.
+
+    Args:
+        subject: What is checked.
+        chosen: The rules to apply.
+
+    Returns:
+        The findings, waived ones marked, the worst first and then in the order of the phases.
+    """
+    found = [finding for rule in chosen for finding in rule(subject)]
+    known = rules()
+    found += [*unknown_rule(subject, known), *unused_waiver(subject, found, known)]
+    return sorted(waive(subject.table, found), key=lambda finding: _order(subject.table, finding))
+
+
+def _order(table: GaitTable, finding: Finding) -> tuple[int, bool, int]:
+    names = table.phase_names
+    phase = names.index(finding.phase) if finding.phase in names else len(names)
+    return list(Severity).index(finding.severity), bool(finding.waived), phase
+
+
+def counts(findings: Sequence[Finding]) -> dict[str, int]:
+    """How many findings there are of each severity; waived ones are counted apart."""
+    live = [finding.severity for finding in findings if not finding.waived]
+    return {
+        "errors": live.count(Severity.ERROR),
+        "warnings": live.count(Severity.WARNING),
+        "notes": live.count(Severity.NOTE),
+        "waived": len(findings) - len(live),
+    }
+
+
+def report(subject: Subject, findings: Sequence[Finding]) -> dict[str, Any]:
+    """Findings as a mapping for JSON; keys are only ever added within a schema version."""
+    return {
+        "schema_version": REPORT_VERSION,
+        "table": subject.table.name,
+        "experiment": None if subject.experiment is None else subject.experiment.name,
+        "counts": counts(findings),
+        "findings": [_document(finding) for finding in findings],
+    }
+
+
+def _document(finding: Finding) -> Mapping[str, Any]:
+    return {
+        "rule": finding.rule,
+        "severity": str(finding.severity),
+        "phase": finding.phase,
+        "transition": finding.transition,
+        "side": None if finding.side is None else str(finding.side),
+        "reason": finding.reason,
+        "suggestion": finding.suggestion,
+        "witness": dict(finding.witness),
+        "waived": finding.waived or None,
+    }

@@ -1,0 +1,203 @@
+"""One leg of an experiment as the physical rules see it: hanging from a pelvis that is held."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin_gait.checking.finding import Subject
+from twin_gait.checking.frame_map import LinearLoop, leg_motion
+from twin_gait.core.actuator import current_to_torque
+from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
+from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.leg_model import LegModel, PelvisGuide
+from twin_gait.parameters import ActuatorParameters, FrictionParameters
+from twin_gait.scenario.world import build_leg_model
+from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.vocabulary import JointName, Side
+
+# Steps of central differences; the errors of both are far below what any rule prints.
+_VELOCITY_STEP = 1e-5  # [rad] / [s]; the steepest part of the friction law is 0.02 rad/s wide
+_ANGLE_STEP = 1e-4  # [rad]
+
+
+def friction_torque(law: FrictionParameters, velocity: float) -> float:
+    """Friction torque of a law in [N m], with the sign of the velocity in [rad] / [s]."""
+    return rotational_friction_torque(
+        velocity, law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction
+    )
+
+
+def friction_slope(law: FrictionParameters, velocity: float) -> float:
+    """Slope of a friction law in [N m s] / [rad] at a velocity in [rad] / [s]."""
+    above, below = (
+        friction_torque(law, velocity + _VELOCITY_STEP),
+        friction_torque(law, velocity - _VELOCITY_STEP),
+    )
+    return (above - below) / (2.0 * _VELOCITY_STEP)
+
+
+@dataclass(frozen=True)
+class HangingLeg:
+    """One leg of a subject, its pelvis held and its ankle, if it has one, at zero.
+
+    Attributes:
+        problem: The experiment as arrays, table scaled and damping ratios resolved.
+        plant: The leg as it is, the wearer's true mass included.
+        side: Which leg.
+        shown_side: Side that findings name: None where both legs have the same numbers.
+    """
+
+    problem: Problem
+    plant: LegModel
+    side: Side
+    shown_side: Side | None
+
+    @property
+    def joints(self) -> tuple[JointName, ...]:
+        """Joints in the order of all arrays here."""
+        return tuple(JointName(name) for name in self.problem.table.joints)
+
+    @property
+    def phases(self) -> tuple[str, ...]:
+        """Names of the phases in the order of :meth:`column`."""
+        return self.problem.table.phase_names
+
+    @property
+    def gravity_shares(self) -> np.ndarray:
+        """Share of gravity compensation of every phase, shape ``(n_phases,)``."""
+        return np.asarray(self._rows[:, -1])
+
+    @property
+    def _rows(self) -> np.ndarray:
+        return np.asarray(self.problem.phase_rows[self.problem.sides.index(self.side)])
+
+    def column(self, which: int) -> np.ndarray:
+        """One parameter of all phases and joints.
+
+        Args:
+            which: ``STIFFNESS``, ``DAMPING``, ``EQUILIBRIUM`` or ``GAIN`` of
+                :mod:`twin_gait.core.control_tick`.
+
+        Returns:
+            Shape ``(n_phases, n_joints)``.
+        """
+        return self._rows[:, which : COLUMNS_PER_JOINT * len(self.joints) : COLUMNS_PER_JOINT]
+
+    # ------------------------------------------------------------------ motors
+
+    def actuator(self, joint: JointName) -> ActuatorParameters:
+        """Motor and gear of a joint."""
+        return self.problem.experiment.plant.actuators[joint]
+
+    def current_limited_torque(self, joint: JointName) -> float:
+        """Torque at the joint at the current limit, in [N m]."""
+        motor = self.actuator(joint)
+        return current_to_torque(
+            self.problem.experiment.control.limits.current,
+            motor.torque_constant,
+            motor.gear_ratio,
+            motor.gear_efficiency,
+        )
+
+    def torque_limits(self) -> np.ndarray:
+        """Largest torque of each joint by torque and current limit in [N m], shape ``(n_joints,)``."""
+        limit = self.problem.experiment.control.limits.torque
+        return np.array([min(limit, self.current_limited_torque(joint)) for joint in self.joints])
+
+    def no_load_speed(self, joint: JointName) -> float:
+        """Speed in [rad] / [s] at which the back-EMF takes up the whole battery voltage."""
+        motor = self.actuator(joint)
+        return self.problem.experiment.plant.battery.voltage / (motor.torque_constant * motor.gear_ratio)
+
+    # ------------------------------------------------------------------ mechanics
+
+    def _posture(self, model: LegModel, angles: np.ndarray) -> tuple[np.ndarray, list[int]]:
+        q = np.zeros(model.nv)
+        indices = [model.index(self.side, joint) for joint in self.joints]
+        q[indices] = angles
+        return q, indices
+
+    def limits(self) -> np.ndarray:
+        """Stops of the joints in [rad], shape ``(n_joints, 2)``."""
+        limits = [self.plant.position_limits(self.side, joint) for joint in self.joints]
+        # A joint that turns without end is looked at within a turn.
+        return np.clip(limits, -math.pi, math.pi)
+
+    def mass(self, angles: np.ndarray) -> np.ndarray:
+        """Inertia of the coupled joints in [kg m²], armature included, shape ``(n_joints, n_joints)``."""
+        q, indices = self._posture(self.plant, angles)
+        return self.plant.mass_matrix(q)[np.ix_(indices, indices)]
+
+    def gravity(self, angles: np.ndarray) -> np.ndarray:
+        """Torques that hold the leg against gravity in [N m], shape ``(n_joints,)``."""
+        q, indices = self._posture(self.plant, angles)
+        return self.plant.gravity_torque(q)[indices]
+
+    def reckoned_gravity(self, angles: np.ndarray) -> np.ndarray:
+        """What the controller takes these torques for, from its own idea of the wearer."""
+        model = self.problem.control_model
+        q, indices = self._posture(model, angles)
+        return model.gravity_torque(q)[indices]
+
+    # ------------------------------------------------------------------ the linear loop
+
+    def linear_loop(self, phase: int, velocity: float) -> LinearLoop:
+        """Loop of a phase, linearised at its equilibrium angles.
+
+        Args:
+            phase: Index of the phase.
+            velocity: Of all joints in [rad] / [s]; where the friction laws are linearised.
+
+        Returns:
+            The loop.
+        """
+        experiment, angles = self.problem.experiment, self.column(EQUILIBRIUM)[phase]
+        true, model = experiment.plant.true_friction(), experiment.control.friction_model
+        friction = np.array([friction_slope(true[joint], velocity) for joint in self.joints])
+        return LinearLoop(
+            motion=leg_motion(self.mass(angles), _slope(self.gravity, angles), friction),
+            stiffness=self.column(STIFFNESS)[phase],
+            damping=self.column(DAMPING)[phase],
+            gain=self.column(GAIN)[phase],
+            modelled_friction=np.array([friction_slope(model[joint], velocity) for joint in self.joints]),
+            feed_forward=self.gravity_shares[phase] * _slope(self.reckoned_gravity, angles),
+            fast_gain=self.problem.fast_gain,
+            decimation=experiment.sensors.decimation,
+            window=experiment.sensors.window,
+        )
+
+
+def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np.ndarray:
+    """Jacobian of torques over angles in [N m] / [rad], shape ``(n, n)``."""
+    steps = _ANGLE_STEP * np.eye(len(angles))
+    columns = [(torque(angles + step) - torque(angles - step)) / (2.0 * _ANGLE_STEP) for step in steps]
+    return np.array(columns).T
+
+
+def hanging_legs(subject: Subject) -> list[HangingLeg]:
+    """Legs of a subject that have numbers of their own.
+
+    Args:
+        subject: What is checked.
+
+    Returns:
+        One leg where the table gives both sides the same numbers, else all; none without an experiment.
+    """
+    if subject.experiment is None:
+        return []
+    experiment = subject.experiment
+    problem = build_problem(experiment)
+    plant = build_leg_model(
+        experiment.leg,
+        patient=experiment.patient,
+        actuators=experiment.plant.actuators,
+        pelvis=PelvisGuide.FIXED,
+        gravity=experiment.plant.gravity,
+    )
+    if not problem.table.side_phases:
+        return [HangingLeg(problem, plant, problem.sides[0], None)]
+    return [HangingLeg(problem, plant, side, side) for side in problem.sides]

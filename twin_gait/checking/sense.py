@@ -1,0 +1,198 @@
+"""Numbers outside what others have published or measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from typing import NamedTuple
+
+from twin_gait.checking.finding import Finding, Severity, Subject
+from twin_gait.checking.hanging_leg import hanging_legs
+from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, STIFFNESS
+from twin_gait.core.impedance import damping_ratio_of
+from twin_gait.gait.table import JointImpedance, PhaseParameters
+from twin_gait.vocabulary import JointName, Side
+
+
+class PublishedRange(NamedTuple):
+    """Least and largest published value, and where they stand."""
+
+    least: float
+    most: float
+    source: str
+
+
+# Chapter 4 of the thesis on TWIN's joints: the loop with 0.20 to 0.60 was usable, 0.35 the best.
+GAIN_RANGE = PublishedRange(0.20, 0.60, "the thesis on TWIN's joints, chapter 4")
+# Ogata, Modern Control Engineering (from memory, high confidence): a transient that neither oscillates much
+# nor is sluggish. No leg exoskeleton with a table of ζ per phase was found.
+DAMPING_RATIO_RANGE = PublishedRange(0.4, 0.8, "Ogata, Modern Control Engineering")
+# In [N m] / [deg]. Hip and knee: the least and the largest spring that least squares finds in one of the five
+# phases in the mean curves of moment over angle of Winter (1991; slow, normal) and Fukuchi et al. (2018;
+# 0.9 and 1.2 m/s), for 75 kg: 16 to 231 Nm/rad and none to 359 Nm/rad. The human hip in swing at 0.5 m/s,
+# 34 to 66 Nm/rad (van der Kooij et al., 2022), and the knees of Sup et al. (2009; 0 to 5 Nm/deg) lie inside.
+# Ankle: from the swing of the Open-Source Leg's example, 7.9 Nm/rad, to the stance of Sup et al. (2009).
+STIFFNESS_RANGES: Mapping[str, PublishedRange] = {
+    JointName.HIP: PublishedRange(
+        math.radians(16.0), math.radians(231.0), "Winter 1991, Fukuchi et al. 2018"
+    ),
+    JointName.KNEE: PublishedRange(
+        0.0, math.radians(359.0), "Winter 1991, Fukuchi et al. 2018, Sup et al. 2009"
+    ),
+    JointName.ANKLE: PublishedRange(math.radians(7.9), 5.0, "Open-Source Leg, Sup et al. 2009"),
+}
+
+
+class _Entry(NamedTuple):
+    """One phase as one side, or both, have it."""
+
+    side: Side | None
+    phase: str
+    parameters: PhaseParameters
+
+
+def _entries(subject: Subject) -> Iterator[_Entry]:
+    table = subject.table
+    for phase, parameters in table.phases.items():
+        yield _Entry(None, phase, parameters)
+    for side, phases in table.side_phases.items():
+        for phase, parameters in phases.items():
+            yield _Entry(side, phase, parameters)
+
+
+def _out_of(value: float, published: PublishedRange, unit: str = "") -> str:
+    """Where a value lies outside a range in words, empty if inside."""
+    if published.least <= value <= published.most:
+        return ""
+    form = ".2f"
+    low, high = format(published.least, form), format(published.most, form)
+    return f"{format(value, form)}{unit} is outside {low} … {high}{unit} ({published.source})"
+
+
+def _find(
+    subject: Subject, rule: str, suggestion: str, look: Callable[[_Entry, str, JointImpedance], str]
+) -> list[Finding]:
+    """One warning for each phase, with what was seen of all its joints."""
+    findings = []
+    for entry in _entries(subject):
+        seen = [look(entry, name, joint) for name, joint in entry.parameters.joints.items()]
+        if any(seen):
+            findings.append(
+                Finding(
+                    rule=rule,
+                    severity=Severity.WARNING,
+                    phase=entry.phase,
+                    side=entry.side,
+                    reason="; ".join(text for text in seen if text),
+                    suggestion=suggestion,
+                )
+            )
+    return findings
+
+
+def unusual_gain(subject: Subject) -> list[Finding]:
+    """A friction compensation gain lies outside 0.20 to 0.60, what was usable on the bench.
+
+    The range is that of TWIN's joints; a table for joints of another device is left alone.
+
+    Args:
+        subject: What is checked.
+
+    Returns:
+        A warning for each such phase.
+    """
+    if subject.experiment is None:
+        return []
+
+    def look(entry: _Entry, name: str, joint: JointImpedance) -> str:
+        found = _out_of(joint.friction_compensation_gain, GAIN_RANGE)
+        return f"{name} G {found}" if found else ""
+
+    return _find(subject, "unusual_gain", "take a gain from 0.20 to 0.60", look)
+
+
+def equilibrium_beyond_limits(subject: Subject) -> list[Finding]:
+    """An equilibrium angle lies outside the limits of its joint: the spring presses it into the stop.
+
+    Args:
+        subject: What is checked.
+
+    Returns:
+        A warning for each such phase.
+    """
+
+    def look(entry: _Entry, name: str, joint: JointImpedance) -> str:
+        low, high = (math.degrees(value) for value in subject.limits[name])
+        angle = math.degrees(joint.equilibrium_angle)
+        inside = low <= angle <= high
+        return (
+            "" if inside else f"{name} θ0 {angle:.1f}° is outside {low:.1f} … {high:.1f}°, the joint's limits"
+        )
+
+    return _find(subject, "equilibrium_beyond_limits", "move the equilibrium inside the limits", look)
+
+
+def unusual_stiffness(subject: Subject) -> list[Finding]:
+    """A stiffness lies outside the published ranges of its joint.
+
+    Args:
+        subject: What is checked.
+
+    Returns:
+        A warning for each such phase.
+    """
+
+    def look(entry: _Entry, name: str, joint: JointImpedance) -> str:
+        if name not in STIFFNESS_RANGES:
+            return ""
+        found = _out_of(math.radians(joint.stiffness), STIFFNESS_RANGES[name], " Nm/deg")
+        return f"{name} k {found}" if found else ""
+
+    suggestion = "compare with the source; a drive with more friction and inertia needs more stiffness"
+    return _find(subject, "unusual_stiffness", suggestion, look)
+
+
+def unusual_damping_ratio(subject: Subject) -> list[Finding]:
+    """A damping ratio, given or resulting from b, lies outside 0.4 to 0.8.
+
+    Where the table gives b, ζ = b / (2 √(k I)) takes the inertia of the leg in the air; without a leg model
+    or a spring it is left out.
+
+    Args:
+        subject: What is checked.
+
+    Returns:
+        A warning for each such phase.
+    """
+    resolved = _resolved_ratios(subject)
+
+    def look(entry: _Entry, name: str, joint: JointImpedance) -> str:
+        ratio = joint.damping_ratio
+        if ratio is None:
+            ratio = resolved.get((entry.side, entry.phase, name))
+        found = "" if ratio is None else _out_of(ratio, DAMPING_RATIO_RANGE)
+        return f"{name} ζ {found}" if found else ""
+
+    return _find(subject, "unusual_damping_ratio", "take a damping ratio from 0.4 to 0.8", look)
+
+
+def _resolved_ratios(subject: Subject) -> dict[tuple[Side | None, str, str], float]:
+    """Damping ratio of every phase and joint with a spring, for both sides and for each of its own."""
+    ratios: dict[tuple[Side | None, str, str], float] = {}
+    for leg in hanging_legs(subject):
+        for phase, name in enumerate(leg.phases):
+            inertia = leg.mass(leg.column(EQUILIBRIUM)[phase]).diagonal()
+            for joint, k, b, mass in zip(
+                leg.joints, leg.column(STIFFNESS)[phase], leg.column(DAMPING)[phase], inertia, strict=True
+            ):
+                if k > 0.0:
+                    ratio = damping_ratio_of(float(b), float(k), float(mass))
+                    ratios[(leg.shown_side, name, joint)] = ratio
+                    if leg.shown_side is not None and name not in subject.table.side_phases.get(
+                        leg.shown_side, {}
+                    ):
+                        ratios[(None, name, joint)] = ratio
+    return ratios
+
+
+RULES = (unusual_gain, equilibrium_beyond_limits, unusual_stiffness, unusual_damping_ratio)

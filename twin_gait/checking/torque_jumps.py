@@ -1,0 +1,174 @@
+"""What a switch of phase does to the commanded torque."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from twin_gait.checking.balance import Rest
+from twin_gait.checking.finding import Finding, Severity, Subject, label
+from twin_gait.checking.hanging_leg import HangingLeg, friction_torque, hanging_legs
+from twin_gait.checking.signals import SignalSpace
+from twin_gait.checking.switch_postures import Postures, first_rests, postures
+from twin_gait.core.blending import blend, blend_share
+from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
+from twin_gait.core.impedance import impedance_torque
+from twin_gait.gait.table import TICK, Transition
+
+# A step of a quarter of the limit within a millisecond is felt as a knock (an assumption).
+KNOCK = 0.25
+_MOST_TICKS = 500
+
+
+class Jump(NamedTuple):
+    """Largest change of the commanded torque of one joint over the postures of a switch.
+
+    Attributes:
+        joint: Position of the joint.
+        whole: Change from the old phase to the new one, without blending, in [N m].
+        tick: Largest change in one tick with blending, the posture held, in [N m].
+        angles: Posture of the larger of the two, measured against its bound, in [rad], shape ``(n_joints,)``.
+        velocities: Its velocities in [rad] / [s], shape ``(n_joints,)``.
+    """
+
+    joint: int
+    whole: float
+    tick: float
+    angles: np.ndarray
+    velocities: np.ndarray
+
+
+# ---------------------------------------------------------------------- torques
+
+
+def _blend(leg: HangingLeg) -> tuple[np.ndarray, np.ndarray]:
+    """Ticks of a blend, from the one before the switch on, and the share of the new phase in each."""
+    blending = leg.problem.table.blending
+    length = blending.duration_ticks
+    # Long blends are sampled: their steps are small and change slowly.
+    ticks = np.unique(np.linspace(0.0, length, min(length, _MOST_TICKS) + 1).round())
+    shares = [blend_share(tick / length if length else 1.0, blending.law.code) for tick in ticks.tolist()]
+    return np.array([-1.0, *ticks]), np.array([0.0, *shares])
+
+
+def _commands(leg: HangingLeg, old: int, new: int, joint: int, samples: Postures) -> np.ndarray:
+    """Commanded torque of a joint through a blend, postures held, in [N m], ``(n_samples, n_ticks)``."""
+    law = leg.problem.experiment.control.friction_model[leg.joints[joint]]
+    gravity = np.array([leg.reckoned_gravity(angles)[joint] for angles in samples.angles])
+    friction = np.array(
+        [friction_torque(law, velocity) for velocity in samples.velocities[:, joint].tolist()]
+    )
+    states = np.array([samples.angles[:, joint], samples.velocities[:, joint]]).T.tolist()
+    commands = []
+    for share in _blend(leg)[1].tolist():
+        k, b, zero, gain = (
+            blend(leg.column(which)[old, joint], leg.column(which)[new, joint], share)
+            for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)
+        )
+        carried = blend(leg.gravity_shares[old], leg.gravity_shares[new], share)
+        impedance = [impedance_torque(angle, velocity, k, b, zero) for angle, velocity in states]
+        commands.append(np.array(impedance) + gain * friction + carried * gravity)
+    return np.array(commands).T
+
+
+def largest_jumps(leg: HangingLeg, transition: Transition, samples: Postures) -> list[Jump]:
+    """Largest change of the commanded torque (impedance, gravity, friction compensation) of each joint.
+
+    Args:
+        leg: The leg.
+        transition: The switch.
+        samples: From :func:`postures`.
+
+    Returns:
+        One jump per joint.
+    """
+    table = leg.problem.table
+    old, new = table.phase_index(transition.source), table.phase_index(transition.target)
+    jumps = []
+    for joint, limit in enumerate(leg.torque_limits().tolist()):
+        commands = _commands(leg, old, new, joint, samples)
+        whole = np.abs(commands[:, -1] - commands[:, 0])
+        tick = np.abs(np.diff(commands, axis=1) / np.diff(_blend(leg)[0])).max(axis=1)
+        worst = int(np.argmax(np.maximum(whole / limit, tick / (KNOCK * limit))))
+        angles, velocities = samples.angles[worst], samples.velocities[worst]
+        jumps.append(Jump(joint, float(whole.max()), float(tick.max()), angles, velocities))
+    return jumps
+
+
+# ---------------------------------------------------------------------- the rule
+
+
+def torque_jump(subject: Subject) -> list[Finding]:
+    """A switch changes the commanded torque by more than the limit, or too much of it in one tick.
+
+    Over the postures of the guard that lie on the way through the phase that is left. A warning if the whole
+    change, before blending, exceeds the torque limit, or its largest step in a tick, after blending, a
+    quarter of the limit; an error if a single step exceeds the limit.
+
+    Args:
+        subject: What is checked.
+
+    Returns:
+        A finding for each such transition, about the joint that jumps most.
+    """
+    space = SignalSpace(subject)
+    findings = []
+    for leg in hanging_legs(subject):
+        rests: dict[str, list[Rest]] = {}
+        for index, item in enumerate(space.table.transitions):
+            if item.source not in rests:
+                rests[item.source] = first_rests(space, leg, item.source)
+            jumps = [
+                jump
+                for rest in rests[item.source]
+                if (samples := postures(space, index, leg, rest)) is not None
+                for jump in largest_jumps(leg, item, samples)
+            ]
+            findings += _judge(leg, item, jumps)
+    return findings
+
+
+def _judge(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> list[Finding]:
+    limits = leg.torque_limits()
+    worst = max(
+        jumps,
+        key=lambda jump: max(jump.whole, jump.tick / KNOCK) / limits[jump.joint],
+        default=None,
+    )
+    if worst is None:
+        return []
+    limit = float(limits[worst.joint])
+    if worst.whole <= limit and worst.tick <= KNOCK * limit:
+        return []
+    blending = leg.problem.table.blending
+    return [
+        Finding(
+            rule="torque_jump",
+            severity=Severity.ERROR if worst.tick > limit else Severity.WARNING,
+            phase=item.source,
+            transition=label(item),
+            side=leg.shown_side,
+            reason=(
+                f"the commanded {leg.joints[worst.joint]} torque changes by up to {worst.whole:.0f} Nm, with "
+                f"a blend of {1e3 * TICK * blending.duration_ticks:g} ms by up to {worst.tick:.1f} Nm in a "
+                f"tick; the limit is {limit:.0f} Nm"
+            ),
+            suggestion="bring stiffness and equilibrium of the two phases closer, or blend for longer",
+            witness=_witness(leg, worst),
+        )
+    ]
+
+
+def _witness(leg: HangingLeg, jump: Jump) -> dict[str, float | str]:
+    found: dict[str, float | str] = {}
+    for joint, angle, velocity in zip(
+        leg.joints, jump.angles.tolist(), jump.velocities.tolist(), strict=True
+    ):
+        found[f"{joint}.angle_deg"] = round(math.degrees(angle), 2)
+        found[f"{joint}.velocity_deg_per_s"] = round(math.degrees(velocity), 1)
+    return found
+
+
+RULES = (torque_jump,)

@@ -1,0 +1,94 @@
+"""``twin-gait check``."""
+
+from __future__ import annotations
+
+import argparse
+import textwrap
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from twin_gait.cli.terminal import DONE, FAILED
+from twin_gait.exceptions import ParameterError
+
+if TYPE_CHECKING:
+    from twin_gait.checking.finding import Finding
+
+WIDTH = 100
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "check",
+        help="find what can go wrong with a gait table, without a run",
+        description=(
+            "Check a gait table: exits that contend, follow at once or never open, phases that cannot be "
+            "reached or left, both legs in swing, and more. Ends with 1 if there is an error."
+        ),
+    )
+    parser.add_argument("table", nargs="?", metavar="TABLE", help="packaged table or YAML file")
+    parser.add_argument("--experiment", metavar="FILE", help="preset or experiment file that it drives")
+    parser.add_argument("--json", action="store_true", help="print the findings as JSON")
+    parser.add_argument("--rules", action="store_true", help="list the rules and end")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Check and print what was found."""
+    import json
+
+    from twin_gait.checking.check import check, counts, load_subject, report, rules
+
+    if arguments.rules:
+        width = max(map(len, rules()))
+        print("\n".join(f"{name:<{width}}  {meaning}" for name, meaning in rules().items()))
+        return DONE
+    if arguments.table is None:
+        raise ParameterError("check: expected a gait table; --rules lists the rules")
+    subject = load_subject(arguments.table, arguments.experiment)
+    findings = check(subject)
+    if arguments.json:
+        print(json.dumps(report(subject, findings), indent=2, ensure_ascii=False, allow_nan=False))
+    else:
+        against = "by itself" if subject.experiment is None else f"against {subject.experiment.name}"
+        print("\n".join(draw(findings)))
+        print(f"{subject.table.name}, {against}: {_counted(counts(findings))}")
+    return FAILED if counts(findings)["errors"] else DONE
+
+
+def draw(findings: Sequence[Finding]) -> Iterator[str]:
+    """Findings as lines, grouped by severity; a waived one in two lines at the end of its group.
+
+    Args:
+        findings: In the order of the check.
+    """
+    for finding in findings:
+        place = " · ".join(
+            part for part in (finding.transition or finding.phase, finding.side) if part is not None
+        )
+        heading = f"waived {finding.severity}" if finding.waived else str(finding.severity)
+        yield f"{heading} {finding.rule}" + (f": {place}" if place else "")
+        if finding.waived:
+            yield from _wrapped(finding.waived)
+            continue
+        yield from _wrapped(finding.reason)
+        if finding.witness:
+            yield from _wrapped(f"at {', '.join(_signal(*item) for item in finding.witness.items())}")
+        if finding.severity != "note":
+            yield from _wrapped(f"→ {finding.suggestion}")
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="    ")
+
+
+def _signal(name: str, value: float | str) -> str:
+    return f"{name} {value if isinstance(value, str) else format(value, '.7g')}"
+
+
+def _counted(numbers: dict[str, int]) -> str:
+    parts = []
+    for plural, number in numbers.items():
+        word = plural if number != 1 or plural == "waived" else plural.removesuffix("s")
+        parts.append(f"{number} {word}")
+    return ", ".join(parts)

@@ -1,0 +1,140 @@
+"""The tests of a gait table: every transition at every threshold, in time, and in priority."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from twin_gait.gait.table import GaitTable
+from twin_gait.testing import edges, phases, refusals, timing
+from twin_gait.testing.driver import MachineFactory, machine_of, play
+from twin_gait.testing.leaving import Exit, Scenario, decisive
+from twin_gait.testing.priority import priority
+from twin_gait.testing.solver import Wish
+from twin_gait.testing.witness import exits, is_pure_time_out
+
+Check = Callable[[MachineFactory], None]
+
+
+@dataclass(frozen=True)
+class TransitionTest:
+    """One test of a machine against one entry of a gait table.
+
+    Attributes:
+        name: Transition and what is shown, for example
+            ``late_stance→swing_flexion (trailing_limb)::holds just below hip.angle_deg < -2.8``.
+        phase: Phase in which it starts.
+        machine: Builds the machine under test.
+        check: Drives a machine and raises AssertionError; None if no measurements can show it.
+        ticks: About how many ticks it drives a machine through.
+    """
+
+    name: str
+    phase: str
+    machine: MachineFactory
+    check: Check | None
+    ticks: int = 0
+
+    @property
+    def undecided(self) -> str | None:
+        """Why there is nothing to drive, or None for a test that runs."""
+        if self.check is not None:
+            return None
+        return "no measurements make this decide: it is implied by other conditions, or the exit is shadowed"
+
+    def run(self) -> None:
+        """Drive the machine; a test that is :attr:`undecided` does nothing.
+
+        Raises:
+            AssertionError: If the machine does not do what the table says.
+        """
+        if self.check is not None:
+            self.check(self.machine)
+
+
+def transition_tests(table: GaitTable, machine: MachineFactory | None = None) -> list[TransitionTest]:
+    """Write the tests of a gait table.
+
+    For every transition: fires just past each threshold and holds just below and on it, each condition
+    of ``all`` and ``any`` by itself, dwell, least stay, time-out, priority, the clock of the next phase,
+    bad measurements refused. What is expected is worked out from the table alone.
+
+    Args:
+        table: The gait table.
+        machine: Builds the machine under test in a phase that it has entered at tick 0; the package's own
+            machine for this table if None.
+
+    Returns:
+        The tests, each with a name of its own, in the order of the table.
+    """
+    factory = machine_of(table) if machine is None else machine
+    tests: dict[str, TransitionTest] = {}
+    for index in range(len(table.transitions)):
+        leave = Exit(table, index)
+        title = f"{leave.item.source}→{leave.item.target} ({leave.item.cause})"
+        for what, check, ticks in _checks(leave):
+            name = _unused(f"{title}::{what}", tests)
+            tests[name] = TransitionTest(name, leave.phase, factory, check, ticks)
+    return list(tests.values())
+
+
+def _unused(name: str, taken: dict[str, TransitionTest]) -> str:
+    numbered = (f"{name} [{number}]" for number in itertools.count(2))
+    return next(item for item in itertools.chain([name], numbered) if item not in taken)
+
+
+Shown = tuple[str, Check | None, int]
+
+
+def _checks(leave: Exit) -> Iterator[Shown]:
+    found = list(_scenarios(leave))
+    for item in found:
+        yield (item, None, 0) if isinstance(item, str) else _playing(leave.table, item)
+    taking = [item for item in found if isinstance(item, Scenario) and item.expected[-1] == leave.index]
+    if taking:
+        yield from _more(leave, min(taking, key=lambda item: len(item.steps)))
+
+
+def _scenarios(leave: Exit) -> Iterator[Scenario | str]:
+    if is_pure_time_out(leave.item):
+        yield from timing.time_out(leave)
+    else:
+        for entry in decisive(leave.item.guard):
+            yield from edges.edges(leave, entry)
+            yield from edges.groups(leave, entry)
+        yield from timing.dwell(leave)
+        yield from timing.least_stay(leave)
+        yield from timing.waiting(leave)
+        yield from timing.from_entry(leave)
+    for index in exits(leave.table, leave.phase):
+        second = priority(leave, Exit(leave.table, index)) if index > leave.index else None
+        if second is not None:
+            yield second
+
+
+def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
+    """Tests that start from measurements with which the exit is taken."""
+    table = leave.table
+    last = taking.steps[-leave.dwell - 1 :]
+    away = (phase for phase in table.phase_names if phase != leave.phase)
+    for item in itertools.chain(
+        timing.clock(leave, last),
+        phases.again(leave),
+        *(phases.elsewhere(leave, phase) for phase in away),
+    ):
+        yield _playing(table, item)
+    comfortable = edges.comfortable(leave, [Wish(leave.item.guard)], edges.fires) or last
+    for steps in refusals.without_other_leg(leave, comfortable):
+        yield _playing(table, edges.scenario(leave, "holds without another leg", steps))
+    refusal = refusals.Refusal(table, leave.phase, comfortable)
+    spoilt = len(comfortable) * len(table.joints)
+    yield "refuses signals that are NaN or infinite", refusal.broken_signals, 12 * spoilt
+    yield "refuses missing signals", refusal.missing_signals, 5 * spoilt
+
+
+def _playing(table: GaitTable, scenario: Scenario) -> Shown:
+    def check(factory: MachineFactory) -> None:
+        play(table, scenario, factory)
+
+    return scenario.what, check, len(scenario.steps)

@@ -1,0 +1,201 @@
+"""The test kit as a pytest plugin: ``pytest --gait-table FILE [--approved FILE [--approve]]``.
+
+Every pytest that finds this package loads the plugin, so nothing of the package is imported before one
+of the options is given, and without them no hook does anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from itertools import groupby
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import pytest
+
+if TYPE_CHECKING:
+    from twin_gait.gait.table import GaitTable
+    from twin_gait.testing.cases import TransitionTest
+
+
+class Request(NamedTuple):
+    """A table to be tested.
+
+    Attributes:
+        table: The gait table.
+        approved: File with its approved text, or None.
+        approve: Whether that file is to be written instead of compared.
+    """
+
+    table: GaitTable
+    approved: Path | None
+    approve: bool
+
+
+_REQUESTS = pytest.StashKey[dict[Path, Request]]()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the options."""
+    group = parser.getgroup("twin_gait", "gait tables")
+    group.addoption(
+        "--gait-table",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="test every transition of a gait table",
+    )
+    group.addoption(
+        "--approved",
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="compare the gait table with its approved text (Markdown); one for each --gait-table, in order",
+    )
+    group.addoption("--approve", action="store_true", help="write the approved text instead of comparing")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Read the tables and have their files collected."""
+    tables, approved = config.getoption("gait_table"), config.getoption("approved")
+    approve = bool(config.getoption("approve"))
+    if not (tables or approved or approve):
+        return
+    _check_options(tables, approved, approve)
+    texts: list[Path | None] = [Path(name) for name in approved]
+    texts = texts or [None] * len(tables)
+    requests = {
+        Path(name).resolve(): Request(_load(name), text, approve)
+        for name, text in zip(tables, texts, strict=True)
+    }
+    config.stash[_REQUESTS] = requests
+    config.args.extend(str(path) for path in requests if str(path) not in config.args)
+
+
+def _check_options(tables: list[str], approved: list[str], approve: bool) -> None:
+    if approved and len(approved) != len(tables):
+        raise pytest.UsageError(
+            f"--approved: expected one for each --gait-table, got {len(approved)} for {len(tables)}"
+        )
+    if approve and not approved:
+        raise pytest.UsageError("--approve: expected --gait-table FILE --approved FILE with it")
+    twice = len(tables) - len({Path(name).resolve() for name in tables})
+    if twice:
+        raise pytest.UsageError("--gait-table: a file is named twice; name each once")
+
+
+def _load(name: str) -> GaitTable:
+    from twin_gait.configuration.gait_table_file import load_gait_table
+    from twin_gait.exceptions import TwinGaitError
+    from twin_gait.gait.program import compile_guards
+
+    try:
+        table = load_gait_table(name)
+        compile_guards(table)
+    except TwinGaitError as error:
+        raise pytest.UsageError(f"--gait-table: {error}") from error
+    return table
+
+
+def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> GaitTableTests | None:
+    """Take the files that were named as gait tables."""
+    request = parent.config.stash.get(_REQUESTS, {}).get(file_path.resolve())
+    if request is None:
+        return None
+    collected: GaitTableTests = GaitTableTests.from_parent(parent, path=file_path, request=request)
+    return collected
+
+
+class GaitTableTests(pytest.File):
+    """The tests of one gait table."""
+
+    def __init__(self, *, request: Request, **rest: Any) -> None:
+        """Keep the table."""
+        super().__init__(**rest)
+        self.request = request
+
+    def collect(self) -> Iterable[pytest.Item | pytest.Collector]:
+        """One collector per transition, then the approval."""
+        from twin_gait.testing.cases import transition_tests
+
+        tests = transition_tests(self.request.table)
+        for title, group in groupby(tests, key=_title):
+            yield TransitionTests.from_parent(self, name=title, tests=list(group))
+        if self.request.approved is not None:
+            yield ApprovalItem.from_parent(self, name="approved text", request=self.request)
+
+
+def _title(test: TransitionTest) -> str:
+    return test.name.split("::", 1)[0]
+
+
+class TransitionTests(pytest.Collector):
+    """The tests of one transition."""
+
+    def __init__(self, *, tests: list[TransitionTest], **rest: Any) -> None:
+        """Keep the tests."""
+        super().__init__(**rest)
+        self.tests = tests
+
+    def collect(self) -> Iterator[pytest.Item]:
+        """One item per test."""
+        for test in self.tests:
+            yield TransitionItem.from_parent(self, name=test.name.split("::", 1)[1], test=test)
+
+
+class OneLineItem(pytest.Item):
+    """An item whose failure is told by its message, without a traceback through the kit."""
+
+    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
+        """Write the failure."""
+        if isinstance(excinfo.value, AssertionError):
+            return str(excinfo.value)
+        return super().repr_failure(excinfo, style)
+
+    def reportinfo(self) -> tuple[Path, int | None, str]:
+        """Say where the test comes from."""
+        transition = self.parent.name if isinstance(self.parent, TransitionTests) else self.path.name
+        return self.path, None, f"{transition}: {self.name}"
+
+
+class TransitionItem(OneLineItem):
+    """One test of the kit."""
+
+    def __init__(self, *, test: TransitionTest, **rest: Any) -> None:
+        """Keep the test."""
+        super().__init__(**rest)
+        self.test = test
+
+    def runtest(self) -> None:
+        """Drive the machine."""
+        if self.test.undecided is not None:
+            pytest.skip(self.test.undecided)
+        self.test.run()
+
+
+class ApprovalItem(OneLineItem):
+    """The text of the table is the one that was approved."""
+
+    def __init__(self, *, request: Request, **rest: Any) -> None:
+        """Keep the table and the file."""
+        super().__init__(**rest)
+        self.request = request
+
+    def runtest(self) -> None:
+        """Compare, or write."""
+        from twin_gait.exceptions import TwinGaitError
+        from twin_gait.testing.approval import approval_text, check_approved, write_approved
+
+        path = self.request.approved
+        assert path is not None  # only made with one
+        text = approval_text(self.request.table)
+        try:
+            if self.request.approve:
+                write_approved(path, text)
+                return
+            problem = check_approved(path, text)
+        except TwinGaitError as error:
+            raise AssertionError(str(error)) from error
+        if problem is not None:
+            how = f"approve it with: pytest --gait-table {self.path} --approved {path} --approve"
+            raise AssertionError(f"{problem}\n{how}")
