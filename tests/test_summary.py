@@ -164,9 +164,56 @@ def test_largest_jump_names_its_switch(walk: Run) -> None:
     jump = summarise(replace(walk, log=log))["largest_torque_jump"]
     assert jump["at_switch_Nm"] == 35.0
     assert jump["over_blending_Nm"] == 50.0
+    assert jump["in_one_tick_Nm"] == 85.0  # from 35 to -50
     assert (jump["side"], jump["joint"]) == ("right", "knee")
     assert (jump["from"], jump["to"]) == (switch.source, switch.target)
     assert jump["time_s"] == pytest.approx(switch.tick * TICK)
+
+
+def stiffness_and_equilibrium_by_phase(walk: Run, equilibrium: float) -> Run:
+    """A left knee held at 0.2 rad, with 300 N m/rad in early stance and 100 N m/rad about zero elsewhere."""
+    early = (walk.log["left_phase"] == "early_stance").to_numpy()
+    columns = {
+        "measured_angle_rad": np.full(LENGTH, 0.2),
+        "stiffness_Nm_per_rad": np.where(early, 300.0, 100.0),
+        "equilibrium_rad": np.where(early, equilibrium, 0.0),
+    }
+    log = walk.log.assign(**{f"left_knee_{name}": values for name, values in columns.items()})
+    return replace(walk, log=log)
+
+
+def test_held_joint_gives_back_what_a_stiff_phase_puts_in(walk: Run) -> None:
+    knee = summarise(stiffness_and_equilibrium_by_phase(walk, 0.0))["sides"]["left"]["joints"]["knee"]
+    assert knee["switch_energy_put_in_J"] == pytest.approx(0.5 * 200.0 * 0.2**2)
+    assert knee["switch_energy_J"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_energy_by_switching_counts_the_equilibrium_too(walk: Run) -> None:
+    knee = summarise(stiffness_and_equilibrium_by_phase(walk, -0.1))["sides"]["left"]["joints"]["knee"]
+    assert knee["switch_energy_put_in_J"] == pytest.approx(0.5 * 300.0 * 0.3**2 - 0.5 * 100.0 * 0.2**2)
+
+
+def test_torque_jump_and_change_of_a_joint_are_those_of_its_counted_switches(walk: Run) -> None:
+    first, counted = (LAG + 100, LAG + 3 * STRIDE)  # no switch, and within the third stride
+    tick = next(item.tick for item in walk.switches if item.side == "left" and item.tick > counted)
+    command = np.zeros(LENGTH)
+    command[first:] += 200.0
+    command[tick + 10 :] += 4.0
+    command[tick + 20 :] += 3.0
+    log = walk.log.assign(left_hip_motor_command_torque_Nm=command)
+    hip = summarise(replace(walk, log=log))["sides"]["left"]["joints"]["hip"]
+    assert hip["switch_torque_jump_Nm"] == 4.0
+    assert hip["switch_torque_change_Nm"] == 7.0
+
+
+def test_jerk_of_a_sine_is_the_closed_form(walk: Run) -> None:
+    rate = 2.0 * math.pi / (STRIDE * TICK)
+    velocity = 1.5 * np.sin(rate * np.arange(LENGTH) * TICK)
+    log = walk.log.assign(right_hip_velocity_rad_per_s=velocity)
+    hip = summarise(replace(walk, log=log))["sides"]["right"]["joints"]["hip"]
+    # The filter takes less than 1e-3 at the frequency of the stride.
+    assert hip["jerk_rms_rad_per_s3"] == pytest.approx(1.5 * rate**2 / math.sqrt(2.0), rel=1e-3)
+    assert hip["jerk_dimensionless"] == pytest.approx((2.0 * math.pi) ** 4 / 2.0, rel=2e-3)
 
 
 def test_command_beyond_the_limit_counts_as_saturated(walk: Run) -> None:
@@ -217,6 +264,9 @@ def test_run_that_ends_at_once_is_summed_up_without_numbers(walk: Run, rows: int
     assert left["rmse_hip_by_contact_deg"] is None
     assert left["time_outs_after_third_stride"] is None
     assert summary["largest_torque_jump"] is None
+    knee = left["joints"]["knee"]
+    for name in ("switch_torque_jump_Nm", "switch_energy_J", "jerk_rms_rad_per_s3", "jerk_dimensionless"):
+        assert knee[name] is None
     assert summary["duration_s"] == pytest.approx(rows * TICK)
 
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from twin_gait.core.actuator import torque_to_current
-from twin_gait.gait.table import TICK
+from twin_gait.gait.table import TICK, Blending, BlendingLaw
 from twin_gait.measures.clearance import scuffs, swing_clearances
-from twin_gait.measures.effort import load, saturation_shares
+from twin_gait.measures.effort import changes_at_switches, load, saturation_shares
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.phases import entry_lags, phase_durations, phases_in_order
 from twin_gait.measures.strides import (
@@ -21,6 +21,14 @@ from twin_gait.measures.strides import (
     stride_extremes,
     stride_times,
     swing_shares,
+)
+from twin_gait.measures.switching import (
+    blend_windows,
+    dimensionless_jerk,
+    joint_jerk,
+    sums_over,
+    switching_energy,
+    torque_jumps,
 )
 from twin_gait.report.reference import reference_cycle
 from twin_gait.simulation.run import Run
@@ -48,6 +56,17 @@ def summarise_side(run: Run, side: Side, skip: int) -> dict[str, Any]:
     }
 
 
+def blend_length(blending: Blending) -> int:
+    """Ticks until the parameters of a new phase are reached; 0 if they step."""
+    return 0 if blending.law is BlendingLaw.NONE else blending.duration_ticks
+
+
+def switch_ticks(run: Run, side: Side) -> np.ndarray:
+    """First ticks of the phases that a leg entered after the start, shape ``(n,)``."""
+    ticks = [switch.tick for switch in run.switches if switch.side is side]
+    return np.array([tick for tick in ticks if 0 < tick < len(run.log)], dtype=int)
+
+
 def _mean(values: np.ndarray) -> float:
     finite = values[np.isfinite(values)]
     return float(finite.mean()) if len(finite) else math.nan
@@ -55,6 +74,14 @@ def _mean(values: np.ndarray) -> float:
 
 def _least(values: np.ndarray) -> float:
     return float(values.min()) if len(values) else math.nan
+
+
+def _largest(values: np.ndarray) -> float:
+    return float(values.max()) if len(values) else math.nan
+
+
+def _within(tick: int, strides: np.ndarray) -> bool:
+    return len(strides) > 0 and bool(strides[0, 0] <= tick < strides[-1, 1])
 
 
 def _largest_magnitude(values: np.ndarray) -> float:
@@ -166,4 +193,45 @@ def _joint(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str
         "current_peak_A": current.peak,
         "current_rms_A": current.rms,
         "current_continuous_share": current.continuous_share,
+        **_switching(run, record, joint, skip),
+        **_jerk(run, record, joint, skip),
+    }
+
+
+def _switching(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, float]:
+    """What the switches in the counted strides do to a joint.
+
+    ``switch_torque_jump_Nm`` is the largest change of the commanded torque in one tick of a blend, and
+    ``switch_torque_change_Nm`` the largest from before a switch to any tick of its blend. The energies are
+    means over strides: ``switch_energy_J`` is what the switches put into the virtual spring on balance, and
+    ``switch_energy_put_in_J`` leaves out the ticks in which they take energy out. They are of the spring that
+    the gait table asks for, also where a limit or another controller keeps the motor from acting like it.
+    """
+    name, log = f"{record.side}_{joint}", run.log
+    strides, ticks = record.strides(skip=skip), switch_ticks(run, record.side)
+    counted = np.array([tick for tick in ticks if _within(tick, strides)], dtype=int)
+    length = blend_length(run.table.blending)
+    command = log[f"{name}_motor_command_torque_Nm"].to_numpy()
+    energy = switching_energy(
+        log[f"{name}_measured_angle_rad"].to_numpy(),
+        log[f"{name}_stiffness_Nm_per_rad"].to_numpy(),
+        log[f"{name}_equilibrium_rad"].to_numpy(),
+    )
+    return {
+        "switch_torque_jump_Nm": _largest(torque_jumps(command, blend_windows(counted, length, len(log)))),
+        "switch_torque_change_Nm": _largest(changes_at_switches(command, counted, length).over_blending),
+        "switch_energy_J": _mean(sums_over(energy, strides)),
+        "switch_energy_put_in_J": _mean(sums_over(np.maximum(energy, 0.0), strides)),
+    }
+
+
+def _jerk(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, float]:
+    """Jerk of a joint over the counted strides, filtered as :mod:`twin_gait.measures.switching` says."""
+    velocity = run.log[f"{record.side}_{joint}_velocity_rad_per_s"].to_numpy()
+    strides, jerk = record.strides(skip=skip), joint_jerk(velocity, TICK)
+    ticks = (strides[:, 1] - strides[:, 0]).sum()
+    squared = sums_over(jerk * jerk, strides).sum()
+    return {
+        "jerk_rms_rad_per_s3": math.sqrt(squared / ticks) if ticks else math.nan,
+        "jerk_dimensionless": _mean(dimensionless_jerk(velocity, jerk, strides, TICK)),
     }

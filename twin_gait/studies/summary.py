@@ -12,14 +12,16 @@ from typing import Any
 import numpy as np
 
 import twin_gait
-from twin_gait.gait.table import TICK, BlendingLaw
+from twin_gait.gait.table import TICK
 from twin_gait.measures.effort import battery_use, changes_at_switches
 from twin_gait.measures.energy import energy_balance
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
+from twin_gait.measures.switching import blend_windows, torque_jumps
 from twin_gait.report.reference import reference_stride_time
 from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, WORK_SOURCES
 from twin_gait.simulation.run import Run, RunStatus
-from twin_gait.studies.side_summary import summarise_side
+from twin_gait.studies.safety_summary import safety_summary
+from twin_gait.studies.side_summary import blend_length, summarise_side
 from twin_gait.vocabulary import Side
 
 # Distributions whose version can change a number of a log, by the name that people know.
@@ -76,6 +78,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "symmetry": _symmetry(sides),
         **_battery(run),
         "largest_torque_jump": _largest_torque_jump(run),
+        "safety": safety_summary(run),
         **_guide(run),
         **_energy(run),
     }
@@ -118,19 +121,26 @@ def _battery(run: Run) -> dict[str, float]:
 
 
 def _largest_torque_jump(run: Run) -> dict[str, Any] | None:
-    """Largest change of a motor command within the tick of a switch, and where; None without switches."""
-    blending = run.table.blending
-    ticks = 0 if blending.law is BlendingLaw.NONE else blending.duration_ticks
+    """Largest change of a motor command within the tick of a switch, and where; None without switches.
+
+    A blend begins from the old parameters, so that only a table without one jumps in that very tick.
+    ``in_one_tick_Nm`` is the largest change from any tick to the next until the end of the blend,
+    ``over_blending_Nm`` the largest from before the switch.
+    """
+    ticks = blend_length(run.table.blending)
     largest: dict[str, Any] | None = None
-    over_blending = 0.0
+    over_blending = in_one_tick = 0.0
     for side in run.sides:
         switches = [item for item in run.switches if item.side is side and 0 < item.tick < len(run.log)]
         if not switches:
             continue
+        starts = np.array([item.tick for item in switches])
+        windows = blend_windows(starts, ticks, len(run.log))
         for joint in run.table.joints:
             command = run.log[f"{side}_{joint}_motor_command_torque_Nm"].to_numpy()
-            change = changes_at_switches(command, np.array([item.tick for item in switches]), ticks)
+            change = changes_at_switches(command, starts, ticks)
             over_blending = max(over_blending, float(change.over_blending.max()))
+            in_one_tick = max(in_one_tick, float(torque_jumps(command, windows).max()))
             place = int(np.argmax(change.at_switch))
             if largest is None or change.at_switch[place] > largest["at_switch_Nm"]:
                 switch = switches[place]
@@ -142,7 +152,9 @@ def _largest_torque_jump(run: Run) -> dict[str, Any] | None:
                     "from": switch.source,
                     "to": switch.target,
                 }
-    return None if largest is None else {**largest, "over_blending_Nm": over_blending}
+    if largest is None:
+        return None
+    return {**largest, "in_one_tick_Nm": in_one_tick, "over_blending_Nm": over_blending}
 
 
 def _guide(run: Run) -> dict[str, float]:

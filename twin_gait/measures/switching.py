@@ -1,0 +1,188 @@
+r"""What a switch of phase does: to the torque, to the energy of the virtual spring, to the motion.
+
+The virtual spring of a joint stores :math:`E = \tfrac12 k (\theta - \theta_0)^2`, which changes as
+
+.. math::
+
+    \dot E = \left[\tfrac12 \dot k (\theta - \theta_0)^2 - k (\theta - \theta_0)\,\dot\theta_0\right]
+        + k (\theta - \theta_0)\,\dot\theta
+
+The bracket is the switching: what the controller puts into the spring by changing its parameters, positive if
+the spring gains. The rest is the motion: the torque on the joint is :math:`-k(\theta - \theta_0)`, so that
+the leg receives this work with the other sign.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+JERK_CUT_OFF = 50.0  # [Hz]
+# Beyond so many standard deviations a Gaussian is below 4e-4 of its peak.
+_KERNEL_REACH = 4.0
+
+
+# ---------------------------------------------------------------------- torque
+
+
+def blend_windows(switches: np.ndarray, blending_ticks: int, length: int) -> np.ndarray:
+    """Ticks in which the parameters of a leg change: from each switch to the end of its blend.
+
+    A switch during a blend ends it, because the next one begins from where the parameters are.
+
+    Args:
+        switches: First ticks of new phases of one leg, ascending, each below ``length``, shape ``(m,)``.
+        blending_ticks: Length of the blend; 0 without.
+        length: Ticks of the record.
+
+    Returns:
+        First tick of each window and first tick after it, integers, shape ``(m, 2)``.
+    """
+    starts = np.asarray(switches, dtype=int)
+    following = np.append(starts[1:], length)[: len(starts)]
+    return np.column_stack((starts, np.minimum(starts + blending_ticks + 1, following)))
+
+
+def torque_jumps(torque: np.ndarray, windows: np.ndarray) -> np.ndarray:
+    """Largest change of a torque from one tick to the next in each window.
+
+    Args:
+        torque: In [N m], shape ``(n,)``.
+        windows: From :func:`blend_windows`, none beginning at tick 0.
+
+    Returns:
+        Magnitudes in [N m], shape ``(m,)``.
+    """
+    steps = np.abs(np.diff(torque))
+    return np.array([steps[start - 1 : end - 1].max() for start, end in windows])
+
+
+# ---------------------------------------------------------------------- energy
+
+
+def spring_energy(angle: np.ndarray, stiffness: np.ndarray, equilibrium_angle: np.ndarray) -> np.ndarray:
+    r"""Energy in the virtual spring, :math:`\tfrac12 k (\theta - \theta_0)^2`.
+
+    Args:
+        angle: θ in [rad].
+        stiffness: k in [N m] / [rad].
+        equilibrium_angle: θ0 in [rad].
+
+    Returns:
+        Energy in [J], in the shape of the arguments.
+    """
+    deflection = angle - equilibrium_angle
+    return np.asarray(0.5 * stiffness * deflection * deflection)
+
+
+def switching_energy(angle: np.ndarray, stiffness: np.ndarray, equilibrium_angle: np.ndarray) -> np.ndarray:
+    r"""Energy that the controller puts into the virtual spring in each tick by changing k and θ0.
+
+    The firmware holds its parameters within a tick and changes them at its start, with the joint at the
+    measured angle. The integral of the switching part over such a step is the difference of two energies,
+
+    .. math::
+
+        \Delta_i = \tfrac12 k_i (\theta_i - \theta_{0,i})^2 - \tfrac12 k_{i-1} (\theta_i - \theta_{0,i-1})^2,
+
+    exact for a step of any size, where the midpoint rule would leave :math:`\Delta k\,\Delta\theta_0^2 / 8`.
+    For parameters that change continuously it converges to the integral with the first power of the tick.
+
+    Args:
+        angle: Measured angle in [rad], one value a tick, shape ``(n,)``.
+        stiffness: k in force from each tick on in [N m] / [rad], shape ``(n,)``.
+        equilibrium_angle: θ0 in force from each tick on in [rad], shape ``(n,)``.
+
+    Returns:
+        Energy in [J], positive into the spring, 0 in the first tick; shape ``(n,)``.
+    """
+    injected = np.zeros(len(angle))
+    before = spring_energy(angle[1:], stiffness[:-1], equilibrium_angle[:-1])
+    injected[1:] = spring_energy(angle[1:], stiffness[1:], equilibrium_angle[1:]) - before
+    return injected
+
+
+def sums_over(values: np.ndarray, spans: np.ndarray) -> np.ndarray:
+    """Sum of a signal over each of several spans of ticks.
+
+    Args:
+        values: One value a tick, shape ``(n,)``.
+        spans: First tick of each span and first tick after it, shape ``(m, 2)``.
+
+    Returns:
+        The sums, shape ``(m,)``.
+    """
+    return np.array([values[start:end].sum() for start, end in spans])
+
+
+# ---------------------------------------------------------------------- jerk
+
+
+def low_pass(signal: np.ndarray, tick: float, cut_off: float) -> np.ndarray:
+    r"""Smooth a signal with a Gaussian, without delay.
+
+    A sine of frequency f passes with the gain :math:`2^{-(f/f_c)^2/2}`, which is -3 dB at the cut-off. The
+    ends of the record are continued by their first and last value.
+
+    Args:
+        signal: One value a tick, shape ``(n,)``, n at least 1.
+        tick: Sampling period in [s].
+        cut_off: :math:`f_c` in [Hz].
+
+    Returns:
+        The smooth signal, shape ``(n,)``.
+    """
+    deviation = math.sqrt(math.log(2.0)) / (2.0 * math.pi * cut_off * tick)  # [ticks]
+    reach = math.ceil(_KERNEL_REACH * deviation)
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / deviation) ** 2)
+    return np.convolve(np.pad(signal, reach, mode="edge"), kernel / kernel.sum(), mode="valid")
+
+
+def joint_jerk(velocity: np.ndarray, tick: float, *, cut_off: float = JERK_CUT_OFF) -> np.ndarray:
+    r"""Jerk of a joint, :math:`d^2\omega/dt^2`, by central differences of the low-passed velocity.
+
+    A torque that steps gives a jerk that is not bounded: without a filter its root mean square would grow as
+    the tick shrinks. The default cut-off lets the 25 ms of a short blend through.
+
+    Args:
+        velocity: In [rad] / [s], one value a tick, shape ``(n,)``.
+        tick: Sampling period in [s].
+        cut_off: Of :func:`low_pass` in [Hz].
+
+    Returns:
+        Jerk in [rad] / [s³], 0 in the first and the last tick, shape ``(n,)``.
+    """
+    jerk = np.zeros(len(velocity))
+    if len(velocity) > 2:
+        jerk[1:-1] = np.diff(low_pass(velocity, tick, cut_off), n=2) / (tick * tick)
+    return jerk
+
+
+def dimensionless_jerk(velocity: np.ndarray, jerk: np.ndarray, spans: np.ndarray, tick: float) -> np.ndarray:
+    r"""Dimensionless jerk of each stride, which depends on its shape but not on its length or size.
+
+    .. math::
+
+        \frac{D^3}{\omega_{peak}^2} \int_0^D \left(\frac{d^2\omega}{dt^2}\right)^2 dt
+
+    after Hogan and Sternad (2009, doi:10.3200/35-09-004-RC) and Balasubramanian et al. (2015,
+    doi:10.1186/s12984-015-0090-9), who give it a minus sign. A sine has :math:`(2\pi)^4/2 = 779`.
+
+    Args:
+        velocity: In [rad] / [s], shape ``(n,)``.
+        jerk: From :func:`joint_jerk`, shape ``(n,)``.
+        spans: First tick of each stride and of the next one, shape ``(m, 2)``.
+        tick: Sampling period in [s].
+
+    Returns:
+        One number a stride; NaN for a joint at rest. Shape ``(m,)``.
+    """
+    values = np.full(len(spans), np.nan)
+    for number, (start, end) in enumerate(spans):
+        peak = float(np.abs(velocity[start:end]).max())
+        if peak > 0.0:
+            duration = (end - start) * tick
+            squared = float(np.sum(jerk[start:end] ** 2)) * tick
+            values[number] = duration**3 * squared / (peak * peak)
+    return values
