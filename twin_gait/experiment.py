@@ -21,6 +21,7 @@ from twin_gait.parameters import (
     FrictionParameters,
     LimitParameters,
     Patient,
+    SafetyParameters,
     SensorParameters,
     StopParameters,
     require,
@@ -28,6 +29,7 @@ from twin_gait.parameters import (
     require_share,
 )
 from twin_gait.scenario.bench_leg import BenchLegScenario
+from twin_gait.scenario.faults import Fault, FaultKind, check_faults
 from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.scenario.world import LegSource, World, build_leg_model
 from twin_gait.vocabulary import JointName
@@ -102,6 +104,7 @@ class ControlParameters:
             encoder is noisy (thesis 2.4.2).
         target_torque: Added to the command in [N m] (thesis, equation 2.16).
         limits: Of torque and current.
+        safety: The monitor between controller and motor.
         patient: The wearer that gravity compensation reckons with; None takes the true one.
     """
 
@@ -114,6 +117,7 @@ class ControlParameters:
         default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: 0.0}
     )
     limits: LimitParameters = field(default_factory=LimitParameters)
+    safety: SafetyParameters = field(default_factory=SafetyParameters)
     patient: Patient | None = None
 
     def __post_init__(self) -> None:
@@ -200,6 +204,7 @@ class Experiment:
         integration: Integrator and step; None takes those of :func:`default_integration`.
         engine: What computes the forward dynamics.
         seed: Of every random draw.
+        faults: What breaks on the way.
     """
 
     name: str
@@ -214,9 +219,10 @@ class Experiment:
     integration: Integration | None = None
     engine: Engine = Engine.COMPILED
     seed: int = 0
+    faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check the duration, the joints of the table and the seed."""
+        """Check the duration, the joints of the table, the seed and the faults."""
         require(
             math.isfinite(self.duration) and TICK <= self.duration <= LONGEST_RUN,
             "duration",
@@ -229,6 +235,10 @@ class Experiment:
                 f"gait table {self.table.name!r} is for {', '.join(self.table.joints)}; "
                 "this device drives hip, knee"
             )
+        check_faults(self.faults, self.leg.legs, isinstance(self.scenario, TreadmillScenario), self.duration)
+        missing = [item for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
+        if missing and not self.control.safety.enabled:
+            raise ParameterError(f"fault {missing[0]}: no gait without angles; switch control.safety on")
 
     @property
     def stepping(self) -> Integration:

@@ -37,6 +37,7 @@ def build_parser() -> argparse.ArgumentParser:
         check,
         diagram,
         export,
+        faults,
         outcomes,
         presets,
         replay,
@@ -48,7 +49,7 @@ def build_parser() -> argparse.ArgumentParser:
 
     runs = (simulate, view, export, presets)
     tables = (check, diagram, replay)
-    studies = (sweep, outcomes, validate, benchmark)
+    studies = (sweep, faults, outcomes, validate, benchmark)
     for module in (*runs, *tables, *studies):
         module.add_parser(commands)
     return parser

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -43,6 +44,14 @@ def add_parser(commands: Any) -> None:
         dest="settings",
         help="change any value, for example patient.mass_kg=80 or table.blending.duration_ms=40",
     )
+    parser.add_argument(
+        "--fault",
+        action="append",
+        default=[],
+        metavar="KIND:SIDE_JOINT@TIMEs",
+        dest="faults",
+        help="what breaks, and when, for example encoder_freeze:left_knee@4.2s; may be repeated",
+    )
     parser.add_argument("--view", action="store_true", help="play the run in the browser afterwards")
     parser.add_argument("--no-pictures", action="store_true", help="leave out figures and animation")
     parser.add_argument("--fail-on-fall", action="store_true", help="exit with 1 if the wearer falls")
@@ -66,6 +75,8 @@ def run(arguments: argparse.Namespace) -> int:
         settings.append(f"duration_s={arguments.duration}")
     if arguments.engine is not None:
         settings.append(f"engine={arguments.engine}")
+    if arguments.faults:
+        settings.append(f"faults={json.dumps(arguments.faults)}")
     loaded = load_experiment(arguments.experiment, settings)
     loaded.experiment.build_world()
     out = arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{loaded.experiment.name}"
@@ -105,6 +116,9 @@ def report(result: Run, summary: dict[str, Any], out: Path) -> None:
     print(f"{result.status}: {result.duration:g} s in {result.wall_s:.1f} s ({pace:.1f} x real time)")
     if result.reason:
         print(f"  {result.reason}")
+    if result.trip is not None:
+        trip = result.trip
+        print(f"  tripped at {trip.time:.3f} s: {trip.cause} ({trip.place}); held from there on")
     for line in summary_lines(summary):
         print(f"  {line}")
     print(f"  {out}")

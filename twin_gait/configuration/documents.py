@@ -13,6 +13,7 @@ from typing import Any
 
 import yaml
 
+from twin_gait.configuration.experiment_file import safety_keys
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.experiment import Experiment, Integration
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
@@ -143,6 +144,7 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
         "engine": str(experiment.engine),
         **({} if asked is None else {"integration": integration_document(asked)}),
         "seed": experiment.seed,
+        **({"faults": [str(item) for item in experiment.faults]} if experiment.faults else {}),
         "patient": None if experiment.patient is None else _patient(experiment.patient),
         "scenario": _scenario(experiment.scenario),
         "leg": _leg(experiment),
@@ -236,6 +238,7 @@ def _control(experiment: Experiment) -> dict[str, Any]:
         "inertia_compensation": control.inertia_compensation,
         "target_torque_Nm": {str(joint): value for joint, value in control.target_torque.items()},
         "limits": {"torque_Nm": control.limits.torque, "current_A": control.limits.current},
+        "safety": {key: getattr(control.safety, name) for name, key in safety_keys().items()},
         "patient": None if control.patient is None else _patient(control.patient),
     }
 

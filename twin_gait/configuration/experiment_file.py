@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -32,11 +33,13 @@ from twin_gait.parameters import (
     FrictionParameters,
     LimitParameters,
     Patient,
+    SafetyParameters,
     SensorParameters,
     StopParameters,
     SupportParameters,
 )
 from twin_gait.scenario import BenchLegScenario, HandParameters, LegSource, TreadmillScenario
+from twin_gait.scenario.faults import Fault, parse_fault
 from twin_gait.vocabulary import JointName, Sex, Side
 
 _DEGREE = math.pi / 180.0
@@ -364,6 +367,43 @@ class LimitsEntry(Strict):
     current_A: Number = LimitParameters.current
 
 
+class SafetyEntry(Strict):
+    """Bounds of the safety monitor and its hold."""
+
+    enabled: bool = SafetyParameters.enabled
+    stopping_deceleration_rad_per_s2: Number = SafetyParameters.stopping_deceleration
+    speed_share: Number = SafetyParameters.speed_share
+    angle_step_rad: Number = SafetyParameters.angle_step
+    frozen_time_s: Number = SafetyParameters.frozen_time
+    frozen_speed_rad_per_s: Number = SafetyParameters.frozen_speed
+    model_deviation_rad: Number = SafetyParameters.model_deviation
+    model_time_constant_s: Number = SafetyParameters.model_time_constant
+    model_resistance_ratio: Number = SafetyParameters.model_resistance_ratio
+    torque_time_s: Number = SafetyParameters.torque_time
+    highest_command_Nm: Number = SafetyParameters.highest_command
+    current_share: Number = SafetyParameters.current_share
+    thermal_time_constant_s: Number = SafetyParameters.thermal_time_constant
+    drive_deviation_A: Number = SafetyParameters.drive_deviation
+    drive_time_s: Number = SafetyParameters.drive_time
+    phase_overstay_s: Number = SafetyParameters.phase_overstay
+    frozen_load_time_s: Number = SafetyParameters.frozen_load_time
+    least_voltage_share: Number = SafetyParameters.least_voltage_share
+    voltage_time_s: Number = SafetyParameters.voltage_time
+    hold_damping_Nms_per_rad: Number = SafetyParameters.hold_damping
+    lowering_time_s: Number = SafetyParameters.lowering_time
+
+    def convert(self) -> SafetyParameters:
+        """Convert; the keys are the names of the parameters with their units."""
+        keys = safety_keys()
+        return SafetyParameters(**{name: getattr(self, key) for name, key in keys.items()})
+
+
+def safety_keys() -> dict[str, str]:
+    """Keys of a file by the names of :class:`~twin_gait.parameters.SafetyParameters`, in order."""
+    names = list(SafetyParameters.__dataclass_fields__)
+    return dict(zip(names, SafetyEntry.model_fields, strict=True))
+
+
 class ControlEntry(Strict):
     """The controller."""
 
@@ -372,6 +412,7 @@ class ControlEntry(Strict):
     inertia_compensation: Number = 0.0
     target_torque_Nm: JointNumbers | None = None
     limits: LimitsEntry = LimitsEntry()
+    safety: SafetyEntry = SafetyEntry()
     patient: PatientEntry | None = None
 
     def convert(self) -> ControlParameters:
@@ -387,6 +428,7 @@ class ControlEntry(Strict):
             if self.target_torque_Nm is None
             else self.target_torque_Nm.convert(),
             limits=LimitParameters(torque=self.limits.torque_Nm, current=self.limits.current_A),
+            safety=self.safety.convert(),
             patient=None if self.patient is None else self.patient.convert(),
         )
 
@@ -461,6 +503,7 @@ class ExperimentFile(Strict):
     integration: IntegrationEntry | None = None
     engine: Engine = Engine.COMPILED
     seed: Count = 0
+    faults: tuple[str, ...] = ()
     provenance: ProvenanceEntry | None = None
 
     @model_validator(mode="after")
@@ -508,6 +551,7 @@ def experiment_from_mapping(data: dict[str, Any], source: str, folder: Path) -> 
             integration=converting(source, "integration", lambda: _integration(entry, scenario)),
             engine=entry.engine,
             seed=entry.seed,
+            faults=_faults(entry, source),
         ),
     )
 
@@ -516,6 +560,13 @@ def _integration(entry: ExperimentFile, scenario: Scenario) -> Integration | Non
     if entry.integration is None:
         return None
     return entry.integration.convert(default_integration(entry.engine, scenario))
+
+
+def _faults(entry: ExperimentFile, source: str) -> tuple[Fault, ...]:
+    return tuple(
+        converting(source, f"faults[{index}]", partial(parse_fault, text))
+        for index, text in enumerate(entry.faults)
+    )
 
 
 def _scenario(entry: TreadmillEntry | BenchLegEntry) -> Scenario:

@@ -1,4 +1,4 @@
-"""The controller of a joint, behind one interface."""
+"""The controller of a joint, behind one interface, and what its monitor says."""
 
 from twin_gait.control.controller import (
     Controller,
@@ -7,5 +7,15 @@ from twin_gait.control.controller import (
     JointMeasurement,
     JointSetpoint,
 )
+from twin_gait.control.safety import SafetyState, Trip, TripCause
 
-__all__ = ["Controller", "ControllerFunction", "ControllerTorques", "JointMeasurement", "JointSetpoint"]
+__all__ = [
+    "Controller",
+    "ControllerFunction",
+    "ControllerTorques",
+    "JointMeasurement",
+    "JointSetpoint",
+    "SafetyState",
+    "Trip",
+    "TripCause",
+]

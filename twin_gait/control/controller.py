@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from twin_gait.core.control_tick import controller_torques
 from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.exceptions import MeasurementError
 from twin_gait.parameters import FrictionParameters
 
 
@@ -83,7 +85,12 @@ class Controller:
 
         Returns:
             Impedance and friction-compensation torque.
+
+        Raises:
+            MeasurementError: If the measurement is not finite.
         """
+        if not math.isfinite(sum(measurement)):
+            _refuse(measurement)
         model = self.friction_model
         friction = rotational_friction_torque(
             measurement.velocity_slow,
@@ -93,3 +100,9 @@ class Controller:
             model.viscous_friction,
         )
         return ControllerTorques(*self.law(*measurement, *setpoint, friction))
+
+
+def _refuse(measurement: JointMeasurement) -> None:
+    for name, value in measurement._asdict().items():
+        if not math.isfinite(value):
+            raise MeasurementError(f"{name} of a joint is {value}; expected a finite measurement")

@@ -13,9 +13,9 @@ def quantise(angle: float, resolution: float) -> float:
         resolution: Angle of one count in [rad]; zero or less means an ideal sensor.
 
     Returns:
-        Angle in [rad], a whole number of counts.
+        Angle in [rad], a whole number of counts; NaN, a reading that is missing, passes through.
     """
-    if resolution <= 0.0:
+    if resolution <= 0.0 or angle != angle:
         return angle
     return math.floor(angle / resolution + 0.5) * resolution
 

@@ -45,6 +45,8 @@ PELVIS_COLUMNS = (
 POWER_COLUMNS = ("bus_voltage_V", "battery_power_W")
 # Work done on the leg since the start, by source; kinetic plus potential energy changes by their sum.
 WORK_SOURCES = ("motor", "friction", "stop", "spring", "contact", "patient")
+# Of the monitor: 0 watching, 1 hold; the code of :class:`twin_gait.control.TripCause`, 0 without a trip.
+SAFETY_COLUMNS = ("safety_state", "trip_cause")
 ENERGY_COLUMNS = ("kinetic_energy_J", "potential_energy_J", *(f"{name}_work_J" for name in WORK_SOURCES))
 
 _UNITS = {
@@ -63,6 +65,8 @@ _UNITS = {
     "_J": "J",
     "_phase": "name",
     "_gain": "1",
+    "_state": "code",
+    "_cause": "code",
 }
 
 
@@ -111,7 +115,7 @@ class LogLayout:
             names += [f"{side}_foot_{column}" for column in FOOT_COLUMNS]
         if self.pelvis:
             names += PELVIS_COLUMNS
-        return (*names, *POWER_COLUMNS, *ENERGY_COLUMNS)
+        return (*names, *POWER_COLUMNS, *ENERGY_COLUMNS, *SAFETY_COLUMNS)
 
     @cached_property
     def positions(self) -> dict[str, int]:

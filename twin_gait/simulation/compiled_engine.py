@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from twin_gait.control import ControllerFunction
+from twin_gait.core import safety
 from twin_gait.core.plant import WORK_SOURCE_COUNT
 from twin_gait.experiment import IntegrationMethod
 from twin_gait.gait.machine import PhaseSwitch
@@ -26,6 +27,14 @@ from twin_gait.simulation.flat_episode import lay_out
 from twin_gait.simulation.kernel import body_values, write_kernel
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.watching import (
+    fault_arrays,
+    overstay_ticks,
+    start_angles,
+    ticks,
+    trip_of,
+    watch_bounds,
+)
 from twin_gait.vocabulary import JointName
 
 CHUNK_TICKS = 2000  # between two looks at progress and interruption
@@ -95,6 +104,14 @@ class CompiledEngine:
         integers[episode.HAND_INDEX] = -1 if world.hand is None else world.hand.index
         integers[episode.N_ANKLES] = len(ankles)
         integers[episode.RECORD] = record
+        faults = fault_arrays(problem)
+        settings = experiment.control.safety
+        integers[episode.WATCHING] = settings.enabled
+        integers[episode.FIRST_FAULT] = faults.first_tick
+        integers[episode.OVERSTAY_TICKS] = overstay_ticks(problem)
+        integers[episode.FROZEN_LOAD_TICKS] = ticks(settings.frozen_load_time)
+        integers[episode.VOLTAGE_TICKS] = ticks(settings.voltage_time)
+        integers[episode.LOWERING_TICKS] = ticks(settings.lowering_time)
         return episode.EpisodeInputs(
             integers=integers,
             numbers=self._numbers(),
@@ -120,6 +137,9 @@ class CompiledEngine:
                 [experiment.control.target_torque.get(joint.joint, 0.0) for joint in problem.joints]
             ),
             hand=self._hand(),
+            bounds=watch_bounds(problem),
+            faults=faults.faults,
+            magnitudes=faults.magnitudes,
         )
 
     def _numbers(self) -> np.ndarray:
@@ -138,6 +158,8 @@ class CompiledEngine:
         numbers[episode.FALL_HEIGHT] = -np.inf if world.fall_height is None else world.fall_height
         numbers[episode.DIVERGED_VELOCITY] = DIVERGED_VELOCITY
         numbers[episode.INERTIA_GAIN] = experiment.control.inertia_compensation
+        numbers[episode.LEAST_VOLTAGE] = experiment.control.safety.least_voltage_share * battery.voltage
+        numbers[episode.HOLD_DAMPING] = experiment.control.safety.hold_damping
         return numbers
 
     def _contact(self) -> np.ndarray:
@@ -200,12 +222,16 @@ class CompiledEngine:
         changing = np.zeros(episode.CHANGING_COUNT)
         changing[episode.BUS_VOLTAGE] = experiment.plant.battery.voltage
         n_control = problem.control_model.nv
+        measured = np.zeros((joints, 3))
+        measured[:, 0] = start_angles(problem)
+        watched = np.zeros(episode.SAFETY_COUNT, dtype=np.int64)
+        watched[episode.TRIP_TICK] = -1
         capacity = max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration))
         return episode.EpisodeState(
             q=world.start_q.copy(),
             v=world.start_v.copy(),
             a=np.zeros(n),
-            measured=np.zeros((joints, 3)),
+            measured=measured,
             decimated_angle=np.zeros(joints),
             ring=np.zeros((experiment.sensors.window, joints)),
             rate=np.zeros(joints),
@@ -226,8 +252,9 @@ class CompiledEngine:
             sum_v=np.zeros(n),
             sum_a=np.zeros(n),
             mean_v=np.zeros(n),
-            angles=np.zeros(joints),
+            angles=start_angles(problem),
             noise=np.zeros(joints),
+            last_angle=np.zeros(joints),
             last_fast=np.zeros(joints),
             model_friction=np.zeros(joints),
             control_q=np.zeros(n_control),
@@ -239,6 +266,13 @@ class CompiledEngine:
             before=np.zeros(legs, dtype=np.int64),
             switches=np.zeros((capacity, 5), dtype=np.int64),
             counters=np.zeros(2, dtype=np.int64),
+            watch_memory=np.zeros((joints, safety.MEMORY_COUNT)),
+            watch_streaks=np.zeros((joints, safety.STREAK_COUNT), dtype=np.int64),
+            load_streaks=np.zeros(legs, dtype=np.int64),
+            last_load=np.zeros(legs),
+            safety=watched,
+            drive_off=np.zeros(joints, dtype=np.int64),
+            hold_angle=np.zeros(joints),
         )
 
     def warm_up(self) -> None:
@@ -273,7 +307,14 @@ class CompiledEngine:
             status, reason = self._ending(done)
         if progress is not None:
             progress(done, total)
-        return EngineResult(rows[:done] if self._record else rows[:0], self._switches(), status, reason)
+        watched = self._episode.state.safety
+        trip = trip_of(
+            self.problem,
+            int(watched[episode.TRIP_TICK]),
+            int(watched[episode.TRIP_CAUSE]),
+            int(watched[episode.TRIP_PLACE]),
+        )
+        return EngineResult(rows[:done] if self._record else rows[:0], self._switches(), status, reason, trip)
 
     def _ending(self, done: int) -> tuple[RunStatus, str]:
         code = int(self._episode.state.counters[1])

@@ -45,12 +45,14 @@ CORE_MODULES = (
     "contact",
     "control_tick",
     "estimation",
+    "faults",
     "friction",
     "guards",
     "hyperbolic",
     "impedance",
     "integrators",
     "plant",
+    "safety",
 )
 
 RunTicks = Callable[..., int]

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from twin_gait.control import Trip
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.columns import LogLayout
@@ -25,12 +26,14 @@ class EngineResult(NamedTuple):
         switches: Phase switches.
         status: How the run ended.
         reason: Why, if it did not complete.
+        trip: What the safety monitor tripped on, or None.
     """
 
     rows: np.ndarray
     switches: tuple[PhaseSwitch, ...]
     status: RunStatus
     reason: str
+    trip: Trip | None = None
 
 
 def log_layout(problem: Problem) -> LogLayout:

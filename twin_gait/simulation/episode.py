@@ -2,7 +2,7 @@
 
 This module is plain Python that calls the functions of :mod:`twin_gait.core`; it is compiled together with
 a generated kernel, which takes the place of the imports from ``kernel_interface``. The order of things in a
-tick is that of the Pinocchio engine: measure, decide, control, record, integrate.
+tick is that of the Pinocchio engine: measure, watch, decide, control, record, integrate.
 
 Every function here that needs the episode takes it first and begins with
 ``inputs, state = episode.inputs, episode.state``: :mod:`twin_gait.simulation.flattening` hands the arrays
@@ -29,6 +29,17 @@ from twin_gait.core.control_tick import (
     measure_joints,
 )
 from twin_gait.core.estimation import first_order_step
+from twin_gait.core.faults import (
+    KIND,
+    MOTOR_STUCK,
+    NO_FAULT,
+    dipped_bus_voltage,
+    drive_fault,
+    faulty_angle,
+    faulty_load,
+    runaway_torque,
+    supply_drop,
+)
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.guards import NO_TRANSITION, TARGET, next_transition
 from twin_gait.core.integrators import rk4_step, semi_implicit_euler_step
@@ -44,6 +55,28 @@ from twin_gait.core.plant import (
     STOP_WORK,
     hand_torque,
     passive_torque,
+)
+from twin_gait.core.safety import (
+    COMMAND_TRIP,
+    COMMANDED,
+    CURRENT_DEVIATION,
+    DRIVE_STREAK,
+    DRIVE_TICKS,
+    EMF_CONSTANT,
+    FROZEN_SPEED,
+    HIGHEST_COMMAND,
+    LOAD_TRIP,
+    MODEL_RESISTANCE,
+    MOTOR_CURRENT,
+    MOTOR_SPEED,
+    NO_TRIP,
+    OVERSTAY_TRIP,
+    SUPPLY_TRIP,
+    command_is_plausible,
+    hold_torque,
+    motor_speed,
+    support_share,
+    watch_joint,
 )
 from twin_gait.simulation.columns import ANKLE_COLUMNS, FOOT_COLUMNS, JOINT_COLUMNS, PELVIS_COLUMNS
 from twin_gait.simulation.kernel_interface import (
@@ -72,7 +105,13 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
     HAND_INDEX,
     N_ANKLES,
     RECORD,
-) = range(12)
+    WATCHING,
+    FIRST_FAULT,
+    OVERSTAY_TICKS,
+    FROZEN_LOAD_TICKS,
+    VOLTAGE_TICKS,
+    LOWERING_TICKS,
+) = range(18)
 (
     PERIOD,
     FAST_GAIN,
@@ -86,10 +125,16 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
     FALL_HEIGHT,
     DIVERGED_VELOCITY,
     INERTIA_GAIN,
-) = range(12)
+    LEAST_VOLTAGE,
+    HOLD_DAMPING,
+) = range(14)
 # Positions in the array of numbers that change: bus voltage, time of the step, hand, contact power.
 BUS_VOLTAGE, TIME, HAND_TORQUE, CONTACT_POWER, LAST_CONTACT_POWER = range(5)
-INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = RECORD + 1, INERTIA_GAIN + 1, LAST_CONTACT_POWER + 1
+# Positions in the array of what the monitor has done: tick of the trip or -1, its cause and place (a joint,
+# or the number of joints plus a leg), drives that are cut off, ticks with too low a bus voltage.
+TRIP_TICK, TRIP_CAUSE, TRIP_PLACE, DRIVES_OFF, LOW_VOLTAGE_STREAK = range(5)
+INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = LOWERING_TICKS + 1, HOLD_DAMPING + 1, LAST_CONTACT_POWER + 1
+SAFETY_COUNT = LOW_VOLTAGE_STREAK + 1
 
 # Blocks of the log, and where groups of columns begin in the block of a joint.
 JOINT_WIDTH, ANKLE_WIDTH = len(JOINT_COLUMNS), len(ANKLE_COLUMNS)
@@ -104,8 +149,8 @@ class EpisodeInputs(NamedTuple):
     """What does not change in an episode.
 
     Attributes:
-        integers: See the positions above, shape ``(12,)``.
-        numbers: See the positions above, shape ``(12,)``.
+        integers: See the positions above, shape ``(INTEGER_COUNT,)``.
+        numbers: See the positions above, shape ``(NUMBER_COUNT,)``.
         bodies: Run-time values of the plant's kernel.
         control_bodies: Run-time values of the controller's kernel.
         contact: Belt speed and contact parameters, shape ``(5,)``.
@@ -124,6 +169,9 @@ class EpisodeInputs(NamedTuple):
         actuators: K_t, ratio, efficiency, resistance of each joint, shape ``(n_joints, 4)``.
         target_torque: Shape ``(n_joints,)``.
         hand: Start angle, amplitude, frequency, stiffness, damping, release time, shape ``(6,)``.
+        bounds: Of the safety monitor, shape ``(n_joints, BOUND_COUNT)``.
+        faults: Kind, place and first tick, shape ``(n, 3)``.
+        magnitudes: Of the faults in SI units, shape ``(n,)``.
     """
 
     integers: Array
@@ -146,6 +194,9 @@ class EpisodeInputs(NamedTuple):
     actuators: Array
     target_torque: Array
     hand: Array
+    bounds: Array
+    faults: Array
+    magnitudes: Array
 
 
 class EpisodeState(NamedTuple):
@@ -176,8 +227,9 @@ class EpisodeState(NamedTuple):
         sum_v: Likewise.
         sum_a: Likewise.
         mean_v: Likewise.
-        angles: True angles, shape ``(n_joints,)``.
-        noise: Sensor noise of the tick, shape ``(n_joints,)``.
+        angles: What the sensors read before they are quantised, shape ``(n_joints,)``.
+        noise: Zeros, because the readings hold the noise, shape ``(n_joints,)``.
+        last_angle: Measured angle of the tick before, shape ``(n_joints,)``.
         last_fast: Fast velocity of the tick before, shape ``(n_joints,)``.
         model_friction: Friction torque of the compensator's model, shape ``(n_joints,)``.
         control_q: Shape ``(n_control,)``.
@@ -189,6 +241,13 @@ class EpisodeState(NamedTuple):
         before: Phases at the start of the tick, shape ``(n_legs,)``.
         switches: Tick, leg, source, target, transition of each switch, shape ``(capacity, 5)``.
         counters: Number of switches, status; shape ``(2,)``.
+        watch_memory: Of the safety monitor, shape ``(n_joints, MEMORY_COUNT)``.
+        watch_streaks: Of the safety monitor, shape ``(n_joints, STREAK_COUNT)``.
+        load_streaks: Ticks in which a foot's load stood still, shape ``(n_legs,)``.
+        last_load: Foot loads of the tick before, shape ``(n_legs,)``.
+        safety: See the positions above, shape ``(SAFETY_COUNT,)``.
+        drive_off: 1 for a drive that is cut off, shape ``(n_joints,)``.
+        hold_angle: Angles at the trip, shape ``(n_joints,)``.
     """
 
     q: Array
@@ -217,6 +276,7 @@ class EpisodeState(NamedTuple):
     mean_v: Array
     angles: Array
     noise: Array
+    last_angle: Array
     last_fast: Array
     model_friction: Array
     control_q: Array
@@ -228,6 +288,13 @@ class EpisodeState(NamedTuple):
     before: Array
     switches: Array
     counters: Array
+    watch_memory: Array
+    watch_streaks: Array
+    load_streaks: Array
+    last_load: Array
+    safety: Array
+    drive_off: Array
+    hold_angle: Array
 
 
 class Episode(NamedTuple):
@@ -335,8 +402,19 @@ def _measure(episode: Episode, tick: int) -> None:
     inputs, state = episode.inputs, episode.state
     noise_row = tick if inputs.noise.shape[0] > 1 else 0
     for joint in range(inputs.coordinates.shape[0]):
-        state.angles[joint] = state.q[inputs.coordinates[joint]]
-        state.noise[joint] = inputs.noise[noise_row, joint]
+        reading = state.q[inputs.coordinates[joint]] + inputs.noise[noise_row, joint]
+        if tick >= inputs.integers[FIRST_FAULT]:
+            reading = faulty_angle(
+                joint,
+                tick,
+                inputs.numbers[PERIOD],
+                inputs.faults,
+                inputs.magnitudes,
+                reading,
+                state.angles[joint],
+            )
+        state.angles[joint] = reading
+        state.last_angle[joint] = state.measured[joint, 0]
         # The estimate of the acceleration needs the last fast velocity.
         state.last_fast[joint] = state.measured[joint, 1]
     measure_joints(
@@ -357,7 +435,11 @@ def _measure(episode: Episode, tick: int) -> None:
         contact_forces(state.q, state.v, inputs.bodies, inputs.contact, state.points)
         for leg in range(inputs.integers[N_LEGS]):
             load = _foot_sum(state.points, leg, inputs.integers[POINTS_PER_FOOT], 1)
-            state.legs[leg] = load / inputs.numbers[BODY_WEIGHT]
+            load /= inputs.numbers[BODY_WEIGHT]
+            state.last_load[leg] = state.legs[leg]
+            if tick >= inputs.integers[FIRST_FAULT]:
+                load = faulty_load(leg, tick, inputs.faults, load, state.last_load[leg])
+            state.legs[leg] = load
 
 
 def _model_friction(episode: Episode) -> None:
@@ -371,6 +453,61 @@ def _model_friction(episode: Episode) -> None:
             inputs.friction_model[joint, 2],
             inputs.friction_model[joint, 3],
         )
+
+
+def _watch(episode: Episode, tick: int) -> None:
+    """Let the safety monitor look at measurements, phases and the drives' last tick."""
+    inputs, state = episode.inputs, episode.state
+    joints = inputs.coordinates.shape[0]
+    for joint in range(joints):
+        cause = watch_joint(
+            joint,
+            inputs.numbers[PERIOD],
+            inputs.bounds,
+            state.measured,
+            state.last_angle,
+            state.watch_memory,
+            state.watch_streaks,
+        )
+        if cause != NO_TRIP:
+            _trip(episode, tick, cause, joint)
+            if state.watch_streaks[joint, DRIVE_STREAK] >= inputs.bounds[joint, DRIVE_TICKS]:
+                state.drive_off[joint] = 1
+                state.safety[DRIVES_OFF] = 1
+    for leg in range(inputs.integers[N_LEGS]):
+        if tick - state.entry_tick[leg] > inputs.integers[OVERSTAY_TICKS]:
+            _trip(episode, tick, OVERSTAY_TRIP, joints + leg)
+    if inputs.integers[POINTS_PER_FOOT] > 0:
+        _watch_feet(episode, tick)
+    low = state.changing[BUS_VOLTAGE] < inputs.numbers[LEAST_VOLTAGE]
+    state.safety[LOW_VOLTAGE_STREAK] = state.safety[LOW_VOLTAGE_STREAK] + 1 if low else 0
+    if state.safety[LOW_VOLTAGE_STREAK] >= inputs.integers[VOLTAGE_TICKS]:
+        _trip(episode, tick, SUPPLY_TRIP, -1)
+
+
+def _watch_feet(episode: Episode, tick: int) -> None:
+    """Trip if the load of a foot stands still while the hip above it turns."""
+    inputs, state = episode.inputs, episode.state
+    for leg in range(inputs.integers[N_LEGS]):
+        hip = leg * inputs.integers[JOINTS_PER_LEG]
+        still = state.legs[leg] == state.last_load[leg] and state.legs[leg] > 0.0
+        turning = abs(state.watch_memory[hip, MOTOR_SPEED]) > inputs.bounds[hip, FROZEN_SPEED]
+        state.load_streaks[leg] = state.load_streaks[leg] + 1 if still and turning else 0
+        if state.load_streaks[leg] >= inputs.integers[FROZEN_LOAD_TICKS]:
+            _trip(episode, tick, LOAD_TRIP, inputs.coordinates.shape[0] + leg)
+
+
+def _trip(episode: Episode, tick: int, cause: int, place: int) -> None:
+    """Go to the safe hold; the first cause is kept."""
+    inputs, state = episode.inputs, episode.state
+    if state.safety[TRIP_TICK] >= 0:
+        return
+    state.safety[TRIP_TICK] = tick
+    state.safety[TRIP_CAUSE] = cause
+    state.safety[TRIP_PLACE] = place
+    for joint in range(inputs.coordinates.shape[0]):
+        # The angles of this tick may be what the monitor tripped on.
+        state.hold_angle[joint] = state.last_angle[joint]
 
 
 def _decide(episode: Episode, tick: int) -> None:
@@ -440,7 +577,8 @@ def _switch(episode: Episode, leg: int, tick: int, chosen: int) -> None:
 def _feed_forward(episode: Episode) -> None:
     """Gravity and inertia torques of the controller's model, where a share of them is wanted."""
     inputs, state = episode.inputs, episode.state
-    wanted = inputs.numbers[INERTIA_GAIN] > 0.0
+    holding = state.safety[TRIP_TICK] >= 0
+    wanted = holding or inputs.numbers[INERTIA_GAIN] > 0.0
     last = state.blended.shape[1] - 1
     for leg in range(inputs.integers[N_LEGS]):
         wanted = wanted or state.blended[leg, last] != 0.0
@@ -448,9 +586,10 @@ def _feed_forward(episode: Episode) -> None:
         return
     joints = inputs.coordinates.shape[0]
     for joint in range(joints):
-        state.control_q[inputs.control_coordinates[joint]] = state.measured[joint, 0]
+        angle = state.hold_angle[joint] if holding else state.measured[joint, 0]
+        state.control_q[inputs.control_coordinates[joint]] = angle
     control_gravity(state.control_q, inputs.control_bodies, inputs.numbers[GRAVITY], state.gravity_torque)
-    if inputs.numbers[INERTIA_GAIN] > 0.0:
+    if inputs.numbers[INERTIA_GAIN] > 0.0 and not holding:
         for joint in range(joints):
             rate = (state.measured[joint, 1] - state.last_fast[joint]) / inputs.numbers[PERIOD]
             state.rate[joint] = first_order_step(state.rate[joint], rate, inputs.numbers[FAST_GAIN])
@@ -464,24 +603,41 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
     per_leg = inputs.integers[JOINTS_PER_LEG]
     leg = joint // per_leg
     column = COLUMNS_PER_JOINT * (joint % per_leg)
+    place = inputs.control_coordinates[joint]
     stiffness, damping = state.blended[leg, column + STIFFNESS], state.blended[leg, column + DAMPING]
     equilibrium, gain = state.blended[leg, column + EQUILIBRIUM], state.blended[leg, column + GAIN]
-    impedance, friction = controller_torques(
-        state.measured[joint, 0],
-        state.measured[joint, 1],
-        state.measured[joint, 2],
-        stiffness,
-        damping,
-        equilibrium,
-        gain,
-        state.model_friction[joint],
-    )
-    place = inputs.control_coordinates[joint]
-    share = state.blended[leg, state.blended.shape[1] - 1]
-    gravity = share * state.gravity_torque[place] if share != 0.0 else 0.0
-    inertia = inputs.numbers[INERTIA_GAIN] * state.inertia_torque[place]
-    target = inputs.target_torque[joint]
-    command = impedance + friction + gravity + inertia + target
+    impedance, friction, gravity, inertia, target, command = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    support = 0.0
+    if state.safety[TRIP_TICK] >= 0:
+        support = support_share(tick - state.safety[TRIP_TICK], inputs.integers[LOWERING_TICKS])
+    else:
+        impedance, friction = controller_torques(
+            state.measured[joint, 0],
+            state.measured[joint, 1],
+            state.measured[joint, 2],
+            stiffness,
+            damping,
+            equilibrium,
+            gain,
+            state.model_friction[joint],
+        )
+        if tick >= inputs.integers[FIRST_FAULT]:
+            impedance += runaway_torque(joint, tick, inputs.numbers[PERIOD], inputs.faults, inputs.magnitudes)
+        share = state.blended[leg, state.blended.shape[1] - 1]
+        gravity = share * state.gravity_torque[place] if share != 0.0 else 0.0
+        inertia = inputs.numbers[INERTIA_GAIN] * state.inertia_torque[place]
+        target = inputs.target_torque[joint]
+        command = impedance + friction + gravity + inertia + target
+        if inputs.integers[WATCHING] != 0:
+            if not command_is_plausible(command, inputs.bounds[joint, HIGHEST_COMMAND]):
+                _trip(episode, tick, COMMAND_TRIP, joint)
+    if state.safety[TRIP_TICK] >= 0:
+        stiffness, damping, gain = 0.0, inputs.numbers[HOLD_DAMPING], 0.0
+        equilibrium = state.hold_angle[joint]
+        friction, inertia, target = 0.0, 0.0, 0.0
+        impedance = hold_torque(state.watch_memory[joint, MOTOR_SPEED], damping)
+        gravity = support * state.gravity_torque[place] if support != 0.0 else 0.0
+        command = impedance + friction + gravity + inertia + target
     velocity = state.v[inputs.coordinates[joint]]
     target_current, current, torque = drive_motor(
         command,
@@ -494,7 +650,35 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
         inputs.actuators[joint, 2],
         inputs.actuators[joint, 3],
     )
+    expected = current
+    if state.safety[DRIVES_OFF] != 0 and state.drive_off[joint] != 0:
+        target_current, expected, current, torque = 0.0, 0.0, 0.0, 0.0
+    elif tick >= inputs.integers[FIRST_FAULT]:
+        fault = drive_fault(joint, tick, inputs.faults)
+        if fault != NO_FAULT:
+            wrong = inputs.magnitudes[fault] if inputs.faults[fault, KIND] == MOTOR_STUCK else 0.0
+            _, current, torque = drive_motor(
+                wrong,
+                velocity,
+                state.changing[BUS_VOLTAGE],
+                inputs.numbers[TORQUE_LIMIT],
+                inputs.numbers[CURRENT_LIMIT],
+                inputs.actuators[joint, 0],
+                inputs.actuators[joint, 1],
+                inputs.actuators[joint, 2],
+                inputs.actuators[joint, 3],
+            )
     state.motor[inputs.coordinates[joint]] = torque
+    state.watch_memory[joint, COMMANDED] = command
+    state.watch_memory[joint, MOTOR_CURRENT] = current
+    state.watch_memory[joint, CURRENT_DEVIATION] = current - expected
+    state.watch_memory[joint, MOTOR_SPEED] = motor_speed(
+        current,
+        velocity,
+        inputs.actuators[joint, 3],
+        inputs.bounds[joint, EMF_CONSTANT],
+        inputs.bounds[joint, MODEL_RESISTANCE],
+    )
     if inputs.integers[RECORD] != 0:
         first = inputs.integers[N_LEGS] + JOINT_WIDTH * joint
         for i in range(3):
@@ -515,6 +699,26 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
     return motor_electrical_power(
         current, velocity, inputs.actuators[joint, 3], inputs.actuators[joint, 0], inputs.actuators[joint, 1]
     )
+
+
+def _supply(episode: Episode, tick: int, battery_power: float) -> None:
+    """Bus voltage of the next tick."""
+    inputs, state = episode.inputs, episode.state
+    voltage = sagged_bus_voltage(
+        inputs.numbers[BATTERY_VOLTAGE],
+        inputs.numbers[BATTERY_RESISTANCE],
+        battery_power,
+        state.changing[BUS_VOLTAGE],
+    )
+    if tick >= inputs.integers[FIRST_FAULT]:
+        drop = supply_drop(tick, inputs.faults, inputs.magnitudes)
+        if drop > 0.0:
+            highest = 0.0
+            for joint in range(inputs.coordinates.shape[0]):
+                speed = abs(state.v[inputs.coordinates[joint]])
+                highest = max(highest, inputs.bounds[joint, EMF_CONSTANT] * speed)
+            voltage = dipped_bus_voltage(voltage, drop, highest)
+    state.changing[BUS_VOLTAGE] = voltage
 
 
 def _record(episode: Episode, tick: int, battery_power: float, rows: Array) -> None:
@@ -566,8 +770,12 @@ def _record(episode: Episode, tick: int, battery_power: float, rows: Array) -> N
     rows[tick, place + 1] = battery_power
     rows[tick, place + 2] = kinetic
     rows[tick, place + 3] = potential
+    place += 4
     for source in range(state.works.shape[0]):
-        rows[tick, place + 4 + source] = state.works[source]
+        rows[tick, place + source] = state.works[source]
+    place += state.works.shape[0]
+    rows[tick, place] = 1.0 if state.safety[TRIP_TICK] >= 0 else 0.0
+    rows[tick, place + 1] = state.safety[TRIP_CAUSE]
 
 
 def _status(episode: Episode) -> int:
@@ -598,19 +806,17 @@ def run_ticks(episode: Episode, first: int, end: int, rows: Array) -> int:
     record = inputs.integers[RECORD] != 0
     for tick in range(first, end):
         _measure(episode, tick)
-        _decide(episode, tick)
+        if inputs.integers[WATCHING] != 0:
+            _watch(episode, tick)
+        if state.safety[TRIP_TICK] < 0:
+            _decide(episode, tick)
         _feed_forward(episode)
         battery_power = 0.0
         for joint in range(inputs.coordinates.shape[0]):
             battery_power += _control(episode, joint, tick, rows)
         if record:
             _record(episode, tick, battery_power, rows)
-        state.changing[BUS_VOLTAGE] = sagged_bus_voltage(
-            inputs.numbers[BATTERY_VOLTAGE],
-            inputs.numbers[BATTERY_RESISTANCE],
-            battery_power,
-            state.changing[BUS_VOLTAGE],
-        )
+        _supply(episode, tick, battery_power)
         _integrate(episode, tick)
         status = _status(episode)
         if status != COMPLETED:

@@ -9,9 +9,12 @@ import numpy as np
 from twin_gait.simulation.episode import Episode, EpisodeInputs, EpisodeState
 from twin_gait.simulation.flattening import Place
 
-# Arrays whose shape depends on the transitions of the table or on the duration; the loop is the same for all.
-LOOSE_INTEGERS = frozenset({"inputs_transitions", "inputs_nodes", "state_dwell", "state_switches"})
-LOOSE_FIELDS = LOOSE_INTEGERS | {"inputs_comparisons", "inputs_noise"}
+# Arrays whose shape depends on the transitions of the table, the duration or the faults; the loop is the same
+# for all of them.
+LOOSE_INTEGERS = frozenset(
+    {"inputs_transitions", "inputs_nodes", "inputs_faults", "state_dwell", "state_switches"}
+)
+LOOSE_FIELDS = LOOSE_INTEGERS | {"inputs_comparisons", "inputs_noise", "inputs_magnitudes"}
 
 
 class FlatEpisode(NamedTuple):

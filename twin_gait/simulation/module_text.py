@@ -14,7 +14,7 @@ from functools import lru_cache
 from types import FunctionType
 from typing import Any
 
-from twin_gait.core import control_tick, guards, integrators
+from twin_gait.core import control_tick, faults, guards, integrators, safety
 from twin_gait.simulation import episode
 from twin_gait.simulation.flat_episode import LOOSE_INTEGERS
 from twin_gait.simulation.flattening import BUNDLE, Place, flatten
@@ -66,6 +66,12 @@ ARRAY_FUNCTIONS = (
     control_tick.blend_phase,
     guards.guard_holds,
     guards.next_transition,
+    safety.watch_joint,
+    faults.faulty_angle,
+    faults.faulty_load,
+    faults.runaway_torque,
+    faults.drive_fault,
+    faults.supply_drop,
 )
 
 _PREAMBLE = """import math
@@ -101,11 +107,14 @@ _POINTER = {True: "integer_pointer", False: "float_pointer"}
 def _imports_of(functions: Sequence[Callable[..., Any]]) -> str:
     """Import statements for the functions and numbers of core that some functions of it use."""
     lines = set()
+    values: dict[str, object] = {}
     for function in functions:
         assert isinstance(function, FunctionType)
         for name in function.__code__.co_names:
             value = function.__globals__.get(name)
             if isinstance(value, (FunctionType, int, float)) and value not in functions:
+                # All of them end up in one module, where the last one would win.
+                assert values.setdefault(name, value) == value, f"two modules of core define {name}"
                 lines.add(f"from {function.__module__} import {name}\n")
     return "".join(sorted(lines))
 

@@ -6,7 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from twin_gait.control import Controller, ControllerFunction, JointMeasurement, JointSetpoint
+from twin_gait.control import (
+    Controller,
+    ControllerFunction,
+    JointMeasurement,
+    JointSetpoint,
+    SafetyState,
+)
 from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
 from twin_gait.core.control_tick import (
     COLUMNS_PER_JOINT,
@@ -17,7 +23,42 @@ from twin_gait.core.control_tick import (
     measure_joints,
 )
 from twin_gait.core.estimation import first_order_step
+from twin_gait.core.faults import (
+    KIND,
+    MOTOR_STUCK,
+    NO_FAULT,
+    dipped_bus_voltage,
+    drive_fault,
+    faulty_angle,
+    faulty_load,
+    runaway_torque,
+    supply_drop,
+)
 from twin_gait.core.plant import FRICTION, SPRING, STOP
+from twin_gait.core.safety import (
+    COMMAND_TRIP,
+    COMMANDED,
+    CURRENT_DEVIATION,
+    DRIVE_STREAK,
+    DRIVE_TICKS,
+    EMF_CONSTANT,
+    FROZEN_SPEED,
+    HIGHEST_COMMAND,
+    LOAD_TRIP,
+    MEMORY_COUNT,
+    MODEL_RESISTANCE,
+    MOTOR_CURRENT,
+    MOTOR_SPEED,
+    NO_TRIP,
+    OVERSTAY_TRIP,
+    STREAK_COUNT,
+    SUPPLY_TRIP,
+    command_is_plausible,
+    hold_torque,
+    motor_speed,
+    support_share,
+    watch_joint,
+)
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.columns import WORK_SOURCES
@@ -32,6 +73,14 @@ from twin_gait.simulation.engine import (
 from twin_gait.simulation.pinocchio_plant import PinocchioPlant
 from twin_gait.simulation.problem import ActuatedJoint, Problem
 from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.watching import (
+    fault_arrays,
+    overstay_ticks,
+    start_angles,
+    ticks,
+    trip_of,
+    watch_bounds,
+)
 from twin_gait.vocabulary import JointName
 
 PROGRESS_TICKS = 100
@@ -65,6 +114,9 @@ class PinocchioEngine:
         n_joints, n_legs = len(problem.joints), len(problem.sides)
         window = experiment.sensors.window
         self._measured = np.zeros((n_joints, 3))
+        self._measured[:, 0] = start_angles(problem)
+        self._readings = start_angles(problem)
+        self._last_angle = np.zeros(n_joints)
         self._decimated_angle = np.zeros(n_joints)
         self._ring = np.zeros((window, n_joints))
         self._acceleration_estimate = np.zeros(n_joints)
@@ -78,9 +130,21 @@ class PinocchioEngine:
         self._blended = self._blend_start.copy()
         self._signals = np.full(2 * problem.signals_per_leg, np.nan)
         self._foot_load = np.zeros(n_legs)
+        self._last_load = np.zeros(n_legs)
         self._bus_voltage = experiment.plant.battery.voltage
         self._index = np.array([joint.coordinate for joint in problem.joints])
         self._control_index = np.array([joint.control_coordinate for joint in problem.joints])
+        self._faults = fault_arrays(problem)
+        self._bounds = watch_bounds(problem)
+        self._bound_rows = self._bounds.tolist()  # Python numbers are faster one by one
+        self._overstay_ticks = overstay_ticks(problem)
+        self._memory = np.zeros((n_joints, MEMORY_COUNT))
+        self._streaks = np.zeros((n_joints, STREAK_COUNT), dtype=np.int64)
+        self._load_streaks = [0] * n_legs
+        self._low_voltage_streak = 0
+        self._drive_off = [False] * n_joints
+        self._hold_angle = np.zeros(n_joints)
+        self._trip: tuple[int, int, int] | None = None
         self.layout = log_layout(problem)
         self.switches: list[PhaseSwitch] = []
 
@@ -115,7 +179,8 @@ class PinocchioEngine:
         return self._result(rows, RunStatus.COMPLETED, "")
 
     def _result(self, rows: np.ndarray, status: RunStatus, reason: str) -> EngineResult:
-        return EngineResult(rows, tuple(self.switches), status, reason)
+        trip = None if self._trip is None else trip_of(self.problem, *self._trip)
+        return EngineResult(rows, tuple(self.switches), status, reason, trip)
 
     def _ending(self, tick: int) -> tuple[RunStatus, str] | None:
         plant, world = self.plant, self.problem.world
@@ -128,30 +193,44 @@ class PinocchioEngine:
     # ------------------------------------------------------------------ one tick
 
     def _tick(self, tick: int, row: np.ndarray) -> None:
-        """Measure, decide, control, record, integrate."""
+        """Measure, watch, decide, control, record, integrate."""
         self.plant.time = tick * TICK
         self.plant.look()
         self._measure(tick)
-        self._decide(tick)
+        if self.problem.experiment.control.safety.enabled:
+            self._watch(tick)
+        if self._trip is None:
+            self._decide(tick)
         feed_forward = self._feed_forward()
         battery_power = 0.0
         for number, joint in enumerate(self.problem.joints):
-            battery_power += self._control(number, joint, feed_forward, row)
+            battery_power += self._control(tick, number, joint, feed_forward, row)
         self._record(row, battery_power)
+        self._supply(tick, battery_power)
+        self._integrate()
+
+    def _supply(self, tick: int, battery_power: float) -> None:
+        """Bus voltage of the next tick."""
         battery = self.problem.experiment.plant.battery
-        self._bus_voltage = sagged_bus_voltage(
+        voltage = sagged_bus_voltage(
             battery.voltage, battery.internal_resistance, battery_power, self._bus_voltage
         )
-        self._integrate()
+        drop = supply_drop(tick, self._faults.faults, self._faults.magnitudes)
+        if drop > 0.0:
+            back_emf = self._bounds[:, EMF_CONSTANT] * np.abs(self.plant.v[self._index])
+            voltage = dipped_bus_voltage(voltage, drop, float(back_emf.max()))
+        self._bus_voltage = voltage
 
     def _measure(self, tick: int) -> None:
         problem = self.problem
         noise = problem.noise[tick if len(problem.noise) > 1 else 0]
+        self._read(tick, self.plant.q[self._index] + noise)
+        self._last_angle[:] = self._measured[:, 0]
         self._last_fast[:] = self._measured[:, 1]
         measure_joints(
             tick,
-            self.plant.q[self._index],
-            noise,
+            self._readings,
+            np.zeros(len(self._readings)),
             problem.resolution,
             TICK,
             problem.fast_gain,
@@ -161,8 +240,66 @@ class PinocchioEngine:
             self._ring,
         )
         if self.plant.feet:
+            self._last_load[:] = self._foot_load
             for leg, side in enumerate(problem.sides):
-                self._foot_load[leg] = self.plant.normal_force[side] / problem.world.body_weight
+                load = self.plant.normal_force[side] / problem.world.body_weight
+                self._foot_load[leg] = faulty_load(leg, tick, self._faults.faults, load, self._last_load[leg])
+
+    def _read(self, tick: int, healthy: np.ndarray) -> None:
+        """What the encoders read, noise and faults included, before they quantise."""
+        if tick < self._faults.first_tick:
+            self._readings[:] = healthy
+            return
+        for number in range(len(healthy)):
+            self._readings[number] = faulty_angle(
+                number,
+                tick,
+                TICK,
+                self._faults.faults,
+                self._faults.magnitudes,
+                float(healthy[number]),
+                float(self._readings[number]),
+            )
+
+    def _watch(self, tick: int) -> None:
+        """Let the safety monitor look at measurements, phases and the drives' last tick."""
+        problem, joints = self.problem, len(self.problem.joints)
+        for number in range(joints):
+            cause = watch_joint(
+                number, TICK, self._bounds, self._measured, self._last_angle, self._memory, self._streaks
+            )
+            if cause != NO_TRIP:
+                self._note_trip(tick, cause, number)
+                if self._streaks[number, DRIVE_STREAK] >= self._bounds[number, DRIVE_TICKS]:
+                    self._drive_off[number] = True
+        for leg, machine in enumerate(self.machines.values()):
+            if tick - machine.entry_tick > self._overstay_ticks:
+                self._note_trip(tick, OVERSTAY_TRIP, joints + leg)
+        if self.plant.feet:
+            self._watch_feet(tick)
+        settings = problem.experiment.control.safety
+        least = settings.least_voltage_share * problem.experiment.plant.battery.voltage
+        self._low_voltage_streak = self._low_voltage_streak + 1 if self._bus_voltage < least else 0
+        if self._low_voltage_streak >= ticks(settings.voltage_time):
+            self._note_trip(tick, SUPPLY_TRIP, -1)
+
+    def _watch_feet(self, tick: int) -> None:
+        """Trip if the load of a foot stands still while the hip above it turns."""
+        longest = ticks(self.problem.experiment.control.safety.frozen_load_time)
+        for leg, load in enumerate(self._foot_load):
+            hip = leg * self.problem.joints_per_leg
+            still = load == self._last_load[leg] and load > 0.0
+            turning = abs(self._memory[hip, MOTOR_SPEED]) > self._bounds[hip, FROZEN_SPEED]
+            self._load_streaks[leg] = self._load_streaks[leg] + 1 if still and turning else 0
+            if self._load_streaks[leg] >= longest:
+                self._note_trip(tick, LOAD_TRIP, len(self.problem.joints) + leg)
+
+    def _note_trip(self, tick: int, cause: int, place: int) -> None:
+        """Go to the safe hold; the first cause is kept."""
+        if self._trip is None:
+            self._trip = (tick, cause, place)
+            # The angles of this tick may be what the monitor tripped on.
+            self._hold_angle[:] = self._last_angle
 
     def _decide(self, tick: int) -> None:
         """Advance both legs on one snapshot, then blend their parameters."""
@@ -210,12 +347,13 @@ class PinocchioEngine:
         problem = self.problem
         result = np.zeros((len(problem.joints), 2))
         inertia_gain = problem.experiment.control.inertia_compensation
-        if not self._blended[:, -1].any() and inertia_gain == 0.0:
+        holding = self._trip is not None
+        if not holding and not self._blended[:, -1].any() and inertia_gain == 0.0:
             return result
         q = np.zeros(problem.control_model.nv)
-        q[self._control_index] = self._measured[:, 0]
+        q[self._control_index] = self._hold_angle if holding else self._measured[:, 0]
         result[:, 0] = problem.control_model.gravity_torque(q)[self._control_index]
-        if inertia_gain > 0.0:
+        if inertia_gain > 0.0 and not holding:
             rate = (self._measured[:, 1] - self._last_fast) / TICK
             for number in range(len(rate)):
                 self._acceleration_estimate[number] = first_order_step(
@@ -226,49 +364,96 @@ class PinocchioEngine:
             result[:, 1] = inertia_gain * problem.control_model.inertia_torque(q, a)[self._control_index]
         return result
 
-    def _control(self, number: int, joint: ActuatedJoint, feed_forward: np.ndarray, row: np.ndarray) -> float:
+    def _control(
+        self, tick: int, number: int, joint: ActuatedJoint, feed_forward: np.ndarray, row: np.ndarray
+    ) -> float:
         """Torque of one motor for this tick; returns its electrical power in [W]."""
         problem = self.problem
-        control = problem.experiment.control
-        leg, position = divmod(number, problem.joints_per_leg)
-        column = COLUMNS_PER_JOINT * position
-        setpoint = JointSetpoint(*self._blended[leg, column : column + COLUMNS_PER_JOINT].tolist())
         measurement = JointMeasurement(*self._measured[number].tolist())
-        impedance, friction = self.controllers[number].torques(measurement, setpoint)
-        gravity = self._blended[leg, -1] * feed_forward[number, 0]
-        inertia = feed_forward[number, 1]
-        target = control.target_torque.get(joint.joint, 0.0)
+        support, setpoint, parts = 0.0, self._setpoint(number), (0.0,) * 5
+        if self._trip is not None:
+            lowering = ticks(problem.experiment.control.safety.lowering_time)
+            support = support_share(tick - self._trip[0], lowering)
+        else:
+            parts = self._walking_torques(tick, number, joint, measurement, setpoint, feed_forward)
+            watching = problem.experiment.control.safety.enabled
+            if watching and not command_is_plausible(sum(parts), self._bound_rows[number][HIGHEST_COMMAND]):
+                self._note_trip(tick, COMMAND_TRIP, number)
+        if self._trip is not None:
+            damping = problem.experiment.control.safety.hold_damping
+            setpoint = JointSetpoint(0.0, damping, float(self._hold_angle[number]), 0.0)
+            gravity = support * feed_forward[number, 0] if support != 0.0 else 0.0
+            parts = (hold_torque(self._memory[number, MOTOR_SPEED], damping), 0.0, gravity, 0.0, 0.0)
+        impedance, friction, gravity, inertia, target = parts
         command = impedance + friction + gravity + inertia + target
         actuator = problem.actuator(joint)
         velocity = float(self.plant.v[joint.coordinate])
-        target_current, current, torque = drive_motor(
-            command,
-            velocity,
-            self._bus_voltage,
-            control.limits.torque,
-            control.limits.current,
-            actuator.torque_constant,
-            actuator.gear_ratio,
-            actuator.gear_efficiency,
-            actuator.resistance,
-        )
+        target_current, current, torque = self._drive(tick, number, joint, command)
         self.plant.motor[joint.coordinate] = torque
         first = self.layout.first(f"{joint.side}_{joint.joint}_measured_angle_rad")
-        row[first : first + 10] = (
-            *measurement,
-            impedance,
-            friction,
-            gravity,
-            inertia,
-            target,
-            command,
-            torque,
-        )
+        row[first : first + 10] = (*measurement, *parts, command, torque)
         electrical = self.layout.first(f"{joint.side}_{joint.joint}_target_current_A")
         row[electrical : electrical + 6] = (target_current, current, *setpoint)
         return motor_electrical_power(
             current, velocity, actuator.resistance, actuator.torque_constant, actuator.gear_ratio
         )
+
+    def _setpoint(self, number: int) -> JointSetpoint:
+        leg, position = divmod(number, self.problem.joints_per_leg)
+        column = COLUMNS_PER_JOINT * position
+        return JointSetpoint(*self._blended[leg, column : column + COLUMNS_PER_JOINT].tolist())
+
+    def _walking_torques(
+        self,
+        tick: int,
+        number: int,
+        joint: ActuatedJoint,
+        measurement: JointMeasurement,
+        setpoint: JointSetpoint,
+        feed_forward: np.ndarray,
+    ) -> tuple[float, float, float, float, float]:
+        """Impedance, friction and gravity compensation, inertia compensation and target torque."""
+        leg = number // self.problem.joints_per_leg
+        impedance, friction = self.controllers[number].torques(measurement, setpoint)
+        if tick >= self._faults.first_tick:
+            impedance += runaway_torque(number, tick, TICK, self._faults.faults, self._faults.magnitudes)
+        gravity = self._blended[leg, -1] * feed_forward[number, 0]
+        target = self.problem.experiment.control.target_torque.get(joint.joint, 0.0)
+        return impedance, friction, gravity, feed_forward[number, 1], target
+
+    def _drive(
+        self, tick: int, number: int, joint: ActuatedJoint, command: float
+    ) -> tuple[float, float, float]:
+        """Target current, measured current and torque of a motor, and what the monitor keeps of them."""
+        actuator, limits = self.problem.actuator(joint), self.problem.experiment.control.limits
+        velocity = float(self.plant.v[joint.coordinate])
+        rest = (
+            velocity,
+            self._bus_voltage,
+            limits.torque,
+            limits.current,
+            actuator.torque_constant,
+            actuator.gear_ratio,
+            actuator.gear_efficiency,
+            actuator.resistance,
+        )
+        target_current, current, torque = drive_motor(command, *rest)
+        expected = current
+        struck = tick >= self._faults.first_tick
+        fault = drive_fault(number, tick, self._faults.faults) if struck else NO_FAULT
+        if self._drive_off[number]:
+            target_current = expected = current = torque = 0.0
+        elif fault != NO_FAULT:
+            stuck = self._faults.faults[fault, KIND] == MOTOR_STUCK
+            _, current, torque = drive_motor(float(self._faults.magnitudes[fault]) if stuck else 0.0, *rest)
+        bounds = self._bound_rows[number]
+        speed = motor_speed(
+            current, velocity, actuator.resistance, bounds[EMF_CONSTANT], bounds[MODEL_RESISTANCE]
+        )
+        memory = self._memory[number]
+        memory[COMMANDED], memory[MOTOR_CURRENT] = command, current
+        memory[CURRENT_DEVIATION], memory[MOTOR_SPEED] = current - expected, speed
+        return target_current, current, torque
 
     def _integrate(self) -> None:
         integration = self.problem.experiment.stepping
@@ -328,3 +513,6 @@ class PinocchioEngine:
             world.model.potential_energy(plant.q),
         )
         row[first + 4 : first + 4 + len(WORK_SOURCES)] = plant.works
+        if self._trip is not None:
+            row[layout.first("safety_state")] = SafetyState.HOLD.code
+            row[layout.first("trip_cause")] = self._trip[1]

@@ -8,6 +8,7 @@ from enum import StrEnum
 import numpy as np
 import pandas as pd
 
+from twin_gait.control import Trip
 from twin_gait.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
@@ -37,6 +38,7 @@ class Run:
         reason: Why, if it did not complete.
         wall_s: Wall-clock time of the integration in [s].
         body_weight: Weight of wearer and device in [N].
+        trip: What the safety monitor tripped on, or None.
     """
 
     experiment: Experiment
@@ -47,6 +49,7 @@ class Run:
     reason: str
     wall_s: float
     body_weight: float
+    trip: Trip | None = None
 
     @property
     def duration(self) -> float:

@@ -29,7 +29,8 @@ def simulate(
 ) -> Run:
     """Run an experiment from start to end.
 
-    A fall or a divergence ends the run and is a result, not an exception: see ``run.status``.
+    A fall or a divergence ends the run and is a result, not an exception: see ``run.status``. A trip of the
+    safety monitor is one too, and the run goes on in the safe hold: see ``run.trip``.
 
     Args:
         experiment: Everything that the run needs.
@@ -47,7 +48,7 @@ def simulate(
     Raises:
         ModelError: If the URDF cannot be used.
         ParameterError: If something in the experiment does not fit together.
-        MeasurementError: If a controller or sensor hands the state machine something not finite.
+        MeasurementError: If, without a safety monitor, the state machine is handed something not finite.
     """
     problem = build_problem(experiment)
     engine = _engine(problem, controller, on_compile)
@@ -65,6 +66,7 @@ def simulate(
         reason=result.reason,
         wall_s=wall,
         body_weight=problem.world.body_weight,
+        trip=result.trip,
     )
 
 

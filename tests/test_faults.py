@@ -1,0 +1,251 @@
+"""Faults: their notation, their place in experiments, seeded campaigns and the command."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from twin_gait import load_experiment, simulate
+from twin_gait.cli import faults as command
+from twin_gait.cli import simulate as simulate_command
+from twin_gait.configuration.documents import experiment_document
+from twin_gait.configuration.overrides import parse_assignment
+from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
+from twin_gait.scenario import Fault, FaultKind, parse_fault
+from twin_gait.studies.fault_audit import audit
+from twin_gait.studies.faults import draw_faults, fault_row, outcome_table, run_campaign
+from twin_gait.vocabulary import JointName, Side
+
+
+@st.composite
+def any_fault(draw):
+    kind = draw(st.sampled_from(list(FaultKind)))
+    placed = kind is not FaultKind.SUPPLY_DIP
+    joint = placed and kind is not FaultKind.FOOT_LOAD_STUCK
+    return Fault(
+        kind=kind,
+        time=draw(st.floats(0.0, 1e3)),
+        side=draw(st.sampled_from(list(Side))) if placed else None,
+        joint=draw(st.sampled_from([JointName.HIP, JointName.KNEE])) if joint else None,
+        magnitude=draw(st.none() | st.floats(-1e6, 1e6)) if kind.units else None,
+    )
+
+
+@given(fault=any_fault())
+def test_a_fault_in_its_notation_is_read_back(fault):
+    assert parse_fault(str(fault)) == fault
+
+
+def test_the_notation_takes_degrees():
+    fault = parse_fault("encoder_drift:right_hip@3s=20deg/s")
+    assert (fault.side, fault.joint, fault.time) == ("right", "hip", 3.0)
+    assert fault.strength == pytest.approx(np.radians(20.0))
+    assert parse_fault("encoder_freeze:left_knee@4.2s").place == "left_knee"
+
+
+WRONG = {
+    "encoder_melt:left_knee@4.2s": "no kind 'encoder_melt'; there are encoder_freeze",
+    "encoder_freeze:left_elbow@4.2s": "no place 'left_elbow'; expected left_hip or right_hip",
+    "encoder_freeze:left_ankle@4.2s": "no place 'left_ankle'",
+    "encoder_freeze:left_foot@4.2s": "expected left_hip or right_hip",
+    "encoder_freeze@4.2s": "expected left_hip or right_hip",
+    "foot_load_stuck:left_knee@1s": "expected left_foot or right_foot",
+    "supply_dip:left_knee@1s": "expected no place",
+    "encoder_freeze:left_knee@soons": "expected a time in seconds, got 'soon'",
+    "encoder_freeze:left_knee@-1s": "expected a number of 0 or more",
+    "encoder_freeze:left_knee@nans": "expected a number of 0 or more",
+    "encoder_freeze:left_knee@4.2": "expected KIND:SIDE_JOINT@TIMEs",
+    "encoder_freeze:left_knee@1s=3deg": "has no magnitude; leave out =3deg",
+    "encoder_drift:left_knee@1s=3deg": "expected a magnitude in rad/s or deg/s, got '3deg'",
+    "supply_dip@1s=1e999V": "expected a number in V",
+    "encoder_freeze:left_knee@99s": "the run ends at 2 s; choose an earlier time",
+    "": "expected KIND:SIDE_JOINT@TIMEs",
+}
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_a_wrong_fault_is_refused_in_one_line(text):
+    with pytest.raises(TwinGaitError) as caught:
+        load_experiment("treadmill", ["duration_s=2", f"faults=['{text}']"])
+    assert WRONG[text] in str(caught.value)
+    assert "\n" not in str(caught.value) and "preset treadmill with --set" in str(caught.value)
+
+
+def test_a_fault_must_strike_something_that_is_there():
+    for text, problem in {
+        "encoder_freeze:left_knee@1s": "there is no left leg, only right",
+        "foot_load_stuck:right_foot@1s": "have no load sensors",
+    }.items():
+        with pytest.raises(TwinGaitError, match=problem):
+            load_experiment("bench_leg", [f"faults=['{text}']"])
+
+
+def test_faults_and_monitor_stand_in_the_document_of_an_experiment():
+    settings = ["faults=['motor_dead:right_hip@1s', 'supply_dip@2s=9V']", "control.safety.torque_time_s=0.3"]
+    experiment = load_experiment("bench_leg", settings).experiment
+    document = experiment_document(experiment)
+    assert document["faults"] == ["motor_dead:right_hip@1.0s", "supply_dip@2.0s=9.0V"]
+    assert document["control"]["safety"]["torque_time_s"] == 0.3
+    assert experiment.control.safety.torque_time == 0.3
+    assert (
+        load_experiment("bench_leg", [f"faults={document['faults']}"]).experiment.faults == experiment.faults
+    )
+
+
+@pytest.fixture(scope="module")
+def treadmill():
+    return load_experiment("treadmill", ["duration_s=4"]).experiment
+
+
+def test_the_same_seed_draws_the_same_faults_and_more_of_them_go_on_from_there(treadmill):
+    first = draw_faults(treadmill, 30, 7)
+    assert draw_faults(treadmill, 50, 7)[:30] == first
+    assert draw_faults(treadmill, 30, 8) != first
+    assert {item.kind for item in first} == set(FaultKind)
+    assert {item.side for item in first} == {Side.LEFT, Side.RIGHT, None}
+    assert all(1.0 <= item.time <= 2.0 for item in first)
+
+
+def test_a_campaign_that_makes_no_sense_is_refused(treadmill):
+    with pytest.raises(ParameterError, match="expected 1 fault or more"):
+        draw_faults(treadmill, 0, 0)
+    with pytest.raises(ParameterError, match="expected 3 s or more"):
+        draw_faults(replace(treadmill, duration=2.0), 3, 0)
+    with pytest.raises(ParameterError, match="workers"):
+        run_campaign(treadmill, draw_faults(treadmill, 1, 0), workers=0)
+
+
+@pytest.fixture(scope="module")
+def campaign(treadmill):
+    return run_campaign(treadmill, draw_faults(treadmill, 20, 1))
+
+
+def test_twenty_faults_stay_inside_the_limits_and_end_in_the_hold(campaign):
+    table = campaign.table
+    assert len(table) == 20 and len(campaign.violations) == 0
+    assert table["within_limits"].all() and (table["null_values"] == 0).all()
+    tripped = table[table["cause"] != ""]
+    assert len(tripped) >= 10
+    assert tripped["hold_kept"].all() and tripped["in_time"].all()
+    assert np.isfinite(tripped["reaction_s"]).all()
+
+
+def test_what_cannot_be_missed_is_not(campaign):
+    table = campaign.table.set_index("kind")
+    assert (table.loc["encoder_missing", "detection_s"] == 0.0).all()
+    assert (table.loc["encoder_missing", "cause"] == "encoder_missing").all()
+    assert table.loc["motor_dead", "cause"].isin(["drive", "joint_range", "joint_speed"]).all()
+
+
+def test_the_table_counts_every_run_once(campaign):
+    lines = outcome_table(campaign.table).splitlines()
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    counts = [[int(cell) for cell in row[1:7]] for row in cells[2:]]
+    assert all(row[0] == sum(row[1:]) for row in counts)
+    assert sum(row[0] for row in counts[:-1]) == counts[-1][0] == 20
+
+
+def test_a_campaign_can_be_stopped(treadmill):
+    seen = []
+    stopped = run_campaign(
+        treadmill,
+        draw_faults(treadmill, 5, 1),
+        progress=lambda done, total: seen.append((done, total)),
+        should_stop=lambda: len(seen) >= 2,
+    )
+    assert stopped.status == "interrupted" and len(stopped.table) == 2
+    assert seen == [(1, 5), (2, 5)]
+
+
+@pytest.fixture(scope="module")
+def tripped():
+    return simulate(
+        load_experiment("bench_leg", ["duration_s=2", "faults=['encoder_jump:right_hip@1s']"]).experiment
+    )
+
+
+def _changed(run, column, tick, value):
+    log = run.log.copy()
+    log.loc[tick, column] = value
+    return replace(run, log=log)
+
+
+def test_the_audit_sees_what_it_is_there_to_see(tripped):
+    """A log that is tampered with is found out."""
+    healthy = audit(tripped)
+    assert healthy.within_limits and healthy.hold_kept and healthy.in_time and healthy.null_values == 0
+    assert not audit(_changed(tripped, "right_hip_motor_torque_Nm", 50, 61.0)).within_limits
+    assert not audit(_changed(tripped, "right_hip_measured_current_A", 50, -15.1)).within_limits
+    assert audit(_changed(tripped, "right_knee_motor_command_torque_Nm", 50, np.nan)).null_values == 1
+    assert audit(_changed(tripped, "right_knee_measured_angle_rad", 50, np.nan)).null_values == 0
+    assert not audit(_changed(tripped, "safety_state", 1500, 0.0)).hold_kept
+    assert not audit(_changed(tripped, "right_knee_stiffness_Nm_per_rad", 1500, 5.0)).hold_kept
+    late = _changed(tripped, "right_knee_damping_Nms_per_rad", slice(1000, 1001), 5.0)
+    assert audit(late).hold_kept and not audit(late).in_time  # the hold begins two ticks after the trip
+
+
+def test_a_trip_without_a_breach_in_the_log_is_not_in_time(tripped):
+    log = tripped.log.copy()
+    log["right_hip_measured_angle_rad"] = log["right_hip_angle_rad"]
+    found = audit(replace(tripped, log=log))
+    assert np.isnan(found.reaction_s) and not found.in_time
+
+
+def test_a_row_tells_what_came_of_a_fault(tripped):
+    row = fault_row(tripped)
+    assert (row["outcome"], row["cause"], row["trip_place"]) == ("hold", "encoder_jump", "right hip")
+    assert row["detection_s"] == 0.0 and row["time_s"] == 1.0
+
+
+def run_command(module, *arguments: str) -> int:
+    parser = argparse.ArgumentParser()
+    module.add_parser(parser.add_subparsers())
+    parsed = parser.parse_args(arguments)
+    return parsed.run(parsed)
+
+
+def test_the_command_prints_and_writes_the_table(tmp_path, capsys):
+    out = tmp_path / "faults.csv"
+    given = (
+        "faults",
+        "bench_leg",
+        "--count",
+        "9",
+        "--seed",
+        "3",
+        "--duration",
+        "4",
+        "--workers",
+        "1",
+        "--out",
+        str(out),
+    )
+    assert run_command(command, *given) == 0
+    printed = capsys.readouterr().out
+    assert "bench_leg, 4 s each, 9 faults, seed 3" in printed
+    assert "torque and current inside limits in every tick: 9 of 9" in printed
+    assert "foot_load_stuck" not in printed  # there is no foot on the bench
+    table = pd.read_csv(out)
+    assert len(table) == 9 and [parse_fault(text).kind for text in table["fault"]] == list(table["kind"])
+    with pytest.raises(RunDirectoryError, match="exists"):
+        run_command(command, *given)
+
+
+def test_simulate_takes_faults_and_says_what_tripped(tmp_path, capsys):
+    given = ("simulate", "bench_leg", "--duration", "1", "--no-pictures", "--out", str(tmp_path / "run"))
+    assert run_command(simulate_command, *given, "--fault", "encoder_missing:right_knee@0.4s") == 0
+    assert "tripped at 0.400 s: encoder_missing (right knee)" in capsys.readouterr().out
+    text = (tmp_path / "run" / "experiment.yaml").read_text()
+    assert "encoder_missing:right_knee@0.4s" in text
+    assert parse_assignment("faults=[a]")[1] == ["a"]
+    with pytest.raises(TwinGaitError, match=r"faults\[0\].*no kind 'nonsense'"):
+        run_command(
+            simulate_command, *given[:-1], str(tmp_path / "other"), "--fault", "nonsense:right_knee@1s"
+        )
+    assert not (tmp_path / "other").exists()

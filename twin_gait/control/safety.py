@@ -1,0 +1,74 @@
+"""Causes of a trip and what is noted of it."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import NamedTuple
+
+from twin_gait.gait.table import TICK
+from twin_gait.vocabulary import JointName, Side
+
+
+class TripCause(StrEnum):
+    """Why the monitor tripped; ``code`` is the number in the log."""
+
+    NONE = "none"
+    ENCODER_MISSING = "encoder_missing"
+    ENCODER_JUMP = "encoder_jump"
+    ENCODER_FROZEN = "encoder_frozen"
+    ENCODER_MODEL = "encoder_against_model"
+    JOINT_SPEED = "joint_speed"
+    JOINT_RANGE = "joint_range"
+    COMMAND = "command"
+    TORQUE = "torque"
+    CURRENT = "current"
+    WINDING_HEAT = "winding_heat"
+    DRIVE = "drive"
+    PHASE_OVERSTAY = "phase_overstay"
+    FOOT_LOAD_FROZEN = "foot_load_frozen"
+    SUPPLY = "supply"
+
+    @property
+    def code(self) -> int:
+        """Number of the cause in :mod:`twin_gait.core.safety` and in the log."""
+        return list(TripCause).index(self)
+
+
+class SafetyState(StrEnum):
+    """What the monitor does; ``code`` is the number in the log."""
+
+    WATCHING = "watching"
+    HOLD = "hold"
+
+    @property
+    def code(self) -> int:
+        """Number in the log."""
+        return list(SafetyState).index(self)
+
+
+class Trip(NamedTuple):
+    """A trip of the monitor, from which the leg does not come back by itself.
+
+    Attributes:
+        tick: First tick of the hold.
+        cause: Why.
+        side: Leg of the cause, or None for the supply.
+        joint: Joint of the cause, or None for a foot, a phase or the supply.
+    """
+
+    tick: int
+    cause: TripCause
+    side: Side | None
+    joint: JointName | None
+
+    @property
+    def time(self) -> float:
+        """Time of the trip in [s]."""
+        return self.tick * TICK
+
+    @property
+    def place(self) -> str:
+        """Where, in words: ``left knee``, ``right leg`` or ``supply``."""
+        if self.side is None:
+            return "supply"
+        return f"{self.side} {self.joint or 'leg'}"

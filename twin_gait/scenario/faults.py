@@ -1,0 +1,205 @@
+"""Faults that strike in a run, and their notation: ``encoder_freeze:left_knee@4.2s``."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+from enum import StrEnum
+
+from twin_gait.exceptions import ParameterError
+from twin_gait.parameters import require, require_non_negative
+from twin_gait.vocabulary import JointName, Side
+
+_DEGREE = math.pi / 180.0
+FOOT = "foot"
+_SHAPE = re.compile(r"([a-z_]+)(?::([a-z_]+))?@([^=@\s]+?)s(?:=(\S+))?")
+_MAGNITUDE = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)([A-Za-z/]*)")
+
+
+class FaultKind(StrEnum):
+    """What breaks; ``code`` is its number in :mod:`twin_gait.core.faults`."""
+
+    ENCODER_FREEZE = "encoder_freeze"
+    ENCODER_JUMP = "encoder_jump"
+    ENCODER_MISSING = "encoder_missing"
+    ENCODER_DRIFT = "encoder_drift"
+    ENCODER_OFFSET = "encoder_offset"
+    MOTOR_DEAD = "motor_dead"
+    MOTOR_STUCK = "motor_stuck"
+    CONTROLLER_RUNAWAY = "controller_runaway"
+    FOOT_LOAD_STUCK = "foot_load_stuck"
+    SUPPLY_DIP = "supply_dip"
+
+    @property
+    def code(self) -> int:
+        """Number of the kind in the array of faults."""
+        return list(FaultKind).index(self)
+
+    @property
+    def standard_magnitude(self) -> float | None:
+        """Magnitude in SI units where none is given, or None for a kind without one."""
+        return _MAGNITUDES.get(self, (None, {}))[0]
+
+    @property
+    def units(self) -> dict[str, float]:
+        """Units in which a magnitude may be given, with their factors to SI; SI first."""
+        return _MAGNITUDES.get(self, (None, {}))[1]
+
+
+_MAGNITUDES: dict[FaultKind, tuple[float, dict[str, float]]] = {
+    FaultKind.ENCODER_JUMP: (10.0 * _DEGREE, {"rad": 1.0, "deg": _DEGREE}),
+    FaultKind.ENCODER_OFFSET: (5.0 * _DEGREE, {"rad": 1.0, "deg": _DEGREE}),
+    FaultKind.ENCODER_DRIFT: (20.0 * _DEGREE, {"rad/s": 1.0, "deg/s": _DEGREE}),
+    FaultKind.MOTOR_STUCK: (30.0, {"Nm": 1.0}),
+    FaultKind.CONTROLLER_RUNAWAY: (200.0, {"Nm/s": 1.0}),
+    FaultKind.SUPPLY_DIP: (15.0, {"V": 1.0}),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """One fault; it lasts to the end of the run but for a jump (5 ms) and a dip of the supply (0.5 s).
+
+    Attributes:
+        kind: What breaks.
+        time: When, in [s].
+        side: Leg; None for the supply.
+        joint: Joint; None for a foot and the supply.
+        magnitude: Angle in [rad], rate in [rad] / [s], torque in [N m], rate in [N m] / [s] or voltage in
+            [V], as the kind has it; None takes the kind's own.
+    """
+
+    kind: FaultKind
+    time: float
+    side: Side | None = None
+    joint: JointName | None = None
+    magnitude: float | None = None
+
+    def __post_init__(self) -> None:
+        """Check that kind, place and magnitude fit together."""
+        require_non_negative(f"time of {self.kind}", self.time)
+        wanted = {FaultKind.SUPPLY_DIP: (False, False), FaultKind.FOOT_LOAD_STUCK: (True, False)}
+        has = (self.side is not None, self.joint is not None)
+        require(
+            has == wanted.get(self.kind, (True, True)),
+            f"place of {self.kind}",
+            expected_place(self.kind),
+            self.place,
+        )
+        require(
+            self.joint is not JointName.ANKLE, f"place of {self.kind}", expected_place(self.kind), self.place
+        )
+        if self.magnitude is not None:
+            units = " or ".join(self.kind.units) or "no magnitude"
+            require(
+                bool(self.kind.units) and math.isfinite(self.magnitude),
+                f"magnitude of {self.kind}",
+                f"a number in {units}" if self.kind.units else units,
+                self.magnitude,
+            )
+
+    @property
+    def place(self) -> str:
+        """Place as the notation has it: ``left_knee``, ``left_foot``, or nothing for the supply."""
+        if self.side is None:
+            return ""
+        return f"{self.side}_{FOOT if self.joint is None else self.joint}"
+
+    @property
+    def strength(self) -> float:
+        """Magnitude in SI units; 0 for a kind without one."""
+        given = self.kind.standard_magnitude if self.magnitude is None else self.magnitude
+        return 0.0 if given is None else given
+
+    def __str__(self) -> str:
+        """The fault in its notation; reading it gives an equal fault."""
+        place = f":{self.place}" if self.place else ""
+        size = "" if self.magnitude is None else f"={self.magnitude!r}{next(iter(self.kind.units))}"
+        return f"{self.kind}{place}@{self.time!r}s{size}"
+
+
+def expected_place(kind: FaultKind) -> str:
+    """Where faults of a kind can strike, in words."""
+    if kind is FaultKind.SUPPLY_DIP:
+        return "no place, as in supply_dip@4.2s"
+    names = ["foot"] if kind is FaultKind.FOOT_LOAD_STUCK else ["hip", "knee"]
+    return " or ".join(f"left_{name} or right_{name}" for name in names)
+
+
+def parse_fault(text: str) -> Fault:
+    """Read a fault in its notation.
+
+    ``KIND:SIDE_JOINT@TIMEs``, with ``=`` and a magnitude with its unit where the kind has one:
+    ``encoder_freeze:left_knee@4.2s``, ``encoder_drift:right_hip@3s=20deg/s``,
+    ``foot_load_stuck:left_foot@2s``, ``supply_dip@5s=12V``.
+
+    Args:
+        text: The notation.
+
+    Returns:
+        The fault.
+
+    Raises:
+        ParameterError: If it cannot be read.
+    """
+    match = _SHAPE.fullmatch(text.strip())
+    if match is None:
+        raise ParameterError(
+            f"fault {text!r}: expected KIND:SIDE_JOINT@TIMEs, for example encoder_freeze:left_knee@4.2s"
+        )
+    kind_text, place, time_text, size = match.groups()
+    if kind_text not in list(FaultKind):
+        raise ParameterError(f"fault {text!r}: no kind {kind_text!r}; there are {', '.join(FaultKind)}")
+    kind = FaultKind(kind_text)
+    try:
+        time = float(time_text)
+    except ValueError:
+        raise ParameterError(f"fault {text!r}: expected a time in seconds, got {time_text!r}") from None
+    side, joint = _place(text, kind, place)
+    try:
+        return Fault(kind=kind, time=time, side=side, joint=joint, magnitude=_magnitude(text, kind, size))
+    except ParameterError as error:
+        raise ParameterError(f"fault {text!r}: {error}") from error
+
+
+def _place(text: str, kind: FaultKind, place: str | None) -> tuple[Side | None, JointName | None]:
+    if place is None:
+        return None, None
+    side, _, name = place.partition("_")
+    if side not in list(Side) or name not in (FOOT, JointName.HIP, JointName.KNEE):
+        raise ParameterError(f"fault {text!r}: no place {place!r}; expected {expected_place(kind)}")
+    return Side(side), None if name == FOOT else JointName(name)
+
+
+def _magnitude(text: str, kind: FaultKind, size: str | None) -> float | None:
+    if size is None:
+        return None
+    match = _MAGNITUDE.fullmatch(size)
+    if not kind.units:
+        raise ParameterError(f"{kind} has no magnitude; leave out ={size}")
+    if match is None or match.group(2) not in kind.units:
+        raise ParameterError(f"expected a magnitude in {' or '.join(kind.units)}, got {size!r}")
+    return float(match.group(1)) * kind.units[match.group(2)]
+
+
+def check_faults(faults: Collection[Fault], sides: Collection[Side], feet: bool, duration: float) -> None:
+    """Check that faults strike something that is there, within the run.
+
+    Args:
+        faults: The faults.
+        sides: Legs that there are.
+        feet: Whether feet touch a ground.
+        duration: Of the run in [s].
+
+    Raises:
+        ParameterError: If one does not.
+    """
+    for fault in faults:
+        if fault.side is not None and fault.side not in sides:
+            raise ParameterError(f"fault {fault}: there is no {fault.side} leg, only {', '.join(sides)}")
+        if fault.kind is FaultKind.FOOT_LOAD_STUCK and not feet:
+            raise ParameterError(f"fault {fault}: the feet of this experiment have no load sensors")
+        if fault.time >= duration:
+            raise ParameterError(f"fault {fault}: the run ends at {duration:g} s; choose an earlier time")
