@@ -157,7 +157,7 @@ def _module_name(key: str) -> str:
 
 def compiled_before(key: str) -> bool:
     """Whether numba has kept the compiled loop of a generated module."""
-    return any((cache_folder() / "__pycache__").glob(f"{_module_name(key)}.run_episode-*.nbi"))
+    return any((cache_folder() / "__pycache__").glob(f"{_module_name(key)}.run_ticks-*.nbi"))
 
 
 def loop_of(
@@ -190,11 +190,11 @@ def loop_of(
         module = _module_with(module_source(*ingredients), controller)
     fields = fields_of(flat.episode)
     arrays = [flat.numbers, flat.integers, *(fields[name] for name in module.LOOSE_ARRAYS)]
-    _compile(module.run_episode, len(arrays) + 3)
+    _compile(module.run_ticks, len(arrays) + 3)
 
     def run_ticks(first: int, end: int, rows: np.ndarray) -> int:
         addresses = [item.ctypes.data for item in arrays]
-        return int(module.run_episode(*addresses, first, end, rows.ctypes.data))
+        return int(module.run_ticks(*addresses, first, end, rows.ctypes.data))
 
     return run_ticks
 

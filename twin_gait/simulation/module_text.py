@@ -49,14 +49,28 @@ def module_source(
         dict(constants),
         {"rows": Place("", 0, (0, columns))},
     )
-    # numba compiles at the first call, when all functions of the module exist, whatever their order.
-    text = re.sub(r"^def ", "@_inlined\ndef ", text, flags=re.MULTILINE)
-    text = text.replace("import numpy as np\n", _PREAMBLE + _imports_of(ARRAY_FUNCTIONS), 1)
     names = loose["run_ticks"]
-    pointers = [f"{_POINTER[name in LOOSE_INTEGERS]}({name})" for name in names]
-    return text + _ENTRY.format(
-        addresses=", ".join(names), pointers=", ".join(pointers), names=names, version=KERNEL_VERSION
-    )
+    text = _taking_addresses(text, names)
+    # numba compiles at the first call, when all functions of the module exist, whatever their order.
+    text = re.sub(r"^def (?!run_ticks)", "@_inlined\ndef ", text, flags=re.MULTILINE)
+    text = re.sub(r"^def (?=run_ticks)", "@_jit\ndef ", text, flags=re.MULTILINE)
+    text = text.replace("import numpy as np\n", _PREAMBLE + _imports_of(ARRAY_FUNCTIONS), 1)
+    return f"{text}\n\nLOOSE_ARRAYS = {names!r}\nKERNEL_VERSION = {KERNEL_VERSION}\n"
+
+
+def _taking_addresses(text: str, loose: Sequence[str]) -> str:
+    """Let ``run_ticks`` take addresses of its arrays, which are whole numbers, and make them pointers."""
+    tree = ast.parse(text)
+    loop = next(item for item in tree.body if isinstance(item, ast.FunctionDef) and item.name == "run_ticks")
+    kinds = {"x": "float_pointer", "k": "integer_pointer", "rows": "float_pointer"}
+    kinds |= {name: "integer_pointer" if name in LOOSE_INTEGERS else "float_pointer" for name in loose}
+    for argument in loop.args.args:
+        argument.annotation = None
+        if argument.arg in kinds:
+            argument.arg += "_address"
+    pointers = "\n".join(f"{name} = {kind}({name}_address)" for name, kind in kinds.items())
+    loop.body[1:1] = ast.parse(pointers).body  # after the docstring
+    return ast.unparse(ast.fix_missing_locations(tree)) + "\n"
 
 
 # Functions of core that take arrays: they are rewritten together with the loop instead of being called.
@@ -85,23 +99,10 @@ from twin_gait.core.integrators import RK4_STAGES
 from twin_gait.simulation.pointers import float_pointer, integer_pointer, shifted
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
-_inlined = numba.njit(forceinline=True, nogil=True, error_model="numpy")
+_inlined = numba.njit(
+    forceinline=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+)
 """
-
-_ENTRY = """
-
-@_jit
-def run_episode(numbers, integers, {addresses}, first, end, rows):
-    x, k = float_pointer(numbers), integer_pointer(integers)
-    return run_ticks(x, k, {pointers}, first, end, float_pointer(rows))
-
-
-LOOSE_ARRAYS = {names!r}
-KERNEL_VERSION = {version}
-"""
-
-
-_POINTER = {True: "integer_pointer", False: "float_pointer"}
 
 
 def _imports_of(functions: Sequence[Callable[..., Any]]) -> str:
