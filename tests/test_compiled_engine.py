@@ -66,7 +66,6 @@ def kernel_functions(model: pin.Model):
     return names, np.array(body_values(bodies))
 
 
-
 @settings(max_examples=25)
 @given(seed=st.integers(0, 2**31), joints=st.integers(1, 8))
 def test_energies_and_root_wrench_of_any_tree_equal_pinocchio(seed, joints):

@@ -272,7 +272,9 @@ def key_of(text: str) -> str:
 def test_the_compiled_module_imports_nothing_that_its_key_leaves_out(monkeypatch):
     texts = []
     load = compiling.load_module
-    monkeypatch.setattr(compiling, "load_module", lambda key, write: texts.append(write()) or load(key, write))
+    monkeypatch.setattr(
+        compiling, "load_module", lambda key, write: texts.append(write()) or load(key, write)
+    )
     CompiledEngine(build_problem(load_experiment("bench_leg", ["duration_s=0.1"]).experiment))
     imported = {node.module for node in ast.walk(ast.parse(texts[0])) if isinstance(node, ast.ImportFrom)}
     hashed = {f"{core.__name__}.{name}" for name in compiling.CORE_MODULES}
