@@ -33,11 +33,13 @@ def build_parser() -> argparse.ArgumentParser:
     )
     # Heavy imports wait until a command runs, so that --help answers at once.
     from twin_gait.cli import (
+        bench,
         benchmark,
         check,
         diagram,
         export,
         faults,
+        identify,
         outcomes,
         presets,
         replay,
@@ -50,7 +52,7 @@ def build_parser() -> argparse.ArgumentParser:
     runs = (simulate, view, export, presets)
     tables = (check, diagram, replay)
     studies = (sweep, faults, outcomes, validate, benchmark)
-    for module in (*runs, *tables, *studies):
+    for module in (*runs, *tables, bench, identify, *studies):
         module.add_parser(commands)
     return parser
 

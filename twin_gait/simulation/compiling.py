@@ -47,10 +47,12 @@ CORE_MODULES = (
     "estimation",
     "faults",
     "friction",
+    "friction_models",
     "guards",
     "hyperbolic",
     "impedance",
     "integrators",
+    "motor_drive",
     "plant",
     "safety",
 )

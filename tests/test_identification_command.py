@@ -1,0 +1,179 @@
+"""``twin-gait identify``: what it writes, prints and refuses; its files are taken by simulate."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+
+import numpy as np
+import pytest
+from friction_bench import KNEE, campaign, rotational, write_log
+
+from twin_gait import load_experiment
+from twin_gait.cli import identify
+from twin_gait.cli.terminal import DONE
+from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError
+from twin_gait.identification import MODELS
+from twin_gait.parameters import HIP_FRICTION
+from twin_gait.vocabulary import JointName
+
+
+def call(*arguments: object) -> int:
+    parser = argparse.ArgumentParser()
+    identify.add_parser(parser.add_subparsers())
+    parsed = parser.parse_args(["identify", *map(str, arguments)])
+    return parsed.run(parsed)
+
+
+def write_series(path, seed: int, speed: float = 1.5):
+    rng = np.random.default_rng(seed)
+    time = 0.01 * np.arange(400)
+    velocity = speed * np.sin(2 * np.pi * (0.4 + 0.1 * seed) * time)
+    torque = rotational(velocity, KNEE) + 0.1 * rng.normal(size=400)
+    return write_log(path, {"t": time, "dq2": velocity, "tau2": torque})
+
+
+COLUMNS = ("--columns", "time=t,velocity=dq2,friction_torque=tau2")
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("identified")
+    logs = [write_series(folder / f"arm_{seed}.csv", seed) for seed in range(3)]
+    out = folder / "out"
+    status = call(*logs, *COLUMNS, "--joint", "knee", "--out", out)
+    return status, out
+
+
+def test_a_folder_with_document_samples_parameters_and_figures_is_written(identified):
+    status, out = identified
+    assert status == DONE
+    assert sorted(item.name for item in out.iterdir()) == [
+        "compensator.yaml",
+        "figures",
+        "identification.json",
+        "plant.yaml",
+        "samples.csv",
+    ]
+    assert sorted(item.name for item in (out / "figures").iterdir()) == ["fits.png", "residuals.png"]
+
+
+def test_the_document_lists_models_best_first_with_all_that_is_known(identified):
+    document = json.loads((identified[1] / "identification.json").read_text())
+    models = document["models"]
+    assert {item["name"] for item in models} | set(document["skipped"]) == set(MODELS)
+    errors = [item["cross_validation"][0]["rmse"] for item in models]
+    assert errors[1:] == sorted(errors[1:]) and errors[0] <= 1.003 * errors[1]
+    best = models[0]
+    assert best["name"] == "rotational"
+    assert set(best["parameters"]) == set(best["intervals_95"])
+    for key in ("sse", "r_squared", "adjusted_r_squared", "rmse", "aic", "bic", "warnings", "formula"):
+        assert key in best
+    assert best["samples"] == sum(test["samples"]["used"] for test in document["tests"]) == 1200
+    assert document["method"]["loss"] == "huber"
+
+
+def test_the_parameter_files_are_experiments_with_the_identified_law(identified):
+    best = json.loads((identified[1] / "identification.json").read_text())["models"][0]["parameters"]
+    plant = load_experiment(identified[1] / "plant.yaml").experiment
+    law = plant.plant.friction[JointName.KNEE]
+    assert math.isclose(law.coulomb_friction, best["coulomb_friction_Nm"], rel_tol=1e-8)
+    assert math.isclose(law.breakaway_velocity, best["breakaway_velocity_rad_per_s"], rel_tol=1e-8)
+    assert plant.plant.friction_ratio[JointName.KNEE] == 1.0
+    assert plant.plant.friction[JointName.HIP] == HIP_FRICTION
+    model = load_experiment(identified[1] / "compensator.yaml").experiment.control.friction_model
+    assert model[JointName.KNEE] == law
+
+
+def test_the_samples_hold_what_the_best_model_makes_of_them(identified):
+    header, *rows = (identified[1] / "samples.csv").read_text().splitlines()
+    assert header == "test,time_s,velocity_rad_per_s,friction_torque_Nm,model_torque_Nm"
+    assert len(rows) == 1200
+    torque, model = np.array([[float(cell) for cell in row.split(",")[3:]] for row in rows]).T
+    rmse = json.loads((identified[1] / "identification.json").read_text())["models"][0]["rmse"]
+    assert math.isclose(np.sqrt(np.mean((torque - model) ** 2)), rmse, rel_tol=1e-4)
+
+
+def test_an_existing_folder_is_refused_before_the_work_and_replaced_when_forced(tmp_path, capsys):
+    log, out = write_series(tmp_path / "a.csv", 1), tmp_path / "out"
+    fast = ("--model", "coulomb_viscous", "--no-pictures")
+    assert call(log, *COLUMNS, *fast, "--out", out) == DONE
+    with pytest.raises(RunDirectoryError, match="exists; choose another --out, or replace it with --force"):
+        call(tmp_path / "none.csv", *COLUMNS, *fast, "--out", out)
+    assert call(log, *COLUMNS, "--model", "dahl", "--no-pictures", "--out", out, "--force") == DONE
+    assert json.loads((out / "identification.json").read_text())["models"][0]["name"] == "dahl"
+    assert "dahl" in capsys.readouterr().out
+
+
+def test_force_does_not_replace_a_folder_of_something_else(tmp_path):
+    log = write_series(tmp_path / "a.csv", 1)
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.tex").write_text("text")
+    with pytest.raises(RunDirectoryError, match="is not a run directory"):
+        call(log, *COLUMNS, "--model", "dahl", "--out", tmp_path / "thesis", "--force")
+    assert (tmp_path / "thesis" / "chapter.tex").read_text() == "text"
+
+
+def test_logs_of_the_bench_are_taken_as_a_folder(tmp_path, capsys):
+    logs = tmp_path / "campaign"
+    logs.mkdir()
+    for number, (mass, columns) in enumerate(campaign(1, tests=2, duration=2.0)):
+        write_log(logs / f"knee_{number}.log", columns, mass)
+    (logs / "notes.md").write_text("not a log")
+    options = ("--model", "rotational,coulomb_viscous", "--no-pictures", "--start-angle-deg", "as-logged")
+    assert call(logs, "--joint", "knee", *options, "--out", tmp_path / "out") == DONE
+    printed = capsys.readouterr().out
+    assert "10 files" in printed and "with weight left out" in printed and "breakaway_torque_Nm" in printed
+    document = json.loads((tmp_path / "out" / "identification.json").read_text())
+    assert document["method"]["processing"]["name"] == "zero_phase"
+    assert [test["mass_kg"] for test in document["tests"]] == [1, 1, 1.5, 1.5, 2, 2, 2.5, 2.5, 3, 3]
+
+
+def test_one_way_drops_are_warned_about(tmp_path, capsys):
+    logs = [
+        write_log(tmp_path / f"drop_{number}.log", columns, mass)
+        for number, (mass, columns) in enumerate(campaign(1, tests=1, two_way=False, duration=3.0))
+    ]
+    call(*logs, "--joint", "knee", "--model", "rotational", "--no-pictures", "--out", tmp_path / "out")
+    printed = capsys.readouterr().out
+    assert "warning: one direction only" in printed and "warning: no fast samples" in printed
+
+
+@pytest.mark.parametrize(
+    ("extra", "message"),
+    [
+        (("--columns", "speed=dq2"), "--columns: no quantity 'speed'"),
+        (("--units", "velocity"), "--units: expected QUANTITY=NAME"),
+        (("--model", "gauss"), "model: no 'gauss'"),
+        (("--seed", "-1"), "--seed: expected a whole number of 0 or more"),
+        (("--cutoff-hz", "0"), "cutoff: expected a number above 0"),
+        (("--joint", "knee", "--lever-m", "-1"), "lever: expected a number above 0"),
+        (("--joint", "knee", "--start-angle-deg", "up"), "--start-angle-deg: expected a number or as-logged"),
+    ],
+)
+def test_wrong_options_are_one_line_and_leave_no_folder(tmp_path, extra, message):
+    log = write_series(tmp_path / "a.csv", 1)
+    with pytest.raises(ParameterError, match=message) as error:
+        call(log, *extra, "--out", tmp_path / "out")
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_wrong_log_leaves_no_folder(tmp_path):
+    (tmp_path / "a.csv").write_text("velocity,friction_torque\n1,2\n")
+    with pytest.raises(ParameterFileError, match="1 usable rows"):
+        call(tmp_path / "a.csv", "--out", tmp_path / "out")
+    with pytest.raises(ParameterError, match=r"has no \.log, \.csv or \.txt file"):
+        (tmp_path / "empty").mkdir()
+        call(tmp_path / "empty", "--out", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_series_needs_no_option_but_the_column_names(tmp_path):
+    log, out = write_series(tmp_path / "a.csv", 1), tmp_path / "out"
+    assert call(log, *COLUMNS, "--model", "coulomb_viscous", "--out", out) == DONE
+    assert not (out / "plant.yaml").exists()  # whose joint it is was not said
+    document = json.loads((out / "identification.json").read_text())
+    assert document["tests"][0]["samples"]["used"] == 400  # plain series keep every sample
+    assert document["models"][0]["cross_validation"][0]["left_out"] == "piece"

@@ -1,0 +1,243 @@
+"""``twin-gait identify``."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin_gait.cli.terminal import DONE, progress_bar
+
+if TYPE_CHECKING:
+    from twin_gait.identification import IdentificationOptions
+
+PRINTED_MODELS = 5
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "identify",
+        help="identify the friction of a joint from logs",
+        description=(
+            "Fit friction models to logs of a test bench, or to series of velocity and friction torque. Each "
+            "file is one test. Written: identification.json (models best first), parameter files that "
+            "simulate takes, the samples, and figures."
+        ),
+    )
+    parser.add_argument(
+        "logs", nargs="+", type=Path, metavar="LOG", help="text tables; a folder gives its files"
+    )
+    parser.add_argument("--joint", choices=["hip", "knee"], help="whose motor and gear it is (for currents)")
+    parser.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder to make")
+    parser.add_argument(
+        "--columns",
+        default="",
+        metavar="Q=NAME,…",
+        help="columns by name, such as time=t,velocity=dq2,friction_torque=tau2; -NAME turns the sign",
+    )
+    parser.add_argument(
+        "--units",
+        default="",
+        metavar="Q=UNIT,…",
+        help="units of columns that do not say theirs, such as velocity=deg/s,time=ms (SI)",
+    )
+    parser.add_argument("--model", action="append", default=[], metavar="NAME,…", help="models to fit (all)")
+    parser.add_argument(
+        "--processing", choices=["zero_phase", "thesis", "none"], help="smoothing of the logs"
+    )
+    parser.add_argument("--cutoff-hz", type=float, metavar="F", help="of the zero-phase filter (40)")
+    parser.add_argument("--current", choices=["measured", "target"], help="which current drives (measured)")
+    parser.add_argument(
+        "--standstill-rad-per-s",
+        type=float,
+        metavar="W",
+        help="slower samples are rejected (0.002; series 0)",
+    )
+    parser.add_argument("--loss", choices=["huber", "linear"], default="huber", help="weighing of residuals")
+    parser.add_argument(
+        "--physical", action="store_true", help="no negative friction, break-away at least Coulomb"
+    )
+    _add_rig(parser)
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of starts and draws (0)")
+    parser.add_argument("--no-cross-validation", action="store_true", help="do not leave files out in turn")
+    parser.add_argument(
+        "--force", action="store_true", help="replace the folder of an earlier identification"
+    )
+    parser.add_argument("--no-pictures", action="store_true", help="leave out the figures")
+    parser.set_defaults(run=run)
+
+
+def _add_rig(parser: argparse.ArgumentParser) -> None:
+    rig = parser.add_argument_group("test bench, for logs with a current")
+    rig.add_argument("--mass-kg", type=float, metavar="M", help="weight, where file and file name do not say")
+    rig.add_argument("--lever-m", type=float, metavar="B", help="from the axis to the weight (0.30)")
+    rig.add_argument("--link-inertia-kgm2", type=float, metavar="J", help="about the axis (0.02)")
+    rig.add_argument("--link-moment-kgm", type=float, metavar="S", help="mass of the link times its arm (0)")
+    rig.add_argument(
+        "--start-angle-deg",
+        metavar="A",
+        help="what the first angle is set to: 90 (horizontal), or 'as-logged'",
+    )
+    rig.add_argument(
+        "--load-angle",
+        choices=["corrected", "printed"],
+        default="corrected",
+        help="F b cos(θ - 90°), or F b cos θ as the thesis prints it",
+    )
+    rig.add_argument("--mass-inertia-as-printed", action="store_true", help="J_mass = m b instead of m b²")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Identify, write and print."""
+    from twin_gait.identification import identify_logs
+    from twin_gait.studies.identify import write_identification
+    from twin_gait.studies.record import check_target
+    from twin_gait.vocabulary import JointName
+
+    options = make_options(arguments)
+    if not arguments.force:
+        check_target(arguments.out.expanduser().absolute(), force=False)
+    paths = list(_files(arguments.logs))
+    with progress_bar("identifying", "step") as progress:
+        result = identify_logs(paths, options, progress)
+    joint = None if arguments.joint is None else JointName(arguments.joint)
+    document = write_identification(
+        result, arguments.out, joint, force=arguments.force, pictures=not arguments.no_pictures
+    )
+    print("\n".join(summary_lines(document)))
+    print(arguments.out)
+    return DONE
+
+
+def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
+    """Turn arguments into options.
+
+    Args:
+        arguments: As parsed.
+
+    Returns:
+        The options.
+
+    Raises:
+        ParameterError: If an argument cannot be read or is out of range.
+    """
+    from twin_gait.identification import (
+        CurrentSource,
+        FitOptions,
+        IdentificationOptions,
+        LogColumns,
+        Loss,
+        Processing,
+        ProcessingOptions,
+    )
+    from twin_gait.parameters import require
+
+    require(arguments.seed >= 0, "--seed", "a whole number of 0 or more", arguments.seed)
+    processing = {
+        "processing": None if arguments.processing is None else Processing(arguments.processing),
+        "cutoff": arguments.cutoff_hz,
+        "current": None if arguments.current is None else CurrentSource(arguments.current),
+        "standstill_velocity": arguments.standstill_rad_per_s,
+    }
+    return IdentificationOptions(
+        columns=LogColumns(
+            names=_pairs("--columns", arguments.columns), units=_pairs("--units", arguments.units)
+        ),
+        rig=_rig(arguments),
+        processing=ProcessingOptions(
+            **{key: value for key, value in processing.items() if value is not None}
+        ),
+        fit=FitOptions(loss=Loss(arguments.loss), physical=arguments.physical, seed=arguments.seed),
+        models=tuple(name.strip() for item in arguments.model for name in item.split(",") if name.strip()),
+        cross_validation=not arguments.no_cross_validation,
+    )
+
+
+def _rig(arguments: argparse.Namespace) -> Any:
+    """The bench; None without a joint, whose motor would be unknown."""
+    from twin_gait.identification import LoadAngle, RigParameters
+    from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
+
+    if arguments.joint is None:
+        return None
+    given = {
+        "mass": arguments.mass_kg,
+        "lever": arguments.lever_m,
+        "link_inertia": arguments.link_inertia_kgm2,
+        "link_moment": arguments.link_moment_kgm,
+    }
+    given = {key: value for key, value in given.items() if value is not None}
+    if arguments.start_angle_deg is not None:
+        given["start_angle"] = _start_angle(arguments.start_angle_deg)
+    return RigParameters(
+        actuator=KNEE_ACTUATOR if arguments.joint == "knee" else HIP_ACTUATOR,
+        load_angle=LoadAngle(arguments.load_angle),
+        mass_as_printed=arguments.mass_inertia_as_printed,
+        **given,
+    )
+
+
+def _start_angle(text: str) -> float | None:
+    from twin_gait.exceptions import ParameterError
+
+    if text == "as-logged":
+        return None
+    try:
+        return math.radians(float(text))
+    except ValueError as error:
+        raise ParameterError(f"--start-angle-deg: expected a number or as-logged, got {text!r}") from error
+
+
+def _pairs(flag: str, text: str) -> dict[Any, str]:
+    from twin_gait.exceptions import ParameterError
+    from twin_gait.identification import parse_columns
+
+    try:
+        return dict(parse_columns(text))
+    except ParameterError as error:
+        raise ParameterError(f"{flag}: {error}") from error
+
+
+def _files(paths: list[Path]) -> Iterator[Path]:
+    """Files as given, and those of folders by name."""
+    from twin_gait.exceptions import ParameterError
+
+    for path in paths:
+        path = path.expanduser()
+        if not path.is_dir():
+            yield path
+            continue
+        found = sorted(item for item in path.iterdir() if item.suffix.lower() in (".log", ".csv", ".txt"))
+        if not found:
+            raise ParameterError(f"{path}: the folder has no .log, .csv or .txt file")
+        yield from found
+
+
+def summary_lines(document: dict[str, Any]) -> Iterator[str]:
+    """What a reader wants first: the models, the best one's parameters, the warnings."""
+    used = sum(test["samples"]["used"] for test in document["tests"])
+    plural = "s" if len(document["tests"]) > 1 else ""
+    order = document["method"]["order"]
+    yield f"{len(document['tests'])} file{plural}, {used} samples; best first by {order}"
+    for item in document["models"][:PRINTED_MODELS]:
+        yield f"  {item['name']:<26} RMSE {item['rmse']:.4g} N m{_left_out(item)}, R² {item['r_squared']:.3f}"
+    if len(document["models"]) > PRINTED_MODELS:
+        yield f"  and {len(document['models']) - PRINTED_MODELS} more"
+    best = document["models"][0]
+    yield f"{best['name']}: {best['formula']}"
+    for name, value in best["parameters"].items():
+        yield f"  {name:<34} {value:.5g}{_interval(*best['intervals_95'][name])}"
+    for warning in [*document["warnings"], *best["warnings"]]:
+        yield f"warning: {warning}"
+
+
+def _left_out(item: dict[str, Any]) -> str:
+    runs = [run for run in item["cross_validation"] if run["rmse"] is not None]
+    return "".join(f", {run['rmse']:.4g} with {run['left_out']} left out" for run in runs)
+
+
+def _interval(low: float | None, high: float | None) -> str:
+    return "" if low is None or high is None else f"  [{low:.5g}, {high:.5g}]"

@@ -1,0 +1,322 @@
+"""Friction laws of the literature beside the thesis's own: what an identification chooses from.
+
+They take arrays of any shape (numbers too) and return the friction torque with the sign of the velocity;
+a plant feels its negative. Each is linear in all of its torques and coefficients, which the identification
+makes use of; velocities and exponents enter non-linearly.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+_SQRT_2E = math.sqrt(2.0 * math.e)
+REFERENCE_TEMPERATURE = 25.0  # [°C] at which motor data sheets state their values
+
+
+def coulomb_viscous_torque(velocity: np.ndarray, coulomb: float, viscous: float) -> np.ndarray:
+    r"""Coulomb and viscous friction: :math:`F_c\,\mathrm{sgn}\,\omega + F_v\,\omega`, thesis (1.1).
+
+    Args:
+        velocity: :math:`\omega` in [rad] / [s].
+        coulomb: :math:`F_c` in [N m].
+        viscous: :math:`F_v` in [N m s] / [rad].
+
+    Returns:
+        Torque in [N m], the shape of the velocity.
+    """
+    torque: np.ndarray = coulomb * np.sign(velocity) + viscous * velocity
+    return torque
+
+
+def coulomb_viscous_tanh_torque(
+    velocity: np.ndarray, coulomb: float, viscous: float, steepness: float
+) -> np.ndarray:
+    r"""TWIN's old model, equation (2.5) of the thesis: :math:`F_v\,\omega + F_s \tanh(k\,\omega)`.
+
+    Args:
+        velocity: :math:`\omega` in [rad] / [s].
+        coulomb: :math:`F_s` in [N m].
+        viscous: :math:`F_v` in [N m s] / [rad].
+        steepness: :math:`k` in [s] / [rad]; 40 in the firmware.
+
+    Returns:
+        Torque in [N m].
+    """
+    return coulomb * np.tanh(steepness * velocity) + viscous * velocity
+
+
+def stribeck_level(
+    velocity: np.ndarray, coulomb: float, breakaway: float, stribeck_velocity: float, exponent: float
+) -> np.ndarray:
+    r"""Magnitude of the friction without its viscous part.
+
+    :math:`g(\omega) = F_c + (F_s - F_c)\,e^{-|\omega/\omega_s|^\delta}`.
+
+    Args:
+        velocity: :math:`\omega` in [rad] / [s].
+        coulomb: :math:`F_c` in [N m].
+        breakaway: :math:`F_s` in [N m].
+        stribeck_velocity: :math:`\omega_s` in [rad] / [s], above 0.
+        exponent: :math:`\delta`.
+
+    Returns:
+        Torque in [N m].
+    """
+    return coulomb + (breakaway - coulomb) * np.exp(-(np.abs(velocity / stribeck_velocity) ** exponent))
+
+
+def stribeck_torque(
+    velocity: np.ndarray,
+    coulomb: float,
+    breakaway: float,
+    viscous: float,
+    stribeck_velocity: float,
+    exponent: float,
+) -> np.ndarray:
+    r"""Stribeck friction, equation (1.2) of the thesis.
+
+    :math:`[F_c + (F_s - F_c)\,e^{-|\omega/\omega_s|^\delta}]\,\mathrm{sgn}\,\omega + F_v\,\omega`.
+
+    Args:
+        velocity: :math:`\omega` in [rad] / [s].
+        coulomb: :math:`F_c` in [N m].
+        breakaway: :math:`F_s` in [N m].
+        viscous: :math:`F_v` in [N m s] / [rad].
+        stribeck_velocity: :math:`\omega_s` in [rad] / [s], above 0.
+        exponent: :math:`\delta`, often 2.
+
+    Returns:
+        Torque in [N m].
+    """
+    level = stribeck_level(velocity, coulomb, breakaway, stribeck_velocity, exponent)
+    torque: np.ndarray = level * np.sign(velocity) + viscous * velocity
+    return torque
+
+
+def two_velocity_torque(
+    velocity: np.ndarray,
+    breakaway: float,
+    coulomb: float,
+    viscous: float,
+    stribeck_velocity: float,
+    coulomb_velocity: float,
+) -> np.ndarray:
+    r"""Rotational friction with a threshold of its own for each term, equation (2.13) of the thesis.
+
+    .. math::
+
+        \sqrt{2e}\,(T_{brk}-T_C)\,e^{-(\omega/\omega_{St})^2}\frac{\omega}{\omega_{St}}
+        + T_C \tanh\frac{\omega}{\omega_{Coul}} + f\,\omega
+
+    With :math:`\omega_{St} = c` and :math:`\omega_{Coul} = c/10` it is equation (3.1),
+    :func:`twin_gait.core.friction.rotational_friction_torque`; with
+    :math:`\omega_{St} = \sqrt2\,\omega_{brk}` and :math:`\omega_{Coul} = \omega_{brk}/10`, the Rotational
+    Friction block of Simscape.
+
+    Args:
+        velocity: :math:`\omega` in [rad] / [s].
+        breakaway: :math:`T_{brk}` in [N m].
+        coulomb: :math:`T_C` in [N m].
+        viscous: :math:`f` in [N m s] / [rad].
+        stribeck_velocity: :math:`\omega_{St}` in [rad] / [s], not 0.
+        coulomb_velocity: :math:`\omega_{Coul}` in [rad] / [s], not 0.
+
+    Returns:
+        Torque in [N m].
+    """
+    x = velocity / stribeck_velocity
+    bump = _SQRT_2E * (breakaway - coulomb) * x * np.exp(-(x * x))
+    return bump + coulomb * np.tanh(velocity / coulomb_velocity) + viscous * velocity
+
+
+def conditioned_torque(
+    velocity: np.ndarray,
+    load: np.ndarray,
+    temperature: np.ndarray,
+    coulomb: float,
+    coulomb_per_load: float,
+    coulomb_per_kelvin: float,
+    viscous: float,
+    viscous_per_kelvin: float,
+    transition_velocity: float,
+) -> np.ndarray:
+    r"""Coulomb and viscous friction that depend on load and temperature.
+
+    .. math::
+
+        [F_c + F_l |T_L| + F_T (\vartheta - \vartheta_0)] \tanh\frac{\omega}{\omega_t}
+        + [F_v + F_{vT} (\vartheta - \vartheta_0)]\,\omega
+
+    to first order about :math:`\vartheta_0 = 25` °C. The load term is that of Duclusaud et al. (2025).
+
+    Args:
+        velocity: :math:`\omega` in [rad] / [s].
+        load: :math:`T_L` in [N m], either sign, the shape of the velocity.
+        temperature: :math:`\vartheta` in [°C], the shape of the velocity.
+        coulomb: :math:`F_c` in [N m].
+        coulomb_per_load: :math:`F_l`, no unit.
+        coulomb_per_kelvin: :math:`F_T` in [N m] / [K].
+        viscous: :math:`F_v` in [N m s] / [rad].
+        viscous_per_kelvin: :math:`F_{vT}` in [N m s] / [rad K].
+        transition_velocity: :math:`\omega_t` in [rad] / [s], above 0.
+
+    Returns:
+        Torque in [N m].
+    """
+    warmer = temperature - REFERENCE_TEMPERATURE
+    level = coulomb + coulomb_per_load * np.abs(load) + coulomb_per_kelvin * warmer
+    drag = (viscous + viscous_per_kelvin * warmer) * velocity
+    torque: np.ndarray = level * np.tanh(velocity / transition_velocity) + drag
+    return torque
+
+
+def directional_viscous_torque(
+    velocity: np.ndarray, forward: float, backward: float, exponent: float
+) -> np.ndarray:
+    r"""Viscous friction of its own in each direction, with a power of the speed.
+
+    :math:`F_v^{\pm}\,|\omega|^\alpha\,\mathrm{sgn}\,\omega`, the speed in [rad] / [s]: grease thins as it is
+    sheared, so that measured exponents of harmonic drives often lie below 1.
+
+    Args:
+        velocity: :math:`\omega` in [rad] / [s].
+        forward: :math:`F_v^+` where the velocity is positive, in [N m] at 1 rad/s.
+        backward: :math:`F_v^-` where it is negative, in [N m] at 1 rad/s.
+        exponent: :math:`\alpha`, 1 for linear friction.
+
+    Returns:
+        Torque in [N m].
+    """
+    power = np.abs(velocity) ** exponent
+    torque: np.ndarray = np.where(velocity > 0.0, forward * power, -backward * power)
+    return torque
+
+
+def asymmetric_torque(
+    velocity: np.ndarray,
+    offset: float,
+    coulomb: float,
+    breakaway: float,
+    forward: float,
+    backward: float,
+    transition_velocity: float,
+    stribeck_velocity: float,
+    stribeck_exponent: float,
+    viscous_exponent: float,
+) -> np.ndarray:
+    r"""Stribeck friction with an offset and a viscous friction of its own in each direction.
+
+    :math:`T_0 + g(\omega)\tanh(\omega/\omega_t) + F_v^{\pm}|\omega|^\alpha\,\mathrm{sgn}\,\omega`, with
+    :math:`g` of :func:`stribeck_level`. The Coulomb friction is :math:`F_c + T_0` forwards and
+    :math:`F_c - T_0` backwards: a difference in it and an offset are one and the same.
+
+    Args:
+        velocity: :math:`\omega` in [rad] / [s].
+        offset: :math:`T_0` in [N m].
+        coulomb: :math:`F_c` in [N m].
+        breakaway: :math:`F_s` in [N m].
+        forward: :math:`F_v^+` in [N m] at 1 rad/s.
+        backward: :math:`F_v^-` in [N m] at 1 rad/s.
+        transition_velocity: :math:`\omega_t` in [rad] / [s], above 0.
+        stribeck_velocity: :math:`\omega_s` in [rad] / [s], above 0.
+        stribeck_exponent: :math:`\delta`.
+        viscous_exponent: :math:`\alpha`.
+
+    Returns:
+        Torque in [N m].
+    """
+    level = stribeck_level(velocity, coulomb, breakaway, stribeck_velocity, stribeck_exponent)
+    viscous = directional_viscous_torque(velocity, forward, backward, viscous_exponent)
+    torque: np.ndarray = offset + level * np.tanh(velocity / transition_velocity) + viscous
+    return torque
+
+
+def ripple_torque(angle: np.ndarray, cosine: float, sine: float, order: float) -> np.ndarray:
+    r"""Torque that repeats with the joint angle: :math:`C\cos n\theta + S\sin n\theta`.
+
+    Args:
+        angle: :math:`\theta` in [rad].
+        cosine: :math:`C` in [N m].
+        sine: :math:`S` in [N m].
+        order: :math:`n`, periods in a turn of the joint.
+
+    Returns:
+        Torque in [N m].
+    """
+    torque: np.ndarray = cosine * np.cos(order * angle) + sine * np.sin(order * angle)
+    return torque
+
+
+def bristle_rate(velocity: float, deflection: float, level: float, stiffness: float) -> float:
+    r"""Rate of the bristle deflection of Dahl (1968) and LuGre (Canudas de Wit et al. 1995).
+
+    .. math::
+
+        \dot z = \omega - \sigma_0 \frac{|\omega|}{g(\omega)}\,z
+
+    with :math:`g` the Coulomb friction for Dahl's model (exponent 1) and :func:`stribeck_level` for LuGre.
+
+    Args:
+        velocity: :math:`\omega` in [rad] / [s].
+        deflection: :math:`z` in [rad].
+        level: :math:`g(\omega)` in [N m], above 0.
+        stiffness: :math:`\sigma_0` in [N m] / [rad].
+
+    Returns:
+        :math:`\dot z` in [rad] / [s].
+    """
+    return velocity - stiffness * abs(velocity) / level * deflection
+
+
+def bristle_step(velocity: float, deflection: float, level: float, stiffness: float, period: float) -> float:
+    r"""Deflection after a period of constant velocity, the exact solution of :func:`bristle_rate`.
+
+    The law is linear in :math:`z` and very stiff; solved exactly it is stable for any period:
+    :math:`z(T) = z_{ss} + (z - z_{ss})\,e^{-\sigma_0|\omega|T/g}` with
+    :math:`z_{ss} = g\,\mathrm{sgn}\,\omega/\sigma_0`.
+
+    Args:
+        velocity: :math:`\omega` in [rad] / [s].
+        deflection: :math:`z` before in [rad].
+        level: :math:`g(\omega)` in [N m], above 0.
+        stiffness: :math:`\sigma_0` in [N m] / [rad].
+        period: :math:`T` in [s], 0 or more.
+
+    Returns:
+        :math:`z` after, in [rad].
+    """
+    travelled = stiffness * abs(velocity) * period / level
+    grown = -math.expm1(-travelled)
+    if velocity > 0.0:
+        return deflection + (level / stiffness - deflection) * grown
+    if velocity < 0.0:
+        return deflection - (level / stiffness + deflection) * grown
+    return deflection
+
+
+def lugre_torque(
+    velocity: np.ndarray,
+    deflection: np.ndarray,
+    rate: np.ndarray,
+    stiffness: float,
+    damping: float,
+    viscous: float,
+) -> np.ndarray:
+    r"""Friction torque of the LuGre model: :math:`\sigma_0 z + \sigma_1 \dot z + \sigma_2\,\omega`.
+
+    Dahl's model is the same with :math:`\sigma_1 = 0`.
+
+    Args:
+        velocity: :math:`\omega` in [rad] / [s].
+        deflection: :math:`z` in [rad].
+        rate: :math:`\dot z` in [rad] / [s].
+        stiffness: :math:`\sigma_0` in [N m] / [rad].
+        damping: :math:`\sigma_1` in [N m s] / [rad].
+        viscous: :math:`\sigma_2` in [N m s] / [rad].
+
+    Returns:
+        Torque in [N m].
+    """
+    return stiffness * deflection + damping * rate + viscous * velocity

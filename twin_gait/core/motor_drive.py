@@ -1,0 +1,352 @@
+"""Winding, current loop, inverter and gear of one joint, faster than the tick of the firmware.
+
+Currents and voltages are those of the DC equivalent of the block-commutated motor, as in
+:mod:`twin_gait.core.actuator`; torques are at the joint.
+"""
+
+from __future__ import annotations
+
+import math
+
+from twin_gait.core.actuator import saturate
+from twin_gait.core.hyperbolic import hyperbolic_tangent
+
+# Switching states of six-step commutation in an electrical turn.
+_SIX_STEPS = 6.0
+LOWEST_EFFICIENCY = 0.05
+
+
+def winding_current_step(
+    current: float, voltage: float, back_emf: float, resistance: float, inductance: float, period: float
+) -> tuple[float, float]:
+    r"""Current of the winding after a period of constant voltage and back-EMF, solved exactly.
+
+    .. math::
+
+        L \frac{dI}{dt} = U - R I - E, \qquad
+        I(T) = I_\infty + (I - I_\infty)\,e^{-RT/L}, \quad I_\infty = \frac{U - E}{R}
+
+    The mean over the period, which gives the mean torque, is
+    :math:`I_\infty + (I - I_\infty)\,(1 - e^{-RT/L})\,L/(RT)`.
+
+    Args:
+        current: :math:`I` at the start in [A].
+        voltage: :math:`U` in [V].
+        back_emf: :math:`E` in [V].
+        resistance: :math:`R`, line to line, in [Ω].
+        inductance: :math:`L`, line to line, in [H], above 0.
+        period: :math:`T` in [s], above 0.
+
+    Returns:
+        Current at the end of the period and its mean over the period in [A].
+    """
+    steady = (voltage - back_emf) / resistance
+    exponent = resistance * period / inductance
+    settled = -math.expm1(-exponent)
+    away = current - steady
+    return current - away * settled, steady + away * settled / exponent
+
+
+def current_loop_gains(resistance: float, inductance: float, bandwidth: float) -> tuple[float, float]:
+    r"""Gains of the current loop that cancel the pole of the winding.
+
+    With :math:`K_p = \omega_b L` and :math:`K_i = \omega_b R` the loop closed over an ideal measurement
+    answers a step as :math:`1 - e^{-\omega_b t}`.
+
+    Args:
+        resistance: :math:`R` in [Ω].
+        inductance: :math:`L` in [H].
+        bandwidth: :math:`\omega_b` in [rad] / [s].
+
+    Returns:
+        :math:`K_p` in [V] / [A] and :math:`K_i` in [V] / [A s].
+    """
+    return bandwidth * inductance, bandwidth * resistance
+
+
+def current_loop_step(
+    error: float,
+    integral: float,
+    proportional_gain: float,
+    integral_gain: float,
+    period: float,
+    voltage_limit: float,
+) -> tuple[float, float]:
+    r"""One step of the PI current loop of figure 2.13 of the thesis, with anti-windup.
+
+    :math:`U = K_p\,(I_t - I_m) + K_i \int (I_t - I_m)\,dt`, limited to what the bus gives. The integral
+    stands still while the limit holds and the error would drive it further in.
+
+    Args:
+        error: Target less measured current in [A].
+        integral: Voltage of the integral part before in [V].
+        proportional_gain: :math:`K_p` in [V] / [A].
+        integral_gain: :math:`K_i` in [V] / [A s].
+        period: In [s].
+        voltage_limit: In [V].
+
+    Returns:
+        Voltage in [V] and integral part in [V] after.
+    """
+    grown = integral + integral_gain * period * error
+    wanted = proportional_gain * error + grown
+    voltage = saturate(wanted, voltage_limit)
+    if (wanted - voltage) * error > 0.0:
+        return voltage, integral
+    return voltage, grown
+
+
+def six_step_current(
+    current: float, motor_angle: float, pole_pairs: float, ripple: float, noise: float
+) -> float:
+    r"""Current that the shunts of a six-step inverter show.
+
+    .. math::
+
+        I_m = I\,[1 + r \cos(6\,p\,\theta_m)] + n
+
+    the first harmonic of what repeats with every commutation: six in an electrical turn, :math:`6p` in a
+    turn of the motor.
+
+    Args:
+        current: True current :math:`I` in [A].
+        motor_angle: :math:`\theta_m` of the rotor in [rad].
+        pole_pairs: :math:`p`.
+        ripple: :math:`r`, relative.
+        noise: :math:`n` of this sample in [A].
+
+    Returns:
+        Current in [A].
+    """
+    return current * (1.0 + ripple * math.cos(_SIX_STEPS * pole_pairs * motor_angle)) + noise
+
+
+def breakaway_duty(tick: float, amplitude: float, frequency: float, ticks_per_second: float) -> float:
+    r"""Duty that shakes the joint at rest, equation (2.1a) of the thesis.
+
+    .. math::
+
+        d = A \sin\frac{2\pi f\,n}{N}
+
+    Args:
+        tick: :math:`n`.
+        amplitude: :math:`A` in counts.
+        frequency: :math:`f` in [Hz].
+        ticks_per_second: :math:`N`, the ``steps`` of the thesis.
+
+    Returns:
+        Duty in counts.
+    """
+    return amplitude * math.sin(2.0 * math.pi * frequency * tick / ticks_per_second)
+
+
+def viscous_duty(
+    velocity: float,
+    transparency_gain: float,
+    static_voltage: float,
+    voltage_per_velocity: float,
+    voltage_per_velocity_squared: float,
+    bus_voltage: float,
+    counts: float,
+) -> float:
+    r"""Duty that follows the moving joint, equation (2.1b) of the thesis.
+
+    .. math::
+
+        d = \frac{PWM}{V_{bus}} \left\{p_0\,\mathrm{sgn}\,\omega
+            + K\,[p_1\,\omega - p_2\,\mathrm{sgn}(\omega)\,\omega^2]\right\}
+
+    Args:
+        velocity: :math:`\omega` in [rad] / [s].
+        transparency_gain: :math:`K`.
+        static_voltage: :math:`p_0` in [V].
+        voltage_per_velocity: :math:`p_1` in [V s] / [rad].
+        voltage_per_velocity_squared: :math:`p_2` in [V s²] / [rad²].
+        bus_voltage: :math:`V_{bus}` in [V], above 0.
+        counts: :math:`PWM`, counts of full duty.
+
+    Returns:
+        Duty in counts.
+    """
+    sign = (velocity > 0.0) * 1.0 - (velocity < 0.0) * 1.0
+    following = voltage_per_velocity * velocity - voltage_per_velocity_squared * sign * velocity * velocity
+    return counts / bus_voltage * (static_voltage * sign + transparency_gain * following)
+
+
+def transparency_duty(
+    tick: float,
+    velocity: float,
+    amplitude: float,
+    frequency: float,
+    ticks_per_second: float,
+    lowest_velocity: float,
+    transparency_gain: float,
+    static_voltage: float,
+    voltage_per_velocity: float,
+    voltage_per_velocity_squared: float,
+    bus_voltage: float,
+    counts: float,
+    duty_limit: float,
+) -> float:
+    r"""Duty-based transparency control, equations (2.1a) and (2.1b) of the thesis.
+
+    Args:
+        tick: Of the firmware.
+        velocity: :math:`\omega` in [rad] / [s].
+        amplitude: :math:`A` in counts.
+        frequency: :math:`f` in [Hz].
+        ticks_per_second: The ``steps`` of the thesis.
+        lowest_velocity: :math:`\omega_{min}` in [rad] / [s], below which (2.1a) holds.
+        transparency_gain: :math:`K`.
+        static_voltage: :math:`p_0` in [V].
+        voltage_per_velocity: :math:`p_1` in [V s] / [rad].
+        voltage_per_velocity_squared: :math:`p_2` in [V s²] / [rad²].
+        bus_voltage: :math:`V_{bus}` in [V].
+        counts: Counts of full duty.
+        duty_limit: Safety limit in counts.
+
+    Returns:
+        Duty in counts.
+    """
+    if abs(velocity) < lowest_velocity:
+        return saturate(breakaway_duty(tick, amplitude, frequency, ticks_per_second), duty_limit)
+    duty = viscous_duty(
+        velocity,
+        transparency_gain,
+        static_voltage,
+        voltage_per_velocity,
+        voltage_per_velocity_squared,
+        bus_voltage,
+        counts,
+    )
+    return saturate(duty, duty_limit)
+
+
+def inverter_voltage(duty: float, counts: float, bus_voltage: float) -> float:
+    """Mean voltage of the pulse-width modulation; the duty is a whole number of counts.
+
+    Args:
+        duty: In counts.
+        counts: Of full duty; 0 or less for an inverter without steps, whose duty is a share.
+        bus_voltage: In [V].
+
+    Returns:
+        Voltage on the winding in [V], within the bus voltage.
+    """
+    if counts <= 0.0:
+        return saturate(duty, 1.0) * bus_voltage
+    return saturate(math.floor(duty + 0.5), counts) / counts * bus_voltage
+
+
+def drive_efficiency(
+    temperature: float,
+    input_speed: float,
+    constant: float,
+    per_degree: float,
+    per_degree_squared: float,
+    per_speed: float,
+    per_degree_speed: float,
+    per_speed_squared: float,
+) -> float:
+    r"""Efficiency of a harmonic drive at rated torque, a quadratic fit in temperature and speed.
+
+    Args:
+        temperature: :math:`\vartheta` of the grease in [°C].
+        input_speed: :math:`\omega_{in}` of the wave generator in [rad] / [s], either sign.
+        constant: Term without either.
+        per_degree: Of :math:`\vartheta`.
+        per_degree_squared: Of :math:`\vartheta^2`.
+        per_speed: Of :math:`|\omega_{in}|`.
+        per_degree_speed: Of :math:`\vartheta\,|\omega_{in}|`.
+        per_speed_squared: Of :math:`\omega_{in}^2`.
+
+    Returns:
+        Efficiency, kept between 0.05 and 1.
+    """
+    speed = abs(input_speed)
+    efficiency = (
+        constant
+        + temperature * (per_degree + per_degree_squared * temperature + per_degree_speed * speed)
+        + speed * (per_speed + per_speed_squared * speed)
+    )
+    return min(max(efficiency, LOWEST_EFFICIENCY), 1.0)
+
+
+def gear_loss_torque(
+    motor_torque: float, velocity: float, efficiency: float, transition_velocity: float
+) -> float:
+    r"""Torque that the gear loses under load, as it acts on the joint.
+
+    Driving, the joint receives :math:`\eta T`; driven backwards, a torque of :math:`T/\eta` is needed:
+
+    .. math::
+
+        T_{loss} = -\mu\,|T| \tanh\frac{\omega}{\omega_t}, \qquad
+        \mu = \begin{cases} 1 - \eta & T\omega \ge 0 \\ 1/\eta - 1 & T\omega < 0 \end{cases}
+
+    Args:
+        motor_torque: :math:`T` of the motor at the joint in [N m].
+        velocity: :math:`\omega` in [rad] / [s].
+        efficiency: :math:`\eta` in (0, 1].
+        transition_velocity: :math:`\omega_t` in [rad] / [s], above 0.
+
+    Returns:
+        Torque in [N m], against the velocity.
+    """
+    share = 1.0 - efficiency if motor_torque * velocity >= 0.0 else 1.0 / efficiency - 1.0
+    return -share * abs(motor_torque) * hyperbolic_tangent(velocity / transition_velocity)
+
+
+def torsion_torque(twist: float, twist_rate: float, stiffness: float, damping: float) -> float:
+    r"""Torque of the flexspline on the link: :math:`K\,\Delta + D\,\dot\Delta`.
+
+    Args:
+        twist: :math:`\Delta`, angle of the motor at the joint less that of the link, in [rad].
+        twist_rate: Its rate in [rad] / [s].
+        stiffness: :math:`K` in [N m] / [rad].
+        damping: :math:`D` in [N m s] / [rad].
+
+    Returns:
+        Torque on the link in [N m]; the motor side feels its negative.
+    """
+    return stiffness * twist + damping * twist_rate
+
+
+def link_load_torque(angle: float, moment: float, gravity: float, horizontal_angle: float) -> float:
+    r"""Torque of gravity on a link, equation (2.8) of the thesis: :math:`g\,m b \cos(\theta - \theta_h)`.
+
+    Args:
+        angle: :math:`\theta` in [rad].
+        moment: :math:`m b` of weight and link in [kg m].
+        gravity: :math:`g` in [m] / [s²].
+        horizontal_angle: :math:`\theta_h` at which the link is level: π/2 where the fall begins level, 0 in
+            the form that the thesis prints.
+
+    Returns:
+        Torque on the joint in [N m], positive along the fall.
+    """
+    return gravity * moment * math.cos(angle - horizontal_angle)
+
+
+def cosine_path(
+    time: float, start_angle: float, amplitude: float, frequency: float
+) -> tuple[float, float, float]:
+    r"""Path :math:`\theta_s + \tfrac{A}{2}(1 - \cos 2\pi f t)` with its velocity and acceleration.
+
+    Args:
+        time: :math:`t` in [s].
+        start_angle: :math:`\theta_s` in [rad].
+        amplitude: :math:`A`, end to end, in [rad].
+        frequency: :math:`f` in [Hz].
+
+    Returns:
+        Angle in [rad], velocity in [rad] / [s], acceleration in [rad] / [s²].
+    """
+    pulsation = 2.0 * math.pi * frequency
+    half = 0.5 * amplitude
+    phase = pulsation * time
+    return (
+        start_angle + half * (1.0 - math.cos(phase)),
+        half * pulsation * math.sin(phase),
+        half * pulsation * pulsation * math.cos(phase),
+    )

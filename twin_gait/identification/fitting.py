@@ -1,0 +1,270 @@
+"""Fit one friction model: robust non-linear least squares from many scaled starts.
+
+The starts exploit that every model is linear in part of its parameters: for a shape drawn from a scrambled
+Sobol sequence over its bounds, the best coefficients follow from one linear least squares. The best few are
+polished on part of the samples by :func:`scipy.optimize.least_squares` (trust region reflective), the winner
+on all of them by :mod:`twin_gait.identification.refining`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import qmc
+
+from twin_gait.identification.models import FrictionModel, Scale
+from twin_gait.identification.refining import jacobian, refine, residuals
+from twin_gait.identification.samples import Samples, thinned, thinned_path
+
+MAD_TO_SIGMA = 1.4826  # of a normal distribution
+HUBER_SIGMAS = 3.0  # residuals beyond so many robust standard deviations count linearly
+_STARTS_PER_SHAPE, _MOST_STARTS = 24, 96
+_STATE_STARTS = 128  # of a model with a state, whose minima are narrow
+_START_SAMPLES, _POLISH_SAMPLES, _STATE_SAMPLES = 1_500, 3_000, 4_000
+_POLISHED, _STATE_POLISHED = 4, 6
+_APART = 0.1  # of the span of the bounds
+_TINY = 1e-12
+_REFIT_TOLERANCE = 1e-7  # of the loss: a fold's error is wanted to four digits, not to ten
+
+
+class Loss(StrEnum):
+    """How residuals are weighed."""
+
+    HUBER = "huber"  # squared up to three robust standard deviations, linear beyond
+    LINEAR = "linear"  # squared: ordinary least squares
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitOptions:
+    """How to fit.
+
+    Attributes:
+        loss: Weighing of residuals.
+        physical: Whether torques and coefficients must be 0 or more and break-away at least Coulomb.
+        most_samples: A fit uses at most so many, evenly taken; statistics use all.
+        seed: Of the starts.
+    """
+
+    loss: Loss = Loss.HUBER
+    physical: bool = False
+    most_samples: int = 40_000
+    seed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A fitted model.
+
+    Attributes:
+        model: The model.
+        x: Linear coefficients and logarithms of the shape, shape ``(size,)``.
+        low: Lower bounds of x.
+        high: Upper bounds of x.
+        sigma: Robust standard deviation of the residuals in [N m].
+        threshold: Of Huber's loss in [N m]; infinite for least squares.
+    """
+
+    model: FrictionModel
+    x: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    sigma: float
+    threshold: float
+
+    def residuals(self, samples: Samples) -> np.ndarray:
+        """Measured less predicted torque of the samples that are used, in [N m]."""
+        return residuals(self.model, self.x, samples)
+
+    @property
+    def at_bound(self) -> tuple[int, ...]:
+        """Positions in x that lie on a bound."""
+        span = np.where(np.isfinite(self.high - self.low), self.high - self.low, 1.0)
+        near = np.minimum(self.x - self.low, self.high - self.x) <= 1e-4 * span
+        return tuple(int(place) for place in np.flatnonzero(near))
+
+
+def bounds(model: FrictionModel, samples: Samples, *, physical: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Bounds of the parameter vector, scaled to the samples.
+
+    Args:
+        model: The model.
+        samples: The samples.
+        physical: Whether the friction must be a physical one.
+
+    Returns:
+        Lower and upper bounds.
+    """
+    low = [0.0 if physical and not item.signed else -math.inf for item in model.coefficients]
+    high = [math.inf for _ in model.coefficients]
+    for item in model.shape:
+        scale = _scale(item.scale, samples)
+        lowest = item.physical_low if physical and item.physical_low is not None else item.low
+        low.append(math.log(lowest * scale))
+        high.append(math.log(item.high * scale))
+    return np.array(low), np.array(high)
+
+
+def _scale(scale: Scale, samples: Samples) -> float:
+    speed = max(float(np.quantile(np.abs(samples.velocity[samples.used]), 0.95)), _TINY)
+    if scale is Scale.SPEED:
+        return speed
+    if scale is Scale.SLOWNESS:
+        return 1.0 / speed
+    if scale is Scale.TURN and samples.angle is not None:
+        return 2.0 * math.pi / max(float(np.ptp(samples.angle)), _TINY)
+    return 1.0
+
+
+def fit_model(
+    model: FrictionModel,
+    samples: Samples,
+    options: FitOptions,
+    *,
+    seeds: Sequence[np.ndarray] = (),
+) -> Fit:
+    """Fit a model.
+
+    Args:
+        model: The model.
+        samples: The samples, with every column that the model needs.
+        options: How to fit.
+        seeds: Further starts beside the many: what simpler models came to.
+
+    Returns:
+        The fit.
+    """
+    full = rows_of(model, samples, options.most_samples)
+    low, high = bounds(model, full, physical=options.physical)
+    x = _best_start(model, full, low, high, seeds, options)
+    x = refine(model, full, x, low, high, math.inf)
+    threshold = math.inf
+    sigma = robust_sigma(residuals(model, x, full))
+    if options.loss is Loss.HUBER and sigma > 0.0:
+        # The scale settles in two rounds: the first fit may itself be pulled by outliers.
+        for _ in range(2):
+            threshold = HUBER_SIGMAS * sigma
+            x = refine(model, full, x, low, high, threshold)
+            sigma = robust_sigma(residuals(model, x, full)) or sigma
+    return Fit(model, x, low, high, sigma, threshold)
+
+
+def rows_of(model: FrictionModel, samples: Samples, limit: int) -> Samples:
+    """Samples that a model is fitted to: at most so many count, and a state keeps its path.
+
+    Args:
+        model: The model.
+        samples: All samples.
+        limit: How many may count.
+
+    Returns:
+        The samples.
+    """
+    return thinned_path(samples, limit) if model.dynamic else thinned(samples.used_only(), limit)
+
+
+def refit(fit: Fit, samples: Samples, options: FitOptions) -> Fit:
+    """Fit to much the same samples, from a fit of them and with its loss.
+
+    Args:
+        fit: The fit to start from.
+        samples: The samples, for example without one test.
+        options: How to fit.
+
+    Returns:
+        The fit.
+    """
+    full = rows_of(fit.model, samples, options.most_samples)
+    x = refine(fit.model, full, fit.x, fit.low, fit.high, fit.threshold, tolerance=_REFIT_TOLERANCE)
+    return replace(fit, x=x)
+
+
+def robust_sigma(values: np.ndarray) -> float:
+    """Standard deviation of a normal distribution with the same median absolute deviation."""
+    return MAD_TO_SIGMA * float(np.median(np.abs(values - np.median(values))))
+
+
+def _best_start(
+    model: FrictionModel,
+    samples: Samples,
+    low: np.ndarray,
+    high: np.ndarray,
+    seeds: Sequence[np.ndarray],
+    options: FitOptions,
+) -> np.ndarray:
+    count = len(model.coefficients)
+    if not model.shape:
+        return np.asarray(np.clip(_linear(model, np.empty(0), samples)[0], low, high))
+    limits = (_STATE_SAMPLES,) * 2 if model.dynamic else (_START_SAMPLES, _POLISH_SAMPLES)
+    few, more = (_fewer(samples, model, limit) for limit in limits)
+    dimensions = len(model.shape)
+    number = _STATE_STARTS if model.dynamic else min(_STARTS_PER_SHAPE * dimensions, _MOST_STARTS)
+    kept = _STATE_POLISHED if model.dynamic else _POLISHED
+    draws = qmc.Sobol(dimensions, seed=options.seed).random_base2(math.ceil(math.log2(number)))
+    vectors, costs = [], []
+    for draw in low[count:] + draws * (high - low)[count:]:
+        beta, cost = _linear(model, np.exp(draw), few)
+        vectors.append(np.clip(np.concatenate([beta, draw]), low, high))
+        costs.append(cost)
+    polished = [_polish(model, more, vectors[i], low, high) for i in _apart(draws, np.array(costs), kept)]
+    # Compared on all samples, so that no model comes out worse than a simpler one that it contains.
+    candidates = [*polished, *(_polish(model, more, np.clip(seed, low, high), low, high) for seed in seeds)]
+    candidates += [np.clip(seed, low, high) for seed in seeds]
+    return min(candidates, key=lambda x: float(np.sum(residuals(model, x, samples) ** 2)))
+
+
+def _apart(places: np.ndarray, costs: np.ndarray, number: int) -> list[int]:
+    """The best starts that do not lie beside a better one, in the unit cube of the shape."""
+    chosen: list[int] = []
+    for index in np.argsort(costs, kind="stable"):
+        if all(np.abs(places[index] - places[other]).max() > _APART for other in chosen):
+            chosen.append(int(index))
+        if len(chosen) == number:
+            break
+    return chosen
+
+
+def _fewer(samples: Samples, model: FrictionModel, limit: int) -> Samples:
+    """Fewer samples: evenly for a static law; the beginnings of the tests, unthinned, for a state."""
+    if not model.dynamic or len(samples) <= limit:
+        return thinned(samples, limit)
+    tests = np.unique(samples.test)
+    first = np.searchsorted(samples.test, tests)
+    place = np.arange(len(samples)) - first[np.searchsorted(tests, samples.test)]
+    chosen = samples.rows(place < max(limit // len(tests), 50))
+    return chosen if chosen.used.sum() > 10 * model.size else samples
+
+
+def _linear(model: FrictionModel, shape: np.ndarray, samples: Samples) -> tuple[np.ndarray, float]:
+    """Best coefficients of a shape and the sum of squares that they leave."""
+    basis = model.basis(shape, samples)[samples.used]
+    torque = (samples.torque - model.constant(shape, samples))[samples.used]
+    beta = np.asarray(np.linalg.lstsq(basis, torque, rcond=1e-10)[0])
+    return beta, float(np.sum((torque - basis @ beta) ** 2))
+
+
+def _polish(
+    model: FrictionModel, samples: Samples, start: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> np.ndarray:
+    def errors(x: np.ndarray) -> np.ndarray:
+        return -residuals(model, x, samples)
+
+    def derivative(x: np.ndarray) -> np.ndarray:
+        return jacobian(model, x, samples)
+
+    result = least_squares(
+        errors,
+        np.clip(start, low + 1e-9, high - 1e-9),
+        jac=derivative,
+        bounds=(low, high),
+        x_scale="jac",
+        tr_solver="lsmr",
+        xtol=1e-5,
+        ftol=1e-5,
+        max_nfev=25,
+    )
+    return np.asarray(result.x)

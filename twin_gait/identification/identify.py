@@ -1,0 +1,260 @@
+"""Identify friction: logs in, models out, best first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from twin_gait.exceptions import ParameterError
+from twin_gait.identification.bootstrap import Uncertainty, uncertainty
+from twin_gait.identification.cross_validation import CrossValidation, cross_validate, folds_of
+from twin_gait.identification.doubts import doubts_of_fit, doubts_of_samples, doubts_of_time
+from twin_gait.identification.fitting import Fit, FitOptions, fit_model
+from twin_gait.identification.lineage import inherited_starts
+from twin_gait.identification.models import FrictionModel, find_models, missing_columns
+from twin_gait.identification.processing import ProcessingOptions, process_log
+from twin_gait.identification.reading import LogColumns, read_log
+from twin_gait.identification.rig import RigParameters
+from twin_gait.identification.samples import FrictionTest, Samples, join_tests
+from twin_gait.identification.statistics import Goodness, goodness
+
+Progress = Callable[[int, int], None]
+_TIE = 2e-4  # share by which errors differ from rounding of the fits alone
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentificationOptions:
+    """How to identify.
+
+    Attributes:
+        columns: Which column of the logs holds what.
+        rig: The bench; None for series of friction torques.
+        processing: How the logs are smoothed.
+        fit: How the models are fitted.
+        models: Names of the models; empty for all that the columns allow.
+        cross_validation: Whether to leave files and weights out in turn.
+    """
+
+    columns: LogColumns = field(default_factory=LogColumns)
+    rig: RigParameters | None = None
+    processing: ProcessingOptions = field(default_factory=ProcessingOptions)
+    fit: FitOptions = field(default_factory=FitOptions)
+    models: tuple[str, ...] = ()
+    cross_validation: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedModel:
+    """A model with all that is known about it.
+
+    Attributes:
+        fit: The fit.
+        goodness: On all samples.
+        uncertainty: Of the parameters.
+        validations: Errors on what was left out.
+        residuals: Of the samples that are used, in [N m].
+        warnings: What is doubtful, one line each.
+    """
+
+    fit: Fit
+    goodness: Goodness
+    uncertainty: Uncertainty
+    validations: tuple[CrossValidation, ...]
+    residuals: np.ndarray
+    warnings: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Name of the model."""
+        return self.fit.model.name
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """What models are ordered by: the error on files left out, else the Bayesian criterion."""
+        left_out = self.validations[0].rmse if self.validations else math.nan
+        return (left_out if math.isfinite(left_out) else math.inf, self.goodness.bic)
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """Result of an identification.
+
+    Attributes:
+        tests: The tests after processing.
+        samples: The same, joined.
+        models: Best first.
+        skipped: Models that lack a column, with the column.
+        options: How it was done.
+        warnings: What the samples cannot tell, one line each.
+    """
+
+    tests: tuple[FrictionTest, ...]
+    samples: Samples
+    models: tuple[IdentifiedModel, ...]
+    skipped: dict[str, tuple[str, ...]]
+    options: IdentificationOptions
+    warnings: tuple[str, ...]
+
+    def model(self, name: str) -> IdentifiedModel | None:
+        """A model by name; None if it was not fitted."""
+        return next((item for item in self.models if item.name == name), None)
+
+
+def identify_logs(
+    paths: Sequence[Path], options: IdentificationOptions, progress: Progress = lambda done, total: None
+) -> Identification:
+    """Read, process and identify logs.
+
+    Args:
+        paths: One file a test.
+        options: How.
+        progress: Called with the steps done and their number.
+
+    Returns:
+        The result.
+
+    Raises:
+        ParameterFileError: If a file cannot be used.
+        ParameterError: If an option is wrong or too little is left to fit.
+    """
+    if not paths:
+        raise ParameterError("logs: expected at least one file")
+    find_models(options.models)
+    tests = []
+    for number, path in enumerate(paths):
+        tests.append(process_log(read_log(path, options.columns), options.rig, options.processing))
+        progress(number, len(paths))
+    return identify_tests(tests, options, progress)
+
+
+def identify_tests(
+    tests: Sequence[FrictionTest],
+    options: IdentificationOptions,
+    progress: Progress = lambda done, total: None,
+) -> Identification:
+    """Fit models to tests.
+
+    Args:
+        tests: After their processing.
+        options: How.
+        progress: Called with the steps done and their number.
+
+    Returns:
+        The result.
+
+    Raises:
+        ParameterError: If too few samples are left, or no model fits the columns.
+    """
+    tests, flipped = _along_the_velocity(tests)
+    samples = join_tests(tests)
+    models, skipped = _possible(find_models(options.models), samples)
+    _check_number(samples, models)
+    folds = folds_of(tests, samples) if options.cross_validation else []
+    total = len(models) * (1 + sum(len(np.unique(item.labels)) for item in folds))
+    steps = _Counter(progress, total)
+    fits: dict[str, Fit] = {}
+    for model in models:
+        starts = inherited_starts(model.name, fits)
+        fits[model.name] = fit_model(model, samples, options.fit, seeds=starts)
+        steps.advance()
+    found = []
+    for fit in fits.values():
+        rows = samples if fit.model.dynamic else samples.used_only()
+        labels = [
+            item if fit.model.dynamic else replace(item, labels=item.labels[samples.used]) for item in folds
+        ]
+        validations = [cross_validate(fit, rows, item, options.fit, steps.advance) for item in labels]
+        found.append(_judge(fit, tests, samples, validations, options))
+    progress(total, total)
+    return Identification(
+        tests=tuple(tests),
+        samples=samples,
+        models=_best_first(found, _TIE + len(tests) / int(samples.used.sum())),
+        skipped=skipped,
+        options=options,
+        warnings=(*flipped, *doubts_of_samples(samples)),
+    )
+
+
+def _best_first(models: Sequence[IdentifiedModel], tie: float) -> tuple[IdentifiedModel, ...]:
+    """By the error on files left out; the simplest of those that are as good as the best leads.
+
+    Errors that differ by less than the share ``tie`` are equal: a dynamic model knows the first torque of
+    every test, which makes it better by up to one sample in each.
+    """
+    ordered = sorted(models, key=lambda item: item.rank)
+    least = ordered[0].rank[0]
+    if not math.isfinite(least):
+        return tuple(ordered)
+    tied = [item for item in ordered if item.rank[0] <= (1.0 + tie) * least]
+    leader = min(tied, key=lambda item: item.fit.model.size)
+    return (leader, *(item for item in ordered if item is not leader))
+
+
+class _Counter:
+    """Counts steps for the progress."""
+
+    def __init__(self, progress: Progress, total: int) -> None:
+        self._progress, self._total, self._done = progress, total, 0
+
+    def advance(self) -> None:
+        self._done += 1
+        self._progress(min(self._done, self._total), self._total)
+
+
+def _along_the_velocity(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTest], list[str]]:
+    """Turn friction torques that oppose the velocity, as many logs write them."""
+    power = sum(float((test.torque * test.velocity)[test.used].sum()) for test in tests)
+    if power >= 0.0:
+        return list(tests), []
+    turned = [replace(test, torque=-test.torque) for test in tests]
+    return turned, [
+        "the friction torque opposes the velocity in these files; it was turned to have the velocity's sign"
+    ]
+
+
+def _possible(
+    models: Sequence[FrictionModel], samples: Samples
+) -> tuple[list[FrictionModel], dict[str, tuple[str, ...]]]:
+    """Models whose columns are there, and the others with what they lack."""
+    missing = {model.name: missing_columns(model, samples) for model in models}
+    possible = [model for model in models if not missing[model.name]]
+    if not possible:
+        lacking = sorted({name for names in missing.values() for name in names})
+        raise ParameterError(f"model: the logs lack {', '.join(lacking)}, or it does not vary")
+    return possible, {name: names for name, names in missing.items() if names}
+
+
+def _check_number(samples: Samples, models: Sequence[FrictionModel]) -> None:
+    number = int(samples.used.sum())
+    needed = 3 * max(model.size for model in models)
+    if number < needed:
+        raise ParameterError(
+            f"logs: {number} samples are left after stops and stand-still; expected at least {needed}"
+        )
+    velocity = samples.velocity[samples.used]
+    if np.ptp(np.abs(velocity)) < 1e-9 and np.ptp(velocity) < 1e-9:
+        raise ParameterError(f"logs: every sample moves at {velocity[0]:g} rad/s; expected several speeds")
+
+
+def _judge(
+    fit: Fit,
+    tests: Sequence[FrictionTest],
+    samples: Samples,
+    validations: Sequence[CrossValidation],
+    options: IdentificationOptions,
+) -> IdentifiedModel:
+    values = fit.residuals(samples)
+    known = uncertainty(fit, samples, options.fit.seed)
+    return IdentifiedModel(
+        fit=fit,
+        goodness=goodness(samples.torque[samples.used], values, fit.model.size),
+        uncertainty=known,
+        validations=tuple(validations),
+        residuals=values,
+        warnings=(*doubts_of_fit(fit, known, samples), *doubts_of_time(tests, values, samples)),
+    )

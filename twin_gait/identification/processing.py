@@ -1,0 +1,374 @@
+"""From a log to samples of speed and friction torque (thesis 2.3.1, 2.3.2 and 3.1)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+
+from twin_gait.exceptions import ParameterFileError
+from twin_gait.identification.checks import FEWEST, clean
+from twin_gait.identification.filters import decimate, forward_difference, moving_average, zero_phase
+from twin_gait.identification.quantities import Quantity
+from twin_gait.identification.reading import Log
+from twin_gait.identification.rig import RigParameters
+from twin_gait.identification.samples import FrictionTest
+from twin_gait.parameters import require, require_non_negative, require_positive
+
+RATE = 100.0  # [Hz] of the samples that a fit sees, the thesis's
+_SLOWEST = 50.0  # [Hz] of a log whose acceleration can be used
+REVERSAL_REACH = 1.0  # of 1/cutoff
+_UNEVEN = 0.02  # of a period, beyond which a log is put on an even grid
+_GAP = 1.5  # periods without a sample
+
+
+class Processing(StrEnum):
+    """How a log is smoothed before the friction torque is computed."""
+
+    ZERO_PHASE = "zero_phase"  # angle, current and load through the same filter without delay
+    THESIS = "thesis"  # decimate by 10, moving average of 10 over the velocity alone, forward difference
+    NONE = "none"  # as recorded
+
+
+class CurrentSource(StrEnum):
+    """Which current the motor torque is computed from."""
+
+    MEASURED = "measured"
+    TARGET = "target"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProcessingOptions:
+    """How to process logs.
+
+    Attributes:
+        processing: None takes zero phase for logs with a current, and none for friction torques.
+        cutoff: Of the zero-phase filter in [Hz].
+        window: Samples of the thesis's moving average.
+        current: None takes the measured one if it is logged; with the thesis's processing the target.
+        standstill_velocity: Slower samples are rejected, in [rad] / [s]; None for 0.002 in logs with a
+            current and 0 in series of friction torques.
+        impact_acceleration: Beyond it the link has hit a stop, in [rad] / [s²].
+        stop_margin: Samples so near to where a stop was hit are rejected, in [rad].
+    """
+
+    processing: Processing | None = None
+    cutoff: float = 40.0
+    window: int = 10
+    current: CurrentSource | None = None
+    standstill_velocity: float | None = None
+    impact_acceleration: float = 25.0
+    stop_margin: float = 0.01
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_positive("cutoff", self.cutoff)
+        require(self.window >= 1, "window", "a whole number above 0", self.window)
+        if self.standstill_velocity is not None:
+            require_non_negative("standstill velocity", self.standstill_velocity)
+        require_positive("impact acceleration", self.impact_acceleration)
+        require_non_negative("stop margin", self.stop_margin)
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """Signals of a test after the filter, all of the same shape."""
+
+    time: np.ndarray
+    angle: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    impact: np.ndarray  # acceleration at which stops are looked for, the same whatever the processing
+    motor_torque: np.ndarray
+    load: np.ndarray
+    temperature: np.ndarray | None
+    settled: np.ndarray  # where the filter saw recorded samples only
+
+
+def process_log(log: Log, rig: RigParameters | None, options: ProcessingOptions) -> FrictionTest:
+    """Turn a log into samples of friction torque.
+
+    Args:
+        log: As it was read.
+        rig: The bench, for logs with a current; None if only friction torques are expected.
+        options: How to process.
+
+    Returns:
+        The test.
+
+    Raises:
+        ParameterFileError: If the log lacks what is needed, or cannot be what it is read as.
+    """
+    log, counts = clean(log)
+    if Quantity.FRICTION_TORQUE in log.columns:
+        return _series(log, counts, options)
+    if rig is None:
+        raise ParameterFileError(
+            log.source, "friction_torque", "no such column; name one with --columns friction_torque=NAME"
+        )
+    return _balance(log, counts, rig, options)
+
+
+def _series(log: Log, counts: dict[str, int], options: ProcessingOptions) -> FrictionTest:
+    """A plain series of velocity and friction torque."""
+    velocity = _needed(log, Quantity.VELOCITY, "such as --columns velocity=NAME")
+    torque = log.columns[Quantity.FRICTION_TORQUE]
+    for name, values in ((Quantity.VELOCITY, velocity), (Quantity.FRICTION_TORQUE, torque)):
+        if np.ptp(values) == 0.0:
+            raise ParameterFileError(
+                log.source, str(name), f"is {values[0]:g} in every row; nothing can be fitted"
+            )
+    used = np.abs(velocity) >= (options.standstill_velocity or 0.0)
+    time = log.columns.get(Quantity.TIME)
+    if options.processing in (Processing.ZERO_PHASE, Processing.THESIS):
+        velocity, torque = _smoothed_series(log, velocity, torque, time, options)
+        used = np.abs(velocity) >= (options.standstill_velocity or 0.0)
+    mass = log.columns.get(Quantity.MASS)
+    return FrictionTest(
+        name=Path(log.source).name,
+        velocity=velocity,
+        torque=torque,
+        used=used,
+        time=time,
+        angle=log.columns.get(Quantity.ANGLE),
+        load=log.columns.get(Quantity.LOAD_TORQUE),
+        temperature=log.columns.get(Quantity.TEMPERATURE),
+        mass=log.mass if mass is None else float(np.median(mass)),
+        counts={**counts, "standstill": int((~used).sum()), "used": int(used.sum())},
+    )
+
+
+def _smoothed_series(
+    log: Log, velocity: np.ndarray, torque: np.ndarray, time: np.ndarray | None, options: ProcessingOptions
+) -> tuple[np.ndarray, np.ndarray]:
+    if time is None:
+        raise ParameterFileError(log.source, "time", "no such column; a filter needs it")
+    if options.processing is Processing.THESIS:
+        return moving_average(velocity, options.window), torque
+    rate, cutoff = _rate(log, options)
+    return zero_phase(velocity, cutoff, rate), zero_phase(torque, cutoff, rate)
+
+
+def _balance(
+    log: Log, counts: dict[str, int], rig: RigParameters, options: ProcessingOptions
+) -> FrictionTest:
+    """Friction torque by the balance of torques, equation (2.12)."""
+    thesis = options.processing is Processing.THESIS
+    mass = _mass(log, rig)
+    _needed(log, Quantity.TIME, "such as --columns time=NAME")
+    options = replace(options, cutoff=_rate(log, options)[1])  # a slow log allows less
+    motion = (_thesis_motion if thesis else _zero_phase_motion)(log, rig, mass, options)
+    torque = motion.motor_torque + motion.load - rig.inertia(mass) * motion.acceleration
+    slowest = 0.002 if options.standstill_velocity is None else options.standstill_velocity
+    stopped = _stopped(motion, options)
+    standing = ~stopped & (np.abs(motion.velocity) < slowest)
+    turning = ~stopped & ~standing & _turning(motion, options)
+    used = motion.settled & ~stopped & ~standing & ~turning
+    counts = {
+        **counts,
+        "after_decimation": len(used),
+        "stop": int((stopped & motion.settled).sum()),
+        "standstill": int((standing & motion.settled).sum()),
+        "reversal": int((turning & motion.settled).sum()),
+        "edge": int((~motion.settled).sum()),
+        "used": int(used.sum()),
+    }
+    return FrictionTest(
+        name=Path(log.source).name,
+        velocity=motion.velocity,
+        torque=torque,
+        used=used,
+        time=motion.time,
+        angle=motion.angle,
+        load=motion.load,
+        temperature=motion.temperature,
+        mass=mass,
+        counts=counts,
+    )
+
+
+def _mass(log: Log, rig: RigParameters) -> float:
+    if Quantity.MASS in log.columns:
+        return float(np.median(log.columns[Quantity.MASS]))
+    mass = log.mass if log.mass is not None else rig.mass
+    if mass is None:
+        raise ParameterFileError(
+            log.source,
+            "mass",
+            "does not say which weight hung on the link: add --mass-kg, a line '# mass_kg: 2.5', or name the "
+            "file so (knee_2.5kg_1.log)",
+        )
+    return mass
+
+
+def _needed(log: Log, quantity: Quantity, advice: str) -> np.ndarray:
+    if quantity not in log.columns:
+        raise ParameterFileError(log.source, str(quantity), f"no such column; name it, {advice}")
+    return log.columns[quantity]
+
+
+def _rate(log: Log, options: ProcessingOptions) -> tuple[float, float]:
+    """Sampling rate in [Hz], and the cutoff that it allows."""
+    steps = np.diff(log.columns[Quantity.TIME])
+    rate = 1.0 / float(np.median(steps))
+    return rate, min(options.cutoff, 0.2 * rate)
+
+
+def _even(log: Log, rate: float) -> tuple[np.ndarray, dict[Quantity, np.ndarray], np.ndarray]:
+    """Put a log on an even grid: time, columns, and where there were samples."""
+    time = log.columns[Quantity.TIME]
+    steps = np.diff(time) * rate
+    if np.abs(steps - 1.0).max() < _UNEVEN:
+        return time, dict(log.columns), np.ones(len(time), dtype=bool)
+    number = int((time[-1] - time[0]) * rate) + 1
+    if number > 20 * len(time):
+        raise ParameterFileError(
+            log.source,
+            "time",
+            f"has gaps that are {number / len(time):.0f} times as long as what was recorded",
+        )
+    grid = time[0] + np.arange(number) / rate
+    columns = {quantity: np.interp(grid, time, values) for quantity, values in log.columns.items()}
+    before = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 2)
+    recorded = (time[before + 1] - time[before]) * rate < _GAP
+    return grid, columns, recorded
+
+
+def _current(log: Log, columns: dict[Quantity, np.ndarray], options: ProcessingOptions) -> np.ndarray:
+    wanted = options.current
+    if wanted is None:
+        thesis = options.processing is Processing.THESIS
+        order = (Quantity.TARGET_CURRENT, Quantity.MEASURED_CURRENT)
+        for quantity in order if thesis else reversed(order):
+            if quantity in columns:
+                return columns[quantity]
+        wanted = CurrentSource.MEASURED
+    quantity = Quantity.MEASURED_CURRENT if wanted is CurrentSource.MEASURED else Quantity.TARGET_CURRENT
+    _needed(log, quantity, f"such as --columns {quantity}=NAME, or friction_torque=NAME if that is known")
+    return columns[quantity]
+
+
+def _prepare(
+    log: Log, rig: RigParameters, mass: float, options: ProcessingOptions
+) -> tuple[float, float, np.ndarray, dict[Quantity, np.ndarray], np.ndarray, np.ndarray]:
+    """Rate, cutoff, even time, columns with the angle of the bench, motor torque, recorded samples."""
+    _needed(log, Quantity.ANGLE, "such as --columns angle=NAME")
+    rate, cutoff = _rate(log, options)
+    if rate < _SLOWEST:
+        raise ParameterFileError(
+            log.source,
+            "time",
+            f"has {rate:.3g} samples per second; expected at least {_SLOWEST:g} to see the acceleration: is "
+            "it in another unit (--units time=ms)?",
+        )
+    time, columns, recorded = _even(log, rate)
+    columns[Quantity.ANGLE] = rig.joint_angle(columns[Quantity.ANGLE])
+    if np.ptp(columns[Quantity.ANGLE]) == 0.0:
+        raise ParameterFileError(log.source, "angle", "is the same in every row; the joint never moved")
+    return rate, cutoff, time, columns, rig.motor_torque(_current(log, columns, options)), recorded
+
+
+def _zero_phase_motion(log: Log, rig: RigParameters, mass: float, options: ProcessingOptions) -> _Motion:
+    """Angle, current and load through the same filter; velocity and acceleration from the angle."""
+    rate, cutoff, time, columns, motor_torque, recorded = _prepare(log, rig, mass, options)
+    guard = int(np.ceil(rate / cutoff))
+    if len(time) < 4 * guard + FEWEST:
+        raise ParameterFileError(
+            log.source,
+            "time",
+            f"lasts {len(time) / rate:.3g} s; expected at least {(4 * guard + FEWEST) / rate:.2g}",
+        )
+
+    def smooth(values: np.ndarray) -> np.ndarray:
+        return values if options.processing is Processing.NONE else zero_phase(values, cutoff, rate)
+
+    angle = smooth(columns[Quantity.ANGLE])
+    velocity = np.gradient(angle, 1.0 / rate)
+    acceleration = np.gradient(velocity, 1.0 / rate)
+    settled = ~_widened(~recorded, guard)
+    settled[:guard] = settled[-guard:] = False
+    step = max(1, round(rate / RATE))
+    temperature = columns.get(Quantity.TEMPERATURE)
+    return _Motion(
+        time=time[::step],
+        angle=angle[::step],
+        velocity=velocity[::step],
+        acceleration=acceleration[::step],
+        impact=_impact(columns[Quantity.ANGLE], cutoff, rate, step),
+        motor_torque=smooth(motor_torque)[::step],
+        load=smooth(rig.load_torque(columns[Quantity.ANGLE], mass))[::step],
+        temperature=None if temperature is None else smooth(temperature)[::step],
+        settled=settled[::step],
+    )
+
+
+def _thesis_motion(log: Log, rig: RigParameters, mass: float, options: ProcessingOptions) -> _Motion:
+    """Decimated signals, the velocity alone averaged: late against current and load."""
+    rate, cutoff, time, columns, motor_torque, recorded = _prepare(log, rig, mass, options)
+    step = max(1, round(rate / RATE))
+    raw = columns.get(Quantity.VELOCITY)
+    if raw is None:
+        raw = np.gradient(columns[Quantity.ANGLE], 1.0 / rate)
+    velocity = moving_average(decimate(raw, step), options.window)
+    if len(velocity) < options.window + FEWEST:
+        raise ParameterFileError(
+            log.source, "time", f"lasts {len(time) / rate:.3g} s, too short for the filter"
+        )
+    angle = decimate(columns[Quantity.ANGLE], step)
+    settled = ~_widened(~decimate(recorded, step), options.window)
+    settled[: options.window - 1] = settled[-1:] = False
+    temperature = columns.get(Quantity.TEMPERATURE)
+    return _Motion(
+        time=decimate(time, step),
+        angle=angle,
+        velocity=velocity,
+        acceleration=forward_difference(velocity, step / rate),
+        impact=_impact(columns[Quantity.ANGLE], cutoff, rate, step),
+        motor_torque=decimate(motor_torque, step),
+        load=rig.load_torque(angle, mass),
+        temperature=None if temperature is None else decimate(temperature, step),
+        settled=settled,
+    )
+
+
+def _turning(motion: _Motion, options: ProcessingOptions) -> np.ndarray:
+    """Samples so near a fast reversal that the filter mixes friction of both directions.
+
+    The friction torque that comes out of a filter is the filtered friction, not the friction at the filtered
+    velocity; the two part where the law bends within the filter's reach, 1/cutoff.
+    """
+    if options.processing is not None and options.processing is not Processing.ZERO_PHASE:
+        return np.zeros(len(motion.velocity), dtype=bool)
+    return np.asarray(np.abs(motion.velocity) < REVERSAL_REACH * np.abs(motion.acceleration) / options.cutoff)
+
+
+def _impact(angle: np.ndarray, cutoff: float, rate: float, step: int) -> np.ndarray:
+    """Largest acceleration up to the next decimated sample in [rad] / [s²], from the zero-phase angle.
+
+    A late average would hide an impact, and so would a sample beside its peak.
+    """
+    velocity = np.gradient(zero_phase(angle, cutoff, rate), 1.0 / rate)
+    acceleration = np.abs(np.gradient(velocity, 1.0 / rate))
+    return np.asarray(np.maximum.reduceat(acceleration, np.arange(0, len(angle), step)))
+
+
+def _stopped(motion: _Motion, options: ProcessingOptions) -> np.ndarray:
+    """Samples at a stop: around an impact, and wherever the joint is as far as it was then."""
+    hit = motion.impact > options.impact_acceleration
+    around = _widened(hit, max(int(RATE / options.cutoff), options.window))
+    for index in np.flatnonzero(hit).tolist():
+        before = max(index - options.window, 0)
+        direction = np.sign(motion.angle[index] - motion.angle[before])
+        if direction:
+            around |= direction * (motion.angle - motion.angle[index]) > -options.stop_margin
+    return around
+
+
+def _widened(mask: np.ndarray, by: int) -> np.ndarray:
+    """Mask that also covers so many samples before and after."""
+    if not mask.any() or by < 1:
+        return mask
+    return np.asarray(binary_dilation(mask, iterations=by))

@@ -1,0 +1,105 @@
+"""The quantities that a log can hold, the names they go by, and the units that are understood."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from enum import StrEnum
+
+from twin_gait.exceptions import ParameterError
+
+
+class Quantity(StrEnum):
+    """A column that the identification can use."""
+
+    TIME = "time"
+    ANGLE = "angle"
+    VELOCITY = "velocity"
+    FRICTION_TORQUE = "friction_torque"
+    LOAD_TORQUE = "load_torque"
+    TARGET_CURRENT = "target_current"
+    MEASURED_CURRENT = "measured_current"
+    TEMPERATURE = "temperature"
+    MASS = "mass"
+
+
+_ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0, "turn": 2.0 * math.pi}
+_TORQUE_UNITS = {"Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
+_CURRENT_UNITS = {"A": 1.0, "mA": 1e-3}
+# Factor to SI by the way a unit is written.
+UNITS: Mapping[Quantity, Mapping[str, float]] = {
+    Quantity.TIME: {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "min": 60.0},
+    Quantity.ANGLE: _ANGLE_UNITS,
+    Quantity.VELOCITY: {
+        **{f"{name}/s": factor for name, factor in _ANGLE_UNITS.items()},
+        "rpm": 2.0 * math.pi / 60.0,
+    },
+    Quantity.FRICTION_TORQUE: _TORQUE_UNITS,
+    Quantity.LOAD_TORQUE: _TORQUE_UNITS,
+    Quantity.TARGET_CURRENT: _CURRENT_UNITS,
+    Quantity.MEASURED_CURRENT: _CURRENT_UNITS,
+    Quantity.TEMPERATURE: {"degC": 1.0, "°C": 1.0, "C": 1.0},
+    Quantity.MASS: {"kg": 1.0, "g": 1e-3},
+}
+# Names without their unit, lower case, best first.
+KNOWN_NAMES: Mapping[Quantity, tuple[str, ...]] = {
+    Quantity.TIME: ("time", "t", "timestamp"),
+    Quantity.ANGLE: ("position", "angle", "theta", "q"),
+    Quantity.VELOCITY: ("velocity", "omega", "speed", "dq", "qd"),
+    Quantity.FRICTION_TORQUE: ("friction_torque", "torque_friction", "t_fr", "tau_f"),
+    Quantity.LOAD_TORQUE: ("load_torque", "torque_load"),
+    Quantity.TARGET_CURRENT: ("target_current", "current_target"),
+    Quantity.MEASURED_CURRENT: ("measured_current", "current_measured", "current"),
+    Quantity.TEMPERATURE: ("temperature", "temp"),
+    Quantity.MASS: ("mass", "weight"),
+}
+
+_BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
+
+
+def split_unit(column: str, quantity: Quantity) -> tuple[str, str | None]:
+    """Name and unit of a column that states it: ``velocity [deg/s]`` or ``velocity_deg_per_s``.
+
+    Args:
+        column: As it stands in the file.
+        quantity: What it holds.
+
+    Returns:
+        The name without the unit; the unit as a key of ``UNITS``, or None.
+    """
+    text = column.strip()
+    bracketed = _BRACKETED.match(text)
+    if bracketed:
+        return bracketed["name"], known_unit(bracketed["unit"], quantity)
+    for unit in sorted(UNITS[quantity], key=len, reverse=True):
+        ending = "_" + unit.replace("/", "_per_")
+        if text.endswith(ending):
+            return text[: -len(ending)], unit
+    return text, None
+
+
+def known_unit(text: str, quantity: Quantity) -> str | None:
+    """A unit in the way it is written here, or None if it is none of the quantity."""
+    wanted = text.strip().replace(" ", "").replace("·", "").replace("_per_", "/")
+    wanted = {"N*m": "Nm", "N.m": "Nm", "sec": "s", "1/min": "rpm"}.get(wanted, wanted)
+    return wanted if wanted in UNITS[quantity] else None
+
+
+def factor_of(unit: str, quantity: Quantity) -> float:
+    """Factor from a unit to SI.
+
+    Args:
+        unit: As the user wrote it.
+        quantity: What is measured in it.
+
+    Returns:
+        The factor.
+
+    Raises:
+        ParameterError: If the unit is not one of the quantity.
+    """
+    known = known_unit(unit, quantity)
+    if known is None:
+        raise ParameterError(f"units: no unit {unit!r} of {quantity}; there are {', '.join(UNITS[quantity])}")
+    return UNITS[quantity][known]

@@ -1,0 +1,326 @@
+"""Read logs and series of measurements: any text table, any column names, units declared or by name."""
+
+from __future__ import annotations
+
+import csv
+import re
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.identification.quantities import (
+    KNOWN_NAMES,
+    UNITS,
+    Quantity,
+    factor_of,
+    split_unit,
+)
+
+_SEPARATORS = ",;\t"
+_HEAD = 65_536  # [bytes] that are looked at for comments, header and separator
+_MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
+_LISTED = 12
+_CHECKED_ROWS = 100
+_MASS_IN_NAME = re.compile(r"(?<![\d.])(\d+(?:[.,p]\d+)?)[ _]?kg(?![a-z])", re.IGNORECASE)
+_COMMENT = re.compile(r"#\s*([A-Za-z_ ]+?)\s*(?:\[[^\]]*\])?\s*[:=]\s*([-+.\deE]+)\s*$")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogColumns:
+    """Which column holds what.
+
+    Attributes:
+        names: Column of a quantity; a minus before it turns the sign.
+        units: Unit of a quantity, where the column does not state it; SI without one.
+    """
+
+    names: Mapping[Quantity, str] = field(default_factory=dict)
+    units: Mapping[Quantity, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the units."""
+        for quantity, unit in self.units.items():
+            factor_of(unit, quantity)
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """A log in SI units, as it was recorded.
+
+    Attributes:
+        source: The file.
+        columns: Of each quantity that it holds, shape ``(n,)``; NaN where a cell is empty.
+        mass: Weight on the link in [kg], if comments or the file's name say so.
+    """
+
+    source: str
+    columns: Mapping[Quantity, np.ndarray]
+    mass: float | None = None
+
+    def __len__(self) -> int:
+        """Rows."""
+        return len(next(iter(self.columns.values()), ()))
+
+
+def read_log(path: Path, columns: LogColumns | None = None) -> Log:
+    """Read a log.
+
+    The separator may be a comma, a semicolon, a tab or blanks; lines that begin with # are comments, of which
+    ``# mass_kg: 2.5`` states the weight. A file without column names has columns 1, 2 and so on.
+
+    Args:
+        path: The file.
+        columns: Which column holds what; those with a known name are found without.
+
+    Returns:
+        The log.
+
+    Raises:
+        ParameterFileError: If the file cannot be read as numbers; one line with file, column and row.
+    """
+    columns = columns or LogColumns()
+    layout = _layout(path)
+    places = _places(path, layout, columns)
+    values = _numbers(path, layout, sorted({place for place, _, _ in places.values()}))
+    found: dict[Quantity, np.ndarray] = {}
+    for quantity, (place, sign, unit) in places.items():
+        found[quantity] = values[place] * (sign * UNITS[quantity][unit] if unit else sign)
+    if not found or len(values[next(iter(values))]) == 0:
+        raise ParameterFileError(path, "", "is empty; expected column names and rows of numbers")
+    mass = layout.mass if layout.mass is not None else _mass_in(path.name)
+    return Log(str(path), found, mass)
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """What the first lines of a file say."""
+
+    separator: str
+    decimal: str
+    names: tuple[str, ...]
+    header_rows: int
+    mass: float | None
+
+
+def _layout(path: Path) -> _Layout:
+    if not path.is_file():
+        raise ParameterFileError(path, "", "no such file")
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD).decode(
+                "utf-8-sig", errors="strict" if path.stat().st_size < _HEAD else "ignore"
+            )
+    except OSError as error:
+        raise ParameterFileError(path, "", f"cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise ParameterFileError(path, "", "is not UTF-8 text") from error
+    if "\0" in head:
+        raise ParameterFileError(path, "", "is not a text file")
+    lines = head.splitlines()
+    skipped = 0
+    while skipped < len(lines) and (not lines[skipped].strip() or lines[skipped].lstrip().startswith("#")):
+        skipped += 1
+    if skipped == len(lines):
+        raise ParameterFileError(path, "", "is empty; expected column names and rows of numbers")
+    first, following = lines[skipped], lines[skipped + 1] if skipped + 1 < len(lines) else ""
+    separator = max(_SEPARATORS, key=first.count)
+    separator = separator if separator in first else " "
+    decimal = "," if separator != "," and "," in following and "." not in following else "."
+    cells = _cells(first, separator)
+    numeric = all(_is_number(cell, decimal) for cell in cells)
+    names = tuple(str(number) for number in range(1, len(cells) + 1)) if numeric else tuple(cells)
+    _check_width(path, lines[skipped + (0 if numeric else 1) :], separator, len(names))
+    return _Layout(
+        separator, decimal, names, skipped + (0 if numeric else 1), _mass_in_comments(lines[:skipped])
+    )
+
+
+def _check_width(path: Path, lines: list[str], separator: str, names: int) -> None:
+    """Refuse rows that are longer than the header, whose columns would be mistaken for one another."""
+    for number, line in enumerate(lines[:_CHECKED_ROWS], start=1):
+        cells = len(_cells(line.split("#")[0].rstrip().removesuffix(separator), separator))
+        if cells > names:
+            raise ParameterFileError(
+                path, "", f"row {number} has {cells} cells, but there are {names} column names"
+            )
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    if separator == " ":
+        return line.split()
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+    except csv.Error:
+        return [cell.strip() for cell in line.split(separator)]
+
+
+def _is_number(text: str, decimal: str) -> bool:
+    try:
+        float(text.replace(decimal, "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _mass_in_comments(lines: list[str]) -> float | None:
+    for line in lines:
+        match = _COMMENT.match(line.strip())
+        if match and match[1].lower().split("_")[0].strip() in KNOWN_NAMES[Quantity.MASS]:
+            try:
+                return float(match[2])
+            except ValueError:
+                return None
+    return None
+
+
+def _mass_in(name: str) -> float | None:
+    match = _MASS_IN_NAME.search(name)
+    return float(re.sub("[,p]", ".", match[1].lower())) if match else None
+
+
+def _places(
+    path: Path, layout: _Layout, columns: LogColumns
+) -> dict[Quantity, tuple[int, float, str | None]]:
+    """Position, sign and unit of the column of each quantity."""
+    places = {}
+    for quantity in Quantity:
+        asked = columns.names.get(quantity)
+        if asked is not None:
+            sign = -1.0 if asked.startswith("-") and asked not in layout.names else 1.0
+            name = asked if sign > 0.0 else asked[1:].strip()
+            place = _position(path, layout, name)
+        else:
+            sign, found = 1.0, _known_column(layout.names, quantity)
+            if found is None:
+                continue
+            place = found
+        places[quantity] = (place, sign, _unit(path, layout.names[place], quantity, columns))
+    return places
+
+
+def _position(path: Path, layout: _Layout, name: str) -> int:
+    known = [place for place, known in enumerate(layout.names) if known == name]
+    known = known or [
+        place for place, known in enumerate(layout.names) if known.split("[")[0].strip() == name
+    ]
+    if not known:
+        shown = ", ".join(layout.names[:_LISTED]) + (" …" if len(layout.names) > _LISTED else "")
+        raise ParameterFileError(path, name, f"no such column; there are {shown}")
+    if len(known) > 1:
+        raise ParameterFileError(path, name, f"{len(known)} columns have this name")
+    return known[0]
+
+
+def _known_column(names: tuple[str, ...], quantity: Quantity) -> int | None:
+    plain = [split_unit(name, quantity)[0].strip().lower().replace(" ", "_") for name in names]
+    for known in KNOWN_NAMES[quantity]:
+        if plain.count(known) == 1:
+            return plain.index(known)
+    return None
+
+
+def _unit(path: Path, column: str, quantity: Quantity, columns: LogColumns) -> str | None:
+    """Unit of a column: what its name says, else what the user says, else SI."""
+    stated, given = split_unit(column, quantity)[1], columns.units.get(quantity)
+    if stated is not None and given is not None and factor_of(given, quantity) != UNITS[quantity][stated]:
+        raise ParameterFileError(
+            path, column, f"is in {stated} by its name; leave --units {quantity}={given} out"
+        )
+    if stated is None and given is not None:
+        return next(name for name, factor in UNITS[quantity].items() if factor == factor_of(given, quantity))
+    return stated
+
+
+def _numbers(path: Path, layout: _Layout, places: list[int]) -> dict[int, np.ndarray]:
+    if not places:
+        raise ParameterFileError(
+            path,
+            "",
+            f"no column is known among {', '.join(layout.names[:_LISTED])}; name them with "
+            "--columns velocity=NAME,friction_torque=NAME",
+        )
+    try:
+        frame = _frame(path, layout, places, float)
+    except (ValueError, OverflowError):
+        frame = _frame_of_texts(path, layout, places)
+    values = {place: frame[place].to_numpy(dtype=float) for place in places}
+    for place, column in values.items():
+        if np.isinf(column).any():
+            row = int(np.flatnonzero(np.isinf(column))[0])
+            raise ParameterFileError(path, layout.names[place], f"is infinite in row {row + 1}")
+    return values
+
+
+def _frame(path: Path, layout: _Layout, places: list[int], dtype: type) -> pd.DataFrame:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            return pd.read_csv(
+                path,
+                compression=None,
+                sep=r"\s+" if layout.separator == " " else layout.separator,
+                header=None,
+                names=list(range(len(layout.names))),
+                usecols=places,
+                skiprows=layout.header_rows,
+                index_col=False,
+                comment="#",
+                skipinitialspace=True,
+                decimal=layout.decimal,
+                dtype=dtype,
+                keep_default_na=dtype is float,
+                na_values=["nan", "NaN", "-", "none", "None"] if dtype is float else None,
+                engine="c",
+                encoding="utf-8-sig",
+                encoding_errors="replace",
+            )
+    except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError) as error:
+        reason = " ".join(str(error).split())[:100]
+        raise ParameterFileError(path, "", f"is not a table of numbers ({reason})") from error
+
+
+def _frame_of_texts(path: Path, layout: _Layout, places: list[int]) -> pd.DataFrame:
+    """Read cell by cell, to say which one is no number."""
+    texts = _frame(path, layout, places, str)
+    columns = {}
+    for place in places:
+        cells = texts[place].fillna("").astype(str).str.strip()
+        numbers = pd.to_numeric(cells.str.replace(layout.decimal, ".", regex=False), errors="coerce")
+        wrong = np.flatnonzero(numbers.isna() & ~cells.str.lower().isin(_MISSING))
+        if len(wrong):
+            shown = " ".join(str(cells.iloc[wrong[0]]).split())[:40]
+            raise ParameterFileError(
+                path, layout.names[place], f"expected a number in row {wrong[0] + 1}, got {shown!r}"
+            )
+        columns[place] = numbers.astype(float)
+    return pd.DataFrame(columns)
+
+
+def parse_columns(text: str) -> dict[Quantity, str]:
+    """Read ``time=t,velocity=dq2``.
+
+    Args:
+        text: Quantities and values.
+
+    Returns:
+        Value by quantity.
+
+    Raises:
+        ParameterError: If a part is not an assignment or there is no such quantity.
+    """
+    pairs: dict[Quantity, str] = {}
+    for part in filter(None, (item.strip() for item in text.split(","))):
+        key, separator, value = (item.strip() for item in part.partition("="))
+        if not separator or not value:
+            raise ParameterError(f"expected QUANTITY=NAME,…, got {part!r}")
+        if key not in set(Quantity):
+            raise ParameterError(f"no quantity {key!r}; there are {', '.join(Quantity)}")
+        if Quantity(key) in pairs:
+            raise ParameterError(f"{key} is given twice")
+        pairs[Quantity(key)] = value
+    return pairs

@@ -1,0 +1,462 @@
+"""The joint test bench: one motor, one gear, a rigid link with a weight, a stop (thesis, section 2.2.1).
+
+Sources: *thesis* is what it prints; *data sheet* is maxon's EC 90 flat 323772 (24 V); *from memory* was not
+found again; *assumption* is nobody's number, with the reason beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from twin_gait.control import Controller
+from twin_gait.parameters import (
+    HIP_ACTUATOR,
+    HIP_FRICTION,
+    KNEE_ACTUATOR,
+    KNEE_FRICTION,
+    ActuatorParameters,
+    BatteryParameters,
+    FrictionParameters,
+    LimitParameters,
+    SensorParameters,
+    StopParameters,
+    require,
+    require_count,
+    require_non_negative,
+    require_positive,
+)
+from twin_gait.scenario.bench_leg import HandParameters
+from twin_gait.vocabulary import JointName
+
+HORIZONTAL = math.pi / 2.0  # [rad]: where the fall begins (thesis 2.3.1)
+STOP_ANGLE = math.radians(125.0)  # where it ends (thesis, appendix B)
+LOWER_STOP = math.radians(-4.0)  # thesis 2.4
+TRANSPARENCY_STEPS = 1000.0  # of the sine in a second: the firmware's ticks
+
+BENCH_ACTUATORS: Mapping[JointName, ActuatorParameters] = {
+    JointName.KNEE: KNEE_ACTUATOR,
+    JointName.HIP: HIP_ACTUATOR,
+}
+BENCH_FRICTION: Mapping[JointName, FrictionParameters] = {
+    JointName.KNEE: KNEE_FRICTION,
+    JointName.HIP: HIP_FRICTION,
+}
+# L of the 24 V winding from the data sheet. That of the 36 V winding scales with the square of K_t, as its R
+# does: 0.264 (0.109/0.0705)² = 0.63 mH (computed).
+BENCH_INDUCTANCE: Mapping[JointName, float] = {
+    JointName.KNEE: 0.264e-3,
+    JointName.HIP: 0.264e-3 * (HIP_ACTUATOR.torque_constant / KNEE_ACTUATOR.torque_constant) ** 2,
+}
+# ω_min of (2.1) in [rad] / [s], which the thesis does not print: where A = 140 to 195 counts just break the
+# joint away. A count is 0.099 N m on the standing knee and 0.064 N m on the hip; the two keep that ratio.
+LOWEST_VELOCITIES: Mapping[JointName, float] = {JointName.KNEE: 0.11, JointName.HIP: 0.07}
+
+
+class CurrentLoop(StrEnum):
+    """How a target current becomes a current."""
+
+    IDEAL = "ideal"  # at once, as far as the bus voltage drives it
+    PI = "pi"  # figure 2.13: PI on the six-step measurement
+
+
+class LoadAngle(StrEnum):
+    """From where the angle of the load torque is counted."""
+
+    CORRECTED = "corrected"  # F b cos(θ − 90°): the link is level where the fall begins
+    PRINTED = "printed"  # F b cos θ, equation (2.8) as printed
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveParameters:
+    """Winding, inverter and current loop.
+
+    Attributes:
+        inductance: L, line to line, in [H].
+        pole_pairs: Of the motor (data sheet: 12).
+        rate: Of the current loop in [Hz], a whole multiple of 1 kHz; 20 kHz as the thesis's position loop.
+        counts: Counts of full duty: 120 MHz of the controller over 20 kHz (computed). 0 for no steps.
+        loop: Ideal or PI.
+        bandwidth: Of the PI loop in [rad] / [s]; an assumption, a fortieth of the loop's rate.
+        noise: Standard deviation of a current sample in [A]; chosen so that the RMSE of target and measured
+            current is near the thesis's 0.0113 A (calibrated, not predicted).
+        ripple: Relative first harmonic of the commutation. A sine of back-EMF over 60° varies by 13.4 % from
+            end to end, a cosine of 0.067; the loop sees that as current. An assumption: a tenth is left.
+        delay: Periods of the loop between a sample and its use; an assumption.
+        resolution: Of the current converter in [A]; 0 for none.
+    """
+
+    inductance: float
+    pole_pairs: int = 12
+    rate: float = 20_000.0
+    counts: int = 6000
+    loop: CurrentLoop = CurrentLoop.PI
+    bandwidth: float = 2.0 * math.pi * 500.0
+    noise: float = 0.011
+    ripple: float = 0.0067
+    delay: int = 1
+    resolution: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_positive("inductance", self.inductance)
+        require_count("pole_pairs", self.pole_pairs)
+        require_positive("current loop rate", self.rate)
+        per_tick = self.rate / 1000.0
+        require(per_tick == round(per_tick), "current loop rate", "a whole multiple of 1000 Hz", self.rate)
+        require(self.counts >= 0, "pwm counts", "0 or more", self.counts)
+        require_positive("current loop bandwidth", self.bandwidth)
+        require_non_negative("current noise", self.noise)
+        require_non_negative("current ripple", self.ripple)
+        require(0 <= self.delay <= 100, "current delay", "0 to 100 periods of the loop", self.delay)
+        require_non_negative("current resolution", self.resolution)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CatalogueEfficiency:
+    """Efficiency of the CSD-25-100 at rated torque with grease, a quadratic in temperature and input speed.
+
+    Least squares over 44 values of Harmonic Drive's catalogue (−10 to 40 °C, 500 to 3500 1/min): RMS error
+    0.011, largest 0.024 (computed). Below rated torque the efficiency is lower still.
+
+    Attributes:
+        temperature: Of the grease in [°C].
+        coefficients: See :func:`twin_gait.core.motor_drive.drive_efficiency`.
+        transition_velocity: Of the loss at a reversal, in [rad] / [s]; an assumption.
+    """
+
+    temperature: float = 25.0
+    coefficients: tuple[float, float, float, float, float, float] = (
+        0.688878205,
+        9.24475524e-3,
+        -1.18764569e-4,
+        -1.47423702e-3,
+        1.06902515e-5,
+        1.57005966e-6,
+    )
+    transition_velocity: float = 0.02
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require(
+            -10.0 <= self.temperature <= 40.0,
+            "gear temperature",
+            "-10 to 40 °C, the range of the catalogue",
+            self.temperature,
+        )
+        require_positive("transition_velocity", self.transition_velocity)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Torsion:
+    """Compliance of the flexspline between motor and link.
+
+    Attributes:
+        stiffness: In [N m] / [rad]; 3.1e4 is CSF-25 at low torque (from memory, medium confidence).
+        damping: In [N m s] / [rad]; an assumption, about 3 % of critical for the default link.
+    """
+
+    stiffness: float = 3.1e4
+    damping: float = 5.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_positive("torsional stiffness", self.stiffness)
+        require_non_negative("torsional damping", self.damping)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchFriction:
+    """True friction of the joint: the rotational law, and what may come on top of it.
+
+    Attributes:
+        law: Equation (3.1).
+        coulomb_per_load: Coulomb friction per load torque, no unit.
+        coulomb_per_kelvin: In [N m] / [K] from 25 °C.
+        viscous_per_kelvin: In [N m s] / [rad K] from 25 °C.
+        temperature: In [°C].
+        ripple: Amplitude of a torque that repeats twice in a turn of the wave generator, in [N m].
+    """
+
+    law: FrictionParameters
+    coulomb_per_load: float = 0.0
+    coulomb_per_kelvin: float = 0.0
+    viscous_per_kelvin: float = 0.0
+    temperature: float = 25.0
+    ripple: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("coulomb_per_load", self.coulomb_per_load)
+        for name in ("coulomb_per_kelvin", "viscous_per_kelvin", "temperature"):
+            value = getattr(self, name)
+            require(math.isfinite(value), name, "a finite number", value)
+        require_non_negative("friction ripple", self.ripple)
+
+    @property
+    def depends_on_conditions(self) -> bool:
+        """Whether load or temperature matter."""
+        return any((self.coulomb_per_load, self.coulomb_per_kelvin, self.viscous_per_kelvin))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkParameters:
+    """What hangs on the joint.
+
+    Attributes:
+        mass: In [kg].
+        lever: b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
+        inertia: Of the link about the axis in [kg m²]; an assumption.
+        moment: Mass of the link times the distance of its centre in [kg m].
+        load_angle: Form of the load torque.
+        stops: Of the bench: the link hits its base, some 2e6 N/m at 0.3 m (an assumption).
+        lower_stop: In [rad].
+        upper_stop: In [rad].
+    """
+
+    mass: float = 2.0
+    lever: float = 0.30
+    inertia: float = 0.02
+    moment: float = 0.0
+    load_angle: LoadAngle = LoadAngle.CORRECTED
+    stops: StopParameters = field(default_factory=lambda: StopParameters(stiffness=2e5))
+    lower_stop: float = LOWER_STOP
+    upper_stop: float = STOP_ANGLE
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("mass", self.mass)
+        require_positive("lever", self.lever)
+        require_positive("link inertia", self.inertia)
+        require_non_negative("link moment", self.moment)
+        require(self.lower_stop < self.upper_stop, "stops", "lower < upper", self.lower_stop)
+
+    @property
+    def total_inertia(self) -> float:
+        """Link and weight about the axis, m b² and not the thesis's m b, in [kg m²]."""
+        return self.inertia + self.mass * self.lever * self.lever
+
+    @property
+    def total_moment(self) -> float:
+        """Of weight and link in [kg m]."""
+        return self.moment + self.mass * self.lever
+
+
+@dataclass(frozen=True, kw_only=True)
+class DutyControl:
+    """Duty-based transparency control, equations (2.1a) and (2.1b) of the thesis.
+
+    K, A and f are the thesis's. It prints neither p0, p1, p2 nor ω_min; they are assumptions, chosen so that
+    the falls go as its appendix B tells: with K = 1 the joint creeps and may stick, with 1.15 it runs freely
+    and stays near 0.6 rad/s. With counts of 6000, A from 140 to 195 makes up for the difference between 3 kg
+    and 1 kg: 55 counts are 5.4 N m at the knee, the weights 5.9 N m.
+
+    Attributes:
+        amplitude: A in counts.
+        frequency: f in [Hz].
+        transparency_gain: K.
+        lowest_velocity: ω_min in [rad] / [s].
+        static_voltage: p0 in [V].
+        back_emf_share: p1 over the back-EMF constant at the joint.
+        braking_torque: p2 as torque on the standing motor, in [N m s²] / [rad²].
+        duty_limit: As a share of full duty.
+    """
+
+    amplitude: float = 170.0
+    frequency: float = 3.0
+    transparency_gain: float = 1.10
+    lowest_velocity: float = LOWEST_VELOCITIES[JointName.KNEE]
+    static_voltage: float = 0.05
+    back_emf_share: float = 0.9
+    braking_torque: float = 18.0
+    duty_limit: float = 0.9
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("amplitude A", self.amplitude)
+        require_positive("frequency f", self.frequency)
+        require_non_negative("transparency gain K", self.transparency_gain)
+        require_positive("lowest_velocity", self.lowest_velocity)
+        require_non_negative("static_voltage", self.static_voltage)
+        require_non_negative("back_emf_share", self.back_emf_share)
+        require_non_negative("braking_torque", self.braking_torque)
+        require(0.0 < self.duty_limit <= 1.0, "duty_limit", "above 0 and at most 1", self.duty_limit)
+
+    def voltages(self, actuator: ActuatorParameters) -> tuple[float, float, float]:
+        """p0 in [V], p1 in [V s] / [rad] and p2 in [V s²] / [rad²] for a motor.
+
+        Args:
+            actuator: Motor and gear.
+
+        Returns:
+            The three motor parameters of equation (2.1b).
+        """
+        torque_per_current = actuator.torque_constant * actuator.gear_ratio
+        return (
+            self.static_voltage,
+            self.back_emf_share * torque_per_current,
+            self.braking_torque * actuator.resistance / torque_per_current,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class OldFrictionModel:
+    """TWIN's old friction model, equation (2.5) of the thesis.
+
+    Attributes:
+        coulomb: F_s in [N m]; an assumption, the Coulomb friction of the knee in table 3.1.
+        viscous: F_v in [N m s] / [rad]; likewise.
+        steepness: In [s] / [rad]; 40 in the thesis.
+    """
+
+    coulomb: float = 3.193
+    viscous: float = 2.06
+    steepness: float = 40.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("old model coulomb", self.coulomb)
+        require_non_negative("old model viscous", self.viscous)
+        require_positive("old model steepness", self.steepness)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CosinePath:
+    """A path of the equilibrium angle, there and back.
+
+    Attributes:
+        start_angle: In [rad].
+        amplitude: End to end in [rad].
+        frequency: In [Hz].
+    """
+
+    start_angle: float
+    amplitude: float
+    frequency: float
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require(math.isfinite(self.start_angle), "path start angle", "a finite angle", self.start_angle)
+        require(math.isfinite(self.amplitude), "path amplitude", "a finite angle", self.amplitude)
+        require_positive("path frequency", self.frequency)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueControl:
+    """Torque control, equations (2.7), (2.16) and (2.18) of the thesis.
+
+    With stiffness and damping of zero it is friction compensation with a target torque (2.16); with a
+    stiffness, impedance control (2.18); with the old model and an inertia compensation of 1, (2.7).
+
+    Attributes:
+        controller: Law and friction model, the same interface as that of the gait.
+        old_model: Takes the place of the controller's friction model if given.
+        friction_compensation_gain: G.
+        target_torque: In [N m].
+        stiffness: k in [N m] / [rad].
+        damping: b in [N m s] / [rad].
+        equilibrium_angle: θ0 in [rad].
+        inertia_compensation: Share of the known inertia times the differentiated velocity that is added.
+        path: Path of the equilibrium angle with the torque that its acceleration needs, or None.
+    """
+
+    controller: Controller
+    old_model: OldFrictionModel | None = None
+    friction_compensation_gain: float = 0.35
+    target_torque: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    equilibrium_angle: float = 0.0
+    inertia_compensation: float = 0.0
+    path: CosinePath | None = None
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("friction compensation gain G", self.friction_compensation_gain)
+        require(math.isfinite(self.target_torque), "target torque", "a finite torque", self.target_torque)
+        require_non_negative("stiffness", self.stiffness)
+        require_non_negative("damping", self.damping)
+        require(
+            math.isfinite(self.equilibrium_angle),
+            "equilibrium angle",
+            "a finite angle",
+            self.equilibrium_angle,
+        )
+        require_non_negative("inertia compensation", self.inertia_compensation)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchJoint:
+    """One test on the joint bench.
+
+    Attributes:
+        actuator: Motor and gear.
+        drive: Winding, inverter, current loop.
+        friction: True friction.
+        control: Controller; None leaves the winding open.
+        link: Link, weight and stops.
+        battery: Its voltage is the bus voltage at rest.
+        efficiency: Losses of the gear under load beyond the friction law; None, because equation (3.1)
+            already holds what was measured.
+        torsion: Compliance of the gear; None for a rigid one.
+        sensors: Encoder and velocity estimates.
+        limits: Of torque and current.
+        hand: A hand on the link, or None.
+        start_angle: In [rad].
+        start_velocity: In [rad] / [s].
+        gravity: In [m] / [s²].
+        duration: In [s].
+        rest_at_stop: The test ends so long after the upper stop was reached, in [s]; infinite for never.
+    """
+
+    actuator: ActuatorParameters
+    drive: DriveParameters
+    friction: BenchFriction
+    control: DutyControl | TorqueControl | None
+    link: LinkParameters = field(default_factory=LinkParameters)
+    battery: BatteryParameters = field(default_factory=BatteryParameters)
+    efficiency: CatalogueEfficiency | None = None
+    torsion: Torsion | None = None
+    sensors: SensorParameters = field(default_factory=lambda: SensorParameters(ideal=False))
+    limits: LimitParameters = field(default_factory=LimitParameters)
+    hand: HandParameters | None = None
+    start_angle: float = HORIZONTAL
+    start_velocity: float = 0.0
+    gravity: float = 9.81
+    duration: float = 5.0
+    rest_at_stop: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require(math.isfinite(self.start_angle), "start angle", "a finite angle", self.start_angle)
+        require(math.isfinite(self.start_velocity), "start velocity", "a finite speed", self.start_velocity)
+        require_non_negative("gravity", self.gravity)
+        require(0.001 <= self.duration <= 3600.0, "duration", "0.001 to 3600 s", self.duration)
+        require(self.rest_at_stop >= 0.0, "rest_at_stop", "0 or more", self.rest_at_stop)
+        require_positive("gear ratio", self.actuator.gear_ratio)
+
+
+def bench_joint(joint: JointName, **changes: object) -> BenchJoint:
+    """The bench with the motor and friction of a joint.
+
+    Args:
+        joint: Knee or hip.
+        changes: Attributes of :class:`BenchJoint` that differ; without ``control`` the winding is open.
+
+    Returns:
+        The test.
+
+    Raises:
+        ParameterError: If there is no such joint on the bench, or a value is out of its range.
+    """
+    require(joint in BENCH_ACTUATORS, "joint", "knee or hip", str(joint))
+    chosen: dict[str, object] = {
+        "actuator": BENCH_ACTUATORS[joint],
+        "drive": DriveParameters(inductance=BENCH_INDUCTANCE[joint]),
+        "friction": BenchFriction(law=BENCH_FRICTION[joint]),
+        "control": None,
+        **changes,
+    }
+    return BenchJoint(**chosen)  # type: ignore[arg-type]

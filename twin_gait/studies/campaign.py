@@ -1,0 +1,422 @@
+"""The testing campaign of the thesis (section 2.2.3) on the simulated joint bench, and the one it lacked."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin_gait import __version__
+from twin_gait.control import Controller
+from twin_gait.exceptions import RunDirectoryError
+from twin_gait.files import write_atomically
+from twin_gait.parameters import require, require_non_negative, require_positive
+from twin_gait.scenario.bench_joint import (
+    BENCH_FRICTION,
+    HORIZONTAL,
+    LOWEST_VELOCITIES,
+    BenchFriction,
+    BenchJoint,
+    CosinePath,
+    DutyControl,
+    TorqueControl,
+    bench_joint,
+)
+from twin_gait.simulation.bench_joint import (
+    LOG_COLUMNS,
+    BenchRun,
+    BenchVariation,
+    simulate_bench,
+)
+from twin_gait.simulation.run import RunStatus
+from twin_gait.studies.record import staged_directory
+from twin_gait.vocabulary import JointName
+
+WEIGHTS = (3.0, 2.5, 2.0, 1.5, 1.0)  # [kg], thesis 2.2.3
+TESTS_PER_WEIGHT = 9
+TRANSPARENCY_GAINS = (1.0, 1.10, 1.15)  # K, thesis 2.2.3
+FREQUENCY = 3.0  # f in [Hz], thesis 2.2.3
+AMPLITUDE_RANGE = (140.0, 195.0)  # A in counts from the heaviest to the lightest weight, thesis 2.2.3
+AMPLITUDE_STEP = 5.0  # [counts]; "by 5 or 10", thesis appendix B
+REST_AT_STOP = 0.3  # [s] that a log goes on after the stop was hit
+SETTINGS_FILE = "campaign.json"
+_DIGITS = "%.9g"
+
+
+class Protocol(StrEnum):
+    """How the joint is moved."""
+
+    DROP = "drop"  # the thesis's: the weight falls from 90° to the stop under duty-based transparency
+    TWO_WAY = "two-way"  # the motor leads the joint there and back, to ±2.5 rad/s
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoWayProtocol:
+    """Motor-driven tests in both directions.
+
+    The path starts level at 90°, so that logs of both protocols are read alike, goes up by at most 92° and
+    comes back. Its period is the shortest that leaves 2.5 rad/s within the joint's range.
+
+    Attributes:
+        lowest_speed: Peak speed of the first test in [rad] / [s].
+        highest_speed: Of the last one.
+        period: Of the path in [s].
+        cycles: Number of times there and back.
+        stiffness: Of the controller in [N m] / [rad]; an assumption, 13 rad/s on the bare armature.
+        damping_ratio: Of the controller on the bare armature.
+    """
+
+    lowest_speed: float = 0.15
+    highest_speed: float = 2.5
+    period: float = 2.0
+    cycles: int = 4
+    stiffness: float = 600.0
+    damping_ratio: float = 0.7
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_positive("lowest_speed", self.lowest_speed)
+        require(
+            self.highest_speed >= self.lowest_speed,
+            "highest_speed",
+            "at least the lowest",
+            self.highest_speed,
+        )
+        require_positive("period", self.period)
+        require(self.cycles >= 1, "cycles", "1 or more", self.cycles)
+        require_positive("stiffness", self.stiffness)
+        require_non_negative("damping_ratio", self.damping_ratio)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """What differs between tests though nothing was changed; all assumptions.
+
+    Attributes:
+        friction: Standard deviation of the friction, relative.
+        current_offset: Standard deviation of the offset of the current measurement in [A].
+    """
+
+    friction: float = 0.02
+    current_offset: float = 0.005
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("friction spread", self.friction)
+        require_non_negative("current offset spread", self.current_offset)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """A campaign on one joint.
+
+    Attributes:
+        joint: Knee or hip.
+        protocol: How the joint is moved.
+        seed: Of everything that chance decides.
+        bench: The bench without weight and controller; None for that of the joint.
+        spread: Between tests.
+        two_way: Motor-driven tests.
+        longest: Of a drop in [s]; a joint that sticks is switched off then.
+    """
+
+    joint: JointName
+    protocol: Protocol = Protocol.DROP
+    seed: int = 0
+    bench: BenchJoint | None = None
+    spread: Spread = field(default_factory=Spread)
+    two_way: TwoWayProtocol = field(default_factory=TwoWayProtocol)
+    longest: float = 20.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require(self.joint in BENCH_FRICTION, "joint", "knee or hip", str(self.joint))
+        require(
+            isinstance(self.seed, int) and self.seed >= 0, "seed", "a whole number of 0 or more", self.seed
+        )
+        require(1.0 <= self.longest <= 600.0, "longest test", "1 to 600 s", self.longest)
+
+    def plain_bench(self) -> BenchJoint:
+        """The bench to start from, with a friction ripple of 0.3 N m (an assumption: some teeth rub more)."""
+        if self.bench is not None:
+            return self.bench
+        return bench_joint(self.joint, friction=BenchFriction(law=BENCH_FRICTION[self.joint], ripple=0.3))
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedTest:
+    """One test of a campaign.
+
+    Attributes:
+        name: Of its file.
+        mass: On the link in [kg].
+        number: 1 to 9.
+        settings: What was set, as it goes into the header.
+        test: The test.
+        variation: What chance adds.
+        noise_seed: Of its noise.
+    """
+
+    name: str
+    mass: float
+    number: int
+    settings: Mapping[str, float]
+    test: BenchJoint
+    variation: BenchVariation
+    noise_seed: int
+
+
+def planned_tests(campaign: Campaign) -> list[PlannedTest]:
+    """The tests of a campaign, weight by weight; each has its own seed.
+
+    Args:
+        campaign: The campaign.
+
+    Returns:
+        Five weights of nine tests.
+    """
+    plans = []
+    seeds = np.random.SeedSequence(campaign.seed).spawn(len(WEIGHTS) * TESTS_PER_WEIGHT)
+    for place, seed in enumerate(seeds):
+        mass, number = WEIGHTS[place // TESTS_PER_WEIGHT], place % TESTS_PER_WEIGHT + 1
+        drop = campaign.protocol is Protocol.DROP
+        settings, test = (_drop if drop else _two_way)(campaign, mass, number)
+        plans.append(
+            PlannedTest(
+                name=f"{campaign.joint}_{mass:g}kg_{number}.log",
+                mass=mass,
+                number=number,
+                settings=settings,
+                test=test,
+                variation=_variation(campaign, np.random.default_rng(seed)),
+                noise_seed=int(seed.generate_state(1)[0]),
+            )
+        )
+    return plans
+
+
+def _variation(campaign: Campaign, rng: np.random.Generator) -> BenchVariation:
+    return BenchVariation(
+        current_offset=campaign.spread.current_offset * float(rng.standard_normal()),
+        friction_ratio=max(0.0, 1.0 + campaign.spread.friction * float(rng.standard_normal())),
+        ripple_phase=float(rng.uniform(0.0, 2.0 * math.pi)),
+        duty_start=int(rng.integers(0, 1000)),
+    )
+
+
+def drop_amplitude(mass: float, step: int) -> float:
+    """A of the protocol for a weight: 140 to 150 counts for 3 kg, 185 to 195 for 1 kg, in between a line.
+
+    Args:
+        mass: In [kg].
+        step: 0, 1 or 2.
+
+    Returns:
+        A in counts.
+    """
+    lowest, highest = AMPLITUDE_RANGE
+    lightness = (WEIGHTS[0] - mass) / (WEIGHTS[0] - WEIGHTS[-1])
+    return lowest + lightness * (highest - lowest - 2.0 * AMPLITUDE_STEP) + step * AMPLITUDE_STEP
+
+
+def _drop(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, float], BenchJoint]:
+    gain = TRANSPARENCY_GAINS[(number - 1) // 3]
+    amplitude = drop_amplitude(mass, (number - 1) % 3)
+    bench = campaign.plain_bench()
+    test = replace(
+        bench,
+        link=replace(bench.link, mass=mass),
+        control=DutyControl(
+            amplitude=amplitude,
+            frequency=FREQUENCY,
+            transparency_gain=gain,
+            lowest_velocity=LOWEST_VELOCITIES[campaign.joint],
+        ),
+        start_angle=HORIZONTAL,
+        duration=campaign.longest,
+        rest_at_stop=REST_AT_STOP,
+    )
+    return {"K": gain, "A_counts": amplitude, "f_Hz": FREQUENCY}, test
+
+
+def _two_way(campaign: Campaign, mass: float, number: int) -> tuple[dict[str, float], BenchJoint]:
+    way = campaign.two_way
+    share = (number - 1) / (TESTS_PER_WEIGHT - 1)
+    speed = way.lowest_speed + share * (way.highest_speed - way.lowest_speed)
+    bench = campaign.plain_bench()
+    test = replace(
+        bench,
+        link=replace(bench.link, mass=mass),
+        control=TorqueControl(
+            controller=Controller(friction_model=BENCH_FRICTION[campaign.joint]),
+            friction_compensation_gain=0.0,
+            stiffness=way.stiffness,
+            damping=2.0 * way.damping_ratio * math.sqrt(way.stiffness * bench.actuator.armature),
+            path=CosinePath(
+                start_angle=HORIZONTAL,
+                amplitude=-speed * way.period / math.pi,
+                frequency=1.0 / way.period,
+            ),
+        ),
+        start_angle=HORIZONTAL,
+        duration=way.cycles * way.period,
+    )
+    return {"peak_speed_rad_per_s": speed, "period_s": way.period, "cycles": float(way.cycles)}, test
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignResult:
+    """What a campaign left behind.
+
+    Attributes:
+        directory: Its folder.
+        status: Completed or interrupted.
+        tests: A line on each test, as in ``campaign.json``.
+    """
+
+    directory: Path
+    status: RunStatus
+    tests: tuple[Mapping[str, Any], ...]
+
+
+def run_campaign(
+    campaign: Campaign,
+    directory: Path,
+    *,
+    progress: Callable[[int, int], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    on_compile: Callable[[], None] | None = None,
+) -> CampaignResult:
+    """Simulate a campaign and write its logs; the folder appears when all of them are done.
+
+    Args:
+        campaign: The campaign.
+        directory: Folder to make.
+        progress: Called with tests done and in all.
+        should_stop: Asked between tests; True ends the campaign with the logs so far.
+        on_compile: Called if the loop has to be compiled.
+
+    Returns:
+        The folder and what happened in each test.
+
+    Raises:
+        RunDirectoryError: If the folder exists or cannot be written.
+    """
+    if directory.exists():
+        raise RunDirectoryError(f"{directory}: exists; choose another --out")
+    plans, lines, status = planned_tests(campaign), [], RunStatus.COMPLETED
+    with staged_directory(directory) as staging:
+        for done, plan in enumerate(plans):
+            if should_stop is not None and should_stop():
+                status = RunStatus.INTERRUPTED
+                break
+            run = simulate_bench(
+                plan.test, seed=plan.noise_seed, variation=plan.variation, on_compile=on_compile
+            )
+            write_atomically(staging / plan.name, log_text(run, _header(campaign, plan)))
+            lines.append(_line(plan, run))
+            if progress is not None:
+                progress(done + 1, len(plans))
+        write_atomically(staging / SETTINGS_FILE, _settings(campaign, status, lines))
+    return CampaignResult(directory, status, tuple(lines))
+
+
+def log_text(run: BenchRun, header: Mapping[str, object], *, truth: bool = False) -> str:
+    """A log as text: comments, column names with units, one row per millisecond.
+
+    Args:
+        run: The test.
+        header: Lines ``# name: value`` under the one that says that the data are synthetic.
+        truth: Also the columns that no bench can see.
+
+    Returns:
+        The text.
+    """
+    first = f"# synthetic data: simulated by twin_gait {__version__}, not measured"
+    lines = [first, *(f"# {name}: {value}" for name, value in header.items())]
+    return "\n".join(lines) + "\n" + run.log(truth=truth).to_csv(index=False, float_format=_DIGITS)
+
+
+def _header(campaign: Campaign, plan: PlannedTest) -> dict[str, object]:
+    values = {name: f"{value:g}" for name, value in plan.settings.items()}
+    return {
+        "joint": str(campaign.joint),
+        "protocol": str(campaign.protocol),
+        "mass_kg": f"{plan.mass:g}",
+        "test": plan.number,
+        **values,
+        "campaign_seed": campaign.seed,
+    }
+
+
+def _line(plan: PlannedTest, run: BenchRun) -> dict[str, Any]:
+    velocity = run.column("motor_velocity_rad_per_s")
+    return {
+        "file": plan.name,
+        "mass_kg": plan.mass,
+        "test": plan.number,
+        **plan.settings,
+        "status": str(run.status),
+        "duration_s": round(len(run.rows) * 1e-3, 3),
+        "highest_velocity_rad_per_s": round(float(velocity.max()), 6),
+        "lowest_velocity_rad_per_s": round(float(velocity.min()), 6),
+        **summarise(run),
+        "variation": asdict(plan.variation),
+        "noise_seed": plan.noise_seed,
+    }
+
+
+def summarise(run: BenchRun) -> dict[str, float | None]:
+    """What one looks at first in a test.
+
+    Args:
+        run: The test.
+
+    Returns:
+        Times in [s] at which the joint had moved by 1° and reached the stop, None if it did not; RMSE of
+        target and measured current in [A].
+    """
+    angle = run.column("link_angle_rad")
+    error = run.column("target_current_A") - run.column("measured_current_A")
+    return {
+        "breakaway_s": _first(np.abs(angle - run.test.start_angle) > math.radians(1.0)),
+        "stop_s": _first(angle >= run.test.link.upper_stop),
+        "current_rmse_A": round(float(np.sqrt(np.mean(error * error))), 6),
+    }
+
+
+def _first(mask: np.ndarray) -> float | None:
+    return round(float(np.argmax(mask)) * 1e-3, 3) if mask.any() else None
+
+
+def _settings(campaign: Campaign, status: RunStatus, lines: list[dict[str, Any]]) -> str:
+    document = {
+        "synthetic": True,
+        "twin_gait_version": __version__,
+        "joint": str(campaign.joint),
+        "protocol": str(campaign.protocol),
+        "seed": campaign.seed,
+        "status": str(status),
+        "columns": list(LOG_COLUMNS),
+        "bench": asdict(campaign.plain_bench()),
+        "spread": asdict(campaign.spread),
+        "tests": lines,
+    }
+    return json.dumps(_finite(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _finite(value: Any) -> Any:
+    """Infinite numbers have no JSON; they become null."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    return value
