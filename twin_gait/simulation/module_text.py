@@ -100,7 +100,12 @@ from twin_gait.simulation.pointers import float_pointer, integer_pointer, shifte
 
 _jit = numba.njit(cache=True, nogil=True, error_model="numpy")
 _inlined = numba.njit(
-    forceinline=True, nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
+    forceinline=True,
+    nogil=True,
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    no_rewrites=True,
 )
 """
 
