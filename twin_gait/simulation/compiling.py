@@ -177,7 +177,7 @@ def loop_of(
         columns: Of the log.
         controller: Control law that takes the place of the thesis's. The loop is then compiled once in this
             process and not kept on disk, because the sources that the function depends on are unknown.
-        on_compile: Called if the loop has to be compiled, which takes some 15 s.
+        on_compile: Called if the loop has to be compiled, which takes 10 to 20 s.
 
     Returns:
         The loop.

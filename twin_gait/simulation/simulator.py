@@ -40,7 +40,7 @@ def simulate(
             other steps through the Pinocchio engine, slower, with a :class:`SlowControllerWarning`.
         progress: Called now and then with ticks done and ticks in all.
         should_stop: Asked now and then; True ends the run and marks it as interrupted.
-        on_compile: Called if the engine has to be compiled for this model first, which takes some 15 s.
+        on_compile: Called if the engine has to be compiled for this model first, which takes 10 to 20 s.
 
     Returns:
         The run with its log.

@@ -162,7 +162,7 @@ def simulate_batch(
         should_stop: Asked before each episode; True lets those that run finish and ends the batch.
         seed: Every episode draws a seed of its own from this and its position; None leaves all of them the
             experiment's. An override of ``seed`` has the last word.
-        on_compile: Called if the engine has to be compiled for the first episode, which takes some 15 s.
+        on_compile: Called if the engine has to be compiled for the first episode, which takes 10 to 20 s.
 
     Returns:
         The table, the logs and whether the batch was stopped.

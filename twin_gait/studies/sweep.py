@@ -108,7 +108,7 @@ def run_sweep(
         checking: Called with episodes checked and in all, before any of them runs.
         progress: Called with episodes done and in all.
         should_stop: Asked before each chunk; True lets those that run finish and ends the sweep.
-        on_compile: Called if the engine has to be compiled for the first episode, which takes some 15 s.
+        on_compile: Called if the engine has to be compiled for the first episode, which takes 10 to 20 s.
 
     Returns:
         The table and what became of the sweep.
