@@ -34,7 +34,6 @@ def measurements(
         measure_joints(
             tick,
             np.array([angle_at(tick * TICK)]),
-            np.zeros(1),
             np.array([resolution]),
             TICK,
             gain,

@@ -22,7 +22,7 @@ from twin_gait import core, load_experiment, simulate
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.leg_model import LegModel, packaged_urdf
 from twin_gait.leg_model.bodies import contact_points, export_bodies
-from twin_gait.simulation import columns, compiling, kernel, pointers
+from twin_gait.simulation import columns, compiling, episode_arrays, kernel, pointers
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.problem import build_problem
 
@@ -278,6 +278,6 @@ def test_the_compiled_module_imports_nothing_that_its_key_leaves_out(monkeypatch
     CompiledEngine(build_problem(load_experiment("bench_leg", ["duration_s=0.1"]).experiment))
     imported = {node.module for node in ast.walk(ast.parse(texts[0])) if isinstance(node, ast.ImportFrom)}
     hashed = {f"{core.__name__}.{name}" for name in compiling.CORE_MODULES}
-    hashed |= {columns.__name__, pointers.__name__}
+    hashed |= {columns.__name__, episode_arrays.__name__, pointers.__name__}
     assert {name for name in imported if name.startswith("twin_gait")} <= hashed
     assert f"KERNEL_VERSION = {kernel.KERNEL_VERSION}" in texts[0]

@@ -66,7 +66,6 @@ def run_firmware(item: LinearLoop, start: np.ndarray, frames: int) -> np.ndarray
             tick,
             q,
             np.zeros(2),
-            np.zeros(2),
             TICK,
             item.fast_gain,
             item.decimation,

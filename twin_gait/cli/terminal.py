@@ -51,7 +51,9 @@ def note_step(name: str) -> None:
 def note_compilation() -> None:
     """Say why the first run on a machine takes its time."""
     print(
-        "compiling the engine for this model, once on this machine (10 to 20 s) …", file=sys.stderr, flush=True
+        "compiling the engine for this model, once on this machine (10 to 20 s) …",
+        file=sys.stderr,
+        flush=True,
     )
 
 

@@ -33,7 +33,6 @@ COLUMNS_PER_JOINT = 4
 def measure_joints(
     tick: int,
     angles: Array,
-    noise: Array,
     resolution: Array,
     period: float,
     fast_gain: float,
@@ -50,8 +49,7 @@ def measure_joints(
 
     Args:
         tick: Present tick; in tick 0 only the angles are read.
-        angles: True angles in [rad], shape ``(n_joints,)``.
-        noise: Sensor noise of this tick in [rad], shape ``(n_joints,)``.
+        angles: What the sensors read, noise included, in [rad], shape ``(n_joints,)``.
         resolution: Encoder resolution in [rad], shape ``(n_joints,)``; 0 for ideal sensors.
         period: Length of a tick in [s].
         fast_gain: From :func:`~twin_gait.core.estimation.first_order_gain`.
@@ -62,7 +60,7 @@ def measure_joints(
     """
     window = ring.shape[0]
     for joint in range(angles.shape[0]):
-        angle = quantise(angles[joint] + noise[joint], resolution[joint])
+        angle = quantise(angles[joint], resolution[joint])
         if tick == 0:
             measured[joint, ANGLE] = angle
             decimated_angle[joint] = angle

@@ -11,9 +11,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import lru_cache
 
+import numba
 import numpy as np
 
+from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.friction_models import (
     REFERENCE_TEMPERATURE,
     asymmetric_torque,
@@ -30,6 +33,7 @@ from twin_gait.core.friction_models import (
 from twin_gait.exceptions import ParameterError
 from twin_gait.identification.bristle import bristle_deflection, remembered_start, start_of
 from twin_gait.identification.samples import Samples
+from twin_gait.simulation.compiling import register_core
 
 
 class Scale(StrEnum):
@@ -180,8 +184,17 @@ def _stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray
     return stribeck_torque(samples.velocity, coulomb, breakaway, viscous, eta[0], eta[1])
 
 
+@lru_cache(maxsize=1)
+def _law_of_the_engines() -> Callable[..., np.ndarray]:
+    """Equation (3.1) over arrays: the very function that a simulation feels, compiled to run over samples."""
+    register_core()
+    law: Callable[..., np.ndarray] = numba.vectorize(rotational_friction_torque)
+    return law
+
+
 def _rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
-    return two_velocity_torque(samples.velocity, beta[0] + beta[1], beta[1], beta[2], eta[0], 0.1 * eta[0])
+    breakaway, coulomb, viscous = beta[0] + beta[1], beta[1], beta[2]
+    return np.asarray(_law_of_the_engines()(samples.velocity, breakaway, coulomb, eta[0], viscous))
 
 
 def _simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:

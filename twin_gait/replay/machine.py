@@ -107,7 +107,7 @@ class _Loop:
         self._measured = np.zeros((n_joints, 3))
         self._decimated = np.zeros(n_joints)
         self._ring = np.zeros((sensors.window, n_joints))
-        self._nothing = np.zeros(n_joints)
+        self._ideal = np.zeros(n_joints)
         self._signals = np.full(2 * len(signal_names(table.joints)), np.nan)
         program = compile_guards(table)
         self._machines = [
@@ -141,8 +141,7 @@ class _Loop:
         measure_joints(
             tick,
             self._angles[tick],
-            self._nothing,
-            self._nothing,
+            self._ideal,
             TICK,
             self._fast_gain,
             self._decimation,

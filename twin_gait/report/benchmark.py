@@ -109,7 +109,7 @@ def _draw_accuracy(axes: Axes, cases: Sequence[Mapping[str, Any]]) -> None:
             labelled.add(name)
     style_panel(axes, "accuracy beside speed (circle: Euler, square: RK4)", "largest error [rad]")
     axes.set_xlabel("time per 1 ms tick [ns]")
-    axes.legend(fontsize="x-small", loc="best")
+    axes.legend(fontsize="x-small", loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=3)
 
 
 def _draw_joints(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -201,9 +201,10 @@ def _draw_histogram(axes: Axes, samples: DrawnSamples, limit: float) -> None:
     """Distribution of the residuals, with the robust threshold."""
     axes.hist(samples.residuals, bins=np.linspace(-limit, limit, 81).tolist(), color=SKY_BLUE)
     beyond = float((np.abs(samples.residuals) > samples.threshold).mean())
-    if beyond and samples.threshold < limit:
+    seen = bool(beyond) and samples.threshold < limit
+    if seen:
         for side in (-1.0, 1.0):
             axes.axvline(side * samples.threshold, color=VERMILLION, linestyle="--", linewidth=1.0)
-    title = f"{100.0 * beyond:.2g} % beyond the dashed lines are weighed less" if beyond else ""
+    title = f"{100.0 * beyond:.2g} % beyond the dashed lines are weighed less" if seen else ""
     style_panel(axes, title, "samples")
     axes.set_xlabel("residual [N m]")

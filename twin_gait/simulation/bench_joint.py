@@ -179,7 +179,6 @@ def bench_arrays(test: BenchJoint, ticks: int, seed: int, variation: BenchVariat
         numbers=numbers,
         state=state,
         angles=np.zeros(1),
-        tick_noise=np.zeros(1),
         resolution=np.array([0.0 if sensors.ideal else resolution]),
         measured=np.zeros((1, 3)),
         decimated_angle=np.zeros(1),

@@ -199,7 +199,6 @@ class BenchArrays(NamedTuple):
         numbers: See the positions above, shape ``(NUMBER_COUNT,)``.
         state: See the positions above, shape ``(STATE_COUNT,)``; changed in place.
         angles: Room for the motor angle, shape ``(1,)``.
-        tick_noise: Room for the encoder noise of a tick, shape ``(1,)``.
         resolution: Encoder resolution in [rad], shape ``(1,)``.
         measured: Angle, fast and slow velocity, shape ``(1, 3)``.
         decimated_angle: Shape ``(1,)``.
@@ -212,7 +211,6 @@ class BenchArrays(NamedTuple):
     numbers: Array
     state: Array
     angles: Array
-    tick_noise: Array
     resolution: Array
     measured: Array
     decimated_angle: Array
@@ -261,13 +259,11 @@ def run_ticks(bench: BenchArrays, first: int, end: int, rows: Array) -> int:
 def measure(bench: BenchArrays, tick: int) -> None:
     """Encoder on the motor, the two velocity estimates and their rate."""
     numbers, state = bench.numbers, bench.state
-    bench.angles[0] = state[MOTOR_ANGLE]
-    bench.tick_noise[0] = bench.encoder_noise[tick]
+    bench.angles[0] = state[MOTOR_ANGLE] + bench.encoder_noise[tick]
     state[LAST_FAST], state[LAST_ANGLE] = bench.measured[0, 1], bench.measured[0, 0]
     measure_joints(
         tick,
         bench.angles,
-        bench.tick_noise,
         bench.resolution,
         numbers[PERIOD],
         numbers[FAST_GAIN],

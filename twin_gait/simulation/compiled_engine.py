@@ -13,7 +13,7 @@ from twin_gait.experiment import IntegrationMethod
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
-from twin_gait.simulation import episode
+from twin_gait.simulation import episode_arrays
 from twin_gait.simulation.compiling import loop_of
 from twin_gait.simulation.engine import (
     DIVERGED_VELOCITY,
@@ -69,7 +69,7 @@ class CompiledEngine:
         control_bodies = export_bodies(problem.control_model.model)
         kernel = write_kernel(bodies, points, control_bodies, world.model.up_axis)
         inputs = self._inputs(bodies, points, control_bodies, record)
-        flat = lay_out(episode.Episode(inputs, self._state(len(points))))
+        flat = lay_out(episode_arrays.Episode(inputs, self._state(len(points))))
         self._episode = flat.episode
         self._run_ticks = loop_of(flat, kernel, len(self.layout.names), controller, on_compile)
         self._record = record
@@ -80,7 +80,7 @@ class CompiledEngine:
         points: list[ContactPoint],
         control_bodies: list[BodyArrays],
         record: bool,
-    ) -> episode.EpisodeInputs:
+    ) -> episode_arrays.EpisodeInputs:
         problem = self.problem
         experiment, world = problem.experiment, problem.world
         legs = len(problem.sides)
@@ -91,28 +91,28 @@ class CompiledEngine:
             for side, leg in world.model.legs.items()
             if leg.ankle is not None
         ]
-        integers = np.zeros(episode.INTEGER_COUNT, dtype=np.int64)
-        integers[episode.N_LEGS] = legs
-        integers[episode.JOINTS_PER_LEG] = problem.joints_per_leg
-        integers[episode.POINTS_PER_FOOT] = len(points) // legs
-        integers[episode.DECIMATION] = experiment.sensors.decimation
-        integers[episode.BLEND_LAW] = blending.law.code
-        integers[episode.BLEND_TICKS] = blending.duration_ticks
-        integers[episode.SUBSTEPS] = integration.substeps
-        integers[episode.USE_RK4] = integration.method is IntegrationMethod.RK4
-        integers[episode.PELVIS_INDEX] = -1 if pelvis is None else pelvis
-        integers[episode.HAND_INDEX] = -1 if world.hand is None else world.hand.index
-        integers[episode.N_ANKLES] = len(ankles)
-        integers[episode.RECORD] = record
+        integers = np.zeros(episode_arrays.INTEGER_COUNT, dtype=np.int64)
+        integers[episode_arrays.N_LEGS] = legs
+        integers[episode_arrays.JOINTS_PER_LEG] = problem.joints_per_leg
+        integers[episode_arrays.POINTS_PER_FOOT] = len(points) // legs
+        integers[episode_arrays.DECIMATION] = experiment.sensors.decimation
+        integers[episode_arrays.BLEND_LAW] = blending.law.code
+        integers[episode_arrays.BLEND_TICKS] = blending.duration_ticks
+        integers[episode_arrays.SUBSTEPS] = integration.substeps
+        integers[episode_arrays.USE_RK4] = integration.method is IntegrationMethod.RK4
+        integers[episode_arrays.PELVIS_INDEX] = -1 if pelvis is None else pelvis
+        integers[episode_arrays.HAND_INDEX] = -1 if world.hand is None else world.hand.index
+        integers[episode_arrays.N_ANKLES] = len(ankles)
+        integers[episode_arrays.RECORD] = record
         faults = fault_arrays(problem)
         settings = experiment.control.safety
-        integers[episode.WATCHING] = settings.enabled
-        integers[episode.FIRST_FAULT] = faults.first_tick
-        integers[episode.OVERSTAY_TICKS] = overstay_ticks(problem)
-        integers[episode.FROZEN_LOAD_TICKS] = ticks(settings.frozen_load_time)
-        integers[episode.VOLTAGE_TICKS] = ticks(settings.voltage_time)
-        integers[episode.LOWERING_TICKS] = ticks(settings.lowering_time)
-        return episode.EpisodeInputs(
+        integers[episode_arrays.WATCHING] = settings.enabled
+        integers[episode_arrays.FIRST_FAULT] = faults.first_tick
+        integers[episode_arrays.OVERSTAY_TICKS] = overstay_ticks(problem)
+        integers[episode_arrays.FROZEN_LOAD_TICKS] = ticks(settings.frozen_load_time)
+        integers[episode_arrays.VOLTAGE_TICKS] = ticks(settings.voltage_time)
+        integers[episode_arrays.LOWERING_TICKS] = ticks(settings.lowering_time)
+        return episode_arrays.EpisodeInputs(
             integers=integers,
             numbers=self._numbers(),
             bodies=np.array(body_values(bodies, points)),
@@ -145,21 +145,23 @@ class CompiledEngine:
     def _numbers(self) -> np.ndarray:
         experiment, world = self.problem.experiment, self.problem.world
         battery, limits = experiment.plant.battery, experiment.control.limits
-        numbers = np.zeros(episode.NUMBER_COUNT)
-        numbers[episode.PERIOD] = TICK
-        numbers[episode.FAST_GAIN] = self.problem.fast_gain
-        numbers[episode.GRAVITY] = experiment.plant.gravity
-        numbers[episode.STEP] = experiment.stepping.step
-        numbers[episode.TORQUE_LIMIT] = limits.torque
-        numbers[episode.CURRENT_LIMIT] = limits.current
-        numbers[episode.BATTERY_VOLTAGE] = battery.voltage
-        numbers[episode.BATTERY_RESISTANCE] = battery.internal_resistance
-        numbers[episode.BODY_WEIGHT] = world.body_weight
-        numbers[episode.FALL_HEIGHT] = -np.inf if world.fall_height is None else world.fall_height
-        numbers[episode.DIVERGED_VELOCITY] = DIVERGED_VELOCITY
-        numbers[episode.INERTIA_GAIN] = experiment.control.inertia_compensation
-        numbers[episode.LEAST_VOLTAGE] = experiment.control.safety.least_voltage_share * battery.voltage
-        numbers[episode.HOLD_DAMPING] = experiment.control.safety.hold_damping
+        numbers = np.zeros(episode_arrays.NUMBER_COUNT)
+        numbers[episode_arrays.PERIOD] = TICK
+        numbers[episode_arrays.FAST_GAIN] = self.problem.fast_gain
+        numbers[episode_arrays.GRAVITY] = experiment.plant.gravity
+        numbers[episode_arrays.STEP] = experiment.stepping.step
+        numbers[episode_arrays.TORQUE_LIMIT] = limits.torque
+        numbers[episode_arrays.CURRENT_LIMIT] = limits.current
+        numbers[episode_arrays.BATTERY_VOLTAGE] = battery.voltage
+        numbers[episode_arrays.BATTERY_RESISTANCE] = battery.internal_resistance
+        numbers[episode_arrays.BODY_WEIGHT] = world.body_weight
+        numbers[episode_arrays.FALL_HEIGHT] = -np.inf if world.fall_height is None else world.fall_height
+        numbers[episode_arrays.DIVERGED_VELOCITY] = DIVERGED_VELOCITY
+        numbers[episode_arrays.INERTIA_GAIN] = experiment.control.inertia_compensation
+        numbers[episode_arrays.LEAST_VOLTAGE] = (
+            experiment.control.safety.least_voltage_share * battery.voltage
+        )
+        numbers[episode_arrays.HOLD_DAMPING] = experiment.control.safety.hold_damping
         return numbers
 
     def _contact(self) -> np.ndarray:
@@ -207,7 +209,7 @@ class CompiledEngine:
             ]
         )
 
-    def _state(self, n_points: int) -> episode.EpisodeState:
+    def _state(self, n_points: int) -> episode_arrays.EpisodeState:
         problem = self.problem
         world, experiment = problem.world, problem.experiment
         n, legs, joints = world.model.nv, len(problem.sides), len(problem.joints)
@@ -219,15 +221,15 @@ class CompiledEngine:
             dtype=np.int64,
         )
         start = problem.phase_rows[np.arange(legs), phases]
-        changing = np.zeros(episode.CHANGING_COUNT)
-        changing[episode.BUS_VOLTAGE] = experiment.plant.battery.voltage
+        changing = np.zeros(episode_arrays.CHANGING_COUNT)
+        changing[episode_arrays.BUS_VOLTAGE] = experiment.plant.battery.voltage
         n_control = problem.control_model.nv
         measured = np.zeros((joints, 3))
         measured[:, 0] = start_angles(problem)
-        watched = np.zeros(episode.SAFETY_COUNT, dtype=np.int64)
-        watched[episode.TRIP_TICK] = -1
+        watched = np.zeros(episode_arrays.SAFETY_COUNT, dtype=np.int64)
+        watched[episode_arrays.TRIP_TICK] = -1
         capacity = max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration))
-        return episode.EpisodeState(
+        return episode_arrays.EpisodeState(
             q=world.start_q.copy(),
             v=world.start_v.copy(),
             a=np.zeros(n),
@@ -253,7 +255,6 @@ class CompiledEngine:
             sum_a=np.zeros(n),
             mean_v=np.zeros(n),
             angles=start_angles(problem),
-            noise=np.zeros(joints),
             last_angle=np.zeros(joints),
             last_fast=np.zeros(joints),
             model_friction=np.zeros(joints),
@@ -310,17 +311,17 @@ class CompiledEngine:
         watched = self._episode.state.safety
         trip = trip_of(
             self.problem,
-            int(watched[episode.TRIP_TICK]),
-            int(watched[episode.TRIP_CAUSE]),
-            int(watched[episode.TRIP_PLACE]),
+            int(watched[episode_arrays.TRIP_TICK]),
+            int(watched[episode_arrays.TRIP_CAUSE]),
+            int(watched[episode_arrays.TRIP_PLACE]),
         )
         return EngineResult(rows[:done] if self._record else rows[:0], self._switches(), status, reason, trip)
 
     def _ending(self, done: int) -> tuple[RunStatus, str]:
         code = int(self._episode.state.counters[1])
-        if code == episode.DIVERGED:
+        if code == episode_arrays.DIVERGED:
             return RunStatus.DIVERGED, diverged_reason(done)
-        if code == episode.FELL:
+        if code == episode_arrays.FELL:
             return RunStatus.FELL, fell_reason(done, self.problem.world.fall_height)
         return RunStatus.COMPLETED, ""
 

@@ -33,7 +33,7 @@ from numba.extending import register_jitable
 from twin_gait import core
 from twin_gait.control import ControllerFunction
 from twin_gait.files import write_atomically
-from twin_gait.simulation import columns, episode, flattening, module_text, pointers
+from twin_gait.simulation import columns, episode, episode_arrays, flattening, module_text, pointers
 from twin_gait.simulation.flat_episode import FlatEpisode, fields_of
 from twin_gait.simulation.module_text import module_source
 
@@ -118,7 +118,7 @@ def source_key(what: str) -> str:
     """
     digest = hashlib.sha256(what.encode())
     core_modules = [importlib.import_module(f"{core.__name__}.{name}") for name in CORE_MODULES]
-    for module in (columns, episode, flattening, module_text, pointers, *core_modules):
+    for module in (columns, episode, episode_arrays, flattening, module_text, pointers, *core_modules):
         digest.update(inspect.getsource(module).encode())
     for package in ("numba", "llvmlite", "numpy"):
         digest.update(f"{package} {metadata.version(package)}".encode())
@@ -215,9 +215,9 @@ def _compile(loop: Any, n_arguments: int) -> None:
         numba.config.OPT = kept
 
 
-def _constants(whole: episode.Episode) -> tuple[tuple[str, int], ...]:
+def _constants(whole: episode_arrays.Episode) -> tuple[tuple[str, int], ...]:
     """Whole numbers that follow from the structure of the legs, so that loops over them can be unrolled."""
-    return tuple((name, int(whole.inputs.integers[getattr(episode, name)])) for name in STRUCTURE)
+    return tuple((name, int(whole.inputs.integers[getattr(episode_arrays, name)])) for name in STRUCTURE)
 
 
 STRUCTURE = ("N_LEGS", "JOINTS_PER_LEG", "POINTS_PER_FOOT", "PELVIS_INDEX", "N_ANKLES")

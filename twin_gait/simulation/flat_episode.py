@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.simulation.episode import Episode, EpisodeInputs, EpisodeState
+from twin_gait.simulation.episode_arrays import Episode, EpisodeInputs, EpisodeState
 from twin_gait.simulation.flattening import Place
 
 # Arrays whose shape depends on the transitions of the table, the duration or the faults; the loop is the same
@@ -52,7 +52,9 @@ def lay_out(episode: Episode) -> FlatEpisode:
             flat["k"][used["k"]] = len(array)
             places.append((name, Place("", used["k"], (0, *array.shape[1:]))))
             used["k"] += 1
-            views[name] = np.ascontiguousarray(array)
+            # The loop reads them by their addresses: layout and type have to be these.
+            kind = np.int64 if name in LOOSE_INTEGERS else np.float64
+            views[name] = np.ascontiguousarray(array, dtype=kind)
             continue
         letter = "x" if array.dtype == float else "k"
         start, end = used[letter], used[letter] + array.size

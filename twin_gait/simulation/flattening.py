@@ -1,7 +1,8 @@
 """Rewrite the episode loop so that all its arrays of fixed shape are places in two flat arrays.
 
-The loop hands an :class:`~twin_gait.simulation.episode.Episode` of fifty arrays from function to function,
-which reads well. Compiled so, half of the run time goes into counting references to arrays at every call.
+The loop hands an :class:`~twin_gait.simulation.episode_arrays.Episode` of fifty arrays from function to
+function, which reads well. Compiled so, half of the run time goes into counting references to arrays at
+every call.
 This module turns ``state.measured[joint, 1]`` into ``x[17 + 3 * joint + 1]``, where 17 is the place of
 ``measured`` among all numbers of the episode, and an array that is handed to a function into its place:
 
@@ -147,7 +148,7 @@ def _views(
 
 
 def _aliases(function: ast.FunctionDef) -> list[tuple[str, ast.AST]]:
-    """Plain assignments of one name in a function, tuples of equal length taken apart."""
+    """Plain assignments of one name in a function."""
     found: list[tuple[str, ast.AST]] = []
     for node in ast.walk(function):
         if not isinstance(node, ast.Assign) or len(node.targets) != 1:

@@ -230,7 +230,6 @@ class PinocchioEngine:
         measure_joints(
             tick,
             self._readings,
-            np.zeros(len(self._readings)),
             problem.resolution,
             TICK,
             problem.fast_gain,

@@ -93,7 +93,6 @@ def controller_record(problem: Problem, ticks: int) -> np.ndarray:
         "model_friction": np.zeros(len(joints)),
         "target": np.array([experiment.control.target_torque.get(item.joint, 0.0) for item in joints]),
         "resolution": problem.resolution,
-        "noise": np.zeros(len(joints)),
         "bodies": np.array(body_values(export_bodies(problem.control_model.model))),
         "q": world.start_q,
         "v": world.start_v,
@@ -223,7 +222,6 @@ def native_tick(problem: Problem) -> Callable[[Any, int], None]:
         measure_joints(
             tick,
             memory.angles,
-            memory.noise,
             memory.resolution,
             TICK,
             fast_gain,

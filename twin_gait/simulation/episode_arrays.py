@@ -1,0 +1,232 @@
+"""The arrays of an episode, and what stands where in those that hold single numbers.
+
+:mod:`twin_gait.simulation.compiled_engine` fills them and
+:mod:`twin_gait.simulation.episode` steps through them.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from twin_gait.simulation.columns import ANKLE_COLUMNS, FOOT_COLUMNS, JOINT_COLUMNS, PELVIS_COLUMNS
+
+Array = np.ndarray[Any, np.dtype[Any]]
+
+COMPLETED, FELL, DIVERGED = 0, 1, 2
+
+# Positions in the array of integers and in the array of numbers of an episode.
+(
+    N_LEGS,
+    JOINTS_PER_LEG,
+    POINTS_PER_FOOT,
+    DECIMATION,
+    BLEND_LAW,
+    BLEND_TICKS,
+    SUBSTEPS,
+    USE_RK4,
+    PELVIS_INDEX,
+    HAND_INDEX,
+    N_ANKLES,
+    RECORD,
+    WATCHING,
+    FIRST_FAULT,
+    OVERSTAY_TICKS,
+    FROZEN_LOAD_TICKS,
+    VOLTAGE_TICKS,
+    LOWERING_TICKS,
+) = range(18)
+(
+    PERIOD,
+    FAST_GAIN,
+    GRAVITY,
+    STEP,
+    TORQUE_LIMIT,
+    CURRENT_LIMIT,
+    BATTERY_VOLTAGE,
+    BATTERY_RESISTANCE,
+    BODY_WEIGHT,
+    FALL_HEIGHT,
+    DIVERGED_VELOCITY,
+    INERTIA_GAIN,
+    LEAST_VOLTAGE,
+    HOLD_DAMPING,
+) = range(14)
+# Positions in the array of numbers that change: bus voltage, time of the step, hand, contact power.
+BUS_VOLTAGE, TIME, HAND_TORQUE, CONTACT_POWER, LAST_CONTACT_POWER = range(5)
+# Positions in the array of what the monitor has done: tick of the trip or -1, its cause and place (a joint,
+# or the number of joints plus a leg), drives that are cut off, ticks with too low a bus voltage.
+TRIP_TICK, TRIP_CAUSE, TRIP_PLACE, DRIVES_OFF, LOW_VOLTAGE_STREAK = range(5)
+INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = LOWERING_TICKS + 1, HOLD_DAMPING + 1, LAST_CONTACT_POWER + 1
+SAFETY_COUNT = LOW_VOLTAGE_STREAK + 1
+
+# Blocks of the log, and where groups of columns begin in the block of a joint.
+JOINT_WIDTH, ANKLE_WIDTH = len(JOINT_COLUMNS), len(ANKLE_COLUMNS)
+FOOT_WIDTH, PELVIS_WIDTH = len(FOOT_COLUMNS), len(PELVIS_COLUMNS)
+MEASURED = JOINT_COLUMNS.index("measured_angle_rad")
+CONTROLLED = JOINT_COLUMNS.index("impedance_torque_Nm")
+PASSIVE = JOINT_COLUMNS.index("friction_torque_Nm")
+ELECTRICAL = JOINT_COLUMNS.index("target_current_A")
+
+
+class EpisodeInputs(NamedTuple):
+    """What does not change in an episode.
+
+    Attributes:
+        integers: See the positions above, shape ``(INTEGER_COUNT,)``.
+        numbers: See the positions above, shape ``(NUMBER_COUNT,)``.
+        bodies: Run-time values of the plant's kernel.
+        control_bodies: Run-time values of the controller's kernel.
+        contact: Belt speed and contact parameters, shape ``(5,)``.
+        plant_rows: Passive torques, shape ``(n, PLANT_COLUMNS)``.
+        coordinates: Positions of the actuated joints in ``q``, shape ``(n_joints,)``.
+        control_coordinates: Likewise in the controller's model.
+        ankles: Positions of the ankles in ``q``.
+        transitions: Guard program.
+        nodes: Guard program.
+        comparisons: Guard program.
+        minimum_ticks: Guard program.
+        phase_rows: Shape ``(n_legs, n_phases, n_columns)``.
+        noise: Sensor noise, shape ``(n_ticks or 1, n_joints)``.
+        resolution: Encoder resolution, shape ``(n_joints,)``.
+        friction_model: a, b, c, d of each joint, shape ``(n_joints, 4)``.
+        actuators: K_t, ratio, efficiency, resistance of each joint, shape ``(n_joints, 4)``.
+        target_torque: Shape ``(n_joints,)``.
+        hand: Start angle, amplitude, frequency, stiffness, damping, release time, shape ``(6,)``.
+        bounds: Of the safety monitor, shape ``(n_joints, BOUND_COUNT)``.
+        faults: Kind, place and first tick, shape ``(n, 3)``.
+        magnitudes: Of the faults in SI units, shape ``(n,)``.
+    """
+
+    integers: Array
+    numbers: Array
+    bodies: Array
+    control_bodies: Array
+    contact: Array
+    plant_rows: Array
+    coordinates: Array
+    control_coordinates: Array
+    ankles: Array
+    transitions: Array
+    nodes: Array
+    comparisons: Array
+    minimum_ticks: Array
+    phase_rows: Array
+    noise: Array
+    resolution: Array
+    friction_model: Array
+    actuators: Array
+    target_torque: Array
+    hand: Array
+    bounds: Array
+    faults: Array
+    magnitudes: Array
+
+
+class EpisodeState(NamedTuple):
+    """What an episode changes; handed in and kept by the caller.
+
+    Attributes:
+        q: Coordinates, shape ``(n,)``.
+        v: Velocities, shape ``(n,)``.
+        a: Accelerations, shape ``(n,)``.
+        measured: Angle, fast and slow velocity, shape ``(n_joints, 3)``.
+        decimated_angle: Shape ``(n_joints,)``.
+        ring: Slow samples, shape ``(window, n_joints)``.
+        rate: Acceleration estimates, shape ``(n_joints,)``.
+        phase: Phase of each leg, shape ``(n_legs,)``.
+        entry_tick: Tick of entry, shape ``(n_legs,)``.
+        dwell: Shape ``(n_legs * n_transitions,)``.
+        blend_start: Shape ``(n_legs, n_columns)``.
+        blended: Shape ``(n_legs, n_columns)``.
+        signals: Shape ``(2 n_signals,)``.
+        motor: Motor torques on all coordinates, shape ``(n,)``.
+        torque: All torques, shape ``(n,)``.
+        passive: Shape ``(n, 3)``.
+        points: Contact points, shape ``(n_points, 3)``.
+        works: By source, shape ``(6,)``.
+        changing: See the positions above, shape ``(5,)``.
+        stage_q: Room for the integrators, shape ``(n,)``.
+        stage_v: Likewise.
+        sum_v: Likewise.
+        sum_a: Likewise.
+        mean_v: Likewise.
+        angles: What the sensors read before they are quantised, shape ``(n_joints,)``.
+        last_angle: Measured angle of the tick before, shape ``(n_joints,)``.
+        last_fast: Fast velocity of the tick before, shape ``(n_joints,)``.
+        model_friction: Friction torque of the compensator's model, shape ``(n_joints,)``.
+        control_q: Shape ``(n_control,)``.
+        control_a: Shape ``(n_control,)``.
+        gravity_torque: Shape ``(n_control,)``.
+        inertia_torque: Shape ``(n_control,)``.
+        legs: Foot loads, shape ``(n_legs,)``.
+        leg_ticks: Ticks in phase, shape ``(n_legs,)``.
+        before: Phases at the start of the tick, shape ``(n_legs,)``.
+        switches: Tick, leg, source, target, transition of each switch, shape ``(capacity, 5)``.
+        counters: Number of switches, status; shape ``(2,)``.
+        watch_memory: Of the safety monitor, shape ``(n_joints, MEMORY_COUNT)``.
+        watch_streaks: Of the safety monitor, shape ``(n_joints, STREAK_COUNT)``.
+        load_streaks: Ticks in which a foot's load stood still, shape ``(n_legs,)``.
+        last_load: Foot loads of the tick before, shape ``(n_legs,)``.
+        safety: See the positions above, shape ``(SAFETY_COUNT,)``.
+        drive_off: 1 for a drive that is cut off, shape ``(n_joints,)``.
+        hold_angle: Angles at the trip, shape ``(n_joints,)``.
+    """
+
+    q: Array
+    v: Array
+    a: Array
+    measured: Array
+    decimated_angle: Array
+    ring: Array
+    rate: Array
+    phase: Array
+    entry_tick: Array
+    dwell: Array
+    blend_start: Array
+    blended: Array
+    signals: Array
+    motor: Array
+    torque: Array
+    passive: Array
+    points: Array
+    works: Array
+    changing: Array
+    stage_q: Array
+    stage_v: Array
+    sum_v: Array
+    sum_a: Array
+    mean_v: Array
+    angles: Array
+    last_angle: Array
+    last_fast: Array
+    model_friction: Array
+    control_q: Array
+    control_a: Array
+    gravity_torque: Array
+    inertia_torque: Array
+    legs: Array
+    leg_ticks: Array
+    before: Array
+    switches: Array
+    counters: Array
+    watch_memory: Array
+    watch_streaks: Array
+    load_streaks: Array
+    last_load: Array
+    safety: Array
+    drive_off: Array
+    hold_angle: Array
+
+
+class Episode(NamedTuple):
+    """Inputs and state together, as the integrators hand them through.
+
+    Attributes:
+        inputs: What does not change.
+        state: What does.
+    """
+
+    inputs: EpisodeInputs
+    state: EpisodeState
