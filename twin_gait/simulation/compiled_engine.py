@@ -104,9 +104,11 @@ class CompiledEngine:
         integers[episode_arrays.HAND_INDEX] = -1 if world.hand is None else world.hand.index
         integers[episode_arrays.N_ANKLES] = len(ankles)
         integers[episode_arrays.RECORD] = record
+        integers[episode_arrays.INERTIA_WANTED] = experiment.control.inertia_compensation > 0.0
         faults = fault_arrays(problem)
         settings = experiment.control.safety
         integers[episode_arrays.WATCHING] = settings.enabled
+        integers[episode_arrays.FAULTY] = len(faults.faults) > 0
         integers[episode_arrays.FIRST_FAULT] = faults.first_tick
         integers[episode_arrays.OVERSTAY_TICKS] = overstay_ticks(problem)
         integers[episode_arrays.FROZEN_LOAD_TICKS] = ticks(settings.frozen_load_time)
@@ -136,6 +138,7 @@ class CompiledEngine:
             target_torque=np.array(
                 [experiment.control.target_torque.get(joint.joint, 0.0) for joint in problem.joints]
             ),
+            push=np.zeros(len(problem.joints)),
             hand=self._hand(),
             bounds=watch_bounds(problem),
             faults=faults.faults,
@@ -244,6 +247,7 @@ class CompiledEngine:
             blended=start.copy(),
             signals=np.full(2 * problem.signals_per_leg, np.nan),
             motor=np.zeros(n),
+            external=np.zeros(n),
             torque=np.zeros(n),
             passive=np.zeros((n, 3)),
             points=np.zeros((max(n_points, 1), 3)),

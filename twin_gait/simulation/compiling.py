@@ -216,11 +216,20 @@ def _compile(loop: Any, n_arguments: int) -> None:
 
 
 def _constants(whole: episode_arrays.Episode) -> tuple[tuple[str, int], ...]:
-    """Whole numbers that follow from the structure of the legs, so that loops over them can be unrolled."""
+    """Whole numbers that are the same in most runs: loops over them are unrolled, dead branches left out."""
     return tuple((name, int(whole.inputs.integers[getattr(episode_arrays, name)])) for name in STRUCTURE)
 
 
-STRUCTURE = ("N_LEGS", "JOINTS_PER_LEG", "POINTS_PER_FOOT", "PELVIS_INDEX", "N_ANKLES")
+STRUCTURE = (
+    "N_LEGS",
+    "JOINTS_PER_LEG",
+    "POINTS_PER_FOOT",
+    "PELVIS_INDEX",
+    "N_ANKLES",
+    "USE_RK4",
+    "FAULTY",
+    "INERTIA_WANTED",
+)
 
 
 @lru_cache(maxsize=16)

@@ -95,8 +95,10 @@ from twin_gait.simulation.episode_arrays import (
     ELECTRICAL,
     FALL_HEIGHT,
     FAST_GAIN,
+    FAULTY,
     FELL,
     FIRST_FAULT,
+    FIRST_ROW,
     FOOT_WIDTH,
     FROZEN_LOAD_TICKS,
     GRAVITY,
@@ -104,6 +106,7 @@ from twin_gait.simulation.episode_arrays import (
     HAND_TORQUE,
     HOLD_DAMPING,
     INERTIA_GAIN,
+    INERTIA_WANTED,
     JOINT_WIDTH,
     JOINTS_PER_LEG,
     LAST_CONTACT_POWER,
@@ -164,7 +167,7 @@ def _acceleration(episode: Episode, offset: float, weight: float, q: Array, v: A
         state.passive[i, FRICTION] = friction
         state.passive[i, STOP] = stop
         state.passive[i, SPRING] = spring
-        state.torque[i] = state.motor[i] + (friction + stop + spring)
+        state.torque[i] = state.motor[i] + state.external[i] + (friction + stop + spring)
     hand = inputs.integers[HAND_INDEX]
     if hand >= 0:
         state.changing[HAND_TORQUE] = hand_torque(
@@ -194,6 +197,7 @@ def _add_work(episode: Episode, duration: float, contact_power: float, v: Array)
         state.works[FRICTION_WORK] += duration * state.passive[i, FRICTION] * v[i]
         state.works[STOP_WORK] += duration * state.passive[i, STOP] * v[i]
         state.works[SPRING_WORK] += duration * state.passive[i, SPRING] * v[i]
+        state.works[PATIENT_WORK] += duration * state.external[i] * v[i]
     state.works[CONTACT_WORK] += duration * contact_power
     hand = inputs.integers[HAND_INDEX]
     if hand >= 0:
@@ -204,23 +208,29 @@ def _integrate(episode: Episode, tick: int) -> None:
     """All substeps of one tick."""
     inputs, state = episode.inputs, episode.state
     step = inputs.numbers[STEP]
-    n = state.q.shape[0]
     for substep in range(inputs.integers[SUBSTEPS]):
         state.changing[TIME] = tick * inputs.numbers[PERIOD] + substep * step
         if inputs.integers[USE_RK4] != 0:
             room = (state.stage_q, state.stage_v, state.a, state.sum_v, state.sum_a)
             rk4_step(_acceleration, episode, state.q, state.v, step, room)
-            continue
-        mean = state.mean_v
+        else:
+            _euler_step(episode, step)
+
+
+def _euler_step(episode: Episode, step: float) -> None:
+    """One semi-implicit Euler step; the torques work on the mean of old and new velocity."""
+    inputs, state = episode.inputs, episode.state
+    n = state.q.shape[0]
+    mean = state.mean_v
+    for i in range(n):
+        mean[i] = state.v[i]
+    semi_implicit_euler_step(_acceleration, episode, state.q, state.v, step, state.a)
+    if inputs.integers[RECORD] != 0:
         for i in range(n):
-            mean[i] = state.v[i]
-        semi_implicit_euler_step(_acceleration, episode, state.q, state.v, step, state.a)
-        if inputs.integers[RECORD] != 0:
-            for i in range(n):
-                mean[i] = 0.5 * (mean[i] + state.v[i])
-            contact = 0.5 * (state.changing[CONTACT_POWER] + state.changing[LAST_CONTACT_POWER])
-            state.changing[LAST_CONTACT_POWER] = state.changing[CONTACT_POWER]
-            _add_work(episode, step, contact, mean)
+            mean[i] = 0.5 * (mean[i] + state.v[i])
+        contact = 0.5 * (state.changing[CONTACT_POWER] + state.changing[LAST_CONTACT_POWER])
+        state.changing[LAST_CONTACT_POWER] = state.changing[CONTACT_POWER]
+        _add_work(episode, step, contact, mean)
 
 
 def _foot_sum(points: Array, leg: int, points_per_foot: int, column: int) -> float:
@@ -233,10 +243,10 @@ def _foot_sum(points: Array, leg: int, points_per_foot: int, column: int) -> flo
 def _measure(episode: Episode, tick: int) -> None:
     """Encoders, velocity estimates and foot loads."""
     inputs, state = episode.inputs, episode.state
-    noise_row = tick if inputs.noise.shape[0] > 1 else 0
+    noise_row = tick % inputs.noise.shape[0]
     for joint in range(inputs.coordinates.shape[0]):
         reading = state.q[inputs.coordinates[joint]] + inputs.noise[noise_row, joint]
-        if tick >= inputs.integers[FIRST_FAULT]:
+        if inputs.integers[FAULTY] != 0 and tick >= inputs.integers[FIRST_FAULT]:
             reading = faulty_angle(
                 joint,
                 tick,
@@ -269,7 +279,7 @@ def _measure(episode: Episode, tick: int) -> None:
             load = _foot_sum(state.points, leg, inputs.integers[POINTS_PER_FOOT], 1)
             load /= inputs.numbers[BODY_WEIGHT]
             state.last_load[leg] = state.legs[leg]
-            if tick >= inputs.integers[FIRST_FAULT]:
+            if inputs.integers[FAULTY] != 0 and tick >= inputs.integers[FIRST_FAULT]:
                 load = faulty_load(leg, tick, inputs.faults, load, state.last_load[leg])
             state.legs[leg] = load
 
@@ -410,7 +420,7 @@ def _feed_forward(episode: Episode) -> None:
     """Gravity and inertia torques of the controller's model, where a share of them is wanted."""
     inputs, state = episode.inputs, episode.state
     holding = state.safety[TRIP_TICK] >= 0
-    wanted = holding or inputs.numbers[INERTIA_GAIN] > 0.0
+    wanted = holding or inputs.integers[INERTIA_WANTED] != 0
     last = state.blended.shape[1] - 1
     for leg in range(inputs.integers[N_LEGS]):
         wanted = wanted or state.blended[leg, last] != 0.0
@@ -421,7 +431,7 @@ def _feed_forward(episode: Episode) -> None:
         angle = state.hold_angle[joint] if holding else state.measured[joint, 0]
         state.control_q[inputs.control_coordinates[joint]] = angle
     control_gravity(state.control_q, inputs.control_bodies, inputs.numbers[GRAVITY], state.gravity_torque)
-    if inputs.numbers[INERTIA_GAIN] > 0.0 and not holding:
+    if inputs.integers[INERTIA_WANTED] != 0 and not holding:
         for joint in range(joints):
             rate = (state.measured[joint, 1] - state.last_fast[joint]) / inputs.numbers[PERIOD]
             state.rate[joint] = first_order_step(state.rate[joint], rate, inputs.numbers[FAST_GAIN])
@@ -453,7 +463,7 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
             gain,
             state.model_friction[joint],
         )
-        if tick >= inputs.integers[FIRST_FAULT]:
+        if inputs.integers[FAULTY] != 0 and tick >= inputs.integers[FIRST_FAULT]:
             impedance += runaway_torque(joint, tick, inputs.numbers[PERIOD], inputs.faults, inputs.magnitudes)
         share = state.blended[leg, state.blended.shape[1] - 1]
         gravity = share * state.gravity_torque[place] if share != 0.0 else 0.0
@@ -485,7 +495,7 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
     expected = current
     if state.safety[DRIVES_OFF] != 0 and state.drive_off[joint] != 0:
         target_current, expected, current, torque = 0.0, 0.0, 0.0, 0.0
-    elif tick >= inputs.integers[FIRST_FAULT]:
+    elif inputs.integers[FAULTY] != 0 and tick >= inputs.integers[FIRST_FAULT]:
         fault = drive_fault(joint, tick, inputs.faults)
         if fault != NO_FAULT:
             wrong = inputs.magnitudes[fault] if inputs.faults[fault, KIND] == MOTOR_STUCK else 0.0
@@ -501,6 +511,7 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
                 inputs.actuators[joint, 3],
             )
     state.motor[inputs.coordinates[joint]] = torque
+    state.external[inputs.coordinates[joint]] = inputs.push[joint]
     state.watch_memory[joint, COMMANDED] = command
     state.watch_memory[joint, MOTOR_CURRENT] = current
     state.watch_memory[joint, CURRENT_DEVIATION] = current - expected
@@ -512,22 +523,23 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
         inputs.bounds[joint, MODEL_RESISTANCE],
     )
     if inputs.integers[RECORD] != 0:
+        row = tick - inputs.integers[FIRST_ROW]
         first = inputs.integers[N_LEGS] + JOINT_WIDTH * joint
         for i in range(3):
-            rows[tick, first + MEASURED + i] = state.measured[joint, i]
-        rows[tick, first + CONTROLLED] = impedance
-        rows[tick, first + CONTROLLED + 1] = friction
-        rows[tick, first + CONTROLLED + 2] = gravity
-        rows[tick, first + CONTROLLED + 3] = inertia
-        rows[tick, first + CONTROLLED + 4] = target
-        rows[tick, first + CONTROLLED + 5] = command
-        rows[tick, first + CONTROLLED + 6] = torque
-        rows[tick, first + ELECTRICAL] = target_current
-        rows[tick, first + ELECTRICAL + 1] = current
-        rows[tick, first + ELECTRICAL + 2] = stiffness
-        rows[tick, first + ELECTRICAL + 3] = damping
-        rows[tick, first + ELECTRICAL + 4] = equilibrium
-        rows[tick, first + ELECTRICAL + 5] = gain
+            rows[row, first + MEASURED + i] = state.measured[joint, i]
+        rows[row, first + CONTROLLED] = impedance
+        rows[row, first + CONTROLLED + 1] = friction
+        rows[row, first + CONTROLLED + 2] = gravity
+        rows[row, first + CONTROLLED + 3] = inertia
+        rows[row, first + CONTROLLED + 4] = target
+        rows[row, first + CONTROLLED + 5] = command
+        rows[row, first + CONTROLLED + 6] = torque
+        rows[row, first + ELECTRICAL] = target_current
+        rows[row, first + ELECTRICAL + 1] = current
+        rows[row, first + ELECTRICAL + 2] = stiffness
+        rows[row, first + ELECTRICAL + 3] = damping
+        rows[row, first + ELECTRICAL + 4] = equilibrium
+        rows[row, first + ELECTRICAL + 5] = gain
     return motor_electrical_power(
         current, velocity, inputs.actuators[joint, 3], inputs.actuators[joint, 0], inputs.actuators[joint, 1]
     )
@@ -542,7 +554,7 @@ def _supply(episode: Episode, tick: int, battery_power: float) -> None:
         battery_power,
         state.changing[BUS_VOLTAGE],
     )
-    if tick >= inputs.integers[FIRST_FAULT]:
+    if inputs.integers[FAULTY] != 0 and tick >= inputs.integers[FIRST_FAULT]:
         drop = supply_drop(tick, inputs.faults, inputs.magnitudes)
         if drop > 0.0:
             highest = 0.0
@@ -558,56 +570,56 @@ def _record(episode: Episode, tick: int, battery_power: float, rows: Array) -> N
     inputs, state = episode.inputs, episode.state
     state.changing[TIME] = tick * inputs.numbers[PERIOD]
     _acceleration(episode, 0.0, 0.0, state.q, state.v, state.a)
+    row = tick - inputs.integers[FIRST_ROW]
     for leg in range(inputs.integers[N_LEGS]):
-        rows[tick, leg] = state.phase[leg]
+        rows[row, leg] = state.phase[leg]
     for joint in range(inputs.coordinates.shape[0]):
         index = inputs.coordinates[joint]
         first = inputs.integers[N_LEGS] + JOINT_WIDTH * joint
-        rows[tick, first] = state.q[index]
-        rows[tick, first + 1] = state.v[index]
-        rows[tick, first + PASSIVE] = state.passive[index, FRICTION]
-        rows[tick, first + PASSIVE + 1] = state.passive[index, STOP]
-        rows[tick, first + PASSIVE + 2] = (
-            state.changing[HAND_TORQUE] if inputs.integers[HAND_INDEX] == index else 0.0
-        )
+        rows[row, first] = state.q[index]
+        rows[row, first + 1] = state.v[index]
+        rows[row, first + PASSIVE] = state.passive[index, FRICTION]
+        rows[row, first + PASSIVE + 1] = state.passive[index, STOP]
+        hand = state.changing[HAND_TORQUE] if inputs.integers[HAND_INDEX] == index else 0.0
+        rows[row, first + PASSIVE + 2] = hand + state.external[index]
     place = inputs.integers[N_LEGS] + JOINT_WIDTH * inputs.coordinates.shape[0]
     for ankle in range(inputs.integers[N_ANKLES]):
         index = inputs.ankles[ankle]
-        rows[tick, place] = state.q[index]
-        rows[tick, place + 1] = state.v[index]
-        rows[tick, place + 2] = state.passive[index, SPRING]
+        rows[row, place] = state.q[index]
+        rows[row, place + 1] = state.v[index]
+        rows[row, place + 2] = state.passive[index, SPRING]
         place += ANKLE_WIDTH
     per_foot = inputs.integers[POINTS_PER_FOOT]
     if per_foot > 0:
         for leg in range(inputs.integers[N_LEGS]):
-            rows[tick, place] = _foot_sum(state.points, leg, per_foot, 1)
-            rows[tick, place + 1] = _foot_sum(state.points, leg, per_foot, 0)
+            rows[row, place] = _foot_sum(state.points, leg, per_foot, 1)
+            rows[row, place + 1] = _foot_sum(state.points, leg, per_foot, 0)
             lowest = state.points[leg * per_foot, 2]
             for number in range(leg * per_foot, (leg + 1) * per_foot):
                 lowest = min(lowest, state.points[number, 2])
-            rows[tick, place + 2] = lowest
+            rows[row, place + 2] = lowest
             place += FOOT_WIDTH
     kinetic, potential, force, moment = observe(
         state.q, state.v, state.a, inputs.bodies, inputs.numbers[GRAVITY], state.points
     )
     pelvis = inputs.integers[PELVIS_INDEX]
     if pelvis >= 0:
-        rows[tick, place] = state.q[pelvis]
-        rows[tick, place + 1] = state.v[pelvis]
-        rows[tick, place + 2] = state.passive[pelvis, SPRING]
-        rows[tick, place + 3] = force
-        rows[tick, place + 4] = moment
+        rows[row, place] = state.q[pelvis]
+        rows[row, place + 1] = state.v[pelvis]
+        rows[row, place + 2] = state.passive[pelvis, SPRING]
+        rows[row, place + 3] = force
+        rows[row, place + 4] = moment
         place += PELVIS_WIDTH
-    rows[tick, place] = state.changing[BUS_VOLTAGE]
-    rows[tick, place + 1] = battery_power
-    rows[tick, place + 2] = kinetic
-    rows[tick, place + 3] = potential
+    rows[row, place] = state.changing[BUS_VOLTAGE]
+    rows[row, place + 1] = battery_power
+    rows[row, place + 2] = kinetic
+    rows[row, place + 3] = potential
     place += 4
     for source in range(state.works.shape[0]):
-        rows[tick, place + source] = state.works[source]
+        rows[row, place + source] = state.works[source]
     place += state.works.shape[0]
-    rows[tick, place] = 1.0 if state.safety[TRIP_TICK] >= 0 else 0.0
-    rows[tick, place + 1] = state.safety[TRIP_CAUSE]
+    rows[row, place] = 1.0 if state.safety[TRIP_TICK] >= 0 else 0.0
+    rows[row, place + 1] = state.safety[TRIP_CAUSE]
 
 
 def _status(episode: Episode) -> int:
@@ -629,7 +641,8 @@ def run_ticks(episode: Episode, first: int, end: int, rows: Array) -> int:
         episode: Inputs and state; the state is changed in place.
         first: First tick.
         end: One past the last tick.
-        rows: Log, shape ``(n_ticks, n_columns)``; row ``tick`` is written if the episode records.
+        rows: Log, shape ``(n_rows, n_columns)``; if the episode records, a tick is written to row
+            ``tick - FIRST_ROW``.
 
     Returns:
         Ticks that have been run since the start of the episode; ``state.counters[1]`` is the status.

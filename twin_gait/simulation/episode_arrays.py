@@ -36,7 +36,10 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
     FROZEN_LOAD_TICKS,
     VOLTAGE_TICKS,
     LOWERING_TICKS,
-) = range(18)
+    FAULTY,
+    INERTIA_WANTED,
+    FIRST_ROW,
+) = range(21)
 (
     PERIOD,
     FAST_GAIN,
@@ -58,7 +61,7 @@ BUS_VOLTAGE, TIME, HAND_TORQUE, CONTACT_POWER, LAST_CONTACT_POWER = range(5)
 # Positions in the array of what the monitor has done: tick of the trip or -1, its cause and place (a joint,
 # or the number of joints plus a leg), drives that are cut off, ticks with too low a bus voltage.
 TRIP_TICK, TRIP_CAUSE, TRIP_PLACE, DRIVES_OFF, LOW_VOLTAGE_STREAK = range(5)
-INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = LOWERING_TICKS + 1, HOLD_DAMPING + 1, LAST_CONTACT_POWER + 1
+INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = FIRST_ROW + 1, HOLD_DAMPING + 1, LAST_CONTACT_POWER + 1
 SAFETY_COUNT = LOW_VOLTAGE_STREAK + 1
 
 # Blocks of the log, and where groups of columns begin in the block of a joint.
@@ -88,11 +91,12 @@ class EpisodeInputs(NamedTuple):
         comparisons: Guard program.
         minimum_ticks: Guard program.
         phase_rows: Shape ``(n_legs, n_phases, n_columns)``.
-        noise: Sensor noise, shape ``(n_ticks or 1, n_joints)``.
+        noise: Sensor noise, taken in turn, shape ``(n_ticks or 1, n_joints)``.
         resolution: Encoder resolution, shape ``(n_joints,)``.
         friction_model: a, b, c, d of each joint, shape ``(n_joints, 4)``.
         actuators: K_t, ratio, efficiency, resistance of each joint, shape ``(n_joints, 4)``.
         target_torque: Shape ``(n_joints,)``.
+        push: Torque on each joint from outside, held over the tick, shape ``(n_joints,)``.
         hand: Start angle, amplitude, frequency, stiffness, damping, release time, shape ``(6,)``.
         bounds: Of the safety monitor, shape ``(n_joints, BOUND_COUNT)``.
         faults: Kind, place and first tick, shape ``(n, 3)``.
@@ -118,6 +122,7 @@ class EpisodeInputs(NamedTuple):
     friction_model: Array
     actuators: Array
     target_torque: Array
+    push: Array
     hand: Array
     bounds: Array
     faults: Array
@@ -142,6 +147,7 @@ class EpisodeState(NamedTuple):
         blended: Shape ``(n_legs, n_columns)``.
         signals: Shape ``(2 n_signals,)``.
         motor: Motor torques on all coordinates, shape ``(n,)``.
+        external: Torques of a push on all coordinates, shape ``(n,)``.
         torque: All torques, shape ``(n,)``.
         passive: Shape ``(n, 3)``.
         points: Contact points, shape ``(n_points, 3)``.
@@ -188,6 +194,7 @@ class EpisodeState(NamedTuple):
     blended: Array
     signals: Array
     motor: Array
+    external: Array
     torque: Array
     passive: Array
     points: Array

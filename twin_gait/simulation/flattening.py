@@ -17,8 +17,9 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Mapping
-from typing import NamedTuple
+import operator
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 BUNDLE = "episode"
 PARTS = ("inputs", "state")
@@ -70,7 +71,12 @@ def flatten(
         elif views[name]:
             node.args.args[:0] = first
         rewriter = _Rewriter(places, constants, taking, views, views[name])
-        node.body = [rewriter.visit(statement) for statement in node.body if not _unpacks(statement)]
+        node.body = [
+            item
+            for statement in node.body
+            if not _unpacks(statement)
+            for item in rewriter.statements(statement)
+        ]
     return ast.unparse(ast.fix_missing_locations(tree)) + "\n", taking
 
 
@@ -186,8 +192,49 @@ def _place(start: int) -> ast.expr:
     return ast.parse(f"np.int64({start})", mode="eval").body
 
 
+def _plain_integer(node: ast.expr) -> ast.expr:
+    """A whole number written out, or the name of one, as a number that numba has compiled for before."""
+    written = isinstance(node, ast.Constant) and type(node.value) is int
+    named = isinstance(node, ast.Name) and node.id.isupper()
+    return ast.parse(f"np.int64({ast.unparse(node)})", mode="eval").body if written or named else node
+
+
 def _indices(node: ast.Subscript) -> list[ast.expr]:
     return list(node.slice.elts) if isinstance(node.slice, ast.Tuple) else [node.slice]
+
+
+def _truth(node: ast.expr) -> ast.expr:
+    """A condition with what is known of it taken out: a constant if all of it is known."""
+    if isinstance(node, ast.Compare) and len(node.ops) == 1:
+        left, right = node.left, node.comparators[0]
+        kind = _COMPARISONS.get(type(node.ops[0]))
+        if kind is not None and isinstance(left, ast.Constant) and isinstance(right, ast.Constant):
+            return ast.Constant(kind(left.value, right.value))
+    if isinstance(node, ast.BoolOp):
+        return _joined_truth(node)
+    return node
+
+
+def _joined_truth(node: ast.BoolOp) -> ast.expr:
+    deciding = isinstance(node.op, ast.Or)  # the value of a part that settles the whole
+    open_parts: list[ast.expr] = []
+    for part in map(_truth, node.values):
+        if not isinstance(part, ast.Constant):
+            open_parts.append(part)
+        elif bool(part.value) is deciding:
+            # What stands before it has no effects here: conditions only look.
+            return ast.Constant(deciding)
+    if not open_parts:
+        return ast.Constant(not deciding)
+    return open_parts[0] if len(open_parts) == 1 else ast.BoolOp(op=node.op, values=open_parts)
+
+
+_COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], bool]] = {
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.Gt: operator.gt,
+    ast.GtE: operator.ge,
+}
 
 
 class _Rewriter(ast.NodeTransformer):
@@ -260,6 +307,22 @@ class _Rewriter(ast.NodeTransformer):
             )
         return ast.Constant(view.shape[axis])
 
+    def visit_If(self, node: ast.If) -> ast.AST | list[ast.stmt]:
+        """A branch that a known constant rules out is left out, with all that only it calls."""
+        test = _truth(self.visit(node.test))
+        if not isinstance(test, ast.Constant):
+            node.test = test
+            node.body = [item for statement in node.body for item in self.statements(statement)]
+            node.orelse = [item for statement in node.orelse for item in self.statements(statement)]
+            return node
+        taken = node.body if test.value else node.orelse
+        return [item for statement in taken for item in self.statements(statement)] or [ast.Pass()]
+
+    def statements(self, statement: ast.stmt) -> list[ast.stmt]:
+        """What becomes of a statement: itself, several, or those of one branch."""
+        visited = self.visit(statement)
+        return visited if isinstance(visited, list) else [visited]
+
     def _known_constant(self, node: ast.Subscript) -> int | None:
         if _field(node.value) != "inputs_integers" or not isinstance(node.slice, ast.Name):
             return None
@@ -292,4 +355,6 @@ class _Rewriter(ast.NodeTransformer):
             node.args[:1] = [*first, *pointers]
         elif self._views.get(name):
             node.args[:0] = first
+        if name in self._views:
+            node.args = [_plain_integer(item) for item in node.args]
         return node

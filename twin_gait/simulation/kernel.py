@@ -16,9 +16,9 @@ from collections.abc import Callable, Sequence
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 from twin_gait.simulation import articulated_body, rigid_body
 from twin_gait.simulation.rigid_body import Vector
-from twin_gait.simulation.tracing import Scalar, Trace, text
+from twin_gait.simulation.tracing import Scalar, Trace, compact, text
 
-KERNEL_VERSION = 1
+KERNEL_VERSION = 2
 # Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32; the loops
 # once for all in 7 s.
 STRAIGHT_LINE_LIMIT = 15
@@ -125,7 +125,8 @@ def _function(
     signature: str, trace: Trace, stores: Sequence[tuple[str, Scalar]], returned: Sequence[Scalar]
 ) -> str:
     outputs = [value for _, value in stores] + list(returned)
-    lines = [f"def {signature}:", *(f"    {line}" for line in trace.live_lines(outputs))]
+    body = compact(trace.live_lines(outputs), {text(value) for value in outputs})
+    lines = [f"def {signature}:", *(f"    {line}" for line in body)]
     lines += [f"    {place} = {text(value)}" for place, value in stores]
     if returned:
         lines.append(f"    return {', '.join(text(value) for value in returned)}")

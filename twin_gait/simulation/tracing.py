@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Collection, Sequence
 
 Number = float
 
@@ -26,6 +27,7 @@ class Trace:
         """Begin an empty trace."""
         self.lines: list[str] = []
         self._known: dict[tuple[str, ...], Symbol] = {}
+        self._negated: dict[str, Symbol] = {}
         self._count = 0
 
     def input(self, expression: str) -> Symbol:
@@ -47,6 +49,16 @@ class Trace:
         self._count += outputs
         self.lines.append(f"{', '.join(names)} = {function}({', '.join(text(item) for item in arguments)})")
         return [Symbol(self, name) for name in names]
+
+    def negated(self, symbol: Symbol) -> Symbol:
+        """Append the negative of a symbol, and remember of what it is the negative."""
+        result = self.emit(("neg", symbol.name), f"-{symbol.name}")
+        self._negated[result.name] = symbol
+        return result
+
+    def positive_of(self, value: Scalar) -> Symbol | None:
+        """What a symbol is the negative of, or None; adding the one is subtracting the other, exactly."""
+        return self._negated.get(value.name) if isinstance(value, Symbol) else None
 
     def live_lines(self, outputs: Sequence[Scalar]) -> list[str]:
         """Lines that the outputs depend on, in order."""
@@ -73,6 +85,10 @@ class Symbol:
     def __add__(self, other: Scalar) -> Scalar:
         if not isinstance(other, Symbol) and other == 0.0:
             return self
+        for one, negative in ((self, other), (other, self)):
+            positive = self.trace.positive_of(negative)
+            if positive is not None:
+                return one - positive
         first, second = sorted((text(self), text(other)))
         return self.trace.emit(("+", first, second), f"{text(self)} + {text(other)}")
 
@@ -83,6 +99,9 @@ class Symbol:
             return self
         if isinstance(other, Symbol) and other.name == self.name:
             return 0.0
+        positive = self.trace.positive_of(other)
+        if positive is not None:
+            return self + positive
         return self.trace.emit(("-", text(self), text(other)), f"{text(self)} - {text(other)}")
 
     def __rsub__(self, other: Number) -> Scalar:
@@ -91,7 +110,7 @@ class Symbol:
         return self.trace.emit(("-", text(other), text(self)), f"{text(other)} - {text(self)}")
 
     def __neg__(self) -> Symbol:
-        return self.trace.emit(("neg", self.name), f"-{self.name}")
+        return self.trace.negated(self)
 
     def __mul__(self, other: Scalar) -> Scalar:
         if not isinstance(other, Symbol):
@@ -114,6 +133,57 @@ class Symbol:
 
 
 Scalar = Symbol | Number
+
+_LONGEST = 90  # characters of an expression
+_NAME = re.compile(r"\bt\d+\b")
+_ELEMENT = re.compile(r"\b([a-z]+)\[([\d, ]+)\]")
+
+
+def compact(lines: Sequence[str], kept: Collection[str]) -> list[str]:
+    """Write what is used once where it is used, and read what is used often once.
+
+    The operations and their order stay the same; there are half as many names, which is what the time to
+    compile goes by.
+
+    Args:
+        lines: Assignments in order, each with one operation.
+        kept: Names that have to remain.
+
+    Returns:
+        Assignments in order.
+    """
+    uses = Counter(_NAME.findall(" ".join(line.split(" = ", 1)[1] for line in lines)))
+    inside: dict[str, str] = {}
+    result = []
+    for line in lines:
+        left, right = line.split(" = ", 1)
+        short = _NAME.sub(lambda found: inside.pop(found[0], found[0]), right)
+        if uses[left] == 1 and left not in kept and len(short) < _LONGEST:
+            inside[left] = f"({short})"
+        else:
+            result.append(f"{left} = {short}")
+    return _reading_once(result)
+
+
+def _reading_once(lines: Sequence[str]) -> list[str]:
+    """Read each element of an array that is used more than once into a name before its first use."""
+    uses = Counter(found[0] for line in lines for found in _ELEMENT.finditer(line))
+    named: set[str] = set()
+    result: list[str] = []
+
+    def name(found: re.Match[str]) -> str:
+        if uses[found[0]] == 1:
+            return found[0]
+        short = f"{found[1]}_{found[2].replace(', ', '_')}"
+        if short not in named:
+            named.add(short)
+            result.append(f"{short} = {found[0]}")
+        return short
+
+    for line in lines:
+        # The name comes before the line that needs it first.
+        result.append(_ELEMENT.sub(name, line))
+    return result
 
 
 def text(value: Scalar) -> str:
