@@ -37,7 +37,7 @@ from twin_gait.scenario.bench_joint import (
 )
 from twin_gait.scenario.bench_leg import HandParameters
 from twin_gait.simulation.bench_joint import BenchRun, BenchVariation, loop_text, simulate_bench
-from twin_gait.simulation.compiling import source_key
+from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName
 

@@ -22,7 +22,7 @@ from twin_gait import core, load_experiment, simulate
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.leg_model import LegModel, packaged_urdf
 from twin_gait.leg_model.bodies import contact_points, export_bodies
-from twin_gait.simulation import columns, compiling, episode_arrays, kernel, pointers
+from twin_gait.simulation import columns, episode_arrays, keeping, kernel, loops, pointers
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.problem import build_problem
 
@@ -96,8 +96,8 @@ def test_loops_offer_the_episode_the_same_as_the_straight_line_kernel(worn_twin:
         seen = functions["observe"](q, v, a, values, GRAVITY, forces)
         results.append([a, forces, gravity, inertia, np.array([power, *seen])])
     assert (results[0][1][:, 1] > 100.0).any()  # a foot is loaded
-    for loops, straight in zip(*results, strict=True):
-        assert_equal(loops, straight)
+    for looped, straight in zip(*results, strict=True):
+        assert_equal(looped, straight)
 
 
 def lowest_point(model: LegModel, q: np.ndarray, frames: list[str]) -> float:
@@ -180,7 +180,8 @@ BUILD = """
 import sys, time
 from pathlib import Path
 import numpy as np
-from twin_gait.simulation.compiling import load_module, source_key
+from twin_gait.simulation.compiling import load_module
+from twin_gait.simulation.keeping import source_key
 text, folder, number = Path(sys.argv[1]).read_text(), Path(sys.argv[2]), sys.argv[3]
 (folder / f"ready{number}").touch()
 while not (folder / "go").exists():
@@ -203,7 +204,7 @@ def test_two_processes_may_build_the_same_kernel_at_once(tmp_path, monkeypatch):
     bodies = export_bodies(model)
     (tmp_path / "kernel.txt").write_text(SMALL.format(kernel=kernel.write_dynamics(bodies, [], "z")))
     np.save(tmp_path / "values.npy", np.array(kernel.body_values(bodies)))
-    monkeypatch.setenv(compiling.CACHE_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv(keeping.CACHE_VARIABLE, str(tmp_path / "cache"))
     both = [build(tmp_path, number) for number in range(2)]
     wait_for(tmp_path / "ready0", tmp_path / "ready1")
     (tmp_path / "go").touch()
@@ -214,7 +215,7 @@ def test_two_processes_may_build_the_same_kernel_at_once(tmp_path, monkeypatch):
     found = np.array([float.fromhex(entry) for entry in third])
     q, v, torque = np.array([0.3, -0.4]), np.array([1.0, 2.0]), np.array([3.0, 4.0])
     assert_equal(found, np.array(pin.aba(model, model.createData(), q, v, torque)))
-    assert len(list((tmp_path / "cache").glob("twin_gait_episode_*.py"))) == 1
+    assert len(list((tmp_path / "cache").glob("twin_gait_module_*.py"))) == 1
 
 
 def build(folder: Path, number: int) -> subprocess.Popen[str]:
@@ -241,13 +242,13 @@ def core_modules() -> list[str]:
 
 
 def test_every_module_of_core_is_compiled_and_hashed():
-    assert sorted(compiling.CORE_MODULES) == core_modules()
+    assert sorted(keeping.CORE_MODULES) == core_modules()
 
 
 @pytest.mark.parametrize("name", core_modules())
 def test_an_edit_of_any_function_of_core_changes_the_key(name, monkeypatch):
     module = importlib.import_module(f"{core.__name__}.{name}")
-    source, read = inspect.getsource(module), inspect.getsource
+    source, read = inspect.getsource(module), keeping.source_of
     defined = [item for item in vars(module).values() if isinstance(item, FunctionType)]
     functions = [item.__name__ for item in defined if item.__module__ == module.__name__]
     assert functions
@@ -256,28 +257,27 @@ def test_an_edit_of_any_function_of_core_changes_the_key(name, monkeypatch):
         edited, count = re.subn(rf"^def {function}\(", f"def {function}_(", source, flags=re.MULTILINE)
         assert count == 1
         monkeypatch.setattr(
-            inspect, "getsource", lambda item, text=edited: text if item is module else read(item)
+            keeping, "source_of", lambda item, text=edited: text if item == module.__name__ else read(item)
         )
         keys.add(key_of("text"))
     assert len(keys) == 1 + len(functions)
 
 
 def key_of(text: str) -> str:
-    compiling.source_key.cache_clear()
-    key = compiling.source_key(text)
-    compiling.source_key.cache_clear()
+    keeping.source_key.cache_clear()
+    key = keeping.source_key(text)
+    keeping.source_key.cache_clear()
     return key
 
 
 def test_the_compiled_module_imports_nothing_that_its_key_leaves_out(monkeypatch):
-    texts = []
-    load = compiling.load_module
+    texts, kept = [], loops._kept_loop
     monkeypatch.setattr(
-        compiling, "load_module", lambda key, write: texts.append(write()) or load(key, write)
+        loops, "_kept_loop", lambda key, write, told: texts.append(write()) or kept(key, write, told)
     )
     CompiledEngine(build_problem(load_experiment("bench_leg", ["duration_s=0.1"]).experiment))
     imported = {node.module for node in ast.walk(ast.parse(texts[0])) if isinstance(node, ast.ImportFrom)}
-    hashed = {f"{core.__name__}.{name}" for name in compiling.CORE_MODULES}
+    hashed = {f"{core.__name__}.{name}" for name in keeping.CORE_MODULES}
     hashed |= {columns.__name__, episode_arrays.__name__, pointers.__name__}
     assert {name for name in imported if name.startswith("twin_gait")} <= hashed
     assert f"KERNEL_VERSION = {kernel.KERNEL_VERSION}" in texts[0]

@@ -31,8 +31,9 @@ from twin_gait.scenario.bench_joint import (
     TorqueControl,
 )
 from twin_gait.simulation import bench_joint_loop as loop
-from twin_gait.simulation.compiling import compiled_before, load_module, register_core, source_key
+from twin_gait.simulation.compiling import compiled_before, load_module, register_core
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
+from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.run import RunStatus
 
 TICK = 1e-3  # [s], the firmware's

@@ -14,7 +14,6 @@ from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
 from twin_gait.simulation import episode_arrays
-from twin_gait.simulation.compiling import loop_of
 from twin_gait.simulation.engine import (
     DIVERGED_VELOCITY,
     EngineResult,
@@ -25,6 +24,7 @@ from twin_gait.simulation.engine import (
 )
 from twin_gait.simulation.flat_episode import lay_out
 from twin_gait.simulation.kernel import body_values, write_kernel
+from twin_gait.simulation.loops import loop_of
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.watching import (

@@ -98,7 +98,7 @@ from twin_gait.core.contact import ground_contact_force
 from twin_gait.core.integrators import RK4_STAGES
 from twin_gait.simulation.pointers import float_pointer, integer_pointer, shifted
 
-_jit = numba.njit(cache=True, nogil=True, error_model="numpy")
+_jit = numba.njit(nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 _inlined = numba.njit(
     forceinline=True,
     nogil=True,

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from twin_gait.control import ControllerFunction
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.compiling import compiles
 from twin_gait.simulation.pinocchio_engine import PinocchioEngine
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run, log_table
@@ -70,12 +69,18 @@ def simulate(
     )
 
 
+def _compiles(controller: ControllerFunction) -> bool:
+    from twin_gait.simulation.compiling import compiles  # the compiler takes as long to load as all else
+
+    return compiles(controller)
+
+
 def _engine(
     problem: Problem, controller: ControllerFunction | None, on_compile: Callable[[], None] | None
 ) -> PinocchioEngine | CompiledEngine:
     if problem.experiment.engine is Engine.PINOCCHIO:
         return PinocchioEngine(problem, controller)
-    if controller is None or compiles(controller):
+    if controller is None or _compiles(controller):
         return CompiledEngine(problem, controller=controller, on_compile=on_compile)
     warnings.warn(
         f"numba cannot compile the controller {getattr(controller, '__name__', controller)!r}; "

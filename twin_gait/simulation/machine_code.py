@@ -1,0 +1,116 @@
+"""Machine code of a compiled loop: kept in one file, and loaded without the compiler.
+
+numba is needed to compile and for nothing else. Loading it takes as long as all else that happens before the
+first tick, and what it keeps itself is a pickle. Here the object code lies in a file behind a line that says
+what is in it, and LLVM links it into the process.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from llvmlite import binding
+
+from twin_gait.files import write_atomically
+
+NativeFunction = Callable[..., int]
+
+
+class MachineCode(NamedTuple):
+    """A compiled function as it is kept.
+
+    Attributes:
+        object_code: Object file.
+        symbol: Name of the function in it.
+        arrays: Names of the loose arrays whose addresses it takes after those of the two flat ones.
+    """
+
+    object_code: bytes
+    symbol: str
+    arrays: tuple[str, ...]
+
+
+def write_code(path: Path, code: MachineCode) -> None:
+    """Keep compiled code.
+
+    Args:
+        path: The file, replaced in one step.
+        code: The code.
+
+    Raises:
+        RunDirectoryError: If the file cannot be written.
+    """
+    digest = hashlib.sha256(code.object_code).hexdigest()
+    header = {"symbol": code.symbol, "arrays": code.arrays, "sha256": digest}
+    write_atomically(path, json.dumps(header).encode() + b"\n" + code.object_code)
+
+
+def read_code(path: Path) -> MachineCode | None:
+    """Read compiled code.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The code, or None if there is none or the file is damaged.
+    """
+    try:
+        header, object_code = path.read_bytes().split(b"\n", 1)
+        known = json.loads(header)
+        if known["sha256"] != hashlib.sha256(object_code).hexdigest():
+            return None
+        return MachineCode(object_code, known["symbol"], tuple(known["arrays"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def load_function(code: MachineCode, n_arguments: int) -> NativeFunction:
+    """Link compiled code into the process.
+
+    Args:
+        code: The code.
+        n_arguments: Of the function; all are whole numbers, as is its result.
+
+    Returns:
+        The function; it runs without the interpreter's lock.
+    """
+    target = binding.Target.from_default_triple().create_target_machine()
+    engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target)
+    engine.add_object_file(binding.ObjectFileRef.from_data(code.object_code))
+    engine.finalize_object()
+    return function_at(engine.get_function_address(code.symbol), n_arguments, engine)
+
+
+def function_at(address: int, n_arguments: int, owner: Any) -> NativeFunction:
+    """A compiled function by its address.
+
+    Args:
+        address: Of the native function, which returns a status and writes its result through a pointer.
+        n_arguments: Of the function; all are whole numbers, as is its result.
+        owner: What has to live as long as the function.
+
+    Returns:
+        The function.
+    """
+    pointers = ctypes.POINTER(ctypes.c_int64), ctypes.POINTER(ctypes.c_void_p)
+    native = ctypes.CFUNCTYPE(ctypes.c_int, *pointers, *(ctypes.c_int64,) * n_arguments)(address)
+
+    def call(*arguments: int, _owner: Any = owner) -> int:
+        result, exception = ctypes.c_int64(), ctypes.c_void_p()
+        status = native(ctypes.byref(result), ctypes.byref(exception), *arguments)
+        # The loop raises nothing: what it calls divides as the processor does and asserts nothing.
+        assert status == 0, f"compiled code ended with status {status}"
+        return result.value
+
+    return call
+
+
+def prepare_linking() -> None:
+    """Let LLVM make and link code for this processor; to be called once before :func:`load_function`."""
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
