@@ -35,6 +35,7 @@ from twin_gait.simulation.watching import (
     trip_of,
     watch_bounds,
 )
+from twin_gait.simulation.wearing import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.vocabulary import JointName
 
 CHUNK_TICKS = 2000  # between two looks at progress and interruption
@@ -105,6 +106,7 @@ class CompiledEngine:
         integers[episode_arrays.N_ANKLES] = len(ankles)
         integers[episode_arrays.RECORD] = record
         integers[episode_arrays.INERTIA_WANTED] = experiment.control.inertia_compensation > 0.0
+        integers[episode_arrays.WEARER] = problem.wearer.acts
         faults = fault_arrays(problem)
         settings = experiment.control.safety
         integers[episode_arrays.WATCHING] = settings.enabled
@@ -139,6 +141,9 @@ class CompiledEngine:
                 [experiment.control.target_torque.get(joint.joint, 0.0) for joint in problem.joints]
             ),
             push=np.zeros(len(problem.joints)),
+            conditions=problem.wearer.conditions,
+            effort_moments=problem.wearer.moments,
+            effort_noise=problem.wearer.noise,
             hand=self._hand(),
             bounds=watch_bounds(problem),
             faults=faults.faults,
@@ -165,6 +170,8 @@ class CompiledEngine:
             experiment.control.safety.least_voltage_share * battery.voltage
         )
         numbers[episode_arrays.HOLD_DAMPING] = experiment.control.safety.hold_damping
+        numbers[episode_arrays.LOWEST_POSTURE] = LOWEST_POSTURE
+        numbers[episode_arrays.POSTURE_STEP] = POSTURE_STEP
         return numbers
 
     def _contact(self) -> np.ndarray:
@@ -248,6 +255,7 @@ class CompiledEngine:
             signals=np.full(2 * problem.signals_per_leg, np.nan),
             motor=np.zeros(n),
             external=np.zeros(n),
+            efforts=np.zeros((problem.wearer.delay + 1, joints)),
             torque=np.zeros(n),
             passive=np.zeros((n, 3)),
             points=np.zeros((max(n_points, 1), 3)),

@@ -76,6 +76,17 @@ from twin_gait.core.safety import (
     support_share,
     watch_joint,
 )
+from twin_gait.core.wearer import (
+    CATCH_GAIN,
+    CATCH_SPEED,
+    CONTRACTURE,
+    EFFORT,
+    PASSIVE_SHARE,
+    passive_hip_torque,
+    passive_knee_torque,
+    posture_place,
+    spastic_torque,
+)
 from twin_gait.simulation.episode_arrays import (
     ANKLE_WIDTH,
     BATTERY_RESISTANCE,
@@ -113,6 +124,7 @@ from twin_gait.simulation.episode_arrays import (
     LEAST_VOLTAGE,
     LOW_VOLTAGE_STREAK,
     LOWERING_TICKS,
+    LOWEST_POSTURE,
     MEASURED,
     N_ANKLES,
     N_LEGS,
@@ -122,6 +134,7 @@ from twin_gait.simulation.episode_arrays import (
     PELVIS_WIDTH,
     PERIOD,
     POINTS_PER_FOOT,
+    POSTURE_STEP,
     RECORD,
     STEP,
     SUBSTEPS,
@@ -133,6 +146,7 @@ from twin_gait.simulation.episode_arrays import (
     USE_RK4,
     VOLTAGE_TICKS,
     WATCHING,
+    WEARER,
     Array,
     Episode,
 )
@@ -511,7 +525,6 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
                 inputs.actuators[joint, 3],
             )
     state.motor[inputs.coordinates[joint]] = torque
-    state.external[inputs.coordinates[joint]] = inputs.push[joint]
     state.watch_memory[joint, COMMANDED] = command
     state.watch_memory[joint, MOTOR_CURRENT] = current
     state.watch_memory[joint, CURRENT_DEVIATION] = current - expected
@@ -543,6 +556,52 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
     return motor_electrical_power(
         current, velocity, inputs.actuators[joint, 3], inputs.actuators[joint, 0], inputs.actuators[joint, 1]
     )
+
+
+def _push(episode: Episode, tick: int) -> None:
+    """Torques from outside for this tick: a push, and what the wearer does."""
+    inputs, state = episode.inputs, episode.state
+    for joint in range(inputs.coordinates.shape[0]):
+        state.external[inputs.coordinates[joint]] = inputs.push[joint]
+    if inputs.integers[WEARER] != 0:
+        per_leg = inputs.integers[JOINTS_PER_LEG]
+        for leg in range(inputs.integers[N_LEGS]):
+            hip = state.q[inputs.coordinates[leg * per_leg]]
+            knee = state.q[inputs.coordinates[leg * per_leg + 1]]
+            ankle = 0.0
+            if inputs.integers[N_ANKLES] > 0:
+                ankle = state.q[inputs.ankles[leg]]
+            passive = passive_hip_torque(
+                hip - inputs.conditions[leg * per_leg, CONTRACTURE],
+                knee - inputs.conditions[leg * per_leg + 1, CONTRACTURE],
+            )
+            _wear(episode, tick, leg * per_leg, passive, hip)
+            passive = passive_knee_torque(
+                hip - inputs.conditions[leg * per_leg, CONTRACTURE],
+                knee - inputs.conditions[leg * per_leg + 1, CONTRACTURE],
+                ankle,
+            )
+            _wear(episode, tick, leg * per_leg + 1, passive, hip)
+
+
+def _wear(episode: Episode, tick: int, joint: int, passive: float, hip: float) -> None:
+    """Add the wearer's torque on one joint; his effort comes late."""
+    inputs, state = episode.inputs, episode.state
+    ring = state.efforts.shape[0]
+    phase = state.phase[joint // inputs.integers[JOINTS_PER_LEG]]
+    below, share = posture_place(
+        hip, inputs.numbers[LOWEST_POSTURE], inputs.numbers[POSTURE_STEP], inputs.effort_moments.shape[2]
+    )
+    lower = inputs.effort_moments[joint, phase, below]
+    moment = lower + share * (inputs.effort_moments[joint, phase, below + 1] - lower)
+    state.efforts[tick % ring, joint] = inputs.conditions[joint, EFFORT] * moment
+    effort = state.efforts[(tick + 1) % ring, joint]
+    effort *= 1.0 + inputs.effort_noise[tick % inputs.effort_noise.shape[0], joint]
+    index = inputs.coordinates[joint]
+    catch = spastic_torque(
+        state.v[index], inputs.conditions[joint, CATCH_SPEED], inputs.conditions[joint, CATCH_GAIN]
+    )
+    state.external[index] += inputs.conditions[joint, PASSIVE_SHARE] * passive + catch + effort
 
 
 def _supply(episode: Episode, tick: int, battery_power: float) -> None:
@@ -659,6 +718,7 @@ def run_ticks(episode: Episode, first: int, end: int, rows: Array) -> int:
         battery_power = 0.0
         for joint in range(inputs.coordinates.shape[0]):
             battery_power += _control(episode, joint, tick, rows)
+        _push(episode, tick)
         if record:
             _record(episode, tick, battery_power, rows)
         _supply(episode, tick, battery_power)

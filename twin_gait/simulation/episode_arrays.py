@@ -39,7 +39,8 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
     FAULTY,
     INERTIA_WANTED,
     FIRST_ROW,
-) = range(21)
+    WEARER,
+) = range(22)
 (
     PERIOD,
     FAST_GAIN,
@@ -55,13 +56,15 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
     INERTIA_GAIN,
     LEAST_VOLTAGE,
     HOLD_DAMPING,
-) = range(14)
+    LOWEST_POSTURE,
+    POSTURE_STEP,
+) = range(16)
 # Positions in the array of numbers that change: bus voltage, time of the step, hand, contact power.
 BUS_VOLTAGE, TIME, HAND_TORQUE, CONTACT_POWER, LAST_CONTACT_POWER = range(5)
 # Positions in the array of what the monitor has done: tick of the trip or -1, its cause and place (a joint,
 # or the number of joints plus a leg), drives that are cut off, ticks with too low a bus voltage.
 TRIP_TICK, TRIP_CAUSE, TRIP_PLACE, DRIVES_OFF, LOW_VOLTAGE_STREAK = range(5)
-INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = FIRST_ROW + 1, HOLD_DAMPING + 1, LAST_CONTACT_POWER + 1
+INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = WEARER + 1, POSTURE_STEP + 1, LAST_CONTACT_POWER + 1
 SAFETY_COUNT = LOW_VOLTAGE_STREAK + 1
 
 # Blocks of the log, and where groups of columns begin in the block of a joint.
@@ -97,6 +100,9 @@ class EpisodeInputs(NamedTuple):
         actuators: K_t, ratio, efficiency, resistance of each joint, shape ``(n_joints, 4)``.
         target_torque: Shape ``(n_joints,)``.
         push: Torque on each joint from outside, held over the tick, shape ``(n_joints,)``.
+        conditions: Of the wearer's joints, shape ``(n_joints, CONDITION_COLUMNS)``.
+        effort_moments: Normative moments, shape ``(n_joints, n_phases, POSTURES)``.
+        effort_noise: Of the wearer's effort, taken in turn, shape ``(n_ticks or 1, n_joints)``.
         hand: Start angle, amplitude, frequency, stiffness, damping, release time, shape ``(6,)``.
         bounds: Of the safety monitor, shape ``(n_joints, BOUND_COUNT)``.
         faults: Kind, place and first tick, shape ``(n, 3)``.
@@ -123,6 +129,9 @@ class EpisodeInputs(NamedTuple):
     actuators: Array
     target_torque: Array
     push: Array
+    conditions: Array
+    effort_moments: Array
+    effort_noise: Array
     hand: Array
     bounds: Array
     faults: Array
@@ -147,7 +156,8 @@ class EpisodeState(NamedTuple):
         blended: Shape ``(n_legs, n_columns)``.
         signals: Shape ``(2 n_signals,)``.
         motor: Motor torques on all coordinates, shape ``(n,)``.
-        external: Torques of a push on all coordinates, shape ``(n,)``.
+        external: Torques of push and wearer on all coordinates, shape ``(n,)``.
+        efforts: Efforts of the last ticks, shape ``(delay + 1, n_joints)``.
         torque: All torques, shape ``(n,)``.
         passive: Shape ``(n, 3)``.
         points: Contact points, shape ``(n_points, 3)``.
@@ -195,6 +205,7 @@ class EpisodeState(NamedTuple):
     signals: Array
     motor: Array
     external: Array
+    efforts: Array
     torque: Array
     passive: Array
     points: Array

@@ -9,12 +9,18 @@ import numpy as np
 from twin_gait.simulation.episode_arrays import Episode, EpisodeInputs, EpisodeState
 from twin_gait.simulation.flattening import Place
 
-# Arrays whose shape depends on the transitions of the table, the duration or the faults; the loop is the same
-# for all of them.
+# Arrays whose shape depends on the transitions of the table, the duration, the faults or the wearer's delay;
+# the loop is the same for all of them.
 LOOSE_INTEGERS = frozenset(
     {"inputs_transitions", "inputs_nodes", "inputs_faults", "state_dwell", "state_switches"}
 )
-LOOSE_FIELDS = LOOSE_INTEGERS | {"inputs_comparisons", "inputs_noise", "inputs_magnitudes"}
+LOOSE_FIELDS = LOOSE_INTEGERS | {
+    "inputs_comparisons",
+    "inputs_noise",
+    "inputs_magnitudes",
+    "inputs_effort_noise",
+    "state_efforts",
+}
 
 
 class FlatEpisode(NamedTuple):

@@ -40,6 +40,7 @@ CORE_MODULES = (
     "motor_drive",
     "plant",
     "safety",
+    "wearer",
 )
 # Modules of this package that a compiled loop is made of or made by, beside core.
 LOOP_MODULES = ("columns", "compiling", "episode", "episode_arrays", "flattening", "module_text", "pointers")

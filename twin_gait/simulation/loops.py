@@ -34,6 +34,7 @@ STRUCTURE = (
     "USE_RK4",
     "FAULTY",
     "INERTIA_WANTED",
+    "WEARER",
 )
 _FLAT_ARRAYS, _MORE_ARGUMENTS = 2, 3  # x and k; first tick, end and the log
 

@@ -59,6 +59,17 @@ from twin_gait.core.safety import (
     support_share,
     watch_joint,
 )
+from twin_gait.core.wearer import (
+    CATCH_GAIN,
+    CATCH_SPEED,
+    CONTRACTURE,
+    EFFORT,
+    PASSIVE_SHARE,
+    passive_hip_torque,
+    passive_knee_torque,
+    posture_place,
+    spastic_torque,
+)
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.columns import WORK_SOURCES
@@ -81,6 +92,7 @@ from twin_gait.simulation.watching import (
     trip_of,
     watch_bounds,
 )
+from twin_gait.simulation.wearing import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.vocabulary import JointName
 
 PROGRESS_TICKS = 100
@@ -145,6 +157,7 @@ class PinocchioEngine:
         self._drive_off = [False] * n_joints
         self._hold_angle = np.zeros(n_joints)
         self._trip: tuple[int, int, int] | None = None
+        self._efforts = np.zeros((problem.wearer.delay + 1, n_joints))
         self.layout = log_layout(problem)
         self.switches: list[PhaseSwitch] = []
 
@@ -205,6 +218,7 @@ class PinocchioEngine:
         battery_power = 0.0
         for number, joint in enumerate(self.problem.joints):
             battery_power += self._control(tick, number, joint, feed_forward, row)
+        self._wear(tick)
         self._record(row, battery_power)
         self._supply(tick, battery_power)
         self._integrate()
@@ -454,6 +468,39 @@ class PinocchioEngine:
         memory[CURRENT_DEVIATION], memory[MOTOR_SPEED] = current - expected, speed
         return target_current, current, torque
 
+    def _wear(self, tick: int) -> None:
+        """Torques of the wearer for this tick."""
+        problem, plant, conditions = self.problem, self.plant, self.problem.wearer.conditions
+        if not problem.wearer.acts:
+            return
+        world = problem.world
+        for leg, side in enumerate(problem.sides):
+            first = leg * problem.joints_per_leg
+            hip, knee = (float(plant.q[problem.joints[first + number].coordinate]) for number in range(2))
+            ankle = 0.0
+            if world.model.legs[side].ankle is not None:
+                ankle = float(plant.q[world.model.index(side, JointName.ANKLE)])
+            stretched = hip - conditions[first, CONTRACTURE], knee - conditions[first + 1, CONTRACTURE]
+            passive = passive_hip_torque(*stretched), passive_knee_torque(*stretched, ankle)
+            for number in range(2):
+                self._wear_joint(tick, first + number, passive[number], hip)
+
+    def _wear_joint(self, tick: int, joint: int, passive: float, hip: float) -> None:
+        """Torque of the wearer on one joint; his effort comes late."""
+        arrays, condition = self.problem.wearer, self.problem.wearer.conditions[joint]
+        machine = list(self.machines.values())[joint // self.problem.joints_per_leg]
+        moments = arrays.moments[joint, machine.phase_index]
+        below, share = posture_place(hip, LOWEST_POSTURE, POSTURE_STEP, len(moments))
+        moment = moments[below] + share * (moments[below + 1] - moments[below])
+        ring = len(self._efforts)
+        self._efforts[tick % ring, joint] = condition[EFFORT] * moment
+        effort = self._efforts[(tick + 1) % ring, joint] * (
+            1.0 + arrays.noise[tick % len(arrays.noise), joint]
+        )
+        index = self.problem.joints[joint].coordinate
+        catch = spastic_torque(float(self.plant.v[index]), condition[CATCH_SPEED], condition[CATCH_GAIN])
+        self.plant.wearer[index] = condition[PASSIVE_SHARE] * passive + catch + effort
+
     def _integrate(self) -> None:
         integration = self.problem.experiment.stepping
         start = self.plant.time
@@ -478,7 +525,7 @@ class PinocchioEngine:
             row[first : first + 3] = (
                 plant.passive[joint.coordinate, FRICTION],
                 plant.passive[joint.coordinate, STOP],
-                plant.hand if held else 0.0,
+                (plant.hand if held else 0.0) + plant.wearer[joint.coordinate],
             )
         for side in layout.ankles:
             index = world.model.index(side, JointName.ANKLE)

@@ -55,6 +55,7 @@ class PinocchioPlant:
         n = world.model.nv
         self.q, self.v, self.a = world.start_q.copy(), world.start_v.copy(), np.zeros(n)
         self.motor = np.zeros(n)
+        self.wearer = np.zeros(n)
         self.passive = np.zeros((n, PASSIVE_COLUMNS))
         self._rows = [tuple(row) for row in world.plant_rows.tolist()]
         self.hand = 0.0
@@ -151,7 +152,7 @@ class PinocchioPlant:
             for angle, velocity, row in zip(q.tolist(), v.tolist(), self._rows, strict=True)
         ]
         self.passive[:] = parts
-        torque = self.motor + [friction + stop + spring for friction, stop, spring in parts]
+        torque = self.motor + self.wearer + [friction + stop + spring for friction, stop, spring in parts]
         hand = self.world.hand
         if hand is not None:
             self.hand = hand_torque(
@@ -208,6 +209,7 @@ class PinocchioPlant:
         self.works[STOP_WORK] += duration * stop
         self.works[SPRING_WORK] += duration * spring
         self.works[CONTACT_WORK] += duration * contact_power
+        self.works[PATIENT_WORK] += duration * (self.wearer @ v)
         if self.world.hand is not None:
             self.works[PATIENT_WORK] += duration * self.hand * v[self.world.hand.index]
 

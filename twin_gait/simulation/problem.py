@@ -19,6 +19,7 @@ from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ActuatorParameters
 from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.scenario.world import World
+from twin_gait.simulation.wearing import WearerArrays, wearer_arrays
 from twin_gait.vocabulary import JointName, Side
 
 
@@ -53,6 +54,7 @@ class Problem:
         noise: Sensor noise of every tick in [rad], shape ``(n_ticks, n_joints)`` or ``(1, n_joints)``.
         resolution: Encoder resolution in [rad], shape ``(n_joints,)``.
         fast_gain: Gain of the fast velocity filter.
+        wearer: What the wearer does at the joints.
     """
 
     experiment: Experiment
@@ -65,6 +67,7 @@ class Problem:
     noise: np.ndarray
     resolution: np.ndarray
     fast_gain: float
+    wearer: WearerArrays
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -126,6 +129,7 @@ def build_problem(experiment: Experiment) -> Problem:
         noise=_noise(experiment, len(joints)),
         resolution=np.zeros(len(joints)) if sensors.ideal else 2.0 * np.pi / counts,
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
+        wearer=wearer_arrays(experiment, table, [(item.side, item.joint) for item in joints]),
     )
 
 

@@ -1,0 +1,107 @@
+"""What the wearer does at a joint: passive moments, spasticity and voluntary effort.
+
+All torques act on the joint and are positive in the direction of flexion.
+"""
+
+from __future__ import annotations
+
+import math
+
+# Columns of the condition of a joint: share of the passive moment, contracture, speed beyond which a spastic
+# muscle catches and its gain, share of the normative moment that the wearer gives.
+PASSIVE_SHARE, CONTRACTURE, CATCH_SPEED, CATCH_GAIN, EFFORT = range(5)
+CONDITION_COLUMNS = 5
+
+_DEGREES = 180.0 / math.pi
+
+
+def passive_hip_torque(hip: float, knee: float) -> float:
+    r"""Passive elastic moment of the hip after Riener and Edrich (1999).
+
+    .. math::
+
+        M = e^{1.4655 - 0.0034\,\varphi_k - 0.0750\,\varphi_h}
+            - e^{1.3403 - 0.0226\,\varphi_k + 0.0305\,\varphi_h} + 8.072
+
+    with angles in degrees. R. Riener, T. Edrich: Identification of passive elastic joint moments in the lower
+    extremities, Journal of Biomechanics 32 (1999) 539-544; mean over ten healthy men.
+
+    Args:
+        hip: Flexion in [rad].
+        knee: Flexion in [rad].
+
+    Returns:
+        Moment in [N m].
+    """
+    fh, fk = _DEGREES * hip, _DEGREES * knee
+    extended = math.exp(1.4655 - 0.0034 * fk - 0.0750 * fh)
+    flexed = math.exp(1.3403 - 0.0226 * fk + 0.0305 * fh)
+    return extended - flexed + 8.072
+
+
+def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
+    r"""Passive elastic moment of the knee after Riener and Edrich (1999).
+
+    .. math::
+
+        M = e^{1.800 + 0.0460\,\varphi_a - 0.0352\,\varphi_k + 0.0217\,\varphi_h}
+            - e^{-3.971 + 0.0004\,\varphi_a + 0.0495\,\varphi_k - 0.0128\,\varphi_h} - 4.820
+            + e^{2.220 - 0.150\,\varphi_k}
+
+    with angles in degrees; the paper counts plantarflexion positive, here dorsiflexion is.
+
+    Args:
+        hip: Flexion in [rad].
+        knee: Flexion in [rad].
+        ankle: Dorsiflexion in [rad].
+
+    Returns:
+        Moment in [N m].
+    """
+    fh, fk, fa = _DEGREES * hip, _DEGREES * knee, _DEGREES * ankle
+    two_joint = math.exp(1.800 + 0.0460 * fa - 0.0352 * fk + 0.0217 * fh)
+    flexed = math.exp(-3.971 + 0.0004 * fa + 0.0495 * fk - 0.0128 * fh)
+    extended = math.exp(2.220 - 0.150 * fk)
+    return two_joint - flexed - 4.820 + extended
+
+
+def spastic_torque(velocity: float, catch_speed: float, gain: float) -> float:
+    r"""Torque of a spastic muscle that catches when it is stretched fast.
+
+    .. math::
+
+        \tau = -g\,(|\omega| - \omega_c)\,\operatorname{sgn}\omega \quad\text{for}\quad |\omega| > \omega_c
+
+    Args:
+        velocity: Of the joint in [rad] / [s].
+        catch_speed: ω_c in [rad] / [s].
+        gain: g in [N m s] / [rad].
+
+    Returns:
+        Torque in [N m]; 0 below the speed of the catch.
+    """
+    excess = abs(velocity) - catch_speed
+    if excess <= 0.0:
+        return 0.0
+    return -gain * excess if velocity > 0.0 else gain * excess
+
+
+def posture_place(angle: float, lowest: float, step: float, entries: int) -> tuple[int, float]:
+    """Where an angle falls on an even grid, for linear interpolation; held beyond its ends.
+
+    Args:
+        angle: In [rad].
+        lowest: First entry in [rad].
+        step: Between entries in [rad].
+        entries: Their number, 2 or more.
+
+    Returns:
+        Number of the entry below, and the share of the next one.
+    """
+    place = (angle - lowest) / step
+    if place <= 0.0:
+        return 0, 0.0
+    if place >= entries - 1:
+        return entries - 2, 1.0
+    below = int(place)
+    return below, place - below

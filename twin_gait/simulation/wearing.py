@@ -1,0 +1,131 @@
+"""Arrays of the wearer, which both engines step through."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from twin_gait.core import wearer
+from twin_gait.exceptions import ParameterError
+from twin_gait.experiment import Experiment
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.measures.reference import FASTEST, SLOWEST, reference_curve
+from twin_gait.measures.winter1991_moments import normative_moment
+from twin_gait.parameters import JointCondition, Patient
+from twin_gait.scenario.treadmill import TreadmillScenario
+from twin_gait.vocabulary import GaitPhase, JointName, Side
+
+# Spans of the phases in healthy walking in [%] of the cycle: loading response, mid stance, terminal stance
+# with pre-swing, initial swing, mid and terminal swing (J. Perry: Gait analysis, Slack, 1992).
+PHASE_SPANS = {
+    GaitPhase.EARLY_STANCE: (0.0, 12.0),
+    GaitPhase.MIDDLE_STANCE: (12.0, 31.0),
+    GaitPhase.LATE_STANCE: (31.0, 62.0),
+    GaitPhase.SWING_FLEXION: (62.0, 75.0),
+    GaitPhase.SWING_EXTENSION: (75.0, 100.0),
+}
+_STANCE = (GaitPhase.EARLY_STANCE, GaitPhase.MIDDLE_STANCE, GaitPhase.LATE_STANCE)
+LOWEST_POSTURE, POSTURE_STEP, POSTURES = np.radians(-30.0), np.radians(2.0), 41  # hip angles of the table
+_SAMPLES = 51  # of the cycle in a phase
+
+
+class WearerArrays(NamedTuple):
+    """A wearer as :mod:`twin_gait.core.wearer` reads him.
+
+    Attributes:
+        acts: Whether any torque comes from him.
+        conditions: Shape ``(n_joints, CONDITION_COLUMNS)``.
+        moments: Normative moment in [N m] by joint, phase and hip angle, shape
+            ``(n_joints, n_phases, POSTURES)``.
+        noise: Share by which the effort strays in a tick, shape ``(n_ticks or 1, n_joints)``.
+        delay: Of the effort in ticks.
+    """
+
+    acts: bool
+    conditions: np.ndarray
+    moments: np.ndarray
+    noise: np.ndarray
+    delay: int
+
+
+def wearer_arrays(
+    experiment: Experiment, table: GaitTable, joints: Sequence[tuple[Side, JointName]]
+) -> WearerArrays:
+    """Lay the wearer of an experiment out.
+
+    Args:
+        experiment: The experiment.
+        table: Its gait table.
+        joints: Actuated joints in the order of the arrays.
+
+    Returns:
+        The arrays.
+
+    Raises:
+        ParameterError: If he makes an effort, and the table has other phases than the five.
+    """
+    patient = experiment.patient
+    count, phases = len(joints), len(table.phase_names)
+    if patient is None or patient.is_mass_alone:
+        nothing = np.zeros((count, wearer.CONDITION_COLUMNS))
+        return WearerArrays(False, nothing, np.zeros((count, phases, POSTURES)), np.zeros((1, count)), 0)
+    conditions = [patient.conditions.get(place, JointCondition()) for place in joints]
+    rows = np.array([_row(item) for item in conditions])
+    moments = np.zeros((count, phases, POSTURES))
+    if rows[:, wearer.EFFORT].any():
+        _require_phases(table)
+        for number, (_, joint) in enumerate(joints):
+            moments[number] = _moments(experiment, patient, table, joint)
+    noise = _noise(experiment, patient, count)
+    return WearerArrays(True, rows, moments, noise, round(patient.effort_delay / TICK))
+
+
+def _row(condition: JointCondition) -> np.ndarray:
+    row = np.zeros(wearer.CONDITION_COLUMNS)
+    row[wearer.PASSIVE_SHARE] = condition.passive
+    row[wearer.CONTRACTURE] = condition.contracture
+    row[wearer.CATCH_SPEED] = condition.catch_speed
+    row[wearer.CATCH_GAIN] = condition.catch_gain
+    row[wearer.EFFORT] = condition.effort * condition.strength
+    return row
+
+
+def _require_phases(table: GaitTable) -> None:
+    unknown = [name for name in table.phase_names if name not in PHASE_SPANS]
+    if unknown:
+        raise ParameterError(
+            f"patient.effort: gait table {table.name!r} has the phase {unknown[0]!r}; an effort is known for "
+            f"{', '.join(PHASE_SPANS)} only; set it to 0"
+        )
+
+
+def _moments(experiment: Experiment, patient: Patient, table: GaitTable, joint: JointName) -> np.ndarray:
+    """Normative moment by phase and hip angle: that of the instant of the phase with the nearest hip angle.
+
+    On a treadmill the legs carry what the support leaves, and stance moments shrink with it.
+    """
+    scenario = experiment.scenario
+    speed, carried = SLOWEST, 1.0
+    if isinstance(scenario, TreadmillScenario):
+        speed = min(max(scenario.belt_speed, SLOWEST), FASTEST)
+        carried = 1.0 - scenario.support.share
+    postures = LOWEST_POSTURE + POSTURE_STEP * np.arange(POSTURES)
+    rows = []
+    for name in table.phase_names:
+        phase = GaitPhase(name)
+        percent = np.linspace(*PHASE_SPANS[phase], _SAMPLES)
+        hip = reference_curve(JointName.HIP, percent, speed=speed, height=patient.height)
+        nearest = np.abs(hip[None, :] - postures[:, None]).argmin(axis=1)
+        share = carried if phase in _STANCE else 1.0
+        rows.append(share * patient.mass * normative_moment(joint, percent[nearest]))
+    return np.array(rows)
+
+
+def _noise(experiment: Experiment, patient: Patient, count: int) -> np.ndarray:
+    if patient.effort_noise == 0.0:
+        return np.zeros((1, count))
+    # A stream of its own: the sensors' noise stays what it is without an effort.
+    generator = np.random.default_rng((experiment.seed, 1))
+    return patient.effort_noise * generator.standard_normal((experiment.n_ticks, count))
