@@ -53,10 +53,13 @@ class IntegrationMethod(StrEnum):
 
 
 class ControlMode(StrEnum):
-    """What the controller does with the gait table's impedance."""
+    """Where k, b, θ0, G and the gravity share come from."""
 
-    IMPEDANCE = "impedance"
-    TRANSPARENT = "transparent"
+    IMPEDANCE = "impedance"  # the phases of the gait table
+    TRANSPARENT = "transparent"  # G and gravity shares of the table, no impedance
+    GRAVITY = "gravity"  # gravity carried in full and G of the table, no impedance (TWIN's gravity mode)
+    CONSTANT = "constant"  # one impedance for the whole stride: the mean of the table's
+    POSITION = "position"  # a stiff spring that follows a predetermined path (TWIN's walk mode)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,11 +97,79 @@ class Integration:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AssistanceParameters:
+    """How much of the impedance the legs are given.
+
+    Attributes:
+        share: Of k and b per joint, 0 to 1 (TwinCare's assistance); where adaptive, at the start.
+        adaptive: Whether the share of each joint changes from stride to stride, see
+            :func:`twin_gait.core.assistance.adapted_assistance`.
+        forgetting: f (assumption: help halves in seven strides without an error).
+        gain: g in 1 / [rad] (assumption: an error of 10° beyond the allowance keeps full help).
+        allowance: e_0 in [rad] (assumption: somewhat below the error of the shipped gait).
+        least: α_min (assumption).
+    """
+
+    share: Mapping[JointName, float] = field(
+        default_factory=lambda: {JointName.HIP: 1.0, JointName.KNEE: 1.0}
+    )
+    adaptive: bool = False
+    forgetting: float = 0.9
+    gain: float = 0.6
+    allowance: float = math.radians(4.0)
+    least: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        for joint, share in self.share.items():
+            require_share(f"assistance share of the {joint}", share)
+        require_share("assistance forgetting", self.forgetting)
+        require_non_negative("assistance gain", self.gain)
+        require_non_negative("assistance allowance", self.allowance)
+        require_share("assistance least", self.least)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the impedance is given as it is."""
+        return not self.adaptive and all(share == 1.0 for share in self.share.values())
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathParameters:
+    """Spring and damper that follow the predetermined path in the mode ``position``.
+
+    Attributes:
+        stiffness: In [N m] / [rad], per joint (assumption: stiffer than any phase of the shipped table, so
+            that the path is followed to a few degrees).
+        damping_ratio: ζ of the joint on this spring.
+        friction_compensation_gain: G.
+        gravity_compensation: Share of gravity compensation.
+    """
+
+    stiffness: Mapping[JointName, float] = field(
+        default_factory=lambda: {JointName.HIP: math.degrees(12.0), JointName.KNEE: math.degrees(12.0)}
+    )
+    damping_ratio: float = 0.7
+    friction_compensation_gain: float = 0.35
+    gravity_compensation: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        for joint, stiffness in self.stiffness.items():
+            require_non_negative(f"path stiffness of the {joint}", stiffness)
+        require_non_negative("path damping_ratio", self.damping_ratio)
+        require_share("path friction_compensation_gain", self.friction_compensation_gain)
+        require_share("path gravity_compensation", self.gravity_compensation)
+
+
+@dataclass(frozen=True, kw_only=True)
 class ControlParameters:
     """What the controller knows and may do.
 
     Attributes:
-        mode: Impedance of the gait table, or friction compensation only.
+        mode: Where the parameters of the joints come from.
+        assistance: How much of the impedance the legs are given.
+        path: Of the mode ``position``.
         friction_model: The compensator's own friction model (thesis, table 3.1).
         inertia_compensation: Gain g_in of the inertia term; off by default, because a differentiated
             encoder is noisy (thesis 2.4.2).
@@ -109,6 +180,8 @@ class ControlParameters:
     """
 
     mode: ControlMode = ControlMode.IMPEDANCE
+    assistance: AssistanceParameters = field(default_factory=AssistanceParameters)
+    path: PathParameters = field(default_factory=PathParameters)
     friction_model: Mapping[JointName, FrictionParameters] = field(
         default_factory=lambda: {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
     )

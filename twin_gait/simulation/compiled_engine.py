@@ -9,7 +9,7 @@ import numpy as np
 from twin_gait.control import ControllerFunction
 from twin_gait.core import safety
 from twin_gait.core.plant import WORK_SOURCE_COUNT
-from twin_gait.experiment import IntegrationMethod
+from twin_gait.experiment import ControlMode, IntegrationMethod
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
@@ -107,6 +107,11 @@ class CompiledEngine:
         integers[episode_arrays.RECORD] = record
         integers[episode_arrays.INERTIA_WANTED] = experiment.control.inertia_compensation > 0.0
         integers[episode_arrays.WEARER] = problem.wearer.acts
+        control, path = experiment.control, problem.path
+        integers[episode_arrays.FOLLOWS] = control.mode is ControlMode.POSITION
+        integers[episode_arrays.ASSISTS] = not control.assistance.is_full
+        integers[episode_arrays.ADAPTS] = control.assistance.adaptive
+        integers[episode_arrays.CYCLE_TICKS] = 1 if path is None else path.cycle_ticks
         faults = fault_arrays(problem)
         settings = experiment.control.safety
         integers[episode_arrays.WATCHING] = settings.enabled
@@ -144,6 +149,8 @@ class CompiledEngine:
             conditions=problem.wearer.conditions,
             effort_moments=problem.wearer.moments,
             effort_noise=problem.wearer.noise,
+            path=np.zeros((2, problem.joints_per_leg)) if path is None else path.angles,
+            path_starts=np.zeros(legs) if path is None else path.starts,
             hand=self._hand(),
             bounds=watch_bounds(problem),
             faults=faults.faults,
@@ -172,6 +179,11 @@ class CompiledEngine:
         numbers[episode_arrays.HOLD_DAMPING] = experiment.control.safety.hold_damping
         numbers[episode_arrays.LOWEST_POSTURE] = LOWEST_POSTURE
         numbers[episode_arrays.POSTURE_STEP] = POSTURE_STEP
+        assistance = experiment.control.assistance
+        numbers[episode_arrays.FORGETTING] = assistance.forgetting
+        numbers[episode_arrays.ASSISTANCE_GAIN] = assistance.gain
+        numbers[episode_arrays.ALLOWANCE] = assistance.allowance
+        numbers[episode_arrays.LEAST_ASSISTANCE] = assistance.least
         return numbers
 
     def _contact(self) -> np.ndarray:
@@ -255,6 +267,11 @@ class CompiledEngine:
             signals=np.full(2 * problem.signals_per_leg, np.nan),
             motor=np.zeros(n),
             external=np.zeros(n),
+            assistance=problem.first_assistance(),
+            lead=np.zeros(joints),
+            stride_start=np.zeros(legs, dtype=np.int64),
+            stride_ticks=np.full(legs, 1 if problem.path is None else problem.path.cycle_ticks),
+            tracking=np.zeros(joints),
             efforts=np.zeros((problem.wearer.delay + 1, joints)),
             torque=np.zeros(n),
             passive=np.zeros((n, 3)),

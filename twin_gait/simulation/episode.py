@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
+from twin_gait.core.assistance import adapted_assistance, cycle_place
 from twin_gait.core.control_tick import (
     COLUMNS_PER_JOINT,
     DAMPING,
@@ -88,7 +89,11 @@ from twin_gait.core.wearer import (
     spastic_torque,
 )
 from twin_gait.simulation.episode_arrays import (
+    ADAPTS,
+    ALLOWANCE,
     ANKLE_WIDTH,
+    ASSISTANCE_GAIN,
+    ASSISTS,
     BATTERY_RESISTANCE,
     BATTERY_VOLTAGE,
     BLEND_LAW,
@@ -99,6 +104,7 @@ from twin_gait.simulation.episode_arrays import (
     CONTACT_POWER,
     CONTROLLED,
     CURRENT_LIMIT,
+    CYCLE_TICKS,
     DECIMATION,
     DIVERGED,
     DIVERGED_VELOCITY,
@@ -110,7 +116,9 @@ from twin_gait.simulation.episode_arrays import (
     FELL,
     FIRST_FAULT,
     FIRST_ROW,
+    FOLLOWS,
     FOOT_WIDTH,
+    FORGETTING,
     FROZEN_LOAD_TICKS,
     GRAVITY,
     HAND_INDEX,
@@ -121,6 +129,7 @@ from twin_gait.simulation.episode_arrays import (
     JOINT_WIDTH,
     JOINTS_PER_LEG,
     LAST_CONTACT_POWER,
+    LEAST_ASSISTANCE,
     LEAST_VOLTAGE,
     LOW_VOLTAGE_STREAK,
     LOWERING_TICKS,
@@ -430,6 +439,59 @@ def _switch(episode: Episode, leg: int, tick: int, chosen: int) -> None:
         state.blend_start[leg, column] = state.blended[leg, column]
 
 
+def _follow(episode: Episode, tick: int) -> None:
+    """Move the equilibrium angles along the path, and let the dampers move with it."""
+    inputs, state = episode.inputs, episode.state
+    per_leg, cycle = inputs.integers[JOINTS_PER_LEG], inputs.integers[CYCLE_TICKS]
+    spacing = cycle * inputs.numbers[PERIOD] / (inputs.path.shape[0] - 1)
+    for leg in range(inputs.integers[N_LEGS]):
+        before, share = cycle_place(inputs.path_starts[leg] + tick / cycle, inputs.path.shape[0])
+        for number in range(per_leg):
+            start = inputs.path[before, number]
+            change = inputs.path[before + 1, number] - start
+            column = COLUMNS_PER_JOINT * number
+            state.blended[leg, column + EQUILIBRIUM] = start + share * change
+            state.lead[leg * per_leg + number] = state.blended[leg, column + DAMPING] * change / spacing
+
+
+def _judge(episode: Episode, tick: int) -> None:
+    """Sum up how far the joints are from the path, and adapt the help when a stride is over."""
+    inputs, state = episode.inputs, episode.state
+    per_leg = inputs.integers[JOINTS_PER_LEG]
+    for leg in range(inputs.integers[N_LEGS]):
+        if tick > 0 and state.phase[leg] == 0 and state.entry_tick[leg] == tick:
+            _end_stride(episode, leg, tick)
+        progress = (tick - state.stride_start[leg]) / state.stride_ticks[leg]
+        if state.stride_start[leg] == 0:
+            progress += inputs.path_starts[leg]
+        before, share = cycle_place(progress, inputs.path.shape[0])
+        for number in range(per_leg):
+            start = inputs.path[before, number]
+            wanted = start + share * (inputs.path[before + 1, number] - start)
+            joint = leg * per_leg + number
+            state.tracking[joint] += abs(state.measured[joint, 0] - wanted)
+
+
+def _end_stride(episode: Episode, leg: int, tick: int) -> None:
+    """Adapt the help of one leg to the errors of the stride that ends with this foot contact."""
+    inputs, state = episode.inputs, episode.state
+    per_leg = inputs.integers[JOINTS_PER_LEG]
+    duration = tick - state.stride_start[leg]
+    for joint in range(leg * per_leg, (leg + 1) * per_leg):
+        state.assistance[joint] = adapted_assistance(
+            state.assistance[joint],
+            state.tracking[joint] / duration,
+            inputs.numbers[FORGETTING],
+            inputs.numbers[ASSISTANCE_GAIN],
+            inputs.numbers[ALLOWANCE],
+            inputs.numbers[LEAST_ASSISTANCE],
+        )
+        state.tracking[joint] = 0.0
+    if state.stride_start[leg] > 0:  # the first stride may have begun half-way
+        state.stride_ticks[leg] = duration
+    state.stride_start[leg] = tick
+
+
 def _feed_forward(episode: Episode) -> None:
     """Gravity and inertia torques of the controller's model, where a share of them is wanted."""
     inputs, state = episode.inputs, episode.state
@@ -462,6 +524,9 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
     place = inputs.control_coordinates[joint]
     stiffness, damping = state.blended[leg, column + STIFFNESS], state.blended[leg, column + DAMPING]
     equilibrium, gain = state.blended[leg, column + EQUILIBRIUM], state.blended[leg, column + GAIN]
+    if inputs.integers[ASSISTS] != 0:
+        stiffness *= state.assistance[joint]
+        damping *= state.assistance[joint]
     impedance, friction, gravity, inertia, target, command = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     support = 0.0
     if state.safety[TRIP_TICK] >= 0:
@@ -483,6 +548,8 @@ def _control(episode: Episode, joint: int, tick: int, rows: Array) -> float:
         gravity = share * state.gravity_torque[place] if share != 0.0 else 0.0
         inertia = inputs.numbers[INERTIA_GAIN] * state.inertia_torque[place]
         target = inputs.target_torque[joint]
+        if inputs.integers[FOLLOWS] != 0:
+            target += state.lead[joint]
         command = impedance + friction + gravity + inertia + target
         if inputs.integers[WATCHING] != 0:
             if not command_is_plausible(command, inputs.bounds[joint, HIGHEST_COMMAND]):
@@ -714,6 +781,10 @@ def run_ticks(episode: Episode, first: int, end: int, rows: Array) -> int:
             _watch(episode, tick)
         if state.safety[TRIP_TICK] < 0:
             _decide(episode, tick)
+            if inputs.integers[FOLLOWS] != 0:
+                _follow(episode, tick)
+            if inputs.integers[ADAPTS] != 0:
+                _judge(episode, tick)
         _feed_forward(episode)
         battery_power = 0.0
         for joint in range(inputs.coordinates.shape[0]):

@@ -40,7 +40,11 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
     INERTIA_WANTED,
     FIRST_ROW,
     WEARER,
-) = range(22)
+    FOLLOWS,
+    ASSISTS,
+    ADAPTS,
+    CYCLE_TICKS,
+) = range(26)
 (
     PERIOD,
     FAST_GAIN,
@@ -58,13 +62,17 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
     HOLD_DAMPING,
     LOWEST_POSTURE,
     POSTURE_STEP,
-) = range(16)
+    FORGETTING,
+    ASSISTANCE_GAIN,
+    ALLOWANCE,
+    LEAST_ASSISTANCE,
+) = range(20)
 # Positions in the array of numbers that change: bus voltage, time of the step, hand, contact power.
 BUS_VOLTAGE, TIME, HAND_TORQUE, CONTACT_POWER, LAST_CONTACT_POWER = range(5)
 # Positions in the array of what the monitor has done: tick of the trip or -1, its cause and place (a joint,
 # or the number of joints plus a leg), drives that are cut off, ticks with too low a bus voltage.
 TRIP_TICK, TRIP_CAUSE, TRIP_PLACE, DRIVES_OFF, LOW_VOLTAGE_STREAK = range(5)
-INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = WEARER + 1, POSTURE_STEP + 1, LAST_CONTACT_POWER + 1
+INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = CYCLE_TICKS + 1, LEAST_ASSISTANCE + 1, LAST_CONTACT_POWER + 1
 SAFETY_COUNT = LOW_VOLTAGE_STREAK + 1
 
 # Blocks of the log, and where groups of columns begin in the block of a joint.
@@ -103,6 +111,8 @@ class EpisodeInputs(NamedTuple):
         conditions: Of the wearer's joints, shape ``(n_joints, CONDITION_COLUMNS)``.
         effort_moments: Normative moments, shape ``(n_joints, n_phases, POSTURES)``.
         effort_noise: Of the wearer's effort, taken in turn, shape ``(n_ticks or 1, n_joints)``.
+        path: Angles over the cycle, shape ``(n_samples, joints_per_leg)``.
+        path_starts: Share of the cycle at which each leg begins, shape ``(n_legs,)``.
         hand: Start angle, amplitude, frequency, stiffness, damping, release time, shape ``(6,)``.
         bounds: Of the safety monitor, shape ``(n_joints, BOUND_COUNT)``.
         faults: Kind, place and first tick, shape ``(n, 3)``.
@@ -132,6 +142,8 @@ class EpisodeInputs(NamedTuple):
     conditions: Array
     effort_moments: Array
     effort_noise: Array
+    path: Array
+    path_starts: Array
     hand: Array
     bounds: Array
     faults: Array
@@ -157,6 +169,11 @@ class EpisodeState(NamedTuple):
         signals: Shape ``(2 n_signals,)``.
         motor: Motor torques on all coordinates, shape ``(n,)``.
         external: Torques of push and wearer on all coordinates, shape ``(n,)``.
+        assistance: Share of the impedance that each joint is given, shape ``(n_joints,)``.
+        lead: Torque that lets the damper follow the path, shape ``(n_joints,)``.
+        stride_start: Tick at which the stride of each leg began, shape ``(n_legs,)``.
+        stride_ticks: Ticks of its last stride, shape ``(n_legs,)``.
+        tracking: Sum of the absolute errors of the stride, shape ``(n_joints,)``.
         efforts: Efforts of the last ticks, shape ``(delay + 1, n_joints)``.
         torque: All torques, shape ``(n,)``.
         passive: Shape ``(n, 3)``.
@@ -205,6 +222,11 @@ class EpisodeState(NamedTuple):
     signals: Array
     motor: Array
     external: Array
+    assistance: Array
+    lead: Array
+    stride_start: Array
+    stride_ticks: Array
+    tracking: Array
     efforts: Array
     torque: Array
     passive: Array

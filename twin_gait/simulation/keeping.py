@@ -26,6 +26,7 @@ CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 CORE_MODULES = (
     "articulated_body",
     "actuator",
+    "assistance",
     "blending",
     "contact",
     "control_tick",

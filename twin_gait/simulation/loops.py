@@ -35,6 +35,9 @@ STRUCTURE = (
     "FAULTY",
     "INERTIA_WANTED",
     "WEARER",
+    "FOLLOWS",
+    "ASSISTS",
+    "ADAPTS",
 )
 _FLAT_ARRAYS, _MORE_ARGUMENTS = 2, 3  # x and k; first tick, end and the log
 

@@ -14,8 +14,11 @@ from twin_gait.control import (
     SafetyState,
 )
 from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
+from twin_gait.core.assistance import adapted_assistance, cycle_place
 from twin_gait.core.control_tick import (
     COLUMNS_PER_JOINT,
+    DAMPING,
+    EQUILIBRIUM,
     blend_phase,
     controller_torques,
     drive_motor,
@@ -70,6 +73,7 @@ from twin_gait.core.wearer import (
     posture_place,
     spastic_torque,
 )
+from twin_gait.experiment import ControlMode
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.columns import WORK_SOURCES
@@ -157,6 +161,11 @@ class PinocchioEngine:
         self._drive_off = [False] * n_joints
         self._hold_angle = np.zeros(n_joints)
         self._trip: tuple[int, int, int] | None = None
+        cycle = 1 if problem.path is None else problem.path.cycle_ticks
+        self._assistance = problem.first_assistance()
+        self._lead = np.zeros(n_joints)
+        self._stride_start, self._stride_ticks = [0] * n_legs, [cycle] * n_legs
+        self._tracking = np.zeros(n_joints)
         self._efforts = np.zeros((problem.wearer.delay + 1, n_joints))
         self.layout = log_layout(problem)
         self.switches: list[PhaseSwitch] = []
@@ -214,6 +223,10 @@ class PinocchioEngine:
             self._watch(tick)
         if self._trip is None:
             self._decide(tick)
+            if self.problem.experiment.control.mode is ControlMode.POSITION:
+                self._follow(tick)
+            if self.problem.experiment.control.assistance.adaptive:
+                self._judge(tick)
         feed_forward = self._feed_forward()
         battery_power = 0.0
         for number, joint in enumerate(self.problem.joints):
@@ -343,6 +356,54 @@ class PinocchioEngine:
                 self._blended,
             )
 
+    def _follow(self, tick: int) -> None:
+        """Move the equilibrium angles along the path, and let the dampers move with it."""
+        path, per_leg = self.problem.path, self.problem.joints_per_leg
+        assert path is not None  # the mode asks for it
+        samples = len(path.angles)
+        spacing = path.cycle_ticks * TICK / (samples - 1)
+        for leg, began in enumerate(path.starts):
+            before, share = cycle_place(float(began) + tick / path.cycle_ticks, samples)
+            for number in range(per_leg):
+                start = path.angles[before, number]
+                change = path.angles[before + 1, number] - start
+                column = COLUMNS_PER_JOINT * number
+                self._blended[leg, column + EQUILIBRIUM] = start + share * change
+                self._lead[leg * per_leg + number] = self._blended[leg, column + DAMPING] * change / spacing
+
+    def _judge(self, tick: int) -> None:
+        """Sum up how far the joints are from the path, and adapt the help when a stride is over."""
+        path, per_leg = self.problem.path, self.problem.joints_per_leg
+        assert path is not None  # the adaptation asks for it
+        for leg, machine in enumerate(self.machines.values()):
+            if tick > 0 and machine.phase_index == 0 and machine.entry_tick == tick:
+                self._end_stride(leg, tick)
+            progress = (tick - self._stride_start[leg]) / self._stride_ticks[leg]
+            if self._stride_start[leg] == 0:
+                progress += float(path.starts[leg])
+            before, share = cycle_place(progress, len(path.angles))
+            wanted = path.angles[before] + share * (path.angles[before + 1] - path.angles[before])
+            rows = slice(leg * per_leg, (leg + 1) * per_leg)
+            self._tracking[rows] += np.abs(self._measured[rows, 0] - wanted)
+
+    def _end_stride(self, leg: int, tick: int) -> None:
+        """Adapt the help of one leg to the errors of the stride that ends with this foot contact."""
+        settings, per_leg = self.problem.experiment.control.assistance, self.problem.joints_per_leg
+        duration = tick - self._stride_start[leg]
+        for joint in range(leg * per_leg, (leg + 1) * per_leg):
+            self._assistance[joint] = adapted_assistance(
+                self._assistance[joint],
+                self._tracking[joint] / duration,
+                settings.forgetting,
+                settings.gain,
+                settings.allowance,
+                settings.least,
+            )
+            self._tracking[joint] = 0.0
+        if self._stride_start[leg] > 0:  # the first stride may have begun half-way
+            self._stride_ticks[leg] = duration
+        self._stride_start[leg] = tick
+
     def _write_signals(self, leg: int, ticks: np.ndarray, offset: int) -> None:
         leg_signals(
             leg,
@@ -414,7 +475,13 @@ class PinocchioEngine:
     def _setpoint(self, number: int) -> JointSetpoint:
         leg, position = divmod(number, self.problem.joints_per_leg)
         column = COLUMNS_PER_JOINT * position
-        return JointSetpoint(*self._blended[leg, column : column + COLUMNS_PER_JOINT].tolist())
+        stiffness, damping, equilibrium, gain = self._blended[
+            leg, column : column + COLUMNS_PER_JOINT
+        ].tolist()
+        if not self.problem.experiment.control.assistance.is_full:
+            stiffness *= float(self._assistance[number])
+            damping *= float(self._assistance[number])
+        return JointSetpoint(stiffness, damping, equilibrium, gain)
 
     def _walking_torques(
         self,
@@ -431,7 +498,9 @@ class PinocchioEngine:
         if tick >= self._faults.first_tick:
             impedance += runaway_torque(number, tick, TICK, self._faults.faults, self._faults.magnitudes)
         gravity = self._blended[leg, -1] * feed_forward[number, 0]
-        target = self.problem.experiment.control.target_torque.get(joint.joint, 0.0)
+        target = self.problem.experiment.control.target_torque.get(joint.joint, 0.0) + float(
+            self._lead[number]
+        )
         return impedance, friction, gravity, feed_forward[number, 1], target
 
     def _drive(

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, STIFFNESS
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.gait.guards import signal_names
@@ -19,6 +18,7 @@ from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ActuatorParameters
 from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.scenario.world import World
+from twin_gait.simulation.driving import Path, driven_rows, reference_path
 from twin_gait.simulation.wearing import WearerArrays, wearer_arrays
 from twin_gait.vocabulary import JointName, Side
 
@@ -55,6 +55,7 @@ class Problem:
         resolution: Encoder resolution in [rad], shape ``(n_joints,)``.
         fast_gain: Gain of the fast velocity filter.
         wearer: What the wearer does at the joints.
+        path: The walk to follow, or against which tracking is judged; None where nothing asks for it.
     """
 
     experiment: Experiment
@@ -68,6 +69,7 @@ class Problem:
     resolution: np.ndarray
     fast_gain: float
     wearer: WearerArrays
+    path: Path | None
 
     @property
     def sides(self) -> tuple[Side, ...]:
@@ -83,6 +85,11 @@ class Problem:
     def signals_per_leg(self) -> int:
         """Signals of a leg in the signal array."""
         return len(signal_names(self.table.joints))
+
+    def first_assistance(self) -> np.ndarray:
+        """Share of the impedance that each joint is given at the start, shape ``(n_joints,)``."""
+        share = self.experiment.control.assistance.share
+        return np.array([share[joint.joint] for joint in self.joints])
 
     def actuator(self, joint: ActuatedJoint) -> ActuatorParameters:
         """Motor and gear of a joint."""
@@ -111,10 +118,9 @@ def build_problem(experiment: Experiment) -> Problem:
         for side in world.model.sides
         for name in table.joints
     )
-    rows = np.array([resolve_phases(table, side, _inertia_of(control_model)) for side in world.model.sides])
-    if experiment.control.mode is ControlMode.TRANSPARENT:
-        for column in (STIFFNESS, DAMPING):
-            rows[:, :, column : COLUMNS_PER_JOINT * len(table.joints) : COLUMNS_PER_JOINT] = 0.0
+    inertia = _inertia_of(control_model)
+    resolved = [(side, resolve_phases(table, side, inertia)) for side in world.model.sides]
+    rows = np.array([driven_rows(experiment, table, row, inertia, side) for side, row in resolved])
     sensors = experiment.sensors
     ratio = np.array([experiment.plant.actuators[item.joint].gear_ratio for item in joints])
     counts = sensors.encoder_counts * ratio
@@ -130,7 +136,14 @@ def build_problem(experiment: Experiment) -> Problem:
         resolution=np.zeros(len(joints)) if sensors.ideal else 2.0 * np.pi / counts,
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
         wearer=wearer_arrays(experiment, table, [(item.side, item.joint) for item in joints]),
+        path=_path(experiment, world.model.sides),
     )
+
+
+def _path(experiment: Experiment, sides: tuple[Side, ...]) -> Path | None:
+    control = experiment.control
+    wanted = control.mode is ControlMode.POSITION or control.assistance.adaptive
+    return reference_path(experiment, sides) if wanted else None
 
 
 def scaled_table(experiment: Experiment, world: World) -> GaitTable:

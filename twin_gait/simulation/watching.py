@@ -58,7 +58,7 @@ def ticks(time: float) -> int:
 def overstay_ticks(problem: Problem) -> int:
     """Longest time in a phase; no limit where the table drives nothing, or has no way out of a phase."""
     control = problem.experiment.control
-    if control.mode is ControlMode.TRANSPARENT or not problem.table.transitions:
+    if control.mode is not ControlMode.IMPEDANCE or not problem.table.transitions:
         return NEVER
     return ticks(control.safety.phase_overstay)
 

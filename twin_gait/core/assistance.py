@@ -1,0 +1,46 @@
+"""Following a predetermined path, and helping only as much as is needed."""
+
+from __future__ import annotations
+
+
+def cycle_place(progress: float, samples: int) -> tuple[int, float]:
+    """Where an instant of the gait cycle falls among evenly spaced samples of a path that closes.
+
+    Args:
+        progress: Share of the cycle that has gone by; whole cycles do not matter.
+        samples: Of the path over one cycle; the last is the first of the next cycle.
+
+    Returns:
+        Number of the sample before the instant, and the share of the next one.
+    """
+    place = (progress - int(progress)) * (samples - 1)
+    before = min(int(place), samples - 2)
+    return before, place - before
+
+
+def adapted_assistance(
+    assistance: float, error: float, forgetting: float, gain: float, allowance: float, least: float
+) -> float:
+    r"""Share of help for the next stride, after the error of the last one.
+
+    .. math::
+
+        \alpha_{n+1} = f\,\alpha_n + g\,\max(0, e_n - e_0), \qquad \alpha_{min} \le \alpha \le 1
+
+    Help is forgotten by the factor f and comes back where tracking is worse than the allowance, after
+    J. L. Emken, J. E. Bobrow, D. J. Reinkensmeyer: Robotic movement training as an optimization problem,
+    IEEE ICORR (2005) 307-312.
+
+    Args:
+        assistance: α_n, from 0 to 1.
+        error: e_n, mean absolute error of the last stride in [rad].
+        forgetting: f, from 0 to 1.
+        gain: g in 1 / [rad].
+        allowance: e_0 in [rad].
+        least: α_min.
+
+    Returns:
+        α_{n+1}.
+    """
+    wanted = forgetting * assistance + gain * max(0.0, error - allowance)
+    return min(1.0, max(least, wanted))
