@@ -69,6 +69,20 @@ class LoadAngle(StrEnum):
     PRINTED = "printed"  # F b cos θ, equation (2.8) as printed
 
 
+class CompensationVelocity(StrEnum):
+    """At which velocity the friction is compensated."""
+
+    MEASURED = "measured"  # the slow estimate, equation (2.16)
+    REFERENCE = "reference"  # that of the path: nothing is fed back
+
+
+class InertialSensor(StrEnum):
+    """What an inertial unit measures."""
+
+    GYROSCOPE = "gyroscope"  # the velocity of the link, differentiated by the firmware
+    ACCELEROMETER = "accelerometer"  # the specific force along the path of the unit
+
+
 @dataclass(frozen=True, kw_only=True)
 class DriveParameters:
     """Winding, inverter and current loop.
@@ -165,6 +179,40 @@ class Torsion:
         """Check the ranges."""
         require_positive("torsional stiffness", self.stiffness)
         require_non_negative("torsional damping", self.damping)
+
+
+# Noise of a sample at 1 kHz: density times √500 Hz, with the 0.005 °/s/√Hz and 400 µg/√Hz of a common MEMS
+# unit (MPU-6050 data sheet, from memory).
+INERTIAL_NOISE: Mapping[InertialSensor, float] = {
+    InertialSensor.GYROSCOPE: math.radians(0.005) * math.sqrt(500.0),  # [rad] / [s]
+    InertialSensor.ACCELEROMETER: 400e-6 * 9.81 * math.sqrt(500.0),  # [m] / [s²]
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class InertialUnit:
+    """An inertial unit on the link, sampled at 1 kHz.
+
+    Attributes:
+        sensor: What it measures.
+        noise: Standard deviation of a sample in [rad] / [s] or [m] / [s²]; white.
+        delay: Ticks between a sample and its use; 2 for a bus of 500 Hz (thesis 2.1.2).
+        lever: From the axis to the unit in [m].
+        time_constant: Of the first-order filter behind it in [s].
+    """
+
+    sensor: InertialSensor
+    noise: float = 0.0
+    delay: int = 2
+    lever: float = 0.30
+    time_constant: float = 0.001
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("inertial noise", self.noise)
+        require(0 <= self.delay <= 1000, "inertial delay", "0 to 1000 ticks", self.delay)
+        require_positive("inertial lever", self.lever)
+        require_non_negative("inertial time_constant", self.time_constant)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -354,17 +402,21 @@ class TorqueControl:
         controller: Law and friction model, the same interface as that of the gait.
         old_model: Takes the place of the controller's friction model if given.
         friction_compensation_gain: G.
+        compensation_velocity: At which velocity the friction is compensated.
+        dead_zone: Speed below which it is not, in [rad] / [s]; taken off the speeds above it.
         target_torque: In [N m].
         stiffness: k in [N m] / [rad].
         damping: b in [N m s] / [rad].
         equilibrium_angle: θ0 in [rad].
-        inertia_compensation: Share of the known inertia times the differentiated velocity that is added.
+        inertia_compensation: Share of the known inertia times the measured acceleration that is added.
         path: Path of the equilibrium angle with the torque that its acceleration needs, or None.
     """
 
     controller: Controller
     old_model: OldFrictionModel | None = None
     friction_compensation_gain: float = 0.35
+    compensation_velocity: CompensationVelocity = CompensationVelocity.MEASURED
+    dead_zone: float = 0.0
     target_torque: float = 0.0
     stiffness: float = 0.0
     damping: float = 0.0
@@ -375,6 +427,7 @@ class TorqueControl:
     def __post_init__(self) -> None:
         """Check the ranges."""
         require_non_negative("friction compensation gain G", self.friction_compensation_gain)
+        require_non_negative("dead zone", self.dead_zone)
         require(math.isfinite(self.target_torque), "target torque", "a finite torque", self.target_torque)
         require_non_negative("stiffness", self.stiffness)
         require_non_negative("damping", self.damping)
@@ -402,6 +455,7 @@ class BenchJoint:
             already holds what was measured.
         torsion: Compliance of the gear; None for a rigid one.
         sensors: Encoder and velocity estimates.
+        inertial_unit: On the link, for the inertia compensation; None for the differentiated encoder.
         limits: Of torque and current.
         hand: A hand on the link, or None.
         start_angle: In [rad].
@@ -420,6 +474,7 @@ class BenchJoint:
     efficiency: CatalogueEfficiency | None = None
     torsion: Torsion | None = None
     sensors: SensorParameters = field(default_factory=lambda: SensorParameters(ideal=False))
+    inertial_unit: InertialUnit | None = None
     limits: LimitParameters = field(default_factory=LimitParameters)
     hand: HandParameters | None = None
     start_angle: float = HORIZONTAL

@@ -25,8 +25,10 @@ from twin_gait.scenario.bench_joint import (
     HORIZONTAL,
     TRANSPARENCY_STEPS,
     BenchJoint,
+    CompensationVelocity,
     CurrentLoop,
     DutyControl,
+    InertialSensor,
     LoadAngle,
     TorqueControl,
 )
@@ -171,6 +173,8 @@ def bench_arrays(test: BenchJoint, ticks: int, seed: int, variation: BenchVariat
     if not sensors.ideal and sensors.angle_noise > 0.0:
         encoder_noise = sensors.angle_noise * rng.standard_normal(ticks)
     loop_noise = rng.standard_normal(ticks * loops) if test.drive.noise > 0.0 else np.zeros(ticks * loops)
+    unit = test.inertial_unit
+    inertial_noise = np.zeros(0) if unit is None else rng.standard_normal(ticks)
     resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)
     state = np.zeros(loop.STATE_COUNT)
     state[loop.MOTOR_ANGLE] = state[loop.LINK_ANGLE] = test.start_angle
@@ -187,6 +191,8 @@ def bench_arrays(test: BenchJoint, ticks: int, seed: int, variation: BenchVariat
         delayed=np.zeros(test.drive.delay + 1),
         encoder_noise=encoder_noise,
         loop_noise=loop_noise,
+        inertial=np.zeros(1 if unit is None else unit.delay + 1),
+        inertial_noise=inertial_noise,
     )
 
 
@@ -299,8 +305,21 @@ def _control_numbers(test: BenchJoint, variation: BenchVariation) -> dict[int, f
     if isinstance(test.control, DutyControl):
         return values | _duty_numbers(test, test.control, variation)
     if isinstance(test.control, TorqueControl):
-        return values | _torque_numbers(test.control)
+        return values | _torque_numbers(test.control) | _unit_numbers(test)
     return values
+
+
+def _unit_numbers(test: BenchJoint) -> dict[int, float]:
+    unit = test.inertial_unit
+    if unit is None:
+        return {loop.UNIT: loop.ENCODER}
+    gyroscope = unit.sensor is InertialSensor.GYROSCOPE
+    return {
+        loop.UNIT: loop.GYROSCOPE if gyroscope else loop.ACCELEROMETER,
+        loop.UNIT_LEVER: unit.lever,
+        loop.UNIT_NOISE: unit.noise,
+        loop.UNIT_GAIN: first_order_gain(TICK, unit.time_constant),
+    }
 
 
 def _duty_numbers(test: BenchJoint, control: DutyControl, variation: BenchVariation) -> dict[int, float]:
@@ -327,6 +346,8 @@ def _torque_numbers(control: TorqueControl) -> dict[int, float]:
         loop.MODEL_C: model.breakaway_velocity,
         loop.MODEL_D: model.viscous_friction,
         loop.COMPENSATION_GAIN: control.friction_compensation_gain,
+        loop.FOLLOWS_REFERENCE: float(control.compensation_velocity is CompensationVelocity.REFERENCE),
+        loop.DEAD_ZONE: control.dead_zone,
         loop.TARGET_TORQUE: control.target_torque,
         loop.STIFFNESS: control.stiffness,
         loop.DAMPING: control.damping,
@@ -360,13 +381,13 @@ def _plain_loop(law: ControllerFunction) -> RunTicks:
 
 def _compiled_loop(law: ControllerFunction, on_compile: Callable[[], None] | None) -> RunTicks:
     if law is not controller_torques:
-        run_ticks: RunTicks = _module_with(law).__dict__["run_episode"]
+        run_ticks: RunTicks = _module_with(law).__dict__["run_ticks"]
         return run_ticks
     text = loop_text()
     key = source_key(text)
     if on_compile is not None and not compiled_before(key):
         on_compile()
-    kept: RunTicks = load_module(key, lambda: text).run_episode
+    kept: RunTicks = load_module(key, lambda: text).run_ticks
     return kept
 
 
@@ -375,7 +396,7 @@ def loop_text() -> str:
     """The loop as it is compiled: the same text with decorators; its hash is part of the cache's key."""
     text = inspect.getsource(loop).replace("import numpy as np\n", _PREAMBLE, 1)
     # compiling.compiled_before looks for what numba has kept under this name.
-    text = text.replace("def run_ticks(", "@_kept\ndef run_episode(", 1)
+    text = text.replace("def run_ticks(", "@_kept\ndef run_ticks(", 1)
     # numba compiles at the first call, when all functions of the module exist, whatever their order.
     text = re.sub(r"^(?<!@_kept\n)def ", "@_jit\ndef ", text, flags=re.MULTILINE)
     return text

@@ -24,9 +24,11 @@ from twin_gait.core.actuator import (
 )
 from twin_gait.core.contact import mechanical_stop_torque
 from twin_gait.core.control_tick import controller_torques, measure_joints
+from twin_gait.core.dead_zone import dead_zone
 from twin_gait.core.estimation import first_order_step, quantise
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.friction_models import conditioned_torque, coulomb_viscous_tanh_torque, ripple_torque
+from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
 from twin_gait.core.motor_drive import (
     cosine_path,
     current_loop_step,
@@ -45,6 +47,8 @@ Array = np.ndarray[Any, np.dtype[Any]]
 
 # What drives the winding.
 OPEN, IDEAL, PI, DUTY = 0.0, 1.0, 2.0, 3.0
+# What the inertia compensation takes its acceleration from.
+ENCODER, GYROSCOPE, ACCELEROMETER = 0.0, 1.0, 2.0
 
 COLUMNS = (
     "time_s",
@@ -146,11 +150,17 @@ COLUMNS = (
     MODEL_C,
     MODEL_D,
     COMPENSATION_GAIN,
+    FOLLOWS_REFERENCE,
+    DEAD_ZONE,
     TARGET_TORQUE,
     STIFFNESS,
     DAMPING,
     EQUILIBRIUM,
     INERTIA_SHARE,
+    UNIT,
+    UNIT_LEVER,
+    UNIT_NOISE,
+    UNIT_GAIN,
     PATH_AMPLITUDE,
     PATH_FREQUENCY,
     DUTY_AMPLITUDE,
@@ -165,7 +175,7 @@ COLUMNS = (
     DUTY_LIMIT,
     REST_TICKS,
     DIVERGED_VELOCITY,
-) = range(86)
+) = range(92)
 NUMBER_COUNT = DIVERGED_VELOCITY + 1
 
 # Positions in the state, which a test changes.
@@ -184,11 +194,12 @@ NUMBER_COUNT = DIVERGED_VELOCITY + 1
     TARGET_CURRENT,
     DUTY_SHARE,
     RATE,
+    LAST_SAMPLE,
     LAST_FAST,
     LAST_ANGLE,
     STOP_TICKS,
     DIVERGED,
-) = range(18)
+) = range(19)
 STATE_COUNT = DIVERGED + 1
 
 
@@ -206,6 +217,8 @@ class BenchArrays(NamedTuple):
         delayed: Samples of the current that are under way, shape ``(delay + 1,)``.
         encoder_noise: Of every tick in [rad], shape ``(n_ticks,)``.
         loop_noise: Of every period of the current loop, standard normal, shape ``(n_ticks * loops,)``.
+        inertial: Samples of the inertial unit that are under way, shape ``(delay + 1,)``.
+        inertial_noise: Of every tick, standard normal, shape ``(n_ticks,)``; empty without a unit.
     """
 
     numbers: Array
@@ -218,6 +231,8 @@ class BenchArrays(NamedTuple):
     delayed: Array
     encoder_noise: Array
     loop_noise: Array
+    inertial: Array
+    inertial_noise: Array
 
 
 def run_ticks(bench: BenchArrays, first: int, end: int, rows: Array) -> int:
@@ -274,8 +289,59 @@ def measure(bench: BenchArrays, tick: int) -> None:
     )
     if tick == 0:
         state[LAST_ANGLE] = bench.measured[0, 0]
-    change = (bench.measured[0, 1] - state[LAST_FAST]) / numbers[PERIOD]
-    state[RATE] = first_order_step(state[RATE], change, numbers[FAST_GAIN])
+    if numbers[UNIT] != ENCODER:
+        sense_acceleration(bench, tick)
+    else:
+        change = (bench.measured[0, 1] - state[LAST_FAST]) / numbers[PERIOD]
+        state[RATE] = first_order_step(state[RATE], change, numbers[FAST_GAIN])
+
+
+def sense_acceleration(bench: BenchArrays, tick: int) -> None:
+    """Angular acceleration of the link from the inertial unit on it; a sample is used after its delay."""
+    numbers, state = bench.numbers, bench.state
+    size = bench.inertial.shape[0]
+    bench.inertial[tick % size] = inertial_sample(bench, tick) + (
+        numbers[UNIT_NOISE] * bench.inertial_noise[tick]
+    )
+    if tick + 1 < size:
+        return
+    sample = bench.inertial[(tick + 1) % size]
+    if numbers[UNIT] == ACCELEROMETER:
+        acceleration = angular_acceleration(
+            sample,
+            bench.measured[0, 0],
+            numbers[UNIT_LEVER],
+            numbers[GRAVITY],
+            numbers[HORIZONTAL_ANGLE],
+        )
+    else:
+        before = sample if tick + 1 == size else state[LAST_SAMPLE]
+        acceleration = (sample - before) / numbers[PERIOD]
+    state[LAST_SAMPLE] = sample
+    state[RATE] = first_order_step(state[RATE], acceleration, numbers[UNIT_GAIN])
+
+
+def inertial_sample(bench: BenchArrays, tick: int) -> float:
+    """What the unit would report without noise: velocity, or specific force along its path."""
+    numbers, state = bench.numbers, bench.state
+    if numbers[UNIT] == GYROSCOPE:
+        return float(state[LINK_VELOCITY])
+    _, acceleration, _, _, _, _, _ = rates(
+        numbers,
+        tick * numbers[PERIOD],
+        state[MOTOR_ANGLE],
+        state[MOTOR_VELOCITY],
+        state[LINK_ANGLE],
+        state[LINK_VELOCITY],
+        motor_torque(numbers, state[CURRENT]),
+    )
+    return tangential_specific_force(
+        acceleration,
+        state[LINK_ANGLE],
+        numbers[UNIT_LEVER],
+        numbers[GRAVITY],
+        numbers[HORIZONTAL_ANGLE],
+    )
 
 
 def control(bench: BenchArrays, tick: int, row: Array) -> None:
@@ -309,7 +375,11 @@ def control(bench: BenchArrays, tick: int, row: Array) -> None:
             tick * numbers[PERIOD], numbers[EQUILIBRIUM], numbers[PATH_AMPLITUDE], numbers[PATH_FREQUENCY]
         )
         inertia = numbers[MOTOR_INERTIA] + numbers[LINK_INERTIA]
-        model = model_friction(numbers, fast, slow)
+        model = model_friction(
+            numbers,
+            compensated_velocity(numbers, fast, path_velocity),
+            compensated_velocity(numbers, slow, path_velocity),
+        )
         row[2] = path
         row[6] = numbers[TARGET_TORQUE] + inertia * path_acceleration
         row[18], row[19] = controller_torques(
@@ -331,6 +401,12 @@ def control(bench: BenchArrays, tick: int, row: Array) -> None:
             limited, numbers[TORQUE_CONSTANT], numbers[GEAR_RATIO], numbers[GEAR_EFFICIENCY]
         )
         state[TARGET_CURRENT] = saturate(wanted, numbers[CURRENT_LIMIT])
+
+
+def compensated_velocity(numbers: Array, measured: float, reference: float) -> float:
+    """Velocity at which the friction is compensated."""
+    velocity = reference if numbers[FOLLOWS_REFERENCE] > 0.0 else measured
+    return dead_zone(velocity, numbers[DEAD_ZONE])
 
 
 def model_friction(numbers: Array, fast: float, slow: float) -> float:

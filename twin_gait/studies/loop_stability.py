@@ -236,10 +236,25 @@ def true_ending(case: Case) -> tuple[Ending, float]:
     if run.status is RunStatus.DIVERGED:
         return Ending.RUNAWAY, math.inf
     before, end = (_motion(run)[_within(run, span)] for span in (_BEFORE, _END))
+    stops = [f"{Side.RIGHT}_{name}_stop_torque_Nm" for name in (JointName.HIP, JointName.KNEE)]
+    return classify(before, end, at_stop=bool(run.log.loc[_within(run, _END), stops].to_numpy().any()))
+
+
+def classify(before: np.ndarray, end: np.ndarray, *, at_stop: bool) -> tuple[Ending, float]:
+    """What a motion comes to, from two spans of equal length at its end.
+
+    Args:
+        before: Angles in the span before the last in [rad], shape ``(n_ticks, n_joints)``.
+        end: Angles in the last span.
+        at_stop: Whether a stop was touched.
+
+    Returns:
+        Rest (still, creeping or dying out), a limit cycle inside the stops or a runaway into them; and half
+        the range of the joint that moves most in the last span in [rad].
+    """
     joint = int(np.argmax(np.ptp(end, axis=0)))
     amplitude, earlier = 0.5 * float(np.ptp(end[:, joint])), 0.5 * float(np.ptp(before[:, joint]))
-    stops = [f"{Side.RIGHT}_{name}_stop_torque_Nm" for name in (JointName.HIP, JointName.KNEE)]
-    if run.log.loc[_within(run, _END), stops].to_numpy().any():
+    if at_stop:
         return Ending.RUNAWAY, amplitude
     steps = np.diff(end[:, joint])
     creeps = bool((steps >= 0.0).all() or (steps <= 0.0).all())

@@ -1,0 +1,51 @@
+"""What an inertial unit on a link reports, and the angular acceleration that follows from it."""
+
+from __future__ import annotations
+
+import math
+
+
+def tangential_specific_force(
+    acceleration: float, angle: float, lever: float, gravity: float, horizontal_angle: float
+) -> float:
+    r"""Specific force along the path of an accelerometer on a turning link.
+
+    .. math::
+
+        f_t = r\,\dot\omega - g \cos(\theta - \theta_h)
+
+    An accelerometer feels what holds it, not gravity: on a link that falls freely it reads less than the
+    acceleration by the share of gravity that lies along its path.
+
+    Args:
+        acceleration: :math:`\dot\omega` of the link in [rad] / [s²].
+        angle: :math:`\theta` in [rad].
+        lever: :math:`r` from the axis to the accelerometer in [m].
+        gravity: :math:`g` in [m] / [s²].
+        horizontal_angle: :math:`\theta_h` at which the link is level, in [rad].
+
+    Returns:
+        Specific force in [m] / [s²], positive in increasing angle.
+    """
+    return lever * acceleration - gravity * math.cos(angle - horizontal_angle)
+
+
+def angular_acceleration(
+    specific_force: float, angle: float, lever: float, gravity: float, horizontal_angle: float
+) -> float:
+    r"""Angular acceleration from an accelerometer on a link, gravity taken out by a measured angle.
+
+    :math:`\dot\omega = [f_t + g \cos(\theta - \theta_h)] / r`, the inverse of
+    :func:`tangential_specific_force` where the angle is the true one.
+
+    Args:
+        specific_force: :math:`f_t` in [m] / [s²].
+        angle: Measured angle :math:`\theta` in [rad].
+        lever: :math:`r` in [m], above 0.
+        gravity: :math:`g` in [m] / [s²].
+        horizontal_angle: :math:`\theta_h` in [rad].
+
+    Returns:
+        Angular acceleration in [rad] / [s²].
+    """
+    return (specific_force + gravity * math.cos(angle - horizontal_angle)) / lever

@@ -1,0 +1,144 @@
+"""The folder of a study: figure, tables, paragraph, and one page that holds all of it."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from twin_gait import __version__
+from twin_gait.exceptions import RunDirectoryError
+from twin_gait.files import write_atomically
+from twin_gait.report.canvas import RESOLUTION
+from twin_gait.studies.record import check_target, staged_directory
+
+PAGE_FILE = "whatif.html"  # by this a folder is known as one of a study
+PARAGRAPH_FILE = "paragraph.txt"
+
+_PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<title>{title}</title>
+<style>
+body {{ font: 15px/1.5 system-ui, sans-serif; color: #222;
+  max-width: 1200px; margin: 2em auto; padding: 0 1em; }}
+img {{ max-width: 100%; }}
+p {{ max-width: 60em; }}
+table {{ border-collapse: collapse; font-size: 12px; }}
+th, td {{ padding: 1px 8px; text-align: right; border-bottom: 1px solid #ddd; }}
+summary {{ cursor: pointer; }}
+footer {{ color: #777; font-size: 12px; margin-top: 2em; }}
+</style>
+</head>
+<body>
+<h1>{title}</h1>
+{paragraphs}
+<img alt="{title}" src="data:image/png;base64,{picture}">
+{tables}
+<footer>Simulated by twin_gait {version}; not measured. Not a medical device.</footer>
+</body>
+</html>
+"""
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What a study has to say.
+
+    Attributes:
+        name: Of the study, for the names of its files.
+        title: A question.
+        text: Paragraphs, computed from the tables.
+        tables: By their names.
+        figure: Drawn.
+    """
+
+    name: str
+    title: str
+    text: tuple[str, ...]
+    tables: Mapping[str, pd.DataFrame]
+    figure: Figure
+
+
+def check_place(target: Path, *, force: bool) -> None:
+    """Refuse a folder that exists, unless it is that of a study and may be replaced.
+
+    Args:
+        target: The folder to make.
+        force: Whether the folder of an earlier study may be replaced.
+
+    Raises:
+        RunDirectoryError: If it may not be used.
+    """
+    if target.exists() and force and not (target / PAGE_FILE).is_file():
+        raise RunDirectoryError(
+            f"{target}: holds no study, so --force does not replace it; choose another --out"
+        )
+    if not force:
+        check_target(target, force=False)
+
+
+def write_report(report: Report, target: Path, *, force: bool = False) -> None:
+    """Write the folder of a study; it appears when all is written.
+
+    Args:
+        report: The study.
+        target: The folder to make.
+        force: Whether the folder of an earlier study may be replaced.
+
+    Raises:
+        RunDirectoryError: If it exists, or cannot be written.
+    """
+    target = target.expanduser().absolute()
+    check_place(target, force=force)
+    place = target.with_name(f".{target.name}.new") if target.exists() else target
+    with staged_directory(place) as staging:
+        picture = io.BytesIO()
+        report.figure.savefig(picture, format="png", dpi=RESOLUTION)
+        write_atomically(staging / f"{report.name}.png", picture.getvalue())
+        for name, table in report.tables.items():
+            write_atomically(staging / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
+        write_atomically(staging / PARAGRAPH_FILE, "\n\n".join(report.text) + "\n")
+        write_atomically(staging / PAGE_FILE, page(report, picture.getvalue()))
+    if place != target:
+        _replace(target, place)
+
+
+def _replace(target: Path, place: Path) -> None:
+    try:
+        shutil.rmtree(target)
+        place.rename(target)
+    except OSError as error:
+        raise RunDirectoryError(f"{target}: cannot be replaced ({error.strerror})") from error
+
+
+def page(report: Report, picture: bytes) -> str:
+    """The page, which needs no other file.
+
+    Args:
+        report: The study.
+        picture: Its figure as PNG.
+
+    Returns:
+        HTML.
+    """
+    return _PAGE.format(
+        title=html.escape(report.title),
+        paragraphs="\n".join(f"<p>{html.escape(text)}</p>" for text in report.text),
+        picture=base64.b64encode(picture).decode("ascii"),
+        tables="\n".join(_folded(name, table) for name, table in report.tables.items()),
+        version=__version__,
+    )
+
+
+def _folded(name: str, table: pd.DataFrame) -> str:
+    rows = table.to_html(index=False, border=0)
+    return f"<details><summary>{html.escape(name)}: {len(table)} rows</summary>\n{rows}\n</details>"
