@@ -142,7 +142,7 @@ def test_every_episode_of_a_batch_ends_where_a_single_run_ends():
     session = BatchSession(case, 199, episodes=3, threads=2)
     session.run()
     for engine in session._engines:
-        np.testing.assert_array_equal(engine._episode.state.q, alone)
+        np.testing.assert_array_equal(engine.episode.state.q, alone)
 
 
 def test_chains_of_all_kinds_have_the_same_accelerations():

@@ -358,7 +358,7 @@ def test_the_loop_as_plain_python_equals_the_compiled_one(case, monkeypatch):
     for name in ("dynamics", "contact_forces", "observe", "control_gravity", "control_inertia"):
         monkeypatch.setattr(episode, name, functions[name])
     rows = np.zeros((30, len(plain.layout.names)))
-    episode.run_ticks(plain._episode, 0, 30, rows)
+    episode.run_ticks(plain.episode, 0, 30, rows)
     found = engine.run().rows
     assert rows.any()
     np.testing.assert_allclose(found, rows, rtol=1e-12, atol=1e-12)

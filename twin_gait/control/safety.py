@@ -27,6 +27,7 @@ class TripCause(StrEnum):
     PHASE_OVERSTAY = "phase_overstay"
     FOOT_LOAD_FROZEN = "foot_load_frozen"
     SUPPLY = "supply"
+    OPERATOR = "operator"
 
     @property
     def code(self) -> int:
@@ -52,8 +53,8 @@ class Trip(NamedTuple):
     Attributes:
         tick: First tick of the hold.
         cause: Why.
-        side: Leg of the cause, or None for the supply.
-        joint: Joint of the cause, or None for a foot, a phase or the supply.
+        side: Leg of the cause, or None for the supply or the operator.
+        joint: Joint of the cause, or None for a foot, a phase, the supply or the operator.
     """
 
     tick: int
@@ -68,7 +69,7 @@ class Trip(NamedTuple):
 
     @property
     def place(self) -> str:
-        """Where, in words: ``left knee``, ``right leg`` or ``supply``."""
+        """Where, in words: ``left knee``, ``right leg``, ``supply`` or ``operator``."""
         if self.side is None:
-            return "supply"
+            return "operator" if self.cause is TripCause.OPERATOR else "supply"
         return f"{self.side} {self.joint or 'leg'}"

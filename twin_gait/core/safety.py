@@ -35,7 +35,8 @@ Array = np.ndarray[Any, np.dtype[Any]]
     OVERSTAY_TRIP,
     LOAD_TRIP,
     SUPPLY_TRIP,
-) = range(15)
+    OPERATOR_TRIP,
+) = range(16)
 
 # Columns of the bounds of a joint.
 (

@@ -43,7 +43,14 @@ MOST_SWITCHES_PER_SECOND = 200
 
 
 class CompiledEngine:
-    """Runs one problem from start to end in compiled code."""
+    """Runs one problem from start to end in compiled code.
+
+    Attributes:
+        problem: The experiment as arrays.
+        layout: Names and positions of the log's columns.
+        episode: Inputs and state, which change as the loop runs.
+        run_ticks: The loop: first tick, one past the last, log; returns the ticks run since the start.
+    """
 
     def __init__(
         self,
@@ -71,8 +78,8 @@ class CompiledEngine:
         kernel = write_kernel(bodies, points, control_bodies, world.model.up_axis)
         inputs = self._inputs(bodies, points, control_bodies, record)
         flat = lay_out(episode_arrays.Episode(inputs, self._state(len(points))))
-        self._episode = flat.episode
-        self._run_ticks = loop_of(flat, kernel, len(self.layout.names), controller, on_compile)
+        self.episode = flat.episode
+        self.run_ticks = loop_of(flat, kernel, len(self.layout.names), controller, on_compile)
         self._record = record
 
     def _inputs(
@@ -307,7 +314,7 @@ class CompiledEngine:
 
     def warm_up(self) -> None:
         """Load or compile the loop without taking a tick, so that a clock started afterwards is right."""
-        self._run_ticks(0, 0, np.zeros((1, len(self.layout.names))))
+        self.run_ticks(0, 0, np.zeros((1, len(self.layout.names))))
 
     def run(
         self,
@@ -333,30 +340,32 @@ class CompiledEngine:
             if should_stop is not None and should_stop():
                 status, reason = RunStatus.INTERRUPTED, stopped_reason(done)
                 break
-            done = int(self._run_ticks(done, min(done + CHUNK_TICKS, total), rows))
-            status, reason = self._ending(done)
+            done = int(self.run_ticks(done, min(done + CHUNK_TICKS, total), rows))
+            status, reason = self.ending(done)
         if progress is not None:
             progress(done, total)
-        watched = self._episode.state.safety
+        watched = self.episode.state.safety
         trip = trip_of(
             self.problem,
             int(watched[episode_arrays.TRIP_TICK]),
             int(watched[episode_arrays.TRIP_CAUSE]),
             int(watched[episode_arrays.TRIP_PLACE]),
         )
-        return EngineResult(rows[:done] if self._record else rows[:0], self._switches(), status, reason, trip)
+        return EngineResult(rows[:done] if self._record else rows[:0], self.switches(), status, reason, trip)
 
-    def _ending(self, done: int) -> tuple[RunStatus, str]:
-        code = int(self._episode.state.counters[1])
+    def ending(self, done: int) -> tuple[RunStatus, str]:
+        """How the run stands after some ticks, and why; completed as long as nothing has ended it."""
+        code = int(self.episode.state.counters[1])
         if code == episode_arrays.DIVERGED:
             return RunStatus.DIVERGED, diverged_reason(done)
         if code == episode_arrays.FELL:
             return RunStatus.FELL, fell_reason(done, self.problem.world.fall_height)
         return RunStatus.COMPLETED, ""
 
-    def _switches(self) -> tuple[PhaseSwitch, ...]:
+    def switches(self) -> tuple[PhaseSwitch, ...]:
+        """Switches of the phases so far."""
         names, sides = self.problem.table.phase_names, self.problem.sides
-        state = self._episode.state
+        state = self.episode.state
         causes = [item.cause for item in self.problem.table.transitions]
         return tuple(
             PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)

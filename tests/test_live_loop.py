@@ -1,0 +1,767 @@
+"""The back half of ``twin-gait live``: messages, controls, rules, the loop against the clock, the process."""
+
+import csv
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from collections import deque
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin_gait.configuration import load_experiment
+from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
+from twin_gait.exceptions import ParameterError
+from twin_gait.simulation import simulate
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.studies.live.actions import Actions
+from twin_gait.studies.live.controls import Panel
+from twin_gait.studies.live.deadlines import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
+from twin_gait.studies.live.loop import LiveLoop
+from twin_gait.studies.live.protocol import (
+    LARGEST_MESSAGE,
+    Action,
+    ControlKind,
+    DeadlineStatistics,
+    DoAction,
+    Event,
+    Frame,
+    MessageRefused,
+    Outcome,
+    SetControl,
+    id_of,
+    read_message,
+)
+from twin_gait.studies.live.rules import judge, refusal, warnings
+from twin_gait.studies.live.session import LiveSession
+from twin_gait.studies.live.settings import Mode, effect_of, loop_numbers
+from twin_gait.studies.record import load_run
+from twin_gait.studies.sessions import list_sessions, read_session
+
+DEGREE = math.pi / 180.0
+
+
+@pytest.fixture(scope="module")
+def bench_panel():
+    return Panel(load_experiment("bench_leg", ["duration_s=60"]).experiment)
+
+
+@pytest.fixture(scope="module")
+def treadmill_panel():
+    return Panel(load_experiment("treadmill", ["duration_s=60"]).experiment)
+
+
+# ---------------------------------------------------------------------- messages
+
+
+def test_messages_are_read_as_they_were_meant():
+    text = '{"kind": "set", "id": "1", "user": "Ann", "control": "belt_speed", "value": 2}'
+    assert read_message(text) == SetControl(id="1", user="Ann", control="belt_speed", value=2.0)
+    text = b'{"kind": "do", "id": "2", "action": "push", "values": {"torque": 5}}'
+    assert read_message(text) == DoAction(id="2", user="", action=Action.PUSH, values={"torque": 5.0})
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "expected JSON"),
+        ("[" * 3000, "expected JSON"),
+        ("[]", "expected an object"),
+        ('"set"', "expected an object"),
+        ('{"kind": "get", "id": "1"}', "kind: expected set or do, got 'get'"),
+        ('{"kind": "set", "id": "", "control": "a", "value": 1}', "id: expected a text of 1 to 64"),
+        ('{"kind": "set", "id": 1, "control": "a", "value": 1}', "id: expected a text"),
+        ('{"kind": "set", "id": "1", "control": "a\\u0000", "value": 1}', "control: expected a text"),
+        ('{"kind": "set", "id": "1", "control": "a", "value": NaN}', "value: expected a number"),
+        ('{"kind": "set", "id": "1", "control": "a", "value": 1e999}', "value: expected a number"),
+        (
+            '{"kind": "set", "id": "1", "control": "a", "value": ' + "9" * 400 + "}",
+            "value: expected a number",
+        ),
+        ('{"kind": "set", "id": "1", "control": "a", "value": null}', "value: expected a number"),
+        ('{"kind": "set", "id": "1", "control": "a", "value": [1]}', "value: expected a number"),
+        ('{"kind": "set", "id": "1", "control": "a", "value": 1, "eval": "x"}', "'eval': unknown"),
+        (
+            '{"kind": "set", "id": "1", "user": "' + "x" * 65 + '", "control": "a", "value": 1}',
+            "user: expected",
+        ),
+        ('{"kind": "do", "id": "1", "action": "explode"}', "action: no 'explode'; there are walk, pause"),
+        ('{"kind": "do", "id": "1", "action": "push", "values": [1]}', "values: expected an object"),
+        (
+            '{"kind": "do", "id": "1", "action": "push", "values": {"torque": {}}}',
+            "torque: expected a number",
+        ),
+        ('{"kind": "set", "id": "1", "x": "' + "y" * LARGEST_MESSAGE + '"}', "bytes, at most 4096"),
+    ],
+)
+def test_what_is_no_message_is_refused_with_the_reason(text, reason):
+    with pytest.raises(MessageRefused, match=reason):
+        read_message(text)
+
+
+def test_a_refused_message_keeps_its_id_where_it_has_one():
+    assert id_of('{"kind": "nonsense", "id": "17"}') == "17"
+    assert [id_of(text) for text in ("", "[1]", '{"id": 3}', '{"id": "' + "x" * 65 + '"}')] == [
+        "",
+        "",
+        "",
+        "",
+    ]
+
+
+def test_frames_and_events_come_back_from_json_as_they_went():
+    statistics = DeadlineStatistics(blocks=3, late=1, mean_ms=0.5, p99_ms=2.0, worst_ms=2.5, lost_s=0.0)
+    frame = Frame(
+        tick=7, time_s=0.007, status="walking", q=(0.1, -0.2), log={"left_phase": "late_stance", "a_Nm": 1.5},
+        deadlines=statistics,
+    )  # fmt: skip
+    assert Frame.from_dict(json.loads(json.dumps(frame.to_dict()))) == frame
+    broken = replace(frame, q=(math.nan, 1.0), log={"a_Nm": math.inf})
+    read = Frame.from_dict(json.loads(json.dumps(broken.to_dict(), allow_nan=False)))
+    assert math.isnan(read.q[0]) and math.isnan(read.log["a_Nm"])
+    event = Event(
+        serial=2, outcome=Outcome.APPLIED, text="k", tick=10, id="1", user="Ann", subject="s", value=1.0,
+        before=2.0, warnings=("w",), effect={"a": 1.0},
+    )  # fmt: skip
+    assert Event.from_dict(json.loads(json.dumps(event.to_dict()))) == event
+
+
+# ---------------------------------------------------------------------- controls
+
+
+@pytest.mark.parametrize("name", ["bench_panel", "treadmill_panel"])
+def test_every_control_has_all_that_a_page_needs_and_begins_as_the_preset(name, request):
+    panel = request.getfixturevalue(name)
+    controls = panel.controls(panel.preset)
+    assert len({item.name for item in controls}) == len(controls)
+    for item in controls:
+        assert not item.changed and item.label and item.help and item.group in ("walk", "table", "monitor")
+        if item.kind is ControlKind.NUMBER:
+            assert item.least <= item.value <= item.largest and item.step > 0.0
+    table = [item for item in controls if item.group == "table"]
+    assert len(table) == 5 * 2 * 4  # phases, joints, quantities
+
+
+@pytest.mark.parametrize(("name", "many"), [("bench_panel", True), ("treadmill_panel", False)])
+def test_every_control_changes_its_own_numbers_and_comes_back(name, many, request):
+    panel = request.getfixturevalue(name)
+    start = replace(panel.preset, mode=Mode.TORQUE)
+    # The table's controls are those of the bench, times two sides: a phase of them is enough there.
+    chosen = [item for item in panel.controls(panel.preset) if many or item.phase in (None, "late_stance")]
+    for control in chosen:
+        monitored = control.group == "monitor" and control.name != "mode"
+        before = panel.preset
+        if monitored:
+            before = (
+                start if control.name.endswith((".torque", ".gain")) else replace(start, mode=Mode.IMPEDANCE)
+            )
+        after = panel.set(before, control.name, another(control))
+        assert loop_numbers(after) != loop_numbers(before), control.name
+        shown = {item.name: item.value for item in panel.controls(after)}
+        assert same(shown[control.name], another(control))
+        assert panel.revert(after, control.name) == before
+        assert panel.revert(after, "all") == panel.preset
+
+
+def same(one, other):
+    if isinstance(one, float):
+        return math.isclose(one, other, rel_tol=1e-12)
+    return one == other
+
+
+def another(control):
+    """Some other value of a control."""
+    if control.kind is ControlKind.SWITCH:
+        return not control.value
+    if control.kind is ControlKind.CHOICE:
+        return next(item for item in control.choices if item != control.value)
+    return control.least + 0.37 * (control.largest - control.least)
+
+
+def test_a_table_control_sets_the_number_of_its_phase_joint_and_quantity_in_si(bench_panel):
+    row = bench_panel.problem.table.phase_index("swing_flexion")
+    for quantity, column, value, si in (
+        ("stiffness", STIFFNESS, 2.0, 2.0 / DEGREE),
+        ("damping", DAMPING, 21.0, 21.0),
+        ("equilibrium", EQUILIBRIUM, 50.0, 50.0 * DEGREE),
+        ("gain", GAIN, 0.45, 0.45),
+    ):
+        settings = bench_panel.set(bench_panel.preset, f"swing_flexion.knee.{quantity}", value)
+        rows = np.array(loop_numbers(settings).phase_rows)
+        assert rows[0, row, 4 + column] == pytest.approx(si, rel=1e-14)
+        changed = np.argwhere(rows != bench_panel.problem.phase_rows).tolist()
+        # b follows k by the damping ratio of the table, and θ0 through the inertia of both joints.
+        follows = {"stiffness": [4 + DAMPING], "equilibrium": [DAMPING, 4 + DAMPING]}.get(quantity, [])
+        assert {tuple(item) for item in changed} <= {(0, row, c) for c in [4 + column, *follows]}
+        before = loop_numbers(bench_panel.preset)
+        effect = effect_of(before, loop_numbers(settings), bench_panel.problem)
+        assert any(name.startswith("swing_flexion: right_knee_") for name in effect)
+        assert any(item == pytest.approx(si) for item in effect.values())
+
+
+def test_a_damping_that_was_set_stays_when_the_stiffness_changes_and_goes_back_to_the_ratio(bench_panel):
+    name = "early_stance.hip"
+    settings = bench_panel.set(bench_panel.preset, f"{name}.damping", 50.0)
+    settings = bench_panel.set(settings, f"{name}.stiffness", 1.0)
+    shown = {item.name: item for item in bench_panel.controls(settings)}
+    assert shown[f"{name}.damping"].value == 50.0
+    back = {item.name: item for item in bench_panel.controls(bench_panel.revert(settings, f"{name}.damping"))}
+    k = bench_panel.preset.table.phases["early_stance"].joints["hip"].stiffness
+    begun = {item.name: item for item in bench_panel.controls(bench_panel.preset)}[f"{name}.damping"].value
+    # b = 2 ζ √(k I): with the same ζ and I it goes with the root of k.
+    assert back[f"{name}.damping"].value == pytest.approx(begun * math.sqrt((1.0 / DEGREE) / k), rel=1e-12)
+    assert not back[f"{name}.damping"].changed and back[f"{name}.stiffness"].changed
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("late_stance.hip.stiffness", 99.0, "expected 0 to 6 Nm/deg, got 99"),
+        ("late_stance.hip.stiffness", -1.0, "expected 0 to 6 Nm/deg, got -1"),
+        ("late_stance.hip.stiffness", "stiff", "expected 0 to 6 Nm/deg, got 'stiff'"),
+        ("late_stance.hip.stiffness", True, "expected 0 to 6 Nm/deg"),
+        ("late_stance.hip.gain", 1.01, "expected 0 to 1, got 1.01"),
+        ("swing_flexion.knee.equilibrium", 160.0, "deg, got 160"),
+        ("belt_speed", 0.0, "expected 0.75 to 2.25 km/h, got 0"),
+        ("mode", "fly", "expected 'walk' or 'friction_control'"),
+        ("manual", 1.0, "expected true or false, got 1"),
+        ("late_stance.toe.stiffness", 1.0, "no 'late_stance.toe.stiffness'"),
+        ("__class__", 1.0, "no '__class__'"),
+    ],
+)
+def test_a_value_out_of_its_range_and_an_unknown_control_are_refused(treadmill_panel, name, value, reason):
+    with pytest.raises(MessageRefused, match=reason):
+        treadmill_panel.set(treadmill_panel.preset, name, value)
+
+
+def test_values_of_actions_are_checked_too(treadmill_panel):
+    actions = Actions(treadmill_panel.problem)
+
+    def ask(action, **values):
+        return actions.values_of(DoAction(id="1", user="", action=action, values=values))
+
+    assert ask(Action.PUSH) == {"joint": "left_hip", "torque": 10.0, "duration": 0.2}
+    with pytest.raises(MessageRefused, match="torque: expected -60 to 60 Nm"):
+        ask(Action.PUSH, torque=61.0)
+    with pytest.raises(MessageRefused, match="push: no value 'force'; it has joint, torque, duration"):
+        ask(Action.PUSH, force=1.0)
+    with pytest.raises(MessageRefused, match="stop: no value 'x'; it has no values"):
+        ask(Action.STOP, x=1.0)
+    fault = actions.fault_of(ask(Action.FAULT, kind="encoder_drift", place="left_hip", size="9deg/s"))
+    assert str(fault).startswith("encoder_drift:left_hip@")
+    for wrong in (
+        {"kind": "supply_dip", "place": "left_hip"},
+        {"kind": "motor_dead"},
+        {"size": "1; rm -rf /"},
+    ):
+        with pytest.raises(ParameterError):
+            actions.fault_of(ask(Action.FAULT, **wrong))
+
+
+# ---------------------------------------------------------------------- rules
+
+
+def test_a_gain_that_lets_the_loop_grow_is_refused_and_one_below_is_not(bench_panel):
+    assert judge(bench_panel.preset).errors == ()
+    # Friction compensation beyond the true friction drives the joint; the check names the border.
+    unsafe = bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.95)
+    reason = refusal(judge(unsafe), frozenset())
+    assert reason.startswith("unstable (middle_stance): a small motion") and "stay below" in reason
+    assert judge(bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.5)).errors == ()
+
+
+def test_a_phase_that_could_not_be_left_any_more_is_refused(bench_panel):
+    stuck = bench_panel.set(bench_panel.preset, "swing_flexion.hip.equilibrium", 5.0)
+    assert refusal(judge(stuck), frozenset()).startswith("cannot_leave (swing_flexion)")
+
+
+def test_an_error_that_was_there_before_does_not_refuse_the_way_out(bench_panel):
+    unsafe = bench_panel.set(bench_panel.preset, "middle_stance.hip.gain", 0.95)
+    known = judge(unsafe).places
+    better = bench_panel.set(unsafe, "middle_stance.hip.gain", 0.9)
+    assert judge(better, known).errors and refusal(judge(better, known), known) == ""
+
+
+def test_the_monitor_is_held_to_the_same_stability(bench_panel):
+    free = bench_panel.set(bench_panel.preset, "mode", "friction_control")
+    assert judge(free).errors == ()
+    driven = bench_panel.set(free, "monitor.right.hip.gain", 0.95)
+    assert refusal(judge(driven), frozenset()).startswith("unstable")
+
+
+def test_what_the_check_only_warns_of_is_told(bench_panel):
+    undamped = bench_panel.set(bench_panel.preset, "swing_extension.knee.damping", 0.0)
+    assert judge(undamped).errors == ()
+    new = set(warnings(undamped)) - set(warnings(bench_panel.preset))
+    assert {rule for rule, *_ in new} == {"effective_damping", "unusual_damping_ratio"}
+
+
+# ---------------------------------------------------------------------- the clock
+
+
+def test_blocks_in_time_are_not_late_and_wait_for_their_turn():
+    clock, now = BlockClock(), 100.0
+    for _ in range(50):
+        now += clock.wait(now)
+        now += 0.004
+        clock.finished(now)
+    assert now == pytest.approx(100.0 + 49 * PERIOD + 0.004)
+    statistics = clock.statistics()
+    assert (statistics.blocks, statistics.late, statistics.worst_ms, statistics.lost_s) == (50, 0, 0.0, 0.0)
+
+
+def test_late_blocks_are_counted_and_caught_up():
+    clock, now = BlockClock(), 0.0
+    lateness = []
+    for number in range(100):
+        now += clock.wait(now)
+        now += 0.035 if number == 10 else 0.001
+        clock.finished(now)
+        lateness.append(max(0.0, now - (number + 1) * PERIOD))
+    statistics = clock.statistics()
+    assert now == pytest.approx(99 * PERIOD + 0.001)  # nothing is lost of a short stall
+    assert statistics.late == sum(item > PERIOD for item in lateness) == 2
+    assert statistics.mean_ms == pytest.approx(1e3 * np.mean(lateness))
+    assert statistics.worst_ms == pytest.approx(25.0) and statistics.lost_s == 0.0
+    assert np.sort(lateness)[98] <= 1e-3 * statistics.p99_ms <= statistics.worst_ms * 1e-3
+
+
+def test_a_long_stall_is_given_up_not_raced_after_and_all_of_it_counts():
+    clock, now, starts = BlockClock(), 0.0, []
+    for number in range(300):
+        now += clock.wait(now)
+        starts.append(now)
+        now += 1.0 if number == 20 else 0.001
+        clock.finished(now)
+    statistics = clock.statistics()
+    within = [sum(begun - PERIOD < item <= begun for item in starts) for begun in starts]
+    assert max(within) <= 1 + CATCH_UP / PERIOD  # blocks that begin in the time of one
+    assert statistics.lost_s == pytest.approx(1.0 - PERIOD, abs=1e-6)
+    assert statistics.blocks == 300 + 99 and statistics.late == 100
+    assert statistics.worst_ms == pytest.approx(990.0)
+
+
+def test_a_pause_is_nobodys_loss():
+    clock = BlockClock()
+    clock.wait(0.0)
+    clock.finished(0.005)
+    clock.pause()
+    assert clock.wait(60.0) == 0.0
+    clock.finished(60.001)
+    assert (clock.statistics().late, clock.statistics().lost_s) == (0, 0.0)
+
+
+# ---------------------------------------------------------------------- the loop
+
+
+class Rig:
+    """A loop with a clock that only sleeping and working move on, and commands by time."""
+
+    def __init__(self, problem, script, *, longest=1000, paused=False, working=0.0005):
+        self.time, self.sent, self.takes = 0.0, [], []
+        self.script = deque(sorted(script, key=lambda item: item[0]))
+        self.run = SteppedRun(problem)
+        self._working, advance = working, self.run.advance
+
+        def working_advance(ticks):
+            self.time += self._working
+            return advance(ticks)
+
+        self.run.advance = working_advance
+        self.loop = LiveLoop(
+            self.run,
+            now=lambda: self.time,
+            sleep=self.sleep,
+            commands=self.next_command,
+            send=self.sent.append,
+            finish=self.takes.append,
+            longest=longest,
+            paused=paused,
+        )
+
+    def sleep(self, duration):
+        assert duration > 0.0
+        self.time += duration
+
+    def next_command(self):
+        if self.script and self.script[0][0] <= self.time + 1e-9:
+            return self.script.popleft()[1]
+        return None
+
+    def frames(self):
+        return [item for item in self.sent if item["kind"] == "frame"]
+
+    def answers(self):
+        return {item["serial"]: item for item in self.sent if item["kind"] == "answer"}
+
+
+@pytest.fixture(scope="module")
+def bench_problem(bench_panel):
+    return bench_panel.problem
+
+
+def test_a_second_of_walking_takes_a_second_and_is_the_walk_of_simulate(bench_problem):
+    rig = Rig(bench_problem, [])
+    rig.loop.run()
+    assert rig.time == pytest.approx(1.0, abs=PERIOD)
+    (take,) = rig.takes
+    whole = simulate(replace(bench_problem.experiment, duration=1.0))
+    angle = take.result.rows[:, rig.run.layout.positions["right_knee_angle_rad"]]
+    np.testing.assert_array_equal(angle, whole.log["right_knee_angle_rad"])
+    assert str(take.result.status) == "completed" and rig.frames()[-1]["status"] == "ended"
+
+
+def test_frames_come_fifty_times_a_second_with_the_row_and_the_coordinates_of_one_tick(bench_problem):
+    rig = Rig(bench_problem, [])
+    rig.loop.run()
+    frames = [item for item in rig.frames() if item["status"] == "walking"]
+    assert [item["tick"] for item in frames] == list(range(19, 1000, 20))[: len(frames)] and len(frames) >= 49
+    rows = rig.takes[0].result.rows
+    for frame in frames:
+        for joint in bench_problem.joints:
+            name = f"{joint.side}_{joint.joint}_angle_rad"
+            assert frame["q"][joint.coordinate] == frame["log"][name]
+            assert frame["log"][name] == rows[frame["tick"], rig.run.layout.positions[name]]
+
+
+def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_way_but_one(bench_problem):
+    script = [
+        (0.203, {"serial": 1, "command": "pause"}),
+        (0.5, {"serial": 2, "command": "stop", "note": {"text": "stop"}}),
+        (0.6, {"serial": 3, "command": "push", "joint": 0, "torque": 1.0, "ticks": 5}),
+        (0.7, {"serial": 4, "command": "walk"}),
+        (0.8, {"serial": 5, "command": "step"}),
+        (1.0, {"serial": 6, "command": "restart", "note": {"text": "again"}}),
+        (1.3, {"serial": 7, "command": "end"}),
+    ]
+    rig = Rig(bench_problem, script, longest=5000)
+    rig.loop.run()
+    stopped, again = rig.takes
+    state = stopped.result.rows[:, rig.run.layout.positions["safety_state"]]
+    assert np.flatnonzero(state)[0] == rig.answers()[2]["tick"] == 210
+    assert len(state) == pytest.approx(210 + 500, abs=2 * BLOCK_TICKS)  # the hold goes on in the pause
+    assert [item.tick for item in stopped.changes] == [210]
+    refused = {serial: bool(item["refused"]) for serial, item in rig.answers().items()}
+    assert refused == {1: False, 2: False, 3: True, 4: True, 5: True, 6: False, 7: False}
+    assert len(again.result.rows) == pytest.approx(300, abs=2 * BLOCK_TICKS)
+    assert not again.result.rows[:, rig.run.layout.positions["safety_state"]].any()
+
+
+def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_problem):
+    settings = bench_panel.set(bench_panel.preset, "late_stance.knee.stiffness", 2.0)
+    numbers = json.loads(json.dumps(loop_numbers(settings).to_dict()))
+    note = {"user": "Ann", "subject": "late_stance.knee.stiffness", "text": "k"}
+    script = [
+        (0.1, {"serial": 1, "command": "settings", "numbers": numbers, "table": {"k": 1}, "note": note})
+    ]
+    rig = Rig(bench_problem, script, longest=4000)
+    rig.loop.run()
+    (take,) = rig.takes
+    assert [(item.tick, item.note["user"]) for item in take.changes] == [(100, "Ann")]
+    assert take.table == {"k": 1}
+    positions = rig.run.layout.positions
+    codes = take.result.rows[:, positions["right_phase"]].astype(int)
+    held = take.result.rows[:, positions["right_knee_stiffness_Nm_per_rad"]]
+    late = np.flatnonzero(codes == bench_problem.table.phase_index("late_stance"))
+    late = late[late > 1000]
+    assert held[late[-1]] == pytest.approx(2.0 / DEGREE)
+
+
+def test_a_step_by_hand_is_waited_for(bench_panel, bench_problem):
+    settings = bench_panel.set(bench_panel.preset, "manual", True)
+    numbers = loop_numbers(settings).to_dict()
+    script = [
+        (0.0, {"serial": 1, "command": "settings", "numbers": numbers}),
+        (0.05, {"serial": 2, "command": "step"}),
+        (6.0, {"serial": 3, "command": "step"}),
+    ]
+    rig = Rig(bench_problem, script, longest=6500)
+    rig.loop.run()
+    assert [bool(rig.answers()[serial]["refused"]) for serial in (1, 2, 3)] == [False, True, False]
+    assert "waiting" in {item["status"] for item in rig.frames() if item["time_s"] < 6.0}
+    left = [item.tick for item in rig.takes[0].result.switches if item.source == "late_stance"]
+    assert left and 6000 <= left[0] <= 6000 + 2 * BLOCK_TICKS
+
+
+def test_the_belt_stands_while_a_leg_waits_for_its_step_and_the_wearer_walks_on_with_it(treadmill_panel):
+    problem = treadmill_panel.problem
+    numbers = loop_numbers(treadmill_panel.set(treadmill_panel.preset, "manual", True)).to_dict()
+    script = [
+        (0.0, {"serial": 1, "command": "settings", "numbers": numbers}),
+        (8.0, {"serial": 2, "command": "step"}),
+    ]
+    rig = Rig(problem, script, longest=11_000)
+    rig.loop.run()
+    (take,) = rig.takes
+    assert (str(take.result.status), take.result.trip) == ("completed", None)
+    hips = take.result.rows[:, [rig.run.layout.positions[f"{side}_hip_angle_rad"] for side in problem.sides]]
+    # 0.4 m/s under a leg of 0.9 m would turn a hip by half a radian in a second.
+    assert np.ptp(hips[7000:8000], axis=0).max() < 0.01
+    left = [item for item in take.result.switches if item.source == "late_stance" and item.tick > 7000]
+    assert len(left) == 1 and left[0].tick < 8000 + 2 * BLOCK_TICKS
+    side = problem.sides.index(left[0].side)
+    assert np.ptp(hips[8000:10_000, side]) > 0.4  # the leg that was let go takes a step
+    assert {item["status"] for item in rig.frames() if 7.0 < item["time_s"] < 8.0} == {"waiting"}
+
+
+def test_a_slow_block_shows_in_the_statistics_of_the_next_frame(bench_problem):
+    rig = Rig(bench_problem, [], working=0.008)  # twice per block: 16 ms of work in 10 ms
+    rig.loop.run()
+    statistics = rig.frames()[-1]["deadlines"]
+    assert statistics["late"] > 50 and statistics["lost_s"] > 0.0
+    assert rig.time == pytest.approx(1.6, abs=0.02)  # no block is left out
+
+
+# ---------------------------------------------------------------------- the session
+
+
+def say(session, **message):
+    """Send a message as a page does and wait for what becomes of it."""
+    say.count += 1
+    session.submit(read_message(json.dumps({"id": f"m{say.count}", "user": "Ann", **message})))
+    return wait_for(lambda: next((item for item in session.events() if item.id == f"m{say.count}"), None))
+
+
+say.count = 0
+
+
+def wait_for(found, timeout=60.0):
+    end = time.monotonic() + timeout
+    while time.monotonic() < end:
+        result = found()
+        if result:
+            return result
+        time.sleep(0.01)
+    raise AssertionError("waited in vain")
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A session on the bench with all kinds of messages, and what it left behind."""
+    folder = tmp_path_factory.mktemp("live")
+    loaded = load_experiment("bench_leg", ["duration_s=60"])
+    database = folder / "sessions.sqlite"
+    said = {}
+    (folder / "run-2").mkdir()  # somebody else's
+    with LiveSession(loaded, folder / "run", user="Ann", database=database, pictures=False) as session:
+        said["k"] = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
+        said["zero"] = say(session, kind="set", control="swing_flexion.knee.equilibrium", value=57.0)
+        said["unsafe"] = say(session, kind="set", control="middle_stance.hip.gain", value=0.95)
+        said["range"] = say(session, kind="set", control="middle_stance.hip.gain", value=7)
+        said["push"] = say(session, kind="do", action="push", values={"joint": "right_knee", "torque": -6})
+        said["save"] = say(session, kind="do", action="save")
+        time.sleep(0.5)
+        said["state"] = session.state()
+        said["table"] = session.table
+        said["frame"] = Frame.from_dict(json.loads(wait_for(lambda: session.newest_frame().text)))
+        said["stop"] = say(session, kind="do", action="stop")
+        wait_for(lambda: session.status == "holding")
+        said["restart"] = say(session, kind="do", action="restart")
+        time.sleep(0.3)
+    return session, said, folder
+
+
+def test_changes_are_applied_with_their_tick_and_logged(finished):
+    _, said, folder = finished
+    assert [said[name].outcome for name in ("k", "zero", "push", "stop", "restart")] == [Outcome.APPLIED] * 5
+    log = load_run(folder / "run").log
+    for name, column, value in (
+        ("k", "right_hip_stiffness_Nm_per_rad", 2.4 / DEGREE),
+        ("zero", "right_knee_equilibrium_rad", 57.0 * DEGREE),
+    ):
+        phase = said[name].subject.partition(".")[0]
+        assert said[name].effect[f"{phase}: {column}"] == pytest.approx(value)
+    pushed = np.flatnonzero(log["right_knee_patient_torque_Nm"] == -6.0)
+    assert pushed[0] == said["push"].tick and len(pushed) == 200
+    assert np.flatnonzero(log["safety_state"])[0] == said["stop"].tick
+    rows = list(csv.DictReader((folder / "run" / "live_changes.csv").read_text().splitlines()))
+    assert [int(row["tick"]) for row in rows] == [said[name].tick for name in ("k", "zero", "push", "stop")]
+    assert {row["user"] for row in rows} == {"Ann"} and rows[0]["value"] == "2.4"
+
+
+def test_unsafe_changes_are_refused_with_the_reason_and_change_nothing(finished):
+    _, said, folder = finished
+    assert said["unsafe"].outcome is said["range"].outcome is Outcome.REFUSED
+    assert "unstable (middle_stance)" in said["unsafe"].text
+    assert "expected 0 to 1, got 7" in said["range"].text
+    assert load_run(folder / "run").log["right_hip_friction_compensation_gain"].max() < 0.5
+    gain = next(item for item in said["state"].controls if item.name == "middle_stance.hip.gain")
+    assert not gain.changed
+
+
+def test_the_state_shows_what_differs_from_the_preset(finished):
+    _, said, _ = finished
+    changed = {item.name for item in said["state"].controls if item.changed}
+    assert changed == {"late_stance.hip.stiffness", "swing_flexion.knee.equilibrium"}
+    assert said["state"].to_dict()["differences"] == [
+        item.name for item in said["state"].controls if item.name in changed
+    ]
+    assert json.loads(json.dumps(said["state"].to_dict()))["saved"] == [said["save"].value]
+
+
+def test_every_walk_of_the_session_has_a_complete_run_folder(finished):
+    session, _, folder = finished
+    assert session.folders == [folder / "run", folder / "run-3"] and session.failure == ""
+    for path in session.folders:
+        stored = load_run(path)
+        assert stored.summary["status"] == "interrupted" and len(stored.log) > 200
+        assert stored.experiment.duration == pytest.approx(len(stored.log) * 1e-3)
+    assert load_run(folder / "run").summary["safety"]["cause"] == "operator"
+    assert (folder / "run-3" / "live_table.yaml").is_file()
+    assert not list(folder.glob(".*")) and not list((folder / "run-2").iterdir())
+
+
+def test_the_saved_table_walks_in_simulate_with_the_parameters_of_the_live_episode(finished):
+    _, said, _ = finished
+    experiment = load_experiment("bench_leg", [f"table={said['save'].value}", "duration_s=4"]).experiment
+    assert experiment.table.phases == said["table"].phases
+    run = simulate(experiment)
+    rows = build_problem(experiment).phase_rows
+    for phase, column, name in (
+        ("late_stance", STIFFNESS, "right_hip_stiffness_Nm_per_rad"),
+        ("swing_flexion", 4 + EQUILIBRIUM, "right_knee_equilibrium_rad"),
+    ):
+        last = run.log[run.log["right_phase"] == phase][name].iloc[-1]
+        live = next(
+            value for said_item in ("k", "zero") for key, value in said[said_item].effect.items()
+            if key == f"{phase}: {name}"
+        )  # fmt: skip
+        assert last == live == rows[0, run.table.phase_index(phase), column]
+    assert "--set table=" in said["save"].text and "bench_leg" in said["save"].text
+
+
+def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finished):
+    session, said, folder = finished
+    (entry,) = list_sessions(folder / "sessions.sqlite")
+    found = read_session(folder / "sessions.sqlite", entry.id)
+    assert (entry.user, entry.experiment, entry.status, entry.versions) == ("Ann", "bench_leg", "ended", 3)
+    assert entry.folders == tuple(map(str, session.folders)) and found["summary"] == session.summary
+    logged = {item["serial"]: item for item in found["log"]}
+    for name in ("k", "unsafe", "range", "push", "stop"):
+        item = logged[said[name].serial]
+        assert (item["outcome"], item["tick"], item["text"]) == (
+            said[name].outcome,
+            said[name].tick,
+            said[name].text,
+        )
+    assert [item["tick"] for item in found["tables"]] == [0, said["k"].tick, said["zero"].tick]
+
+
+def test_frames_of_the_process_are_those_of_its_log(finished):
+    _, said, folder = finished
+    frame, log = said["frame"], load_run(folder / "run").log
+    row = log.iloc[frame.tick]
+    assert frame.log["right_phase"] == row["right_phase"]
+    assert frame.log["right_knee_angle_rad"] == row["right_knee_angle_rad"]
+    assert frame.deadlines.blocks >= frame.tick // BLOCK_TICKS
+
+
+# ---------------------------------------------------------------------- the process
+
+
+def begin(folder):
+    """The process of the loop with pipes that the test holds."""
+    document = load_experiment("bench_leg", ["duration_s=60"]).document
+    setup = {"document": document, "folder": str(folder), "force": False, "pictures": False}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "twin_gait.studies.live.process"],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1,
+    )  # fmt: skip
+    process.stdin.write(json.dumps(setup) + "\n")
+    for line in process.stdout:
+        if json.loads(line)["kind"] == "ready":
+            break
+    process.stdin.write(json.dumps({"serial": 1, "command": "walk"}) + "\n")
+    return process
+
+
+def real_time_is_allowed():
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+    except PermissionError:
+        return False
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    return True
+
+
+def test_nobody_reading_does_not_slow_the_loop_and_the_newest_frame_wins(tmp_path):
+    with begin(tmp_path / "run") as process:
+        walking = time.monotonic()
+        time.sleep(2.5)  # a frame has 3 kB: the pipe is full after half a second
+        asleep = time.monotonic() - walking
+        process.stdin.write(json.dumps({"serial": 2, "command": "end"}) + "\n")
+        process.stdin.flush()
+        messages = [json.loads(line) for line in process.stdout]
+    frames = [item for item in messages if item["kind"] == "frame"]
+    ticks = [item["tick"] for item in frames]
+    assert np.diff(ticks).max() > 1000  # what nobody read was left out
+    assert frames[-1]["status"] == "ended"
+    lost = frames[-1]["deadlines"]["lost_s"]
+    assert ticks[-1] * 1e-3 + lost == pytest.approx(
+        asleep, abs=0.3
+    )  # time did not stand still for the reader
+    assert [item["serial"] for item in messages if item["kind"] == "answer"] == [1, 2]
+    assert (tmp_path / "run" / "summary.json").is_file()
+
+
+def test_an_end_of_input_ends_the_process_with_a_complete_folder(tmp_path):
+    with begin(tmp_path / "run") as process:
+        time.sleep(0.4)
+        if sys.platform == "linux":  # the loop goes before others, if this user may have that
+            wanted = os.SCHED_RR if real_time_is_allowed() else os.SCHED_OTHER
+            assert os.sched_getscheduler(process.pid) == wanted
+        process.stdin.close()
+        messages = [json.loads(line) for line in process.stdout]
+    assert process.returncode == 0
+    assert messages[-1]["kind"] == "folder" and load_run(tmp_path / "run").summary["status"] == "interrupted"
+
+
+PARENT = """
+    import sys, time
+    from pathlib import Path
+    from twin_gait.configuration import load_experiment
+    from twin_gait.studies.live.session import LiveSession
+
+    session = LiveSession(load_experiment("bench_leg", ["duration_s=60"]), Path(sys.argv[1]), pictures=False)
+    session.start()
+    print(session.pid, flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_parent_that_is_killed_takes_the_loop_with_it_and_leaves_the_run(tmp_path):
+    code = textwrap.dedent(PARENT)
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path / "run")], stdout=subprocess.PIPE, text=True
+    ) as parent:
+        child = int(parent.stdout.readline())
+        time.sleep(0.3)
+        parent.send_signal(signal.SIGKILL)
+    wait_for(lambda: not Path(f"/proc/{child}").exists() if os.path.isdir("/proc") else gone(child))
+    assert load_run(tmp_path / "run").summary["status"] == "interrupted"
+
+
+def gone(pid):
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    return False
+
+
+def test_a_set_up_that_cannot_be_used_is_told_in_one_line(tmp_path):
+    loaded = load_experiment("bench_leg", ["duration_s=60"])
+    broken = replace(loaded, document={**loaded.document, "duration_s": -1})
+    session = LiveSession(broken, tmp_path / "run", pictures=False)
+    with pytest.raises(ParameterError, match=r"duration"):
+        session.start()
+    session.close()
+    assert not (tmp_path / "run").exists()

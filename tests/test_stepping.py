@@ -1,0 +1,285 @@
+"""A run that is advanced piece by piece and changed in between."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin_gait.configuration import load_experiment
+from twin_gait.control import TripCause
+from twin_gait.exceptions import ParameterError
+from twin_gait.scenario.faults import parse_fault
+from twin_gait.simulation import RunStatus, simulate, stepping
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.run import log_table
+from twin_gait.simulation.stepping import SteppedRun
+
+LATE_STANCE, SWING_FLEXION = "late_stance", "swing_flexion"
+
+
+@pytest.fixture(scope="module")
+def bench():
+    return build_problem(load_experiment("bench_leg", ["duration_s=6"]).experiment)
+
+
+@pytest.fixture(scope="module")
+def treadmill():
+    return build_problem(load_experiment("treadmill", ["duration_s=4"]).experiment)
+
+
+def column(run, name, first=0):
+    return run.rows(first)[:, run.layout.positions[name]]
+
+
+def minimum_jerk(s):
+    """Flash and Hogan (1985), written out anew."""
+    s = np.clip(s, 0.0, 1.0)
+    return 10 * s**3 - 15 * s**4 + 6 * s**5
+
+
+def phase_codes(run, side):
+    return column(run, f"{side}_phase").astype(int)
+
+
+# ---------------------------------------------------------------------- nothing changed
+
+
+def test_a_walk_in_pieces_is_the_walk_in_one_bit_for_bit(treadmill, monkeypatch):
+    monkeypatch.setattr(stepping, "CHUNK_TICKS", 700)  # so that blocks cross the borders of the log
+    run, generator = SteppedRun(treadmill), np.random.default_rng(0)
+    while run.tick < 4000:
+        before = run.tick
+        rows = run.advance(int(min(generator.integers(1, 300), 4000 - run.tick)))
+        assert len(rows) == run.tick - before
+    whole = simulate(treadmill.experiment)
+    assert log_table(run.rows(), run.layout, treadmill.table).equals(whole.log)
+    assert run.result().switches == whole.switches
+
+
+def test_noise_is_that_of_the_whole_run_too():
+    experiment = load_experiment(
+        "bench_leg", ["duration_s=2", "sensors.ideal=false", "sensors.angle_noise_rad=1e-4", "seed=5"]
+    ).experiment
+    problem = build_problem(experiment)
+    run = SteppedRun(problem)
+    for _ in range(200):
+        run.advance(10)
+    assert log_table(run.rows(), run.layout, problem.table).equals(simulate(experiment).log)
+
+
+def test_a_walk_begun_again_is_the_same_walk(bench):
+    run = SteppedRun(bench)
+    first = run.advance(1500).copy()
+    run.push(1, 30.0, 5000)
+    run.inject(parse_fault("encoder_jump:right_knee@0s"))
+    run.advance(500)
+    assert run.tripped
+    run.restart()
+    assert (run.tick, run.tripped) == (0, False)
+    np.testing.assert_array_equal(run.advance(1500), first)
+
+
+# ---------------------------------------------------------------------- parameters
+
+
+def test_new_parameters_fade_in_by_the_minimum_jerk_law_tick_by_tick(bench):
+    run = SteppedRun(bench)
+    # A phase that lasts longer than its own fade, which would not look at the table again.
+    while run.tick < 3000 and not lasts(run, 80):
+        run.advance(10)
+    changed = bench.phase_rows.copy()
+    changed[:, :, :8] *= 1.25
+    first, phase = run.tick, phase_codes(run, "right")[-1]
+    run.set_phase_rows(changed, fade_ticks=40)
+    run.advance(60)
+    same = phase_codes(run, "right")[first:] == phase
+    shares = minimum_jerk(np.arange(1, 61) / 40)
+    for place, name in ((4, "knee_stiffness_Nm_per_rad"), (6, "knee_equilibrium_rad")):
+        old, new = bench.phase_rows[0, phase, place], changed[0, phase, place]
+        seen = column(run, f"right_{name}", first)
+        np.testing.assert_allclose(seen[same], (old + shares * (new - old))[same], rtol=1e-12)
+    assert same[:40].all()  # else the test would have looked at nothing
+
+
+def lasts(run, ticks):
+    codes = phase_codes(run, "right") if run.tick else np.zeros(0)
+    return len(codes) > ticks and len(set(codes[-ticks:].tolist())) == 1
+
+
+def test_new_parameters_reach_phases_that_come_later_and_change_the_walk(bench):
+    changed = bench.phase_rows.copy()
+    changed[:, :, 4] *= 1.1
+    plain, run = SteppedRun(bench), SteppedRun(bench)
+    run.set_phase_rows(changed, fade_ticks=0)
+    plain.advance(4000)
+    run.advance(4000)
+    assert not run.tripped
+    codes, stiffness = phase_codes(run, "right"), column(run, "right_knee_stiffness_Nm_per_rad")
+    steady = [np.flatnonzero(codes == code)[-1] for code in set(codes.tolist())]
+    steady = [tick for tick in steady if len(set(codes[tick - 70 : tick + 1].tolist())) == 1]
+    assert len(steady) >= 3
+    np.testing.assert_allclose(stiffness[steady], changed[0, codes[steady], 4], rtol=1e-12)
+    assert np.abs(run.rows()[-1] - plain.rows()[-1]).max() > 1e-3
+
+
+def test_a_table_set_at_the_start_walks_as_an_experiment_with_that_table():
+    small = load_experiment(
+        "bench_leg", ["duration_s=3", "table.phases.swing_flexion.knee.equilibrium_deg=55"]
+    )
+    theirs = build_problem(small.experiment)
+    run = SteppedRun(build_problem(load_experiment("bench_leg", ["duration_s=3"]).experiment))
+    run.set_phase_rows(theirs.phase_rows, fade_ticks=0)
+    run.restart()
+    run.advance(3000)
+    assert log_table(run.rows(), run.layout, theirs.table).equals(simulate(small.experiment).log)
+
+
+def test_target_torque_is_added_to_the_command(bench):
+    run = SteppedRun(bench)
+    run.advance(200)
+    run.set_target_torque(np.array([0.0, -3.0]), fade_ticks=100)
+    run.advance(150)
+    seen = column(run, "right_knee_target_torque_Nm", 200)
+    np.testing.assert_allclose(seen, -3.0 * minimum_jerk(np.arange(1, 151) / 100), atol=1e-12)
+    parts = ("impedance", "friction_compensation", "gravity_compensation", "inertia_compensation", "target")
+    total = sum(column(run, f"right_knee_{part}_torque_Nm") for part in parts)
+    np.testing.assert_allclose(column(run, "right_knee_motor_command_torque_Nm"), total, atol=1e-12)
+
+
+# ---------------------------------------------------------------------- world
+
+
+def test_a_push_is_in_the_log_for_just_its_ticks_and_moves_the_joint(bench):
+    plain, run = SteppedRun(bench), SteppedRun(bench)
+    for each in (plain, run):
+        each.advance(305)
+    run.push(1, 7.5, 123)
+    for each in (plain, run):
+        each.advance(400)
+    pushed = column(run, "right_knee_patient_torque_Nm")
+    assert np.flatnonzero(pushed).tolist() == list(range(305, 428))
+    assert set(pushed[305:428].tolist()) == {7.5}
+    # The tick after the first with the push: the torque over the inertia, by the leg's own mass matrix.
+    model = bench.world.model
+    index = bench.joints[1].coordinate
+    q = np.zeros(model.nv)
+    for joint in bench.joints:
+        q[joint.coordinate] = column(run, f"{joint.side}_{joint.joint}_angle_rad")[305]
+    gained = (
+        column(run, "right_knee_velocity_rad_per_s")[306]
+        - column(plain, "right_knee_velocity_rad_per_s")[306]
+    )
+    expected = 7.5e-3 * np.linalg.inv(model.mass_matrix(q))[index, index]
+    assert gained == pytest.approx(expected, rel=0.02)  # friction grows with the velocity that is gained
+
+
+def test_the_work_of_a_push_is_counted(bench):
+    run = SteppedRun(bench)
+    run.advance(100)
+    run.push(0, 12.0, 200)
+    run.advance(400)
+    velocity = column(run, "right_hip_velocity_rad_per_s")
+    work = 12.0 * np.trapezoid(velocity[100:301], dx=1e-3)
+    assert column(run, "patient_work_J")[-1] == pytest.approx(work, rel=1e-4)
+
+
+def test_belt_and_support_change_what_the_feet_feel(treadmill):
+    run = SteppedRun(treadmill)
+    run.advance(300)
+    force = column(run, "support_force_N")
+    run.set_support_force(0.5 * treadmill.world.support_force, fade_ticks=50)
+    run.advance(200)
+    spring = column(run, "support_force_N")[-1] + 90.0 * column(run, "pelvis_velocity_m_per_s")[-1]
+    assert spring == pytest.approx(0.5 * treadmill.world.support_force, rel=1e-9)
+    assert force[0] == pytest.approx(treadmill.world.support_force)
+    run.set_belt_speed(0.0, fade_ticks=100)
+    run.advance(1500)
+    hips = (
+        column(run, "left_hip_angle_rad", run.tick - 300),
+        column(run, "right_hip_angle_rad", run.tick - 300),
+    )
+    stance = [np.ptp(hip) for hip in hips]
+    assert min(stance) < math.radians(1.0)  # a foot on a belt that stands keeps its hip where it is
+
+
+def test_a_support_needs_a_pelvis_that_moves(bench):
+    with pytest.raises(ParameterError, match="choose a treadmill"):
+        SteppedRun(bench).set_support_force(1.0)
+
+
+@pytest.mark.parametrize("kind", ["motor_dead:right_knee", "encoder_offset:right_hip", "supply_dip"])
+def test_a_fault_that_is_injected_is_the_fault_of_an_experiment(kind):
+    experiment = load_experiment("bench_leg", ["duration_s=1.5"]).experiment
+    run = SteppedRun(build_problem(experiment))
+    run.advance(730)
+    run.inject(parse_fault(f"{kind}@0s"))
+    run.advance(770)
+    faulty = simulate(replace(experiment, faults=(parse_fault(f"{kind}@0.73s"),)))
+    assert log_table(run.rows(), run.layout, run.problem.table).equals(faulty.log)
+    assert run.result().trip == faulty.trip
+
+
+def test_a_fault_that_does_not_fit_and_one_too_many_are_refused(bench):
+    run = SteppedRun(bench)
+    with pytest.raises(ParameterError, match="no left leg"):
+        run.inject(parse_fault("motor_dead:left_knee@0s"))
+    with pytest.raises(ParameterError, match=f"at most {stepping.MOST_FAULTS}"):
+        for _ in range(stepping.MOST_FAULTS + 1):
+            run.inject(parse_fault("supply_dip@0s=0.1V"))
+
+
+# ---------------------------------------------------------------------- steps by hand, stop
+
+
+def test_a_held_leg_waits_until_it_is_let_go_and_waits_again_after_that_step(bench):
+    held = bench.table.phase_index(LATE_STANCE)
+    run = SteppedRun(bench)
+    run.hold_phase(held)
+    while not run.waiting() and run.tick < 4000:
+        run.advance(10)
+    assert run.waiting() == (0,)
+    run.advance(6000)  # longer than the monitor lets a leg stay in a phase
+    assert (phase_codes(run, "right")[-1], run.tripped) == (held, False)
+    let_go = run.tick
+    run.release()
+    assert run.waiting() == ()
+    run.advance(20)
+    assert bench.table.phase_names[phase_codes(run, "right")[-1]] == SWING_FLEXION
+    run.advance(5000)
+    assert run.waiting() == (0,)
+    left = [item.tick for item in run.result().switches if item.source == LATE_STANCE]
+    assert len(left) == 1 and let_go <= left[0] < let_go + 20
+    run.hold_phase(None)
+    run.advance(500)
+    assert phase_codes(run, "right")[-1] != held
+
+
+def test_a_stop_holds_the_joints_from_the_next_tick_on_and_is_not_taken_back(bench):
+    run = SteppedRun(bench)
+    run.advance(905)
+    run.stop()
+    run.advance(1000)
+    run.stop()
+    result = run.result(interrupted=True)
+    assert (result.trip.tick, result.trip.cause, result.trip.place) == (905, TripCause.OPERATOR, "operator")
+    assert np.flatnonzero(column(run, "safety_state")).tolist() == list(range(905, 1905))
+    for joint in ("hip", "knee"):
+        hold = column(run, f"right_{joint}_impedance_torque_Nm")[906:]
+        velocity = column(run, f"right_{joint}_velocity_rad_per_s")[905:-1]
+        damping = bench.experiment.control.safety.hold_damping
+        # The drive infers the speed from the tick before.
+        np.testing.assert_allclose(hold, -damping * velocity, atol=1e-9)
+    assert result.status is RunStatus.INTERRUPTED
+
+
+def test_a_walk_that_has_fallen_runs_no_further(treadmill):
+    run = SteppedRun(treadmill)
+    rows = treadmill.phase_rows.copy()
+    rows[:, :, [0, 1, 4, 5]] = 0.0  # legs without springs and dampers
+    run.set_phase_rows(rows, fade_ticks=0)
+    run.advance(5000)
+    fell = run.tick
+    assert run.status is RunStatus.FELL and fell < 5000
+    assert len(run.advance(10)) == 0 and run.tick == fell
+    assert "fell below" in run.result().reason

@@ -1,0 +1,424 @@
+"""A run that is advanced piece by piece and changed in between, in compiled code.
+
+:func:`twin_gait.simulation.simulate` runs an experiment from start to end. Here the caller holds the clock:
+he advances the walk by some ticks, looks at the rows of the log, changes the parameters of the phases, the
+belt or the support, pushes the leg or breaks something, and goes on. Without a change the rows are those of
+``simulate``, bit for bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from twin_gait.control import ControllerFunction
+from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
+from twin_gait.core.faults import START_TICK
+from twin_gait.core.guards import DWELL_TICKS, SOURCE
+from twin_gait.core.plant import CONSTANT_FORCE
+from twin_gait.core.safety import OPERATOR_TRIP
+from twin_gait.exceptions import ParameterError
+from twin_gait.scenario.faults import Fault, FaultKind
+from twin_gait.simulation import episode_arrays
+from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
+from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.watching import NEVER, fault_arrays, overstay_ticks, trip_of
+
+FADE_TICKS = 300  # over which a change fades in where the caller says nothing
+MOST_FAULTS = 16  # that can be injected into one walk
+CHUNK_TICKS = 60_000  # rows of the log that are made at a time: a minute
+BELT_SPEED = 0  # position in the array of contact parameters
+
+
+@dataclass
+class _Fade:
+    """An array on its way from one content to another, by the minimum-jerk law."""
+
+    values: np.ndarray
+    start: np.ndarray
+    target: np.ndarray
+    first: int
+    ticks: int
+
+    def reaches(self, tick: int) -> bool:
+        """Write the values of a tick; True if the target is reached."""
+        progress = 1.0 if self.ticks <= 0 else (tick - self.first + 1) / self.ticks
+        share = blend_share(progress, BLEND_MINIMUM_JERK)
+        if share >= 1.0:
+            self.values[...] = self.target
+        else:
+            self.values[...] = blend_arrays(self.start, self.target, share)
+        return share >= 1.0
+
+
+def blend_arrays(old: np.ndarray, new: np.ndarray, share: float) -> np.ndarray:
+    """Blend element by element, by the law of :func:`twin_gait.core.blending.blend`.
+
+    Args:
+        old: Values at the start of the blend, any shape.
+        new: Values at its end, the same shape.
+        share: Of the new values.
+
+    Returns:
+        The same shape.
+    """
+    return blend(old, new, share)  # type: ignore[arg-type,return-value]  # plain arithmetic takes arrays
+
+
+class SteppedRun:
+    """One walk in compiled code that its caller advances and changes.
+
+    Attributes:
+        problem: The experiment as arrays, as the walk began.
+        layout: Names and positions of the log's columns.
+        tick: Ticks that have been run.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        *,
+        controller: ControllerFunction | None = None,
+        on_compile: Callable[[], None] | None = None,
+    ) -> None:
+        """Lay the walk out; no tick is run.
+
+        Args:
+            problem: From :func:`twin_gait.simulation.problem.build_problem`.
+            controller: Control law that takes the place of the thesis's; numba must be able to compile it.
+            on_compile: Called if the loop has to be compiled first, which takes 10 to 20 s.
+        """
+        self.problem = problem
+        self.layout = log_layout(problem)
+        self.tick = 0
+        self._engine = CompiledEngine(
+            _with_spare_faults(problem), controller=controller, on_compile=on_compile
+        )
+        self._engine.warm_up()
+        self._inputs, self._state = self._engine.episode.inputs, self._engine.episode.state
+        self._start = [array.copy() for array in self._state]
+        self._forget_faults()
+        self._fades: dict[str, _Fade] = {}
+        self._push_ends = np.full(len(problem.joints), -1, dtype=np.int64)
+        self._watching = True
+        self._held: int | None = None
+        self._released_at: int | None = None
+        self._chunks: list[np.ndarray] = []
+
+    # ------------------------------------------------------------------ advancing
+
+    @property
+    def status(self) -> RunStatus:
+        """How the walk stands; ``completed`` as long as nothing has ended it."""
+        return self._engine.ending(self.tick)[0]
+
+    @property
+    def reason(self) -> str:
+        """Why it has ended; empty before that."""
+        return self._engine.ending(self.tick)[1]
+
+    @property
+    def tripped(self) -> bool:
+        """Whether the legs are in the safe hold."""
+        return bool(self._state.safety[episode_arrays.TRIP_TICK] >= 0)
+
+    @property
+    def q(self) -> np.ndarray:
+        """Present coordinates of the rigid-body model in [rad] and [m], shape ``(n,)``; a copy."""
+        return self._state.q.copy()
+
+    def advance(self, ticks: int) -> np.ndarray:
+        """Run some ticks, fewer if the wearer falls or the state diverges on the way.
+
+        Args:
+            ticks: How many.
+
+        Returns:
+            Rows of the log that they wrote, shape ``(ticks, n_columns)`` in the order of the layout.
+        """
+        first, end = self.tick, self.tick + ticks
+        while self.tick < end and self.status is RunStatus.COMPLETED:
+            self._apply_fades()
+            self._end_pushes()
+            self._run_to(min(end, self._next_change(end)))
+            self._hold_again()
+        return self.rows(first)
+
+    def _run_to(self, end: int) -> None:
+        chunk, row = divmod(self.tick, CHUNK_TICKS)
+        if chunk == len(self._chunks):
+            self._chunks.append(np.zeros((CHUNK_TICKS, len(self.layout.names))))
+        self._inputs.integers[episode_arrays.FIRST_ROW] = chunk * CHUNK_TICKS
+        end = min(end, self.tick + CHUNK_TICKS - row)
+        self.tick = self._engine.run_ticks(self.tick, end, self._chunks[chunk])
+
+    def _next_change(self, end: int) -> int:
+        """Tick before which something has to be written into the arrays again."""
+        if self._fades:
+            return self.tick + 1
+        pending = self._push_ends[self._push_ends > self.tick]
+        return int(min(end, pending.min(initial=end)))
+
+    def _apply_fades(self) -> None:
+        done = [name for name, fade in self._fades.items() if fade.reaches(self.tick)]
+        if "phase_rows" in self._fades:
+            self._refresh_blended()
+        for name in done:
+            del self._fades[name]
+
+    def _refresh_blended(self) -> None:
+        """Legs whose own fade is over no longer read the parameters of their phase."""
+        for leg in range(len(self.problem.sides)):
+            if self.tick - self._state.entry_tick[leg] > self._inputs.integers[episode_arrays.BLEND_TICKS]:
+                self._state.blended[leg] = self._inputs.phase_rows[leg, self._state.phase[leg]]
+
+    def _end_pushes(self) -> None:
+        over = (self._push_ends >= 0) & (self._push_ends <= self.tick)
+        self._inputs.push[over] = 0.0
+        self._push_ends[over] = -1
+
+    def rows(self, first: int = 0) -> np.ndarray:
+        """The log from a tick on.
+
+        Args:
+            first: The tick.
+
+        Returns:
+            Shape ``(tick - first, n_columns)``.
+        """
+        chunk = first // CHUNK_TICKS
+        begin, end = first - chunk * CHUNK_TICKS, self.tick - chunk * CHUNK_TICKS
+        if end <= CHUNK_TICKS and chunk < len(self._chunks):
+            return self._chunks[chunk][begin:end]
+        parts = self._chunks[chunk:] or [np.zeros((0, len(self.layout.names)))]
+        return np.concatenate(parts)[begin:end]
+
+    def result(self, *, interrupted: bool = False) -> EngineResult:
+        """The walk so far as an engine hands it back.
+
+        Args:
+            interrupted: Whether to mark it so, unless it has ended by itself.
+
+        Returns:
+            Log, switches, status and trip.
+        """
+        status, reason = self._engine.ending(self.tick)
+        if interrupted and status is RunStatus.COMPLETED:
+            status, reason = RunStatus.INTERRUPTED, stopped_reason(self.tick)
+        watched = self._state.safety[
+            [episode_arrays.TRIP_TICK, episode_arrays.TRIP_CAUSE, episode_arrays.TRIP_PLACE]
+        ]
+        trip = trip_of(self.problem, *watched.tolist())
+        return EngineResult(self.rows(), self._engine.switches(), status, reason, trip)
+
+    # ------------------------------------------------------------------ changes
+
+    def _fade(self, name: str, values: np.ndarray, target: np.ndarray, ticks: int) -> None:
+        shaped = np.array(np.broadcast_to(target, values.shape), dtype=float)
+        self._fades[name] = _Fade(values, values.copy(), shaped, self.tick, ticks)
+
+    def set_phase_rows(self, rows: np.ndarray, *, fade_ticks: int = FADE_TICKS) -> None:
+        """Give the phases other k, b, θ0, G and gravity shares.
+
+        They fade from the present ones by the minimum-jerk law, in all phases at once and also in a phase
+        whose own fade is over.
+
+        Args:
+            rows: As in :attr:`~twin_gait.simulation.problem.Problem.phase_rows`.
+            fade_ticks: Length of the fade.
+        """
+        self._fade("phase_rows", self._inputs.phase_rows, rows, fade_ticks)
+
+    def set_comparisons(self, comparisons: np.ndarray) -> None:
+        """Give the guards other thresholds, at once.
+
+        Args:
+            comparisons: As in :class:`~twin_gait.gait.program.GuardProgram`, the same guards.
+        """
+        self._inputs.comparisons[...] = comparisons
+
+    def set_target_torque(self, torque: np.ndarray, *, fade_ticks: int = FADE_TICKS) -> None:
+        """Add other torques to the commands.
+
+        Args:
+            torque: In [N m], shape ``(n_joints,)``.
+            fade_ticks: Length of the fade.
+        """
+        self._fade("target_torque", self._inputs.target_torque, torque, fade_ticks)
+
+    def set_belt_speed(self, speed: float, *, fade_ticks: int = FADE_TICKS) -> None:
+        """Let the belt run at another speed.
+
+        Args:
+            speed: In [m] / [s]; 0 stops it.
+            fade_ticks: Length of the fade.
+        """
+        values = self._inputs.contact[BELT_SPEED : BELT_SPEED + 1]
+        self._fade("belt_speed", values, np.array([speed]), fade_ticks)
+
+    def set_support_force(self, force: float, *, fade_ticks: int = FADE_TICKS) -> None:
+        """Let the support carry another weight.
+
+        Args:
+            force: In [N].
+            fade_ticks: Length of the fade.
+
+        Raises:
+            ParameterError: If the pelvis hangs in no support.
+        """
+        pelvis = self.problem.world.model.pelvis_index
+        if pelvis is None:
+            raise ParameterError("support: the pelvis of this experiment is fixed; choose a treadmill")
+        values = self._inputs.plant_rows[pelvis, CONSTANT_FORCE : CONSTANT_FORCE + 1]
+        self._fade("support", values, np.array([force]), fade_ticks)
+
+    def push(self, joint: int, torque: float, ticks: int) -> None:
+        """Push a joint from outside, as a hand does, with a torque that is held.
+
+        Args:
+            joint: Position in ``problem.joints``.
+            torque: In [N m], positive towards flexion.
+            ticks: How long, 1 or more.
+        """
+        self._inputs.push[joint] = torque
+        self._push_ends[joint] = self.tick + ticks
+
+    def inject(self, fault: Fault) -> None:
+        """Let something break in the next tick, whatever time the fault has.
+
+        Args:
+            fault: Kind, place and magnitude.
+
+        Raises:
+            ParameterError: If the fault does not fit the experiment, or too many have been injected.
+        """
+        spare = np.flatnonzero(self._inputs.faults[:, START_TICK] == NEVER)
+        if len(spare) == 0:
+            raise ParameterError(f"fault {fault}: at most {MOST_FAULTS} in one walk; restart it")
+        struck = replace(fault, time=0.0)
+        arrays = fault_arrays(
+            replace(self.problem, experiment=replace(self.problem.experiment, faults=(struck,)))
+        )
+        self._inputs.faults[spare[0]] = arrays.faults[0]
+        self._inputs.faults[spare[0], START_TICK] = self.tick
+        self._inputs.magnitudes[spare[0]] = arrays.magnitudes[0]
+        self._note_first_fault()
+
+    def _note_first_fault(self) -> None:
+        self._inputs.integers[episode_arrays.FIRST_FAULT] = self._inputs.faults[:, START_TICK].min()
+
+    def _forget_faults(self) -> None:
+        """Leave the faults of the experiment alone; all others have not happened yet."""
+        self._inputs.faults[len(self.problem.experiment.faults) :, START_TICK] = NEVER
+        self._note_first_fault()
+
+    # ------------------------------------------------------------------ steps by hand
+
+    def hold_phase(self, phase: int | None) -> None:
+        """Let no leg leave a phase by itself, or let all of them go their way again.
+
+        As long as a phase is held the monitor does not watch how long a leg stays.
+
+        Args:
+            phase: Index of the phase, or None.
+        """
+        self._inputs.minimum_ticks[:] = self.problem.program.minimum_ticks
+        self._held, self._released_at = phase, None
+        if phase is not None:
+            self._inputs.minimum_ticks[phase] = NEVER
+        self._note_overstay()
+
+    @property
+    def held_phase(self) -> int | None:
+        """The phase that no leg leaves by itself, or None."""
+        return self._held
+
+    def waiting(self) -> tuple[int, ...]:
+        """Legs that stand in the held phase with an exit open."""
+        if self._held is None or self._released_at is not None:
+            return ()
+        transitions = self._inputs.transitions
+        dwell = self._state.dwell.reshape(len(self.problem.sides), -1)
+        exits = transitions[:, SOURCE] == self._held
+        due = exits & (dwell >= transitions[:, DWELL_TICKS])
+        return tuple(
+            leg
+            for leg, phase in enumerate(self._state.phase.tolist())
+            if phase == self._held and due[leg].any()
+        )
+
+    def release(self) -> None:
+        """Let one leg leave the held phase, now or as soon as an exit opens."""
+        if self._held is not None:
+            self._inputs.minimum_ticks[self._held] = self.problem.program.minimum_ticks[self._held]
+            self._released_at = int(self._state.counters[0])
+
+    def _hold_again(self) -> None:
+        """After the step that was let go the next one waits again."""
+        if self._held is None or self._released_at is None:
+            return
+        last = min(int(self._state.counters[0]), len(self._state.switches))
+        if self._held in self._state.switches[self._released_at : last, 2]:
+            self.hold_phase(self._held)
+
+    def watch_phases(self, watching: bool) -> None:
+        """Let the monitor watch how long a leg stays in a phase, or not.
+
+        Args:
+            watching: False while the phases drive nothing.
+        """
+        self._watching = watching
+        self._note_overstay()
+
+    def _note_overstay(self) -> None:
+        before = self._inputs.integers[episode_arrays.OVERSTAY_TICKS]
+        limit = overstay_ticks(self.problem) if self._watching and self._held is None else NEVER
+        self._inputs.integers[episode_arrays.OVERSTAY_TICKS] = limit
+        if before == NEVER and limit < NEVER:
+            self._enter_anew()
+
+    def _enter_anew(self) -> None:
+        """Begin the present phase of every leg again; its parameters fade in from the present ones."""
+        self._state.entry_tick[:] = self.tick
+        self._state.blend_start[...] = self._state.blended
+
+    # ------------------------------------------------------------------ stop and start
+
+    def stop(self) -> None:
+        """Trip the monitor by hand: from the next tick on the legs are held and lowered.
+
+        Nothing but :meth:`restart` takes it back.
+        """
+        if self.tripped:
+            return
+        self._state.safety[episode_arrays.TRIP_TICK] = self.tick
+        self._state.safety[episode_arrays.TRIP_CAUSE] = OPERATOR_TRIP
+        self._state.safety[episode_arrays.TRIP_PLACE] = -1
+        self._state.hold_angle[:] = self._state.measured[:, 0]
+
+    def restart(self) -> None:
+        """Go back to tick 0 with the present parameters; pushes and injected faults are forgotten."""
+        for name in list(self._fades):
+            self._fades[name].ticks = 0
+        self._apply_fades()
+        for array, start in zip(self._state, self._start, strict=True):
+            array[...] = start
+        for leg in range(len(self.problem.sides)):
+            self._state.blended[leg] = self._inputs.phase_rows[leg, self._state.phase[leg]]
+        self._state.blend_start[...] = self._state.blended
+        self._push_ends[:] = 0
+        self.tick, self._chunks = 0, []
+        self._end_pushes()
+        self._forget_faults()
+        self.hold_phase(self._held)
+
+
+def _with_spare_faults(problem: Problem) -> Problem:
+    """The problem with room for faults to come."""
+    spare = (Fault(kind=FaultKind.SUPPLY_DIP, time=0.0),) * MOST_FAULTS
+    experiment = replace(problem.experiment, faults=(*problem.experiment.faults, *spare))
+    return replace(problem, experiment=experiment)

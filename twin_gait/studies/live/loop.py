@@ -1,0 +1,303 @@
+"""The walk in real time: blocks of 10 ms against a clock, commands between them, a frame now and then.
+
+Nothing here waits for anybody: commands are taken if there are some, and what is sent is handed to a function
+that must return at once. The clock and the sleep are passed in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.gait.table import TICK
+from twin_gait.scenario.faults import parse_fault
+from twin_gait.simulation.engine import EngineResult
+from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.studies.live.deadlines import BLOCK_TICKS, PERIOD, BlockClock
+from twin_gait.studies.live.protocol import Frame
+
+FRAME_BLOCKS = 2  # a frame every 20 ms: 50 a second
+STILL_FRAME = 10 * PERIOD  # [s] between two frames while nothing moves
+BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
+
+
+class LoopStatus(StrEnum):
+    """What the walk does."""
+
+    WALKING = "walking"
+    PAUSED = "paused"
+    WAITING = "waiting"
+    HOLDING = "holding"
+    FELL = "fell"
+    DIVERGED = "diverged"
+    ENDED = "ended"
+
+
+@dataclass(frozen=True)
+class AppliedChange:
+    """A change as the run folder lists it.
+
+    Attributes:
+        tick: First tick with the change.
+        note: Who, what, value before and after, by column.
+    """
+
+    tick: int
+    note: Mapping[str, Any]
+
+
+@dataclass
+class Take:
+    """One walk from its start to its end, with what was changed in it.
+
+    Attributes:
+        result: As an engine hands it back.
+        changes: In order.
+        table: Mapping of the gait table at the end, or None if it was not changed.
+        wall_s: Time that it took in [s], pauses included.
+    """
+
+    result: EngineResult
+    changes: list[AppliedChange]
+    table: Mapping[str, Any] | None
+    wall_s: float
+
+
+@dataclass
+class _Present:
+    """What the commands have asked for so far."""
+
+    belt_speed: float | None
+    table: Mapping[str, Any] | None = None
+    changes: list[AppliedChange] = field(default_factory=list)
+
+
+class LiveLoop:
+    """Runs one walk after the other until it is told to end.
+
+    Attributes:
+        status: What the walk does.
+        clock: Deadlines of the blocks.
+    """
+
+    def __init__(
+        self,
+        run: SteppedRun,
+        *,
+        now: Callable[[], float],
+        sleep: Callable[[float], None],
+        commands: Callable[[], Mapping[str, Any] | None],
+        send: Callable[[Mapping[str, Any]], None],
+        finish: Callable[[Take], None],
+        longest: int,
+        paused: bool = False,
+    ) -> None:
+        """Prepare the loop; :meth:`run` starts it.
+
+        Args:
+            run: The walk at tick 0.
+            now: Time in [s] of a clock that never goes back.
+            sleep: Waits for a time in [s].
+            commands: Gives the next command, or None; returns at once.
+            send: Takes a frame or an answer; returns at once.
+            finish: Takes a walk that is over; returns at once.
+            longest: Ticks after which a walk ends.
+            paused: Whether to wait for the command to walk.
+        """
+        self._run, self._now, self._sleep = run, now, sleep
+        self._commands, self._send, self._finish = commands, send, finish
+        self._longest = longest
+        self._paused, self._ended = paused, False
+        world = run.problem.world
+        self._present = _Present(belt_speed=None if world.contact is None else world.belt_speed)
+        self._belt_waits = False
+        self._began = now()
+        self._last_frame = -np.inf
+        self.clock = BlockClock()
+
+    # ------------------------------------------------------------------ the loop
+
+    def run(self) -> None:
+        """Walk until a command ends it, or the longest time is over."""
+        while not self._ended:
+            self._take_commands()
+            if self._moving:
+                self._one_block()
+            else:
+                self._stand()
+            self._ended = self._ended or self._run.tick >= self._longest
+        self._close_take()
+        self._send_frame()
+
+    @property
+    def status(self) -> LoopStatus:
+        """What the walk does at present."""
+        if self._ended:
+            return LoopStatus.ENDED
+        if self._run.status is not RunStatus.COMPLETED:
+            return LoopStatus(str(self._run.status))
+        if self._run.tripped:
+            return LoopStatus.HOLDING
+        if self._paused:
+            return LoopStatus.PAUSED
+        return LoopStatus.WAITING if self._run.waiting() else LoopStatus.WALKING
+
+    @property
+    def _moving(self) -> bool:
+        """Whether time goes on: in a hold it does, so that the legs are lowered even in a pause."""
+        over = self._run.status is not RunStatus.COMPLETED or self._ended
+        return not over and (self._run.tripped or not self._paused)
+
+    def _one_block(self) -> None:
+        """Wait for the next block, or run it if its time has come."""
+        wait = self.clock.wait(self._now())
+        if wait > 0.0:
+            self._sleep(wait)
+            return  # for commands that came meanwhile
+        self._stop_belt_for_waiting_legs()
+        left = min(BLOCK_TICKS, self._longest - self._run.tick)
+        self._run.advance(left - 1)
+        q = self._run.q
+        rows = self._run.advance(1)
+        self.clock.finished(self._now())
+        if self._run.tick // BLOCK_TICKS % FRAME_BLOCKS == 0 or not self._moving:
+            self._send_frame(q, rows)
+
+    def _stand(self) -> None:
+        self.clock.pause()
+        if self._now() - self._last_frame >= STILL_FRAME:
+            self._send_frame()
+        self._sleep(PERIOD)
+
+    def _stop_belt_for_waiting_legs(self) -> None:
+        """The belt stands while a leg waits for its step; else it would carry the leg away."""
+        waits = bool(self._run.waiting())
+        if waits == self._belt_waits or self._present.belt_speed is None:
+            return
+        self._belt_waits = waits
+        self._run.set_belt_speed(0.0 if waits else self._present.belt_speed, fade_ticks=BELT_TICKS)
+
+    # ------------------------------------------------------------------ frames
+
+    def _send_frame(self, q: np.ndarray | None = None, rows: np.ndarray | None = None) -> None:
+        """Send the last row of the log with the coordinates that belong to it."""
+        run = self._run
+        if rows is None or len(rows) == 0:
+            rows = run.rows(max(run.tick - 1, 0))
+        self._last_frame = self._now()
+        tick = max(run.tick - 1, 0)
+        frame = Frame(
+            tick=tick,
+            time_s=tick * TICK,
+            status=str(self.status),
+            q=tuple((run.q if q is None else q).tolist()),
+            log=self._named(rows[-1].tolist()) if len(rows) else {},
+            deadlines=self.clock.statistics(),
+        )
+        self._send(frame.to_dict())
+
+    def _named(self, row: list[float]) -> dict[str, float | str]:
+        layout, names = self._run.layout, self._run.problem.table.phase_names
+        log: dict[str, float | str] = dict(zip(layout.names, row, strict=True))
+        for side in layout.legs:
+            log[f"{side}_phase"] = names[int(row[layout.positions[f"{side}_phase"]])]
+        return log
+
+    # ------------------------------------------------------------------ commands
+
+    def _take_commands(self) -> None:
+        while (command := self._commands()) is not None:
+            answer: dict[str, Any] = {"kind": "answer", "serial": command.get("serial", 0), "refused": ""}
+            try:
+                self._obey(command)
+            except TwinGaitError as error:
+                answer["refused"] = " ".join(str(error).split())
+            # After a restart the tick is that of the new walk.
+            tick = self._run.tick
+            if not answer["refused"] and "note" in command:
+                self._present.changes.append(AppliedChange(tick, command["note"]))
+            self._send({**answer, "tick": tick, "status": str(self.status)})
+
+    def _obey(self, command: Mapping[str, Any]) -> None:
+        name = command["command"]
+        if name in ("push", "fault", "step") and (self._run.tripped or not self._alive):
+            raise ParameterError(f"{name}: the walk is over; start again")
+        if name == "step":
+            self._step()
+            return
+        obeying: dict[str, Callable[[], None]] = {
+            "end": self._end,
+            "walk": self._walk,
+            "pause": self._pause,
+            "stop": self._stop,
+            "restart": self._restart,
+            "settings": lambda: self._set(command["numbers"], command.get("table")),
+            "push": lambda: self._run.push(command["joint"], command["torque"], command["ticks"]),
+            "fault": lambda: self._run.inject(parse_fault(command["fault"])),
+        }
+        obeying[name]()
+
+    @property
+    def _alive(self) -> bool:
+        return self._run.status is RunStatus.COMPLETED
+
+    def _end(self) -> None:
+        self._ended = True
+
+    def _walk(self) -> None:
+        if self._run.tripped or not self._alive:
+            raise ParameterError("walk: the walk is over; start again")
+        self._paused = False
+
+    def _pause(self) -> None:
+        self._paused = True
+
+    def _stop(self) -> None:
+        self._run.stop()
+
+    def _step(self) -> None:
+        if not self._run.waiting():
+            raise ParameterError(
+                "step: no leg waits for one; switch steps by hand on, and wait for the status"
+            )
+        self._run.release()
+
+    def _restart(self) -> None:
+        self._close_take()
+        self._run.restart()
+        self._belt_waits = False
+        if self._present.belt_speed is not None:
+            self._run.set_belt_speed(self._present.belt_speed, fade_ticks=0)
+        self._present.changes = []
+        self._paused, self._began = False, self._now()
+        self.clock.pause()
+
+    def _set(self, numbers: Mapping[str, Any], table: Mapping[str, Any] | None) -> None:
+        """Let new settings fade in."""
+        run = self._run
+        run.set_phase_rows(np.array(numbers["phase_rows"]))
+        run.set_comparisons(np.array(numbers["comparisons"]).reshape(run.problem.program.comparisons.shape))
+        run.set_target_torque(np.array(numbers["target_torque"]))
+        if numbers["support_force"] is not None:
+            run.set_support_force(numbers["support_force"])
+        if numbers["belt_speed"] is not None:
+            self._present.belt_speed = numbers["belt_speed"]
+            if not self._belt_waits:
+                run.set_belt_speed(numbers["belt_speed"])
+        run.watch_phases(numbers["watching"])
+        if numbers["held_phase"] != run.held_phase:
+            run.hold_phase(numbers["held_phase"])
+        self._present.table = table or self._present.table
+
+    def _close_take(self) -> None:
+        if self._run.tick == 0:
+            return
+        result = self._run.result(interrupted=self._run.tick < self._longest)
+        wall = self._now() - self._began
+        self._finish(Take(result, self._present.changes, self._present.table, wall))

@@ -1,0 +1,255 @@
+"""What a live session can change, as one frozen value, and the numbers that the loop gets from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
+from twin_gait.core.plant import CONSTANT_FORCE
+from twin_gait.experiment import Experiment
+from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
+from twin_gait.scenario import TreadmillScenario
+from twin_gait.simulation.columns import JOINT_COLUMNS
+from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.vocabulary import GaitPhase, JointName, Side
+
+# The step that waits for a hand in manual mode begins where this phase ends.
+HELD_PHASE = GaitPhase.LATE_STANCE
+
+
+class Mode(StrEnum):
+    """What drives the joints: the gait table, or one of the three controls of the thesis's monitor (2.4)."""
+
+    WALK = "walk"
+    FRICTION = "friction_control"
+    TORQUE = "torque_control"
+    IMPEDANCE = "impedance_control"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MonitorJoint:
+    """What the monitor sets on one joint.
+
+    Attributes:
+        stiffness: k in [N m] / [rad].
+        damping: b in [N m s] / [rad].
+        equilibrium_angle: θ0 in [rad].
+        friction_compensation_gain: G.
+        target_torque: In [N m].
+    """
+
+    stiffness: float
+    damping: float
+    equilibrium_angle: float
+    friction_compensation_gain: float
+    target_torque: float = 0.0
+
+    def impedance(self, mode: Mode) -> JointImpedance:
+        """The impedance that a mode asks for; friction and torque control have no spring and no damper."""
+        springs = mode is Mode.IMPEDANCE
+        return JointImpedance(
+            stiffness=self.stiffness if springs else 0.0,
+            damping=self.damping if springs else 0.0,
+            equilibrium_angle=self.equilibrium_angle,
+            friction_compensation_gain=self.friction_compensation_gain,
+        )
+
+
+MonitoredJoints = Mapping[tuple[Side, JointName], MonitorJoint]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """Everything that the controls of a live session set.
+
+    Attributes:
+        experiment: With the gait table, belt speed and support as they are now.
+        monitor: What the monitor sets, for every actuated joint.
+        mode: What drives the joints.
+        manual: Whether every step waits for a hand.
+    """
+
+    experiment: Experiment
+    monitor: MonitoredJoints
+    mode: Mode = Mode.WALK
+    manual: bool = False
+
+    @property
+    def table(self) -> GaitTable:
+        """The gait table, before scaling."""
+        return self.experiment.table
+
+    def with_table(self, table: GaitTable) -> Settings:
+        """The same with another table."""
+        return replace(self, experiment=replace(self.experiment, table=table))
+
+    @property
+    def driving(self) -> Experiment:
+        """The experiment with the impedances that the mode puts in force."""
+        if self.mode is Mode.WALK:
+            return self.experiment
+        return replace(self.experiment, table=monitored_table(self.table, self.monitor, self.mode))
+
+
+def monitored_table(table: GaitTable, monitor: MonitoredJoints, mode: Mode) -> GaitTable:
+    """A table whose phases all have what the monitor sets.
+
+    Args:
+        table: For the transitions and the names.
+        monitor: What the monitor sets.
+        mode: One of its three controls.
+
+    Returns:
+        The table; nothing of it is scaled.
+    """
+    sides = tuple(dict.fromkeys(side for side, _ in monitor))
+    of_side = {
+        side: PhaseParameters(
+            joints={name: monitor[side, JointName(name)].impedance(mode) for name in table.joints}
+        )
+        for side in sides
+    }
+    everywhere = {side: dict.fromkeys(table.phases, parameters) for side, parameters in of_side.items()}
+    return replace(
+        table,
+        phases=everywhere[sides[0]],
+        side_phases=everywhere if len(sides) > 1 else {},
+        scaling=Scaling(),
+    )
+
+
+def first_settings(experiment: Experiment) -> Settings:
+    """Settings of a session that begins: those of the experiment.
+
+    The monitor begins with what the first phase of the table has, so that a wearer who stands goes on
+    standing in impedance control.
+
+    Args:
+        experiment: The experiment.
+
+    Returns:
+        The settings.
+    """
+    problem = build_problem(experiment)
+    monitor = {}
+    for number, joint in enumerate(problem.joints):
+        leg, place = divmod(number, problem.joints_per_leg)
+        first = COLUMNS_PER_JOINT * place
+        k, b, zero, gain = problem.phase_rows[leg, 0, first : first + COLUMNS_PER_JOINT].tolist()
+        target = experiment.control.target_torque.get(joint.joint, 0.0)
+        monitor[joint.side, joint.joint] = MonitorJoint(
+            stiffness=k,
+            damping=b,
+            equilibrium_angle=zero,
+            friction_compensation_gain=gain,
+            target_torque=target,
+        )
+    return Settings(experiment=experiment, monitor=monitor)
+
+
+@dataclass(frozen=True)
+class LoopNumbers:
+    """Settings as the loop takes them: nothing but numbers.
+
+    Attributes:
+        phase_rows: k, b, θ0, G per joint and gravity share, by leg and phase.
+        comparisons: Thresholds of the guards.
+        target_torque: In [N m], by joint.
+        belt_speed: In [m] / [s], or None on the bench; the belt stands while the monitor drives the joints.
+        support_force: In [N], or None on the bench.
+        held_phase: Phase that waits for a hand, or None.
+        watching: Whether the monitor watches how long a leg stays in a phase.
+    """
+
+    phase_rows: list[Any]
+    comparisons: list[Any]
+    target_torque: list[float]
+    belt_speed: float | None
+    support_force: float | None
+    held_phase: int | None
+    watching: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """The numbers as JSON takes them."""
+        return asdict(self)
+
+
+def loop_numbers(settings: Settings) -> LoopNumbers:
+    """Lay settings out as numbers.
+
+    Args:
+        settings: The settings.
+
+    Returns:
+        The numbers, table scaled and damping ratios resolved.
+    """
+    walk = build_problem(settings.experiment)
+    driven = walk if settings.mode is Mode.WALK else build_problem(settings.driving)
+    scenario, pelvis = settings.experiment.scenario, walk.world.model.pelvis_index
+    treadmill = isinstance(scenario, TreadmillScenario)
+    return LoopNumbers(
+        phase_rows=driven.phase_rows.tolist(),
+        comparisons=walk.program.comparisons.tolist(),
+        target_torque=target_torques(settings, walk),
+        belt_speed=_belt_speed(settings, walk) if treadmill else None,
+        support_force=None if pelvis is None else float(walk.world.plant_rows[pelvis, CONSTANT_FORCE]),
+        held_phase=walk.table.phase_index(HELD_PHASE) if settings.manual else None,
+        watching=settings.mode is Mode.WALK,
+    )
+
+
+def _belt_speed(settings: Settings, problem: Problem) -> float:
+    """Speed of the belt in [m] / [s]: without a gait it would carry the feet away."""
+    return problem.world.belt_speed if settings.mode is Mode.WALK else 0.0
+
+
+def target_torques(settings: Settings, problem: Problem) -> list[float]:
+    """Target torque of every joint in [N m]: the experiment's, or in torque control the monitor's."""
+    if settings.mode is Mode.TORQUE:
+        return [settings.monitor[item.side, item.joint].target_torque for item in problem.joints]
+    if settings.mode is Mode.WALK:
+        targets = settings.experiment.control.target_torque
+        return [targets.get(item.joint, 0.0) for item in problem.joints]
+    return [0.0] * len(problem.joints)
+
+
+# What a row of phase parameters is called in the log, by its place among the columns of a joint.
+ROW_COLUMNS = JOINT_COLUMNS[-COLUMNS_PER_JOINT:]
+
+
+def effect_of(before: LoopNumbers, after: LoopNumbers, problem: Problem) -> dict[str, float]:
+    """What a change does to the log.
+
+    Args:
+        before: Numbers before the change.
+        after: Numbers after it.
+        problem: For sides and joints.
+
+    Returns:
+        New values by column; those of a phase behind its name, such as
+        ``late_stance: left_hip_stiffness_Nm_per_rad``.
+    """
+    found: dict[str, float] = {}
+    old, new = np.array(before.phase_rows), np.array(after.phase_rows)
+    for leg, phase, column in np.argwhere(old != new).tolist():
+        place, quantity = divmod(column, COLUMNS_PER_JOINT)
+        if place < problem.joints_per_leg:
+            joint = problem.joints[leg * problem.joints_per_leg + place]
+            name = f"{joint.side}_{joint.joint}_{ROW_COLUMNS[quantity]}"
+            found[f"{problem.table.phase_names[phase]}: {name}"] = float(new[leg, phase, column])
+    for joint, was, now in zip(problem.joints, before.target_torque, after.target_torque, strict=True):
+        if was != now:
+            found[f"{joint.side}_{joint.joint}_target_torque_Nm"] = now
+    return found
+
+
+def resolved_damping(problem: Problem, side: Side, phase: str, joint: str) -> float:
+    """Damping b of a joint in a phase in [N m s] / [rad], its ratio resolved."""
+    column = COLUMNS_PER_JOINT * problem.table.joints.index(joint) + DAMPING
+    row = problem.phase_rows[problem.sides.index(side), problem.table.phase_index(phase)]
+    return float(row[column])
