@@ -154,10 +154,12 @@ def test_visuals_follow_the_fitted_segments(both_legs: dict[Side, LegJoints], he
             motor = figure.motor(joint, visuals.discs, default_radius=0.0)
             np.testing.assert_allclose(motor.centre, 0.0, atol=1e-9)
             assert motor.radius == radius  # of the disc in the URDF
-    # The tube ends a fixed share of the femur above the knee: 0.37 of 0.42 m in the URDF.
-    shell = min(part.shape.vertices[:, 2].min() for part in visuals.parts
-                if part.joint == "left_hip" and part.colour[0] > 0.9)  # fmt: skip
+    # The shell ends a fixed share of the femur above the knee: 0.37 of 0.42 m in its mesh. What is lower
+    # and has its colour is the hub of the motor.
     assert model.sizes is not None
+    (part,) = (part for part in visuals.parts if part.joint == "left_hip" and part.colour[0] > 0.9)
+    heights = part.shape.vertices[:, 2]
+    shell = heights[heights > -0.9 * model.sizes.femur].min()
     assert shell == pytest.approx(-0.37 / 0.42 * model.sizes.femur, abs=1e-6)
 
 
@@ -416,21 +418,21 @@ for (const kind of ["error", "warn"]) console[kind] = (...words) => trouble.push
 REPORT = """<script>
 window.ready.then(() => {
   const asked = ASKED;
-  const tree = (path) => stage.viewer.scene_tree.find(path.split("/").filter((part) => part)).object;
+  const tree = (path) => twinGait.stage.viewer.scene_tree.find(path.split("/").filter((part) => part)).object;
   const look = () => {
-    stage.viewer.scene.updateMatrixWorld(true);
+    twinGait.stage.viewer.scene.updateMatrixWorld(true);
     const base = tree("/meshcat").matrixWorld.clone().invert();
     return {
       matrices: asked.joints.map((path) => base.clone().multiply(tree(path).matrixWorld).toArray()),
       colours: asked.covers.map((path) => tree(path + "/<object>").material.color.toArray()),
       arrows: asked.arrows.map((path) => [tree(path).visible, tree(path).scale.z]),
       belt: tree(asked.belt).position.x,
-      read: document.getElementById("read").innerText,
-      clock: document.getElementById("clock").textContent,
+      read: document.querySelector(".read").innerText,
+      clock: document.querySelector(".clock").textContent,
     };
   };
   const answer = { moments: [look(), ...asked.moments.map((time) => { player.show(time); return look(); })],
-    title: document.getElementById("title").textContent, harm: window.harm ?? null, trouble,
+    title: document.querySelector(".title").textContent, harm: window.harm ?? null, trouble,
     fetched: performance.getEntriesByType("resource").map((entry) => entry.name) };
   const out = document.createElement("pre");
   out.id = "answer";
@@ -465,8 +467,8 @@ def test_browser_shows_what_pinocchio_computes(worn_twin: LegModel, tmp_path: Pa
     scene = build_scene(Recorder(), worn_twin, patient=PATIENT)
     log = synthetic_log(worn_twin, 0.5)
     motion = read_motion(log, worn_twin)
-    # Frame 1 is the first after both arrows switched; frame 11 is after two phases have ended.
-    frames = [11, 1]
+    # The first frame after both arrows switched, and one after two phases have ended.
+    frames = [int(np.argmin(np.abs(motion.times - moment))) for moment in (0.367, 0.034)]
     times = [float(motion.times[frame]) for frame in frames]
     joints = [name for name in scene.figure.paths if name != "universe"]
     asked = {
@@ -489,7 +491,7 @@ def test_browser_shows_what_pinocchio_computes(worn_twin: LegModel, tmp_path: Pa
         gap = travelled / surroundings.BELT_MARK_SPACING
         assert abs(gap - round(gap)) < 1e-2  # the marks are where the belt has carried them
         assert f"{math.degrees(row['right_knee_angle_rad']):.1f}°" in shown["read"]
-        assert shown["clock"].startswith(f"{moment:.2f} s")
+        assert shown["clock"].startswith(f"{moment:.3f} s")
 
 
 def check_posture(model: LegModel, q: np.ndarray, joints: list[str], matrices: list[list[float]]) -> None:
@@ -512,38 +514,6 @@ def check_forces_and_colours(model: LegModel, row: pd.Series, shown: dict) -> No
             assert length == pytest.approx(METRES_PER_NEWTON * force, abs=1e-5)
         switches.add(visible)
     assert switches == {True, False}
-
-
-@needs_chromium
-def test_keys_play_and_step_the_page(worn_twin: LegModel, tmp_path: Path) -> None:
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    path = write_walk(tmp_path / "walk.html", worn_twin, duration=2.0)
-    with playwright.sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=CHROMIUM, args=SOFTWARE_GL)
-        try:
-            page = browser.new_page(viewport={"width": 320, "height": 240})
-            page.goto(f"{path.as_uri()}#t=0.2")
-            page.evaluate("window.ready")
-            now = "player.time"
-            assert page.evaluate(now) == pytest.approx(0.2)
-            page.keyboard.press("ArrowRight")
-            assert page.evaluate(now) == pytest.approx(0.2 + 1.0 / 30.0)
-            page.keyboard.press("ArrowLeft")
-            page.keyboard.press("End")
-            assert page.evaluate(now) == pytest.approx(1.999)
-            assert page.evaluate("location.hash") == "#t=2.00"
-            page.keyboard.press("Home")
-            page.keyboard.press("Space")
-            assert page.evaluate("player.playing") is True
-            # The page's policy forbids playwright's own way to wait.
-            deadline = time.monotonic() + 10.0
-            while page.evaluate(now) <= 0.01 and time.monotonic() < deadline:
-                page.wait_for_timeout(50)
-            assert page.evaluate(now) > 0.01
-            page.keyboard.press("Space")
-            assert page.evaluate("player.playing") is False
-        finally:
-            browser.close()
 
 
 # ---------------------------------------------------------------------------------- live viewer

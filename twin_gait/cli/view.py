@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
+import re
 import sys
 import time
 import webbrowser
@@ -11,84 +13,202 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.cli.terminal import DONE, stop_on_interrupt
+from twin_gait.exceptions import ParameterError, RunDirectoryError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import pandas as pd
 
     from twin_gait.experiment import Experiment
+    from twin_gait.studies.shown_run import ShownRun
+    from twin_gait.viewer.picture import PictureSize
+
+_SIZE = re.compile(r"(\d{1,5})[xX×](\d{1,5})")
 
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser(
         "view",
-        help="show a run or a URDF in the browser",
-        description="Play a run directory in the live viewer, or show any URDF. Ctrl-C ends it.",
+        help="show one run, two beside each other, or a URDF in the browser; draw a picture",
+        description="Show a run directory, two of them beside each other, or any URDF in the browser until "
+        "Ctrl-C; or write the page or a picture of it.",
     )
-    parser.add_argument("target", type=Path, metavar="RUN|URDF", help="run directory or URDF file")
+    parser.add_argument(
+        "targets", type=Path, nargs="+", metavar="RUN|URDF", help="one or two run directories, or a URDF file"
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE.html", help="write the page and open nothing")
+    parser.add_argument(
+        "--png", type=Path, metavar="FILE", help="draw a picture with Chromium and open nothing"
+    )
+    parser.add_argument("--at", type=float, metavar="S", help="moment of the picture, or to open at, in s")
+    parser.add_argument("--size", metavar="WxH", help="size of the picture in pixels (1600x1000)")
+    parser.add_argument("--dark", action="store_true", help="draw the dark page")
+    parser.add_argument("--force", action="store_true", help="replace an existing FILE")
     parser.add_argument("--speed", type=float, default=1.0, help="playing speed (1)")
     parser.add_argument("--port", type=int, default=7000, help="first port to try (7000)")
-    parser.add_argument("--once", action="store_true", help="play once and end")
+    parser.add_argument("--once", action="store_true", help="end when the run has been played once")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Show the target until Ctrl-C."""
-    from twin_gait.exceptions import ParameterError
+    """Show or draw the targets."""
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
-    from twin_gait.studies.record import load_run
+    from twin_gait.studies.shown_run import read_shown_run
 
+    _check(arguments)
+    urdfs = [path for path in arguments.targets if path.is_file() or str(path) in PACKAGED_URDFS]
+    if urdfs:
+        _refuse_beside_a_urdf(arguments, urdfs[0])
+        return show_urdf(urdfs[0], port=arguments.port)
+    runs = [read_shown_run(path) for path in arguments.targets]
+    longest = max(one.duration for one in runs)
+    if arguments.at is not None and not 0.0 <= arguments.at <= longest + 1e-9:
+        raise ParameterError(f"--at: expected 0 to {longest:.3f} s, got {arguments.at:g}")
+    if arguments.out is None and arguments.png is None:
+        return _serve(
+            runs,
+            at=arguments.at,
+            speed=arguments.speed,
+            port=arguments.port,
+            repeat=not arguments.once,
+            dark=arguments.dark,
+        )
+    return _write(runs, arguments)
+
+
+def _check(arguments: argparse.Namespace) -> None:
+    """Refuse what is wrong before anything is read."""
+    if len(arguments.targets) > 2:
+        raise ParameterError(f"expected one run or two, got {len(arguments.targets)}")
     if not 0 <= arguments.port <= 65535:
         raise ParameterError(f"--port: expected 0 to 65535, got {arguments.port}")
     if not 0.0 < arguments.speed <= 100.0:
         raise ParameterError(f"--speed: expected a number above 0 and at most 100, got {arguments.speed:g}")
-    target = arguments.target
-    if target.is_file() or str(target) in PACKAGED_URDFS:
-        return show_urdf(target, port=arguments.port)
-    stored = load_run(target)
-    return show_log(
-        stored.experiment,
-        stored.log,
-        speed=arguments.speed,
-        repeat=not arguments.once,
-        port=arguments.port,
-    )
+    if arguments.at is not None and not math.isfinite(arguments.at):
+        raise ParameterError(f"--at: expected a time in s, got {arguments.at:g}")
+    if arguments.size is not None and arguments.png is None:
+        raise ParameterError("--size: is the size of a picture; give --png FILE too")
+    for option, path in (("--out", arguments.out), ("--png", arguments.png)):
+        if path is not None:
+            _check_target(option, path.expanduser(), force=arguments.force)
+
+
+def _check_target(option: str, path: Path, *, force: bool) -> None:
+    if path.is_dir():
+        raise RunDirectoryError(f"{option} {path}: is a directory; name a file")
+    if path.exists() and not force:
+        raise RunDirectoryError(f"{option} {path}: exists; choose another name, or replace it with --force")
+    if not path.absolute().parent.is_dir():
+        raise RunDirectoryError(f"{option} {path}: there is no directory {path.absolute().parent}")
+
+
+def _refuse_beside_a_urdf(arguments: argparse.Namespace, urdf: Path) -> None:
+    if len(arguments.targets) > 1:
+        raise ParameterError(f"{urdf}: is a URDF, and only runs can be shown beside each other")
+    given = {"--out": arguments.out, "--png": arguments.png, "--at": arguments.at}
+    for option, value in given.items():
+        if value is not None:
+            raise ParameterError(f"{option}: needs a run directory, and {urdf} is a URDF")
+
+
+def picture_size(text: str | None) -> PictureSize:
+    """Read a size such as ``1600x1000``.
+
+    Args:
+        text: Width and height in pixels, or None for the default.
+
+    Returns:
+        Width and height.
+
+    Raises:
+        ParameterError: If it is no such text or out of range.
+    """
+    from twin_gait.viewer.picture import DEFAULT_SIZE, LARGEST, SMALLEST, PictureSize
+
+    if text is None:
+        return DEFAULT_SIZE
+    found = _SIZE.fullmatch(text.strip())
+    if found is None:
+        raise ParameterError(f"--size: expected WIDTHxHEIGHT such as 1600x1000, got {text!r}")
+    size = PictureSize(int(found[1]), int(found[2]))
+    if not all(SMALLEST <= side <= LARGEST for side in size):
+        raise ParameterError(f"--size: expected {SMALLEST} to {LARGEST} pixels each way, got {text}")
+    return size
+
+
+def _write(runs: Sequence[ShownRun], arguments: argparse.Namespace) -> int:
+    """Write the page, the picture, or both."""
+    from twin_gait.files import write_atomically
+    from twin_gait.studies.shown_run import page_of
+    from twin_gait.viewer.picture import find_browser, take_picture
+
+    size = picture_size(arguments.size)
+    if arguments.png is not None:
+        find_browser()  # before the work, not after it
+    page = page_of(runs, moments=() if arguments.at is None else (arguments.at,))
+    if arguments.out is not None:
+        write_atomically(arguments.out.expanduser(), page)
+        print(arguments.out)
+    if arguments.png is not None:
+        at = arguments.at or 0.0
+        take_picture(page, arguments.png.expanduser(), time=at, size=size, dark=arguments.dark)
+        print(arguments.png)
+    return DONE
+
+
+def _serve(
+    runs: Sequence[ShownRun],
+    *,
+    at: float | None = None,
+    speed: float = 1.0,
+    port: int = 7000,
+    repeat: bool = True,
+    dark: bool = False,
+) -> int:
+    """Serve the page until Ctrl-C, or for as long as the run lasts."""
+    from twin_gait.studies.shown_run import page_of
+    from twin_gait.viewer.page_server import PageServer
+
+    with stop_on_interrupt() as should_stop:
+        page = page_of(runs, moments=() if at is None else (at,))
+        with PageServer(page, port=port) as server:
+            announce(f"{server.url}{_fragment(at, speed, dark)}")
+            last = math.inf if repeat else time.monotonic() + max(one.duration for one in runs) / speed
+            while not should_stop() and time.monotonic() < last:
+                time.sleep(0.1)
+    return DONE
+
+
+def _fragment(at: float | None, speed: float, dark: bool) -> str:
+    words = [
+        *([] if at is None else [f"t={at:.3f}"]),
+        *([] if speed == 1.0 else [f"speed={speed:g}"]),
+        *(["theme=dark"] if dark else []),
+    ]
+    return f"#{'&'.join(words)}" if words else ""
 
 
 def show_log(
     experiment: Experiment, log: pd.DataFrame, *, speed: float = 1.0, repeat: bool = True, port: int = 7000
 ) -> int:
-    """Play a log in the live viewer until it ends or Ctrl-C.
+    """Show a log in the browser until Ctrl-C, or for as long as it lasts.
 
     Args:
         experiment: What was run.
         log: One row per tick.
         speed: Seconds of the log per second.
-        repeat: Whether to start over at the end.
+        repeat: Whether to go on after that.
         port: First port to try.
 
     Returns:
         Exit status.
     """
-    from twin_gait.studies.record import belt_speed_of, describe
-    from twin_gait.viewer import show_run
+    from twin_gait.studies.shown_run import ShownRun
 
-    belt_speed = belt_speed_of(experiment)
-    with stop_on_interrupt() as should_stop:
-        show_run(
-            log,
-            experiment.build_world().model,
-            title=f"twin_gait · {experiment.name}",
-            subtitle=describe(experiment.patient, belt_speed),
-            patient=experiment.patient,
-            belt_speed=belt_speed,
-            speed=speed,
-            repeat=repeat,
-            port=port,
-            should_stop=should_stop,
-            announce=announce,
-        )
-    return DONE
+    shown = ShownRun(f"twin_gait · {experiment.name}", experiment, log)
+    return _serve([shown], speed=speed, repeat=repeat, port=port)
 
 
 def show_urdf(path: Path, *, port: int = 7000) -> int:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,8 +15,8 @@ from twin_gait.palette import phase_colour
 from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Track, rgb, set_animation
-from twin_gait.viewer.motion import LegMotion, Motion, read_motion
-from twin_gait.viewer.page import leg_entry, page_data, recorded_page
+from twin_gait.viewer.motion import FRAMES_PER_SECOND, LegMotion, Motion, read_motion
+from twin_gait.viewer.page import leg_entry, packed, packed_json, page_data, recorded_page
 from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.staging import build_scene
@@ -27,6 +25,7 @@ from twin_gait.vocabulary import Side
 _CONTINUOUS = ("position", "quaternion", "scale")
 _SWITCH = 1e-4  # [s] in which a colour changes or the belt marks jump back
 _DECIMALS = 6  # of positions in [m] and quaternions: 1 µm, and 2 µrad
+_CURVE_DECIMALS, _FORCE_DECIMALS = 4, 2  # of angles in [deg] and torques in [N m], and of forces in [N]
 
 
 def write_animation(
@@ -39,7 +38,8 @@ def write_animation(
     belt_speed: float = 0.0,
     patient: Patient | None = None,
     phases: Sequence[str] | None = None,
-    frames_per_second: float = 30.0,
+    frames_per_second: float = FRAMES_PER_SECOND,
+    moments: Sequence[float] = (),
 ) -> Path:
     """Write a run as one self-contained HTML page.
 
@@ -55,7 +55,8 @@ def write_animation(
         belt_speed: Of the treadmill in [m] / [s]; 0 on the bench.
         patient: The wearer to draw, or None.
         phases: Names of the phases in order; those of the log if None.
-        frames_per_second: Frames recorded per second of the run.
+        frames_per_second: Frames recorded per second of the run; each change of a phase has one too.
+        moments: Further moments to have a frame of, in [s].
 
     Returns:
         The file.
@@ -66,40 +67,86 @@ def write_animation(
         ViewerError: If the log does not fit the model.
     """
     path = Path(path)
-    motion = read_motion(log, model, frames_per_second=frames_per_second, phases=phases)
+    run = recorded_run(
+        log, model, title=title, subtitle=subtitle, belt_speed=belt_speed, patient=patient, phases=phases,
+        frames_per_second=frames_per_second, moments=moments,
+    )  # fmt: skip
+    write_atomically(path, recorded_page([run]))
+    return path
+
+
+def recorded_run(
+    log: pd.DataFrame,
+    model: LegModel,
+    *,
+    title: str,
+    subtitle: str = "",
+    belt_speed: float = 0.0,
+    patient: Patient | None = None,
+    phases: Sequence[str] | None = None,
+    frames_per_second: float = FRAMES_PER_SECOND,
+    moments: Sequence[float] = (),
+    notes: Sequence[str] = (),
+) -> dict[str, Any]:
+    """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
+
+    Args:
+        log: One row per tick, with the columns of a run.
+        model: The model that the log is about.
+        title: Heading; any text.
+        subtitle: Line below it; any text.
+        belt_speed: Of the treadmill in [m] / [s]; 0 on the bench.
+        patient: The wearer to draw, or None.
+        phases: Names of the phases in order; those of the log if None.
+        frames_per_second: Frames recorded per second of the run.
+        moments: Further moments to have a frame of, in [s].
+        notes: What the page is to say below the heading.
+
+    Returns:
+        The data.
+
+    Raises:
+        ModelError: If the URDF cannot be read.
+        ViewerError: If the log does not fit the model.
+    """
+    motion = read_motion(log, model, frames_per_second=frames_per_second, phases=phases, moments=moments)
     recorder = Recorder()
     scene = build_scene(recorder, model, patient=patient)
+    scene.draw_trails(motion)
     scene.apply(scene.state_at(motion, 0, belt_speed))
-    tracks = list(_tracks(scene, motion, belt_speed))
-    recorder.send(set_animation(tracks, frames_per_second))
-    data = page_data(
+    recorder.send(set_animation(list(_tracks(scene, motion, belt_speed)), frames_per_second))
+    return page_data(
         mode="recorded",
         title=title,
         subtitle=subtitle,
         missing_meshes=scene.missing_meshes,
+        notes=notes,
         view=scene.view,
         phases=motion.phase_names,
-        legs=[_recorded_leg(side, leg) for side, leg in motion.legs.items()],
+        legs=[_leg(side, leg) for side, leg in motion.legs.items()],
         arrows=bool(scene.arrows),
         duration=round(motion.duration, 3),
-        times=np.round(1000.0 * motion.times).astype(int).tolist(),
-        frames_per_second=frames_per_second,
+        frames=packed_json(_frames(motion)),
+        scene=packed(recorder.packed()),
     )
-    packed = base64.b64encode(zlib.compress(recorder.packed(), 9)).decode("ascii")
-    write_atomically(path, recorded_page(data, packed))
-    return path
 
 
-def _recorded_leg(side: Side, leg: LegMotion) -> dict[str, Any]:
-    shows = [*(["phase"] if leg.phases is not None else []), *leg.curves]
-    entry = leg_entry(side, shows)
-    decimals = {"force": 0}
-    entry["series"] = {name: _numbers(values, decimals.get(name, 2)) for name, values in leg.curves.items()}
-    entry["phases"] = None
-    if leg.phases is not None:
-        starts, codes = leg.phases
-        entry["phases"] = {"starts": np.round(starts, 3).tolist(), "codes": codes.tolist()}
-    return entry
+def _leg(side: Side, leg: LegMotion) -> dict[str, Any]:
+    return leg_entry(side, [*(["phase"] if leg.phases is not None else []), *leg.curves])
+
+
+def _frames(motion: Motion) -> dict[str, Any]:
+    """Times in [ms], curves and phases, as the script of the page reads them."""
+    legs = []
+    for leg in motion.legs.values():
+        spells = leg.phases
+        phases = spells and {"starts": np.round(spells.starts, 3).tolist(), "codes": spells.codes.tolist()}
+        series = {
+            name: _numbers(values, _FORCE_DECIMALS if name == "force" else _CURVE_DECIMALS)
+            for name, values in leg.curves.items()
+        }
+        legs.append({"series": series, "phases": phases})
+    return {"times": np.round(1000.0 * motion.times).astype(int).tolist(), "legs": legs}
 
 
 def _numbers(values: np.ndarray, decimals: int) -> list[float | None]:

@@ -20,8 +20,8 @@ from twin_gait.viewer.shapes import Shape
 from twin_gait.vocabulary import Side
 
 SKIN = Material(colour=(0.80, 0.60, 0.50), opacity=0.42, roughness=0.75)
-CLOTH = Material(colour=(0.52, 0.60, 0.70), opacity=0.55, roughness=0.9)
-STRAP = Material(colour=(0.14, 0.16, 0.20), roughness=0.85)
+CLOTH = Material(colour=(0.55, 0.63, 0.73), opacity=0.50, roughness=0.9)
+STRAP = Material(colour=(0.19, 0.22, 0.27), roughness=0.85)
 
 _DRAWN_HEIGHT, _DRAWN_MASS = 1.75, 70.0  # of the body that the tables below describe
 _HIP_CENTRE = 0.055  # half the distance between the hip centres, share of the body height
@@ -60,15 +60,27 @@ _FOOT = (
 )
 # Height over the hips as a share of the trunk length, centre forward, half axes forward and sideways [m].
 _TRUNK = (
-    (-0.13, 0.000, 0.085, 0.120),
-    (0.00, -0.002, 0.108, 0.158),
-    (0.18, 0.000, 0.106, 0.158),
-    (0.40, 0.008, 0.096, 0.142),
-    (0.62, 0.006, 0.106, 0.156),
-    (0.85, 0.002, 0.108, 0.176),
-    (1.00, 0.000, 0.085, 0.160),
+    (-0.17, -0.006, 0.066, 0.095),
+    (-0.06, -0.014, 0.106, 0.150),
+    (0.06, -0.016, 0.112, 0.166),
+    (0.20, -0.002, 0.098, 0.150),
+    (0.36, 0.010, 0.090, 0.134),
+    (0.55, 0.012, 0.104, 0.148),
+    (0.72, 0.008, 0.115, 0.168),
+    (0.86, -0.004, 0.106, 0.182),
+    (0.95, -0.012, 0.082, 0.172),
+    (1.02, -0.014, 0.060, 0.116),
+    (1.08, -0.008, 0.052, 0.060),
+    (1.20, 0.006, 0.050, 0.051),
 )
-_FADE = (0.50, 0.92)  # the trunk fades out between these heights
+_HEAD = (
+    (1.16, 0.020, 0.046, 0.044),
+    (1.22, 0.030, 0.070, 0.060),
+    (1.33, 0.024, 0.092, 0.074),
+    (1.46, 0.012, 0.099, 0.077),
+    (1.55, 0.004, 0.086, 0.069),
+    (1.59, 0.002, 0.066, 0.054),
+)
 _STRAPS = {"thigh": (0.46, 0.60), "shank": (0.32, 0.46)}  # cuffs around the limb
 
 
@@ -94,11 +106,24 @@ def draw_wearer(
         _draw_segment(figure, leg.hip, "thigh", thigh, _THIGH, steps[0], steps[1], patient)
         _draw_segment(figure, leg.knee, "shank", shank, _SHANK, steps[1], steps[2], patient)
         if leg.ankle is not None:
-            foot = shapes.moved(_foot(patient), _axes(figure, -shank, steps[2]))
+            foot = shapes.moved(_foot(patient), _axes(-shank, steps[2]))
             figure.draw(leg.ankle, "wearer_foot", foot, SKIN)
     if trunk_joint is not None:
-        up = figure.base[:3, :3].T @ np.array([0.0, 0.0, 1.0])
-        figure.draw(trunk_joint, "wearer_trunk", shapes.moved(_trunk(patient), _axes(figure, up, 0.0)), CLOTH)
+        axes = trunk_axes(figure)
+        figure.draw(trunk_joint, "wearer_trunk", shapes.moved(_torso(_TRUNK, patient, rows=20), axes), CLOTH)
+        figure.draw(trunk_joint, "wearer_head", shapes.moved(_torso(_HEAD, patient), axes), SKIN)
+
+
+def trunk_axes(figure: Figure) -> np.ndarray:
+    """Frame of the trunk in that of the joint that carries it: x forward, y left, z up.
+
+    Args:
+        figure: The figure.
+
+    Returns:
+        Homogeneous transform, shape ``(4, 4)``.
+    """
+    return _axes(figure.base[:3, :3].T @ np.array([0.0, 0.0, 1.0]), 0.0)
 
 
 def girth(patient: Patient) -> float:
@@ -123,7 +148,7 @@ def _inside(figure: Figure, side: Side, hip: str, patient: Patient) -> float:
     return -distance if side is Side.LEFT else distance
 
 
-def _axes(figure: Figure, up: np.ndarray, to_the_left: float) -> np.ndarray:
+def _axes(up: np.ndarray, to_the_left: float) -> np.ndarray:
     """Frame with x forward, y left and z up along a segment, its origin shifted sideways."""
     forward = np.array([1.0, 0.0, 0.0])
     third = up / np.linalg.norm(up)
@@ -151,34 +176,40 @@ def _draw_segment(
         (-share * length, scale * x, upper + (lower - upper) * share, scale * a, scale * b)
         for share, x, a, b in rings
     ]
-    axes = _axes(figure, -segment, 0.0)
+    axes = _axes(-segment, 0.0)
     figure.draw(joint, f"wearer_{name}", shapes.moved(shapes.limb(table), axes), SKIN)
-    strap = _band(np.array(table), -length * _STRAPS[name][0], -length * _STRAPS[name][1])
+    strap = band(np.array(table), -length * _STRAPS[name][0], -length * _STRAPS[name][1])
     figure.draw(joint, f"strap_{name}", shapes.moved(strap, axes), STRAP)
 
 
-def _band(table: np.ndarray, top: float, bottom: float) -> Shape:
-    """Strap around a limb between two heights, 3 mm outside the skin."""
-    heights = table[::-1, 0]
-    at = [
-        np.array([height, *(np.interp(height, heights, table[::-1, column]) for column in range(1, 5))])
-        for height in (top, bottom)
-    ]
-    outline = []
-    for ring, wider in ((at[0], 0.0), (at[0], 0.004), (at[1], 0.004), (at[1], 0.0)):
-        outline.append(ring + np.array([0.0, 0.0, 0.0, wider, wider]))
-    angle = np.linspace(0.0, 2.0 * math.pi, 41)
+def band(table: np.ndarray, top: float, bottom: float, *, rings: int = 2, columns: int = 24) -> Shape:
+    """Make a strap around a limb between two heights, 4 mm thick.
+
+    Args:
+        table: Rings of the limb from the highest down, as :func:`twin_gait.viewer.shapes.limb` takes them.
+        top: Height of the upper edge in [m].
+        bottom: Height of the lower edge in [m].
+        rings: Of the mesh.
+        columns: Facets of a full turn.
+
+    Returns:
+        The mesh.
+    """
+    heights = np.linspace(top, bottom, rings)
+    skin = np.array([np.interp(heights, table[::-1, 0], table[::-1, column]) for column in range(5)]).T
+    outside = skin + np.array([0.0, 0.0, 0.0, 0.004, 0.004])
+    angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)
     rows = [
         np.column_stack((x + a * np.cos(angle), y + b * np.sin(angle), np.full_like(angle, z)))
-        for z, x, y, a, b in outline
+        for z, x, y, a, b in (skin[0], *outside, skin[-1])
     ]
-    grid = np.concatenate(rows)
-    row, column = np.meshgrid(np.arange(3), np.arange(40), indexing="ij")
-    first = (row * 41 + column).ravel()
+    row, column = np.meshgrid(np.arange(rings + 1), np.arange(columns), indexing="ij")
+    first = (row * (columns + 1) + column).ravel()
+    below = first + columns + 1
     faces = np.concatenate(
-        (np.stack((first, first + 41, first + 42), 1), np.stack((first, first + 42, first + 1), 1))
+        (np.stack((first, below, below + 1), 1), np.stack((first, below + 1, first + 1), 1))
     )
-    return shapes.creased(grid, faces)
+    return shapes.creased(np.concatenate(rows), faces)
 
 
 def _foot(patient: Patient) -> Shape:
@@ -194,10 +225,23 @@ def _foot(patient: Patient) -> Shape:
     return shapes.moved(shapes.limb(rings), turn)
 
 
-def _trunk(patient: Patient) -> Shape:
+def trunk_rings(patient: Patient) -> np.ndarray:
+    """Rings of the trunk of a wearer.
+
+    Args:
+        patient: The wearer.
+
+    Returns:
+        Height over the hips, centre forward, centre to the left, half axes forward and sideways, all in [m],
+        from the lowest up, shape ``(n, 5)``.
+    """
+    return np.array(_rings(_TRUNK, patient))
+
+
+def _rings(table: Sequence[Sequence[float]], patient: Patient) -> list[tuple[float, ...]]:
     length, scale = TRUNK_LENGTH * patient.height, girth(patient)
-    rings = [(share * length, scale * x, 0.0, scale * a, scale * b) for share, x, a, b in _TRUNK]
-    shape = shapes.limb(rings, columns=40)
-    start, end = (share * length for share in _FADE)
-    opacity = np.clip((end - shape.vertices[:, 2]) / (end - start), 0.0, 1.0)
-    return shape._replace(opacity=opacity)
+    return [(share * length, scale * x, 0.0, scale * a, scale * b) for share, x, a, b in table]
+
+
+def _torso(table: Sequence[Sequence[float]], patient: Patient, rows: int = 12) -> Shape:
+    return shapes.limb(_rings(table, patient), rows=rows, columns=24)

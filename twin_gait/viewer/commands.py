@@ -17,6 +17,8 @@ import umsgpack
 
 from twin_gait.viewer.shapes import Shape
 
+_CHALK = 0.7  # surfaces at least as rough show no gloss
+
 Command = dict[str, Any]
 Colour = tuple[float, float, float]
 
@@ -50,6 +52,7 @@ class Material:
         roughness: 0 is a mirror, 1 is chalk.
         metalness: 0 is plastic, 1 is metal.
         glow: Share of the colour that needs no light.
+        two_sided: Whether the inside is drawn too; for meshes that may have holes.
     """
 
     colour: Colour
@@ -57,6 +60,7 @@ class Material:
     roughness: float = 0.55
     metalness: float = 0.0
     glow: float = 0.0
+    two_sided: bool = False
 
 
 def rgb(colour: str) -> Colour:
@@ -83,7 +87,7 @@ def set_object(path: str, shape: Shape, material: Material) -> Command:
         "object": {
             "metadata": {"version": 4.5, "type": "Object"},
             "geometries": [{"uuid": geometry, "type": "BufferGeometry", "data": _buffers(shape)}],
-            "materials": [{"uuid": surface, **_surface(material, shape.opacity is not None)}],
+            "materials": [{"uuid": surface, **_surface(material, shape)}],
             "object": {"uuid": f"{path}:mesh", "type": "Mesh", "geometry": geometry, "material": surface},
         },
     }
@@ -192,37 +196,49 @@ def _buffers(shape: Shape) -> Command:
         "position": _array(shape.vertices, 3, _FLOAT32, 5),
         "normal": _array(shape.normals, 3, _FLOAT32, 3),
     }
-    if shape.opacity is not None:
-        colours = np.column_stack((np.ones((len(shape.vertices), 3)), shape.opacity))
-        attributes["color"] = _array(colours, 4, _FLOAT32, 3)
+    if shape.opacity is not None or shape.colours is not None:
+        attributes["color"] = _colours(shape)
     return {"attributes": attributes, "index": _array(shape.faces, 1, index_code)}
 
 
+def _colours(shape: Shape) -> Command:
+    """Colour of each vertex; with opacity only where it differs, because that makes a part translucent."""
+    colours = np.ones((len(shape.vertices), 3)) if shape.colours is None else shape.colours
+    if shape.opacity is None:
+        return _array(colours, 3, _FLOAT32, 3)
+    return _array(np.column_stack((colours, shape.opacity)), 4, _FLOAT32, 3)
+
+
 def _array(values: np.ndarray, item_size: int, code: int, decimals: int | None = None) -> Command:
-    # Rounded coordinates compress to about half.
-    rounded = values if decimals is None else np.round(values, decimals) + 0.0
+    # Rounded coordinates compress to about half. Points of a seam, which differ in the last bit, are made
+    # equal first: rounded apart, they would leave a crack.
+    rounded = values if decimals is None else np.round(np.round(values, decimals + 3), decimals) + 0.0
     name, dtype = _ARRAY_TYPES[code]
     packed = umsgpack.Ext(code, np.ascontiguousarray(rounded, dtype=dtype).tobytes())
     return {"itemSize": item_size, "type": name, "array": packed, "normalized": False}
 
 
-def _surface(material: Material, fades: bool) -> Command:
-    colour = _integer(material.colour)
+def _surface(material: Material, shape: Shape) -> Command:
     surface: Command = {
-        "type": "MeshStandardMaterial",
-        "color": colour,
-        "roughness": material.roughness,
-        "metalness": material.metalness,
-        "side": 2,
+        "type": _shading(material),
+        "color": _integer(material.colour),
+        "side": 2 if material.two_sided else 0,
     }
+    if surface["type"] == "MeshStandardMaterial":
+        surface |= {"roughness": material.roughness, "metalness": material.metalness}
     if material.glow > 0.0:
         surface["emissive"] = _integer(tuple(material.glow * value for value in material.colour))
-    if material.opacity < 1.0 or fades:
+    if material.opacity < 1.0 or shape.opacity is not None:
         # Only front faces, and no depth: what lies behind a translucent part must stay visible.
         surface |= {"opacity": material.opacity, "transparent": True, "depthWrite": False, "side": 0}
-    if fades:
+    if shape.opacity is not None or shape.colours is not None:
         surface["vertexColors"] = True
     return surface
+
+
+def _shading(material: Material) -> str:
+    # Without a graphics card the gloss of a pixel costs more than everything else: chalk does without.
+    return "MeshLambertMaterial" if material.roughness >= _CHALK else "MeshStandardMaterial"
 
 
 def _integer(colour: Sequence[float]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -10,6 +11,7 @@ import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints
 from twin_gait.viewer import shapes
+from twin_gait.viewer.arcs import LEVELS, TorqueArc, arc_arrow, arc_material
 from twin_gait.viewer.commands import Material, Window, set_object, set_property, set_transform
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.visuals import FIXED_JOINT, Disc, Visuals
@@ -20,6 +22,7 @@ _STICK_RADIUS = 0.05  # share of the segment's length
 _COVER_MARGIN = 0.003  # by which the coloured cover of a motor is larger than the motor [m]
 _SHORTEST_SEGMENT = 0.02  # [m]
 _SOME_SEGMENT = np.array([0.0, 0.0, -0.4])  # of a leg whose joints coincide [m]
+_ARC_CLEARANCE, _ARC_GAP = 0.036, 0.014  # of a torque's arrow around and beside its motor [m]
 _COAXIAL = 0.02  # a cylinder this close to a joint's axis is its motor [m]
 
 
@@ -86,6 +89,8 @@ class Figure:
         """
         path = f"{self.paths[joint]}/{name}"
         self._window.send(set_object(path, shape, material))
+        # Shadows fall on the ground only: on curved parts they cost much and show the texels of the map.
+        self._window.send(set_property(f"{path}/<object>", "receiveShadow", False))
         if material.opacity < 1.0 or shape.opacity is not None:
             self._window.send(set_property(f"{path}/<object>", "castShadow", False))
         return path
@@ -100,7 +105,10 @@ class Figure:
             *colour, opacity = part.colour
             dark = max(colour) < 0.3
             material = Material(
-                colour=(colour[0], colour[1], colour[2]), opacity=opacity, roughness=0.7 if dark else 0.42
+                colour=(colour[0], colour[1], colour[2]),
+                opacity=opacity,
+                roughness=0.8 if dark else 0.42,
+                two_sided=not shapes.is_closed(part.shape),
             )
             self.draw(part.joint, f"visual_{number}", part.shape, material)
 
@@ -119,9 +127,31 @@ class Figure:
                 end = self.segment(joint, leg)
                 length = float(np.linalg.norm(end))
                 radius = _STICK_RADIUS * length
-                stick = shapes.moved(shapes.capsule(radius, length), along(end))
-                self.draw(joint, "stick", stick, material)
+                self.draw(joint, "stick", _stick(radius, end), material)
                 self.draw(joint, "ball", shapes.ellipsoid((1.5 * radius,) * 3), material)
+
+    def draw_skeleton(self) -> None:
+        """Draw a ball at every joint and sticks from it to the next joints, or to the tips it carries."""
+        ends = {int(index): self._ends(index) for index in range(self.model.njoints)}
+        lengths = [float(np.linalg.norm(end)) for tips in ends.values() for end in tips]
+        radius = _STICK_RADIUS * float(np.median(lengths)) if lengths else _SHORTEST_SEGMENT
+        material = Material(colour=STICK_COLOUR, roughness=0.8)
+        for index, tips in ends.items():
+            name = str(self.model.names[index])
+            if index > 0:
+                self.draw(name, "ball", shapes.ellipsoid((1.5 * radius,) * 3, columns=16), material)
+            sticks = [_stick(radius, end) for end in tips]
+            if sticks:
+                self.draw(name, "sticks", shapes.merged(sticks), material)
+
+    def _ends(self, index: int) -> list[np.ndarray]:
+        """Where the next joints are, or the frames that a last joint carries, in the joint's frame in [m]."""
+        after = [child for child in range(1, self.model.njoints) if self.model.parents[child] == index]
+        places = [self.model.jointPlacements[child] for child in after]
+        if not after:
+            places = [frame.placement for frame in self.model.frames if frame.parentJoint == index]
+        ends = [np.asarray(place.translation).copy() for place in places]
+        return [end for end in ends if float(np.linalg.norm(end)) > _SHORTEST_SEGMENT]
 
     def segment(self, joint: str, leg: LegJoints) -> np.ndarray:
         """From a joint of a leg to the next, or to the farthest frame that it carries.
@@ -193,6 +223,42 @@ class Figure:
         placement[:3, 3] = motor.centre
         return self.draw(joint, "motor_cover", shapes.moved(cover, placement), material)
 
+    def draw_arc(self, joint: str, motor: Motor, outward: float, full_torque: float) -> TorqueArc:
+        """Draw the arrows that show the torque of a motor, all hidden.
+
+        They stand still in the link before the joint, on the outer face of the motor, and begin at the top.
+
+        Args:
+            joint: Name of the joint.
+            motor: Size of the motor.
+            outward: 1 if the outer face of the motor is its left one, -1 for the right one.
+            full_torque: Torque that the longest arrow stands for in [N m].
+
+        Returns:
+            The arrows.
+        """
+        index = self.model.getJointId(joint)
+        parent = str(self.model.names[self.model.parents[index]])
+        before = self.model.jointPlacements[index]
+        axis = np.asarray(before.rotation @ self.axis(joint))
+        left = self.base[:3, :3].T @ np.array([0.0, 1.0, 0.0])
+        face = outward * math.copysign(1.0, float(axis @ left)) * axis
+        centre = before.act(motor.centre) + (0.5 * motor.length + _ARC_GAP) * face
+        up = self.base[:3, :3].T @ np.array([0.0, 0.0, 1.0])
+        start = up - (up @ axis) * axis
+        start /= np.linalg.norm(start)
+        placement = np.eye(4)
+        placement[:3, 3] = centre
+        paths = {}
+        for number in (n for n in range(-LEVELS, LEVELS + 1) if n):
+            arrow = arc_arrow(motor.radius + _ARC_CLEARANCE, number, axis, start)
+            name = f"torque_{joint.replace('/', '_')}_{number}".replace("-", "minus_")
+            path = self.draw(parent, name, shapes.moved(arrow, placement), arc_material(number))
+            self._window.send(set_property(f"{path}/<object>", "castShadow", False))
+            self._window.send(set_property(path, "visible", False))
+            paths[number] = path
+        return TorqueArc(paths, full_torque)
+
     def axis(self, joint: str) -> np.ndarray:
         """Axis of a revolute joint in its own frame, shape ``(3,)``."""
         index = self.model.getJointId(joint)
@@ -238,6 +304,24 @@ class Figure:
         pin.forwardKinematics(self.model, self._data, np.asarray(q, dtype=float))
         placement = self._data.oMi[self.model.getJointId(joint)]
         return np.asarray(self.base[:3, :3] @ placement.act(np.zeros(3) if point is None else point))
+
+    def frame_point(self, q: np.ndarray, frame: str) -> np.ndarray:
+        """Position of a frame of the model in the scene.
+
+        Args:
+            q: Coordinates, shape ``(nq,)``.
+            frame: Its name.
+
+        Returns:
+            In [m], shape ``(3,)``.
+        """
+        found = self.model.frames[self.model.getFrameId(frame)]
+        joint = str(self.model.names[found.parentJoint])
+        return self.world_point(q, joint, np.asarray(found.placement.translation))
+
+
+def _stick(radius: float, end: np.ndarray) -> Shape:
+    return shapes.moved(shapes.capsule(radius, float(np.linalg.norm(end))), along(end))
 
 
 def along(direction: np.ndarray) -> np.ndarray:

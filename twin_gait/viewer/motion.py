@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +14,12 @@ from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegModel
 from twin_gait.vocabulary import JointName, Side
 
+FRAMES_PER_SECOND = 30.0
 _MOST_FRAMES = 3000  # longer runs get fewer frames per second, so that a page stays small
 _CURVES = {"hip": JointName.HIP, "knee": JointName.KNEE}
+# Parts of the commanded torque, by the words of the log columns; the last two only where they are used.
+_PARTS = ("impedance", "friction_compensation", "gravity_compensation", "inertia_compensation", "target")
+_RARE_PARTS = _PARTS[3:]
 
 
 class Footing(NamedTuple):
@@ -53,13 +57,17 @@ class LegMotion:
     Attributes:
         phases: Its phases, or None if the log has none.
         curves: Angles in [deg] as ``hip`` and ``knee``, motor torques in [N m] as ``hip_torque`` and
-            ``knee_torque``, and the normal force of the foot in [N] as ``force``; shape ``(n,)`` each.
+            ``knee_torque``, the parts of the commanded torque in [N m] as ``hip_impedance`` and so on, and
+            the normal force of the foot in [N] as ``force``; shape ``(n,)`` each.
         footing: Ground force, or None off the ground.
+        torques: Torque of each motor in [N m] by the name of its joint, positive in increasing angle;
+            shape ``(n,)`` each, empty where the log has none.
     """
 
     phases: PhaseSpells | None
     curves: Mapping[str, np.ndarray]
     footing: Footing | None
+    torques: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -89,8 +97,9 @@ def read_motion(
     log: pd.DataFrame,
     model: LegModel,
     *,
-    frames_per_second: float = 30.0,
+    frames_per_second: float = FRAMES_PER_SECOND,
     phases: Sequence[str] | None = None,
+    moments: Sequence[float] = (),
 ) -> Motion:
     """Pick the frames to show out of a log.
 
@@ -99,9 +108,11 @@ def read_motion(
         model: The model that the log is about.
         frames_per_second: In the time of the log; fewer if the log is very long.
         phases: Names of the phases in order; those of the log if None.
+        moments: Further moments to show in [s] since the first row.
 
     Returns:
-        The frames. Rows after a coordinate that is not finite (a run that diverged) are left out.
+        The frames: evenly spaced ones, one at every change of a phase, and the moments asked for. Rows
+        after a coordinate that is not finite (a run that diverged) are left out.
 
     Raises:
         ViewerError: If the log is empty, lacks a coordinate of the model or has an unknown phase.
@@ -114,13 +125,18 @@ def read_motion(
     if n_rows == 0:
         raise ViewerError("the log has no row that can be shown; run the simulation again")
     clock = log["time_s"].to_numpy(dtype=float)[:n_rows]
-    rows = _rows_to_show(clock, frames_per_second)
     names = tuple(phases) if phases is not None else phase_names(log, model.sides)
+    spells = {side: _spells(log.iloc[:n_rows], clock, side, names) for side in model.sides}
+    switches = [one.starts for one in spells.values() if one is not None]
+    rows = _rows_to_show(
+        clock, frames_per_second, np.concatenate([*switches, np.asarray(moments, dtype=float)])
+    )
     legs = {
         side: LegMotion(
-            phases=_spells(log.iloc[:n_rows], clock, side, names),
+            phases=spells[side],
             curves=_curves(log, side, rows),
             footing=_footing(log, model, side, rows, q[rows]),
+            torques=_torques(log, model, side, rows),
         )
         for side in model.sides
     }
@@ -147,6 +163,37 @@ def phase_names(log: pd.DataFrame, sides: Sequence[Side]) -> tuple[str, ...]:
     return tuple(names)
 
 
+def frame_rate(duration: float) -> float:
+    """Frames per second of a run that a page can hold.
+
+    Args:
+        duration: Of the run in [s].
+
+    Returns:
+        At most 30 a second.
+    """
+    return FRAMES_PER_SECOND if duration <= 0.0 else min(FRAMES_PER_SECOND, _MOST_FRAMES / duration)
+
+
+def phase_changes(log: pd.DataFrame) -> np.ndarray:
+    """Moments at which a leg changes its phase.
+
+    Args:
+        log: One row per tick.
+
+    Returns:
+        Since the first row in [s], sorted, shape ``(m,)``.
+    """
+    clock = log["time_s"].to_numpy(dtype=float)
+    changed = np.zeros(len(log), dtype=bool)
+    for side in Side:
+        column = log.get(f"{side}_phase")
+        if column is not None:
+            codes = pd.factorize(column)[0]
+            changed[1:] |= codes[1:] != codes[:-1]
+    return np.asarray(clock[changed] - clock[0])
+
+
 def _coordinates(log: pd.DataFrame, model: LegModel) -> np.ndarray:
     """Coordinates of the model for every row, shape ``(n, nv)``."""
     columns = {
@@ -165,10 +212,12 @@ def _coordinates(log: pd.DataFrame, model: LegModel) -> np.ndarray:
     return q
 
 
-def _rows_to_show(clock: np.ndarray, frames_per_second: float) -> np.ndarray:
+def _rows_to_show(clock: np.ndarray, frames_per_second: float, moments: np.ndarray) -> np.ndarray:
+    """Rows of evenly spaced frames, of the last one, and of further moments; shape ``(n,)``."""
     span = float(clock[-1] - clock[0])
-    n_frames = int(np.clip(round(span * frames_per_second), 1, _MOST_FRAMES))
-    wanted = clock[0] + span * np.arange(n_frames + 1) / n_frames
+    step = 1.0 / min(frames_per_second, frame_rate(span))
+    inside = moments[(moments >= 0.0) & (moments <= span + 1e-9)]
+    wanted = clock[0] + np.concatenate((step * np.arange(int(span / step + 1e-9) + 1), inside, [span]))
     rows = np.searchsorted(clock, wanted - 1e-9)
     return np.unique(np.minimum(rows, len(clock) - 1))
 
@@ -190,13 +239,24 @@ def _curves(log: pd.DataFrame, side: Side, rows: np.ndarray) -> dict[str, np.nda
     curves = {}
     for name, joint in _CURVES.items():
         curves[name] = np.degrees(log[f"{side}_{joint}_angle_rad"].to_numpy(dtype=float)[rows])
-        torque = f"{side}_{joint}_motor_torque_Nm"
-        if torque in log.columns:
-            curves[f"{name}_torque"] = log[torque].to_numpy(dtype=float)[rows]
+        for key in ("motor", *_PARTS):
+            column = log.get(f"{side}_{joint}_{key}_torque_Nm")
+            if column is None or (key in _RARE_PARTS and not column.any()):
+                continue
+            curves[f"{name}_{'torque' if key == 'motor' else key}"] = column.to_numpy(dtype=float)[rows]
     force = f"{side}_foot_normal_force_N"
     if force in log.columns:
         curves["force"] = log[force].to_numpy(dtype=float)[rows]
     return curves
+
+
+def _torques(log: pd.DataFrame, model: LegModel, side: Side, rows: np.ndarray) -> dict[str, np.ndarray]:
+    columns = {str(joint): f"{side}_{joint}_motor_torque_Nm" for joint, _ in model.legs[side].items()}
+    return {
+        joint: np.nan_to_num(log[name].to_numpy(dtype=float)[rows])
+        for joint, name in columns.items()
+        if name in log.columns
+    }
 
 
 def _footing(
@@ -207,14 +267,22 @@ def _footing(
     if not frames or any(name not in log.columns for name in names):
         return None
     force = np.nan_to_num(log[names].to_numpy(dtype=float)[rows])
-    return Footing(force, np.array([_centre_of_pressure(model, posture, frames) for posture in q]))
+    return Footing(force, np.array([centre_of_pressure(model, posture, frames) for posture in q]))
 
 
-def _centre_of_pressure(model: LegModel, q: np.ndarray, frames: Sequence[str]) -> np.ndarray:
+def centre_of_pressure(model: LegModel, q: np.ndarray, frames: Sequence[str]) -> np.ndarray:
     """Where the force of the ground acts: heel and toe weighted by the elastic force on each.
 
     The log has the force of the whole foot only; the rest of the contact law, its dissipation, would
     need velocities and moves the point little.
+
+    Args:
+        model: The model.
+        q: Its coordinates, shape ``(nv,)``.
+        frames: Heel and toe.
+
+    Returns:
+        The point on the ground in the scene in [m], shape ``(3,)``.
     """
     points = np.array([model.frame_position(q, frame) for frame in frames])
     if model.up_axis == "y":

@@ -1,10 +1,12 @@
-"""The page: hand-written HTML, style and script around meshcat's bundle and the data of a run."""
+"""The page: hand-written HTML, style and scripts around meshcat's bundle and the data of runs."""
 
 from __future__ import annotations
 
+import base64
 import html
 import json
 import re
+import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.util import find_spec
@@ -12,16 +14,32 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.exceptions import ViewerError
-from twin_gait.palette import REDDISH_PURPLE, SIDE_COLOURS, phase_colour
+from twin_gait.palette import (
+    BLUE,
+    ORANGE,
+    REDDISH_PURPLE,
+    SIDE_COLOURS,
+    SKY_BLUE,
+    TORQUE_COLOURS,
+    VERMILLION,
+    phase_colour,
+)
 from twin_gait.vocabulary import Side
 
 if TYPE_CHECKING:
     from twin_gait.viewer.scene import View
 
 PAGE_FOLDER = Path(__file__).with_name("page")
+# The scripts stand in the page in this order.
+SCRIPTS = (
+    "basics.js", "stage.js", "readout.js", "plots.js", "timeline.js", "player.js", "live.js", "start.js",
+)  # fmt: skip
 FOOTNOTE = "Simulation, not a medical device"
 FORCE_COLOUR = REDDISH_PURPLE
 METRES_PER_NEWTON = 0.001  # length of the arrow of a ground force
+FLEXION_COLOUR, EXTENSION_COLOUR = VERMILLION, BLUE  # of the arrows of motor torques
+FULL_TORQUE = 60.0  # of the longest of them [N m]: about the largest of a step of the shipped presets
+FLOOR = "/meshcat/surroundings/floor"  # what a dark page darkens
 # A recorded page may run what it holds and load nothing.
 RECORDED_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
@@ -30,6 +48,15 @@ LIVE_POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src data: blob:; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
 )
+_SIDE_COLOURS_ON_DARK = {Side.LEFT: SKY_BLUE, Side.RIGHT: ORANGE}
+_PART_LABELS = {
+    "impedance": "impedance",
+    "friction_compensation": "friction comp.",
+    "gravity_compensation": "gravity comp.",
+    "inertia_compensation": "inertia comp.",
+    "target": "target",
+}
+_LIGHT_INK, _DARK_INK = "#ffffff", "#1b2430"
 
 
 def viewer_folder() -> Path:
@@ -57,9 +84,10 @@ def page_data(
     legs: Sequence[Mapping[str, Any]],
     arrows: bool,
     duration: float | None = None,
+    notes: Sequence[str] = (),
     **more: Any,
 ) -> dict[str, Any]:
-    """Data that the script of the page reads.
+    """What the scripts of the page read of a run, or of a live scene.
 
     Args:
         mode: ``recorded`` or ``live``.
@@ -71,6 +99,7 @@ def page_data(
         legs: See :func:`leg_entry`.
         arrows: Whether ground forces are drawn.
         duration: In [s], or None if there is no end.
+        notes: What else the card is to say.
         more: Further entries.
 
     Returns:
@@ -80,11 +109,14 @@ def page_data(
         "mode": mode,
         "title": _unicode(title),
         "subtitle": _unicode(subtitle),
-        "notes": _notes(missing_meshes),
+        "notes": [*map(_unicode, notes), *_notes(missing_meshes)],
         "view": asdict(view),
-        "phases": [_phase_entry(name, code) for code, name in enumerate(phases)],
+        "phases": _phase_entries(phases),
+        "parts": _part_entries(legs),
         "legs": list(legs),
         "arrow": {"label": _arrow_label(), "colour": FORCE_COLOUR} if arrows else None,
+        "arcs": _arc_entries() if legs else [],
+        "floor": FLOOR,
         "duration": duration,
         "footnote": FOOTNOTE,
         **more,
@@ -99,10 +131,11 @@ def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
         shows: What is known of it: ``phase`` and names of curves.
 
     Returns:
-        Side, label, colour and what is shown.
+        Side, label, colours on a light and a dark page, and what is shown.
     """
     label = str(side).capitalize()
-    return {"side": str(side), "label": label, "colour": SIDE_COLOURS[side], "shows": list(shows)}
+    colours = {"colour": SIDE_COLOURS[side], "dark": _SIDE_COLOURS_ON_DARK[side]}
+    return {"side": str(side), "label": label, **colours, "shows": list(shows)}
 
 
 def _unicode(text: str) -> str:
@@ -110,52 +143,94 @@ def _unicode(text: str) -> str:
     return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
 
 
-def _phase_entry(name: str, code: int) -> dict[str, str]:
-    colour = phase_colour(name, code)
-    red, green, blue = (int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5))
-    bright = 0.299 * red + 0.587 * green + 0.114 * blue > 0.5
-    label = name.replace("_", " ").capitalize()
-    return {"name": name, "label": label, "colour": colour, "ink": "#1b2430" if bright else "#ffffff"}
+def _phase_entries(names: Sequence[str]) -> list[dict[str, str]]:
+    initials = ["".join(word[0] for word in name.split("_") if word)[:2].upper() for name in names]
+    # Letters that two phases share would tell nothing.
+    unique = len(set(initials)) == len(names)
+    entries = []
+    for code, name in enumerate(names):
+        colour = phase_colour(name, code)
+        short = initials[code] if unique and initials[code] else str(code + 1)
+        label = _unicode(name.replace("_", " ").capitalize())
+        entries.append({"name": _unicode(name), "label": label, "short": _unicode(short),
+                        "colour": colour, "ink": _ink_on(colour)})  # fmt: skip
+    return entries
+
+
+def _ink_on(colour: str) -> str:
+    """The one of two inks that has the larger contrast ratio on a colour, as WCAG 2 defines it."""
+    ground = _luminance(colour)
+    light = (_luminance(_LIGHT_INK) + 0.05) / (ground + 0.05)
+    dark = (ground + 0.05) / (_luminance(_DARK_INK) + 0.05)
+    return _LIGHT_INK if light > dark else _DARK_INK
+
+
+def _luminance(colour: str) -> float:
+    shares = [int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
+    red, green, blue = (s / 12.92 if s <= 0.04045 else ((s + 0.055) / 1.055) ** 2.4 for s in shares)
+    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+
+
+def _part_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
+    """Parts of the commanded torque that any of the legs shows."""
+    shown = {key for leg in legs for key in leg["shows"]}
+    return [
+        {"key": key, "label": label, "colour": TORQUE_COLOURS[key]}
+        for key, label in _PART_LABELS.items()
+        if any(name.endswith(f"_{key}") for name in shown)
+    ]
 
 
 def _arrow_label() -> str:
     return f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
 
 
+def _arc_entries() -> list[dict[str, str]]:
+    return [
+        {"label": "Flexion torque", "colour": FLEXION_COLOUR},
+        {"label": f"Extension torque (to {FULL_TORQUE:.0f} N·m)", "colour": EXTENSION_COLOUR},
+    ]
+
+
 def _notes(missing_meshes: Sequence[str]) -> list[str]:
     if not missing_meshes:
         return []
-    first = Path(missing_meshes[0]).name
+    first = _unicode(Path(missing_meshes[0]).name)
     more = f" and {len(missing_meshes) - 1} more" if len(missing_meshes) > 1 else ""
     return [f"Mesh not found: {first}{more}."]
 
 
-def recorded_page(data: Mapping[str, Any], scene: str) -> str:
+def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
     """A page that holds everything it needs.
 
     Args:
-        data: See :func:`page_data`.
-        scene: Commands, compressed, as base64 text.
+        runs: One run, or two to be seen beside each other: :func:`page_data` with ``frames`` and ``scene``,
+            both through :func:`packed`.
 
     Returns:
         HTML.
     """
     folder = viewer_folder()
-    bundle = (folder / "dist" / "main.min.js").read_text(encoding="utf-8")
+    bundle = packed((folder / "dist" / "main.min.js").read_bytes())
     licences = [folder / "LICENSE", folder / "dist" / "main.min.js.LICENSE.txt"]
     notice = "\n\n".join(path.read_text(encoding="utf-8") for path in licences if path.is_file())
     return _fill(
         policy=RECORDED_POLICY,
-        title=html.escape(data["title"]),
+        title=html.escape(" | ".join(run["title"] for run in runs)),
         notice=f"<!-- The viewer in this page is meshcat:\n{notice.replace('--', '- -')}\n-->",
-        data=embedded_json(data),
-        scene=scene,
-        bundle=f"<script>{_inside_script(bundle)}</script>",
+        data=embedded_json({"mode": "recorded", "runs": list(runs)}),
+        bundle=f'<script type="text/plain" id="bundle">{bundle}</script>',
     )
 
 
-def live_page() -> str:
-    """The page of the live viewer, which gets its data over a web socket.
+def live_page(*, style: str = "", panel: str = "", script: str = "", socket: str | None = "/socket") -> str:
+    """The page of a live viewer, which gets its data over a web socket.
+
+    Args:
+        style: Further style.
+        panel: Further HTML, between the curves and the bar.
+        script: Further script, after the page's own; it finds ``window.twinGait``.
+        socket: Path of the web socket on the same server, or None if the script brings the data itself.
 
     Returns:
         HTML.
@@ -164,10 +239,36 @@ def live_page() -> str:
         policy=LIVE_POLICY,
         title="twin_gait",
         notice="",
-        data=embedded_json({"mode": "live"}),
-        scene="",
+        data=embedded_json({"mode": "live", "socket": socket}),
         bundle='<script src="/static/main.min.js"></script>',
+        more_style=style,
+        panel=panel,
+        extra=f"<script>{_inside_script(script)}</script>" if script else "",
     )
+
+
+def packed(content: bytes) -> str:
+    """Compress bytes and write them as text that a page can hold.
+
+    Args:
+        content: Any bytes.
+
+    Returns:
+        Base64 of a zlib stream.
+    """
+    return base64.b64encode(zlib.compress(content, 9)).decode("ascii")
+
+
+def packed_json(data: Any) -> str:
+    """The same of data that JSON can hold.
+
+    Args:
+        data: Finite numbers, texts, lists, mappings.
+
+    Returns:
+        Base64 of a zlib stream of JSON.
+    """
+    return packed(json.dumps(data, separators=(",", ":"), allow_nan=False).encode("ascii"))
 
 
 def embedded_json(data: Mapping[str, Any]) -> str:
@@ -183,10 +284,11 @@ def embedded_json(data: Mapping[str, Any]) -> str:
     return text.replace("<", "\\u003c")
 
 
-def _fill(**parts: str) -> str:
+def _fill(*, more_style: str = "", panel: str = "", extra: str = "", **parts: str) -> str:
     template = (PAGE_FOLDER / "page.html").read_text(encoding="utf-8")
-    parts["style"] = (PAGE_FOLDER / "page.css").read_text(encoding="utf-8")
-    parts["script"] = _inside_script((PAGE_FOLDER / "player.js").read_text(encoding="utf-8"))
+    parts["style"] = (PAGE_FOLDER / "page.css").read_text(encoding="utf-8") + more_style
+    scripts = [(PAGE_FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS]
+    parts |= {"script": _inside_script("\n".join(scripts)), "panel": panel, "extra": extra}
     # One pass: what is filled in is never looked at again.
     return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], template)
 

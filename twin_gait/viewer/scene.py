@@ -2,27 +2,34 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.palette import phase_colour
-from twin_gait.viewer import shapes, surroundings
+from twin_gait.viewer import ropes, shapes, surroundings, trail
+from twin_gait.viewer.arcs import TorqueArc
 from twin_gait.viewer.commands import Material, Window, rgb, set_object, set_property
-from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.figure import Figure, Motor
 from twin_gait.viewer.motion import Motion
-from twin_gait.viewer.page import FORCE_COLOUR, METRES_PER_NEWTON
+from twin_gait.viewer.page import FORCE_COLOUR, FULL_TORQUE, METRES_PER_NEWTON
+from twin_gait.viewer.ropes import Rope
+from twin_gait.viewer.shapes import Shape
+from twin_gait.viewer.trail import StrideTrail
 from twin_gait.viewer.visuals import Visuals
 from twin_gait.vocabulary import Side
 
 FORCE_ROOT = "/meshcat/forces"
 _LONGEST_ARROW = 1.2  # [m]
 _IDLE = (0.55, 0.60, 0.66)  # covers of motors before a phase is known
-_FIELD_OF_VIEW = 24.0  # [deg]: narrow, so that both legs look the same length
-RIGHT_SIDE = (0.13, -1.0, 0.10)  # direction from the figure to the eye
+_FIELD_OF_VIEW = 26.0  # [deg]: narrow, so that both legs look the same length
+RIGHT_SIDE = (0.95, -3.7, 0.62)  # direction from the figure to the eye
 
 State = dict[tuple[str, str], Any]
 
@@ -55,6 +62,10 @@ class Scene:
         missing_meshes: Mesh files of the URDF that were not found.
         covers: Places of the coloured motor covers per leg.
         arrows: Place of the ground force per leg.
+        arcs: Arrows of the motor torque per leg, by the name of the joint (``hip``, ``knee``).
+        ropes: Ropes of the body-weight support, maybe none.
+        trails: Paths of the feet per stride, once a motion is known.
+        legs: Joint names per leg.
     """
 
     def __init__(self, window: Window, figure: Figure, visuals: Visuals) -> None:
@@ -69,6 +80,10 @@ class Scene:
         self.missing_meshes = visuals.missing
         self.covers: dict[Side, list[str]] = {}
         self.arrows: dict[Side, str] = {}
+        self.arcs: dict[Side, dict[str, TorqueArc]] = {}
+        self.ropes: list[Rope] = []
+        self.trails: list[StrideTrail] = []
+        self.legs: dict[Side, LegJoints] = {}
         self.view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
         self._window = window
         self._shown: State = {}
@@ -84,10 +99,87 @@ class Scene:
         paths = []
         material = Material(colour=_IDLE, roughness=0.4, glow=0.12)
         for joint in (leg.hip, leg.knee):
-            default = 0.12 * float(np.linalg.norm(self.figure.segment(joint, leg)))
-            motor = self.figure.motor(joint, visuals.discs, default)
-            paths.append(self.figure.draw_cover(joint, motor, material))
+            paths.append(self.figure.draw_cover(joint, self._motor(joint, leg, visuals), material))
         self.covers[side] = paths
+        self.legs[side] = leg
+
+    def draw_arcs(self, side: Side, leg: LegJoints, visuals: Visuals) -> None:
+        """Draw the arrows of the motor torques of a leg, hidden.
+
+        Args:
+            side: Which leg.
+            leg: Its joint names.
+            visuals: What the URDF shows.
+        """
+        outward = 1.0 if side is Side.LEFT else -1.0
+        self.arcs[side] = {
+            name: self.figure.draw_arc(joint, self._motor(joint, leg, visuals), outward, FULL_TORQUE)
+            for name, joint in (("hip", leg.hip), ("knee", leg.knee))
+        }
+
+    def draw_ropes(self, joint: str, hooks: Sequence[np.ndarray], height: float) -> None:
+        """Draw ropes that go straight up, the mast and the bar.
+
+        Args:
+            joint: Joint that carries the harness.
+            hooks: Lower ends in the frame of the joint in [m], shape ``(3,)`` each.
+            height: Of the upper ends in [m].
+        """
+        neutral = pin.neutral(self.figure.model)
+        for number, hook in enumerate(hooks):
+            x, y, _ = self.figure.world_point(neutral, joint, hook)
+            path = f"{ropes.ROOT}/{number}"
+            self._window.send(set_object(path, ropes.rope_shape(), ropes.MATERIAL))
+            self._window.send(set_property(f"{path}/<object>", "castShadow", False))
+            self._window.send(set_property(f"{path}/<object>", "receiveShadow", False))
+            self.ropes.append(Rope(path, joint, hook, np.array([x, y, height])))
+        surroundings.draw_mast(self._window, np.array([rope.upper for rope in self.ropes]))
+        self.apply(self.rope_state(neutral))
+
+    def draw_trails(self, motion: Motion) -> None:
+        """Draw the path of each foot in every stride of a motion, hidden.
+
+        Args:
+            motion: The motion.
+        """
+        self.apply({(stride.path, "visible"): False for stride in self.trails})
+        self.trails = []
+        for side, leg in motion.legs.items():
+            spans = trail.strides(leg.phases, motion.duration)
+            ends = [end for _, end in spans[1:]] + [math.inf]
+            for number, (span, following) in enumerate(zip(spans[: trail.MOST_STRIDES], ends, strict=False)):
+                shape = self._trail_shape(motion, side, span)
+                if shape is not None:
+                    path = f"{trail.ROOT}/{side}_{number}"
+                    self._draw_trail(path, shape)
+                    self.trails.append(StrideTrail(path, span[1], following))
+
+    def _trail_shape(self, motion: Motion, side: Side, span: tuple[float, float]) -> Shape | None:
+        phases = motion.legs[side].phases
+        frames = np.flatnonzero((motion.times >= span[0]) & (motion.times <= span[1]))
+        if phases is None or len(frames) < trail.FEWEST_POINTS:
+            return None
+        points = np.array([self._foot_point(side, motion.q[frame]) for frame in frames])
+        return trail.trail_shape(motion.times[frames], points, phases, motion.phase_names)
+
+    def _draw_trail(self, path: str, shape: Shape) -> None:
+        self._window.send(set_object(path, shape, trail.MATERIAL))
+        for name in ("castShadow", "receiveShadow"):
+            self._window.send(set_property(f"{path}/<object>", name, False))
+        self.apply({(path, "visible"): False})
+
+    def _motor(self, joint: str, leg: LegJoints, visuals: Visuals) -> Motor:
+        default = 0.12 * float(np.linalg.norm(self.figure.segment(joint, leg)))
+        return self.figure.motor(joint, visuals.discs, default)
+
+    def _foot_point(self, side: Side, q: np.ndarray) -> np.ndarray:
+        """End of the leg that leaves the trail: the middle of the sole, or the end of its last segment."""
+        leg = self.legs[side]
+        if leg.contact_frames:
+            point = np.mean([self.figure.frame_point(q, frame) for frame in leg.contact_frames], axis=0)
+            return np.asarray(np.maximum(point, [-np.inf, -np.inf, trail.LOWEST]))
+        last = leg.items()[-1][1]
+        return self.figure.world_point(q, last, self.figure.segment(last, leg))
 
     def draw_arrow(self, side: Side) -> None:
         """Draw the arrow of the ground force on a foot, hidden.
@@ -96,8 +188,11 @@ class Scene:
             side: Which leg.
         """
         path = f"{FORCE_ROOT}/{side}"
-        self._window.send(set_object(path, shapes.arrow(), Material(colour=rgb(FORCE_COLOUR), glow=0.15)))
-        self._window.send(set_property(f"{path}/<object>", "castShadow", False))
+        self._window.send(
+            set_object(path, shapes.arrow(), Material(colour=rgb(FORCE_COLOUR), roughness=0.8, glow=0.2))
+        )
+        for name in ("castShadow", "receiveShadow"):
+            self._window.send(set_property(f"{path}/<object>", name, False))
         self._window.send(set_property(path, "visible", False))
         self.arrows[side] = path
 
@@ -114,6 +209,36 @@ class Scene:
         for path, (position, quaternion) in self.figure.posture(q).items():
             state[path, "position"] = position
             state[path, "quaternion"] = quaternion
+        return state | self.rope_state(q)
+
+    def rope_state(self, q: np.ndarray) -> State:
+        """Where the ropes are.
+
+        Args:
+            q: Coordinates, shape ``(nq,)``.
+
+        Returns:
+            Values by place and property.
+        """
+        state: State = {}
+        for rope in self.ropes:
+            state |= rope.state(self.figure, q)
+        return state
+
+    def torque_state(self, side: Side, torques: Mapping[str, float]) -> State:
+        """Arrows of the motor torques of a leg.
+
+        Args:
+            side: Which leg.
+            torques: In [N m] by the name of the joint, positive in increasing angle.
+
+        Returns:
+            Values by place and property.
+        """
+        state: State = {}
+        for joint, arc in self.arcs.get(side, {}).items():
+            if joint in torques:
+                state |= arc.state(float(torques[joint]))
         return state
 
     def force_state(self, side: Side, force: np.ndarray, point: np.ndarray) -> State:
@@ -154,12 +279,15 @@ class Scene:
         time = float(motion.times[frame])
         state = self.posture_state(motion.q[frame])
         for side, leg in motion.legs.items():
+            state |= self.torque_state(side, {name: values[frame] for name, values in leg.torques.items()})
             if leg.footing is not None and side in self.arrows:
                 state |= self.force_state(side, leg.footing.force[frame], leg.footing.point[frame])
             if leg.phases is not None:
                 code = leg.phases.at(time)
                 colour = rgb(phase_colour(motion.phase_names[code], code))
                 state |= {(path, "color"): [*colour, 1.0] for path in self.covers.get(side, ())}
+        for stride in self.trails:
+            state |= stride.state(time)
         if belt_speed != 0.0:
             offset = surroundings.belt_offset(time, belt_speed)
             state[surroundings.BELT, "position"] = [offset, 0.0, 0.0]

@@ -25,14 +25,12 @@ with warnings.catch_warnings():
 
 import umsgpack
 from tornado.httpserver import HTTPServer
-from tornado.netutil import bind_sockets
 from tornado.web import Application, RequestHandler
 from zmq.constants import LAST_ENDPOINT
 
+from twin_gait.viewer.loopback import LOOPBACK, bind_loopback
 from twin_gait.viewer.page import live_page
 
-LOOPBACK = "127.0.0.1"
-PORTS_TRIED = 100
 _PAGE, _SAMPLE, _COUNT = b"page", b"sample", b"pages"
 
 
@@ -83,7 +81,8 @@ class LoopbackBridge(zmqserver.ZMQWebSocketBridge):  # type: ignore[misc]  # no 
             OSError: If no port is free.
         """
         self.page_messages: dict[bytes, bytes] = {}
-        self._sockets, self.page_port = _bind(first_port)
+        self._listener = bind_loopback(first_port)
+        self.page_port = int(self._listener.getsockname()[1])
         super().__init__(zmq_url=f"tcp://{LOOPBACK}:*", host=LOOPBACK, port=self.page_port)
         self.zmq_url = self.zmq_socket.getsockopt_string(LAST_ENDPOINT)
         self.web_url = f"http://{LOOPBACK}:{self.page_port}/"
@@ -104,7 +103,7 @@ class LoopbackBridge(zmqserver.ZMQWebSocketBridge):  # type: ignore[misc]  # no 
 
         def listen(port: int, **options: Any) -> None:
             del port
-            HTTPServer(application, **options).add_sockets(self._sockets)
+            HTTPServer(application, **options).add_sockets([self._listener])
 
         application.listen = listen
         return application
@@ -145,17 +144,6 @@ class LoopbackBridge(zmqserver.ZMQWebSocketBridge):  # type: ignore[misc]  # no 
         for message in messages:
             if message is not None:
                 websocket.write_message(message, binary=True)
-
-
-def _bind(first_port: int) -> tuple[list[Any], int]:
-    tried = [0] if first_port == 0 else range(first_port, min(first_port + PORTS_TRIED, 65536))
-    for port in tried:
-        try:
-            sockets = bind_sockets(port, address=LOOPBACK)
-        except OSError:
-            continue
-        return sockets, int(sockets[0].getsockname()[1])
-    raise OSError(f"no free port from {first_port} to {tried[-1]}")
 
 
 async def _serve(first_port: int) -> None:

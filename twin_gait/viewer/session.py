@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -15,78 +10,19 @@ from typing import Any, Self
 
 import numpy as np
 import pandas as pd
-from zmq.constants import LINGER, RCVTIMEO, REQ, SNDTIMEO
-from zmq.error import ZMQError
-from zmq.sugar.context import Context
 
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.parameters import Patient
-from twin_gait.viewer.commands import Command, encode
-from twin_gait.viewer.motion import Motion, read_motion
+from twin_gait.viewer.motion import FRAMES_PER_SECOND, Motion, read_motion
 from twin_gait.viewer.page import leg_entry, page_data
 from twin_gait.viewer.scene import Scene
+from twin_gait.viewer.server_link import ServerWindow, end_server, read_addresses, start_server
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
 from twin_gait.vocabulary import Side
 
 FIRST_PORT = 7000
-_FRAMES_PER_SECOND = 30.0
-_CURVES = ("hip", "knee", "hip_torque", "knee_torque", "force")
-
-
-class ServerWindow:
-    """Sends commands to the server; a server that does not answer is an error, not a wait for ever."""
-
-    def __init__(self, zmq_url: str, timeout: float) -> None:
-        """Connect.
-
-        Args:
-            zmq_url: Address of the server.
-            timeout: Longest wait for an answer in [s].
-        """
-        self._context = Context()
-        self._socket = self._context.socket(REQ)
-        self._socket.setsockopt(LINGER, 0)
-        self._socket.setsockopt(RCVTIMEO, int(1000 * timeout))
-        self._socket.setsockopt(SNDTIMEO, int(1000 * timeout))
-        self._socket.connect(zmq_url)
-
-    def send(self, command: Command) -> None:
-        """Send a command and wait until it has arrived.
-
-        Args:
-            command: The command.
-
-        Raises:
-            ViewerError: If the server does not take it.
-        """
-        answer = self.request(command["type"].encode(), command["path"].encode(), encode(command))
-        if answer != b"ok":
-            raise ViewerError(f"the viewer's server refused a command: {answer.decode(errors='replace')}")
-
-    def request(self, *frames: bytes) -> bytes:
-        """Send a request of several parts and return the answer.
-
-        Args:
-            frames: The parts.
-
-        Returns:
-            The answer.
-
-        Raises:
-            ViewerError: If there is none.
-        """
-        try:
-            self._socket.send_multipart(frames)
-            return bytes(self._socket.recv())
-        except ZMQError as error:
-            raise ViewerError("the viewer's server does not answer; start the viewer again") from error
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._socket.close(0)
-        self._context.term()
 
 
 class LiveViewer:
@@ -112,12 +48,12 @@ class LiveViewer:
         """
         if not 0 <= port <= 65535:
             raise ViewerError(f"port: expected a number from 0 to 65535, got {port!r}")
-        self._process = _start_server(port)
+        self._process = start_server(port)
         try:
-            addresses = _read_addresses(self._process, timeout)
+            addresses = read_addresses(self._process, timeout)
             self._window = ServerWindow(addresses["zmq_url"], timeout)
         except BaseException:
-            _end(self._process)
+            end_server(self._process)
             raise
         self.url = addresses["web_url"]
         self._model: LegModel | None = None
@@ -145,7 +81,7 @@ class LiveViewer:
             patient: The wearer to draw, or None.
             belt_speed: Of the treadmill in [m] / [s].
             phases: Names of the phases in order, or none.
-            curves: What the page reads out: of ``hip``, ``knee``, ``hip_torque``, ``knee_torque``, ``force``.
+            curves: What the page reads out, by the names of :class:`twin_gait.viewer.motion.LegMotion`.
 
         Raises:
             ModelError: If the URDF cannot be read.
@@ -215,7 +151,8 @@ class LiveViewer:
             raise ViewerError(f"speed: expected a number above 0, got {speed!r}")
         if self._model is None:
             raise ViewerError("nothing to play the log on; show its leg model first")
-        motion = read_motion(log, self._model, frames_per_second=_FRAMES_PER_SECOND)
+        motion = read_motion(log, self._model, frames_per_second=FRAMES_PER_SECOND)
+        self._drawn().draw_trails(motion)
         began = time.monotonic()
         frame, last = 0, len(motion.times) - 1
         while not (should_stop is not None and should_stop()):
@@ -241,7 +178,7 @@ class LiveViewer:
             return
         self._closed = True
         self._window.close()
-        _end(self._process)
+        end_server(self._process)
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -281,7 +218,7 @@ class LiveViewer:
         when = float(motion.times[frame])
         legs = []
         for leg in motion.legs.values():
-            values = {name: float(leg.curves[name][frame]) for name in _CURVES if name in leg.curves}
+            values = {name: float(curve[frame]) for name, curve in leg.curves.items()}
             legs.append(values | {"phase": -1 if leg.phases is None else leg.phases.at(when)})
         self._sample(when, legs)
 
@@ -319,7 +256,7 @@ def show_run(
         ModelError: If the URDF cannot be read.
         ViewerError: If the log does not fit the model or the server fails.
     """
-    motion = read_motion(log, model, frames_per_second=_FRAMES_PER_SECOND)
+    motion = read_motion(log, model, frames_per_second=FRAMES_PER_SECOND)
     curves = next(iter(motion.legs.values())).curves
     with LiveViewer(port=port) as viewer:
         viewer.show(
@@ -371,45 +308,3 @@ def _angles(
         str(joint): float(np.degrees(q[model.index(side, joint)])) for joint, _ in model.legs[side].items()
     }
     return angles | {"phase": -1 if phases is None else int(phases.get(side, -1))}
-
-
-def _start_server(port: int) -> subprocess.Popen[str]:
-    package_root = str(Path(__file__).parents[2])
-    known = [package_root, *filter(None, [os.environ.get("PYTHONPATH")])]
-    return subprocess.Popen(
-        [sys.executable, "-m", "twin_gait.viewer.server", "--port", str(port)],
-        stdin=subprocess.PIPE,  # its end tells the server that we have gone
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,  # a pipe that nobody reads would stop the server when it is full
-        start_new_session=True,
-        text=True,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(known)},
-    )
-
-
-def _read_addresses(process: subprocess.Popen[str], timeout: float) -> dict[str, str]:
-    """Wait for the server's line; reading in a thread also works where pipes cannot be polled."""
-    lines: list[str] = []
-    stream = process.stdout
-    assert stream is not None  # a pipe was asked for
-    reader = threading.Thread(target=lambda: lines.append(stream.readline()), daemon=True)
-    reader.start()
-    reader.join(timeout)
-    if not lines or not lines[0].strip():
-        raise ViewerError(f"the viewer's server did not start within {timeout:g} s; is meshcat installed?")
-    answer: dict[str, str] = json.loads(lines[0])
-    if "error" in answer:
-        raise ViewerError(f"the viewer's server cannot start: {answer['error']}; give another --port")
-    return answer
-
-
-def _end(process: subprocess.Popen[str]) -> None:
-    assert process.stdin is not None  # a pipe was asked for
-    assert process.stdout is not None
-    process.stdin.close()
-    try:
-        process.wait(3.0)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-    process.stdout.close()

@@ -21,15 +21,18 @@ class Shape(NamedTuple):
         normals: Outward unit normals, shape ``(n, 3)``.
         faces: Indices of three vertices each, shape ``(m, 3)``.
         opacity: Opacity of each vertex, shape ``(n,)``, or None for that of the material.
+        colours: Red, green and blue of each vertex from 0 to 1, shape ``(n, 3)``, or None for those of the
+            material.
     """
 
     vertices: np.ndarray
     normals: np.ndarray
     faces: np.ndarray
     opacity: np.ndarray | None = None
+    colours: np.ndarray | None = None
 
 
-def rounded_box(size: Sequence[float], radius: float, steps: int = 3) -> Shape:
+def rounded_box(size: Sequence[float], radius: float, steps: int = 2) -> Shape:
     """Make a box whose edges are rounded.
 
     Args:
@@ -78,7 +81,7 @@ def _grid_faces(rows: int, columns: int, *, offset: int = 0, flip: bool = False)
     return faces[:, ::-1] if flip else faces
 
 
-def turned(profile: Sequence[tuple[float, float]], columns: int = 48) -> Shape:
+def turned(profile: Sequence[tuple[float, float]], columns: int = 28) -> Shape:
     """Turn a profile about the z axis, with an edge at every corner of it.
 
     Args:
@@ -153,7 +156,7 @@ def ring_cap(radius: float, length: float) -> Shape:
     return turned([(r, -z) for r, z in reversed(upper)] + upper)
 
 
-def ellipsoid(radii: Sequence[float], columns: int = 32) -> Shape:
+def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
     """Make an ellipsoid.
 
     Args:
@@ -194,17 +197,18 @@ def capsule(radius: float, length: float) -> Shape:
     return Shape(vertices, ball.normals, ball.faces)
 
 
-def cone(radius: float, length: float) -> Shape:
+def cone(radius: float, length: float, columns: int = 32) -> Shape:
     """Make a cone along z with its tip up.
 
     Args:
         radius: Of the base in [m].
         length: In [m].
+        columns: Facets of a full turn.
 
     Returns:
         The mesh, its middle height at the origin.
     """
-    return turned([(0.0, -length / 2.0), (radius, -length / 2.0), (0.0, length / 2.0)])
+    return turned([(0.0, -length / 2.0), (radius, -length / 2.0), (0.0, length / 2.0)], columns)
 
 
 def arrow(length: float = 1.0, radius: float = 0.012) -> Shape:
@@ -221,7 +225,51 @@ def arrow(length: float = 1.0, radius: float = 0.012) -> Shape:
     return turned([(0.0, 0.0), (radius, 0.0), (radius, neck), (head, neck), (0.0, length)], columns=24)
 
 
-def limb(rings: Sequence[Sequence[float]], *, rows: int = 28, columns: int = 28) -> Shape:
+def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
+    """Make a round tube along a path, with flat ends.
+
+    Args:
+        points: Of the path in [m], shape ``(n, 3)``; neighbours differ.
+        radius: In [m].
+        columns: Facets of a full turn.
+
+    Returns:
+        The mesh; the first ``n * (columns + 1)`` vertices are the rings in the order of the points.
+    """
+    ahead = np.gradient(points, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    across = _carried_along(ahead)
+    angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)[None, :, None]
+    around = np.cos(angle) * across[:, None, :] + np.sin(angle) * np.cross(ahead, across)[:, None, :]
+    n = len(points)
+    rings = Shape(
+        (points[:, None, :] + radius * around).reshape(-1, 3),
+        around.reshape(-1, 3),
+        _grid_faces(n, columns + 1, flip=True),
+    )
+    first = _flat_end(points[0], -ahead[0], radius * around[0][::-1])
+    last = _flat_end(points[-1], ahead[-1], radius * around[-1])
+    return merged([rings, first, last])
+
+
+def _carried_along(ahead: np.ndarray) -> np.ndarray:
+    """A direction across each piece of a path that turns no more than the path does."""
+    across = np.empty_like(ahead)
+    before = np.eye(3)[int(np.argmin(np.abs(ahead[0])))]
+    for k, direction in enumerate(ahead):
+        side = before - (before @ direction) * direction
+        across[k] = before = side / np.linalg.norm(side)
+    return across
+
+
+def _flat_end(centre: np.ndarray, outward: np.ndarray, spokes: np.ndarray) -> Shape:
+    rim = np.arange(1, len(spokes))
+    faces = np.column_stack((np.zeros_like(rim), rim, rim + 1))
+    vertices = np.concatenate((centre[None], centre + spokes))
+    return Shape(vertices, np.tile(outward, (len(vertices), 1)), faces)
+
+
+def limb(rings: Sequence[Sequence[float]], *, rows: int = 15, columns: int = 20) -> Shape:
     """Make a limb of elliptic rings along z, with rounded ends.
 
     Args:
@@ -245,7 +293,7 @@ def limb(rings: Sequence[Sequence[float]], *, rows: int = 28, columns: int = 28)
     return Shape(vertices, smooth_normals(vertices, faces), faces)
 
 
-def _end(ring: np.ndarray, neighbour: np.ndarray, steps: int = 7) -> np.ndarray:
+def _end(ring: np.ndarray, neighbour: np.ndarray, steps: int = 4) -> np.ndarray:
     """Rings that close an end with a dome, from its tip to the ring."""
     turn = np.linspace(0.02, math.pi / 2.0, steps)[:, None]
     outward = math.copysign(1.0, ring[0] - neighbour[0])
@@ -276,6 +324,24 @@ def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
 
 
+def is_closed(shape: Shape) -> bool:
+    """Whether a mesh encloses a volume and looks outward, so that its inside is never seen.
+
+    Args:
+        shape: The mesh.
+
+    Returns:
+        True if every edge is run along as often one way as the other and the volume is positive.
+    """
+    _, place = np.unique(np.round(shape.vertices, 6), axis=0, return_inverse=True)
+    faces = place.reshape(-1)[shape.faces]
+    start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    there, back = start * len(place) + end, end * len(place) + start
+    a, b, c = (shape.vertices[shape.faces[:, corner]] for corner in range(3))
+    volume = float(np.einsum("ij,ij->", a, np.cross(b, c)))
+    return volume > 0.0 and bool(np.array_equal(np.sort(there), np.sort(back)))
+
+
 def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     """Give a mesh normals that are smooth on curved parts and sharp at edges.
 
@@ -284,7 +350,7 @@ def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
         faces: Shape ``(m, 3)``.
 
     Returns:
-        The mesh with three vertices of its own per face.
+        The mesh; a vertex on an edge is there once for each side of it.
     """
     corners = vertices[faces]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -292,7 +358,10 @@ def creased(vertices: np.ndarray, faces: np.ndarray) -> Shape:
     smooth = smooth_normals(vertices, faces)[faces]
     sharp = np.einsum("fij,fj->fi", smooth, unit) < _CREASE
     normals = np.where(sharp[:, :, None], unit[:, None, :], smooth)
-    return Shape(corners.reshape(-1, 3), normals.reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3))
+    pairs = np.concatenate((corners, normals), axis=2).reshape(-1, 6)
+    # Rounded, because sums of the same faces in another order differ in the last bit.
+    _, first, index = np.unique(np.round(pairs, 6), axis=0, return_index=True, return_inverse=True)
+    return Shape(pairs[first, :3], pairs[first, 3:], index.reshape(-1, 3))
 
 
 def moved(shape: Shape, placement: np.ndarray) -> Shape:
@@ -310,7 +379,7 @@ def moved(shape: Shape, placement: np.ndarray) -> Shape:
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     mirrored = np.linalg.det(linear) < 0.0
     faces = shape.faces[:, ::-1] if mirrored else shape.faces
-    return Shape(shape.vertices @ linear.T + placement[:3, 3], normals, faces, shape.opacity)
+    return shape._replace(vertices=shape.vertices @ linear.T + placement[:3, 3], normals=normals, faces=faces)
 
 
 def merged(items: Iterable[Shape]) -> Shape:

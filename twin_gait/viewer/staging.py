@@ -12,13 +12,16 @@ from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
 from twin_gait.leg_model.leg_model import PELVIS_JOINT
 from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
+from twin_gait.viewer.bench import draw_bench
 from twin_gait.viewer.body import draw_wearer
 from twin_gait.viewer.commands import Window
 from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.harness import draw_harness
 from twin_gait.viewer.scene import RIGHT_SIDE, Scene, View
 from twin_gait.viewer.visuals import FIXED_JOINT, Visuals, load_visuals
 from twin_gait.vocabulary import Side
 
+_BAR_ABOVE_HEAD = 0.08  # [m]
 _FROM_THE_FRONT = (0.6, -1.0, 0.3)
 
 
@@ -40,12 +43,18 @@ def build_scene(window: Window, model: LegModel, *, patient: Patient | None = No
     surroundings.set_studio(window)
     visuals = load_visuals(model.model, model.urdf_path)
     scene = _start(window, model.model, visuals, model.legs, model.up_axis)
+    trunk = PELVIS_JOINT if model.pelvis is PelvisGuide.VERTICAL else FIXED_JOINT
     if patient is not None:
-        trunk = PELVIS_JOINT if model.pelvis is PelvisGuide.VERTICAL else FIXED_JOINT
         draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if len(model.legs) > 1 else None)
+    for side, leg in model.legs.items():
+        scene.draw_arcs(side, leg, visuals)
     top, bottom = _extent(scene.figure, model.legs)
     if model.pelvis is PelvisGuide.VERTICAL:
         _surround_walker(window, scene, model.legs, top - bottom)
+        if patient is not None and len(model.legs) > 1:
+            hooks = draw_harness(scene.figure, patient, trunk)
+            scene.draw_ropes(trunk, hooks, _BAR_ABOVE_HEAD + patient.height)
+            scene.view = _whole_walker(scene, patient)
     elif len(model.legs) == 1:
         _surround_bench_leg(window, scene, model.legs, top, bottom)
     else:
@@ -55,13 +64,14 @@ def build_scene(window: Window, model: LegModel, *, patient: Patient | None = No
     return scene
 
 
-def build_urdf_scene(window: Window, model: pin.Model, urdf: Path) -> Scene:
-    """Draw any URDF, with all coordinates at zero.
+def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: str = "z") -> Scene:
+    """Draw any URDF, with all coordinates at zero; one that shows nothing gets sticks from joint to joint.
 
     Args:
         window: Where commands go.
         model: Pinocchio model of it.
         urdf: The file.
+        up_axis: ``"z"`` or ``"y"``: the vertical of the URDF.
 
     Returns:
         The scene.
@@ -72,8 +82,10 @@ def build_urdf_scene(window: Window, model: pin.Model, urdf: Path) -> Scene:
     """
     surroundings.set_studio(window)
     visuals = load_visuals(model, urdf)
-    scene = _start(window, model, visuals, {}, "z")
-    points = _all_points(model, visuals)
+    scene = _start(window, model, visuals, {}, up_axis)
+    if not visuals.parts:
+        scene.figure.draw_skeleton()
+    points = _all_points(model, visuals) @ scene.figure.base[:3, :3].T
     low, high = points.min(axis=0), points.max(axis=0)
     size = max(float(np.linalg.norm(high - low)), 0.1)
     x, y, z = (float(value) for value in 0.5 * (low + high))
@@ -102,6 +114,12 @@ def _surround_walker(window: Window, scene: Scene, legs: Mapping[Side, LegJoints
     scene.view = View((0.0, 0.0, 0.60 * height), width=1.6 * height, height=1.6 * height)
 
 
+def _whole_walker(scene: Scene, patient: Patient) -> View:
+    """From the treadmill's foot to the bar."""
+    low, high = -0.13, _BAR_ABOVE_HEAD + patient.height + 0.07
+    return View((0.0, 0.0, 0.5 * (low + high)), width=1.15 * (high - low), height=high - low)
+
+
 def _surround_bench_leg(
     window: Window, scene: Scene, legs: Mapping[Side, LegJoints], top: float, bottom: float
 ) -> None:
@@ -111,7 +129,7 @@ def _surround_bench_leg(
     height = top - bottom
     floor = bottom - 0.22 * height
     hip = scene.figure.world_point(pin.neutral(scene.figure.model), leg.hip)
-    surroundings.draw_bench(window, floor, hip, far_side=1.0 if right else -1.0)
+    draw_bench(window, floor, hip, far_side=1.0 if right else -1.0)
     x, y, z = RIGHT_SIDE
     scene.view = View(
         (float(hip[0]) + 0.10 * height, float(hip[1]), 0.5 * (top + floor) + 0.08 * height),
@@ -133,10 +151,11 @@ def _extent(figure: Figure, legs: Mapping[Side, LegJoints]) -> tuple[float, floa
 
 
 def _all_points(model: pin.Model, visuals: Visuals) -> np.ndarray:
-    """Vertices of all visuals and origins of all joints in the neutral posture, shape ``(n, 3)``."""
+    """Vertices of all visuals, or all frames, and origins of all joints at zero, shape ``(n, 3)``."""
     data = model.createData()
-    pin.forwardKinematics(model, data, pin.neutral(model))
-    points = [np.asarray(placement.translation)[None, :] for placement in data.oMi]
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    placements = [*data.oMi, *(() if visuals.parts else data.oMf)]
+    points = [np.asarray(placement.translation)[None, :] for placement in placements]
     for part in visuals.parts:
         placement = data.oMi[0 if part.joint == FIXED_JOINT else model.getJointId(part.joint)]
         turn, shift = np.asarray(placement.rotation), np.asarray(placement.translation)

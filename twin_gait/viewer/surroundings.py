@@ -1,4 +1,4 @@
-"""What stands around the figure: light, floor, treadmill, bench."""
+"""What stands around the figure: light, floor, treadmill, the mast of the ropes."""
 
 from __future__ import annotations
 
@@ -12,18 +12,21 @@ Triple = tuple[float, float, float]
 
 ROOT = "/meshcat/surroundings"
 BELT = f"{ROOT}/belt"
-BELT_MARK_SPACING = 0.12  # [m]
+BELT_MARK_SPACING = 0.20  # [m]
 
-_FLOOR = Material(colour=(0.90, 0.92, 0.94), roughness=0.95)
-_DECK = Material(colour=(0.83, 0.86, 0.89), roughness=0.5)
-_RUBBER = Material(colour=(0.20, 0.22, 0.25), roughness=0.95)
-_MARK = Material(colour=(0.55, 0.60, 0.66), roughness=0.95)
-_STEEL = Material(colour=(0.70, 0.74, 0.79), roughness=0.4, metalness=0.15)
+RUBBER = Material(colour=(0.21, 0.23, 0.26), roughness=0.95)
+DECK = Material(colour=(0.80, 0.83, 0.87), roughness=0.8)
+STEEL = Material(colour=(0.66, 0.70, 0.76), roughness=0.8)
+_FLOOR = Material(colour=(0.85, 0.875, 0.90), roughness=0.95)
+_MARK = Material(colour=(0.42, 0.46, 0.52), roughness=0.95)
 
-_BELT_LENGTH, _BELT_WIDTH = 1.70, 0.70
-_RAIL_WIDTH = 0.055
+_BELT_LENGTH, _BELT_WIDTH = 1.80, 0.70
+_RAIL_WIDTH = 0.06
 _DECK_HEIGHT = 0.085
+_EDGE = 0.005
 _END_LENGTH = BELT_MARK_SPACING + 0.02  # hides the marks where they jump back by one spacing
+_MAST = (-0.62, 0.5 * _BELT_WIDTH + 0.5 * _RAIL_WIDTH)  # foot of the mast, on the rail behind the figure
+_MAST_RADIUS, _MAST_BEND = 0.022, 0.20  # [m]
 
 
 def set_studio(window: Window) -> None:
@@ -34,18 +37,18 @@ def set_studio(window: Window) -> None:
     """
     properties = [
         ("/Background", "top_color", [0.985, 0.99, 0.995]),
-        ("/Background", "bottom_color", [0.86, 0.885, 0.91]),
+        ("/Background", "bottom_color", [0.84, 0.87, 0.90]),
+        ("/Lights/AmbientLight/<object>", "intensity", 0.56),
         ("/Axes", "visible", False),
         ("/Grid", "visible", False),
         ("/Lights/PointLightNegativeX", "visible", False),
         ("/Lights/PointLightPositiveX", "visible", False),
-        ("/Lights/AmbientLight/<object>", "intensity", 0.52),
-        ("/Lights/FillLight/<object>", "position", [-2.5, -4.0, 4.0]),
-        ("/Lights/FillLight/<object>", "intensity", 0.30),
+        ("/Lights/FillLight/<object>", "position", [-2.0, -4.5, 4.0]),
+        ("/Lights/FillLight/<object>", "intensity", 0.34),
         ("/Lights/SpotLight", "visible", True),
-        ("/Lights/SpotLight/<object>", "position", [1.2, -2.8, 5.0]),
+        ("/Lights/SpotLight/<object>", "position", [1.6, -2.4, 5.2]),
         ("/Lights/SpotLight/<object>", "castShadow", True),
-        ("/Lights/SpotLight/<object>", "intensity", 0.36),
+        ("/Lights/SpotLight/<object>", "intensity", 0.32),
         ("/Lights/SpotLight/<object>", "angle", 0.5),
         ("/Lights/SpotLight/<object>", "penumbra", 0.9),
     ]
@@ -53,7 +56,7 @@ def set_studio(window: Window) -> None:
         window.send(set_property(path, name, value))
 
 
-def draw_floor(window: Window, height: float, radius: float = 2.2) -> None:
+def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
     """Draw a round floor that fades into the background.
 
     Args:
@@ -61,15 +64,14 @@ def draw_floor(window: Window, height: float, radius: float = 2.2) -> None:
         height: In [m].
         radius: At which it has faded out, in [m].
     """
-    rings = np.linspace(1.0, 0.0, 13)
-    disc = shapes.turned([(float(ring) * radius, 0.0) for ring in rings], columns=64)
+    rings = np.linspace(1.0, 0.0, 9)
+    disc = shapes.turned([(float(ring) * radius, 0.0) for ring in rings], columns=48)
     share = np.linalg.norm(disc.vertices, axis=1) / radius
     opacity = np.clip((1.0 - share) / 0.6, 0.0, 1.0)
     faded = disc._replace(opacity=opacity * opacity * (3.0 - 2.0 * opacity))
-    _place(window, "floor", faded, _FLOOR, (0.0, 0.0, height))
+    place(window, "floor", faded, _FLOOR, (0.0, 0.0, height), under_shadows=True)
     # Drawn before other translucent parts, which must not vanish behind it.
     window.send(set_property(f"{ROOT}/floor/<object>", "renderOrder", -1))
-    window.send(set_property(f"{ROOT}/floor/<object>", "castShadow", False))
 
 
 def draw_treadmill(window: Window) -> None:
@@ -78,43 +80,35 @@ def draw_treadmill(window: Window) -> None:
     Args:
         window: Where commands go.
     """
-    belt = 0.03
-    under = -0.5 * (_DECK_HEIGHT + belt)
-    _box(window, "deck", (_BELT_LENGTH, _BELT_WIDTH, _DECK_HEIGHT - belt), _STEEL, (0.0, 0.0, under))
-    _box(window, "belt_surface", (_BELT_LENGTH, _BELT_WIDTH, belt), _RUBBER, (0.0, 0.0, -0.5 * belt - 0.0005))
-    for side, y in (("left", 1.0), ("right", -1.0)):
-        place = (0.0, y * 0.5 * (_BELT_WIDTH + _RAIL_WIDTH), -0.5 * _DECK_HEIGHT + 0.008)
-        _box(window, f"rail_{side}", (_BELT_LENGTH + 0.02, _RAIL_WIDTH, _DECK_HEIGHT), _DECK, place)
-    for end, x in (("front", 1.0), ("back", -1.0)):
-        place = (x * 0.5 * (_BELT_LENGTH - _END_LENGTH + 0.03), 0.0, -0.5 * _DECK_HEIGHT + 0.010)
-        size = (_END_LENGTH + 0.03, _BELT_WIDTH + 2.0 * _RAIL_WIDTH + 0.01, _DECK_HEIGHT)
-        _box(window, f"end_{end}", size, _DECK, place)
+    frame = [_rail(1.0), _rail(-1.0), _end(1.0), _end(-1.0), _hood()]
+    place(window, "frame", shapes.merged(frame), DECK, under_shadows=True)
+    surface = box((_BELT_LENGTH, _BELT_WIDTH, 0.03), (0.0, 0.0, -0.016))
+    place(window, "belt_surface", surface, RUBBER, under_shadows=True)
     inner = _BELT_LENGTH - _END_LENGTH
-    for number, x in enumerate(np.arange(-0.5 * inner + 0.02, 0.5 * inner + 0.01, BELT_MARK_SPACING)):
-        mark = shapes.rounded_box((0.014, _BELT_WIDTH - 0.04, 0.002), 0.0005)
-        path = f"{BELT}/mark_{number}"
-        window.send(set_object(path, mark, _MARK))
-        window.send(set_property(f"{path}/<object>", "castShadow", False))
-        window.send(set_transform(path, _translation((float(x), 0.0, -0.0008))))
+    at = np.arange(-0.5 * inner + 0.02, 0.5 * inner + 0.01, BELT_MARK_SPACING)
+    marks = [_mark(float(x)) for x in at]
+    window.send(set_object(f"{BELT}/marks", shapes.merged(marks), _MARK))
+    window.send(set_property(f"{BELT}/marks/<object>", "castShadow", False))
     draw_floor(window, -_DECK_HEIGHT)
 
 
-def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -> None:
-    """Draw the stand that holds a leg: base, column on the far side, and an arm to the hip.
+def draw_mast(window: Window, hooks: np.ndarray) -> None:
+    """Draw a mast beside the treadmill, its arm, and the bar above the wearer that the ropes hang from.
 
     Args:
         window: Where commands go.
-        floor: Height of the floor in [m].
-        hip: Position of the hip in [m], shape ``(3,)``.
-        far_side: 1 if the column stands to the left of the leg, -1 if to its right.
+        hooks: Upper ends of the ropes in [m], shape ``(n, 3)``, all at one height.
     """
-    x, y, z = (float(value) for value in hip)
-    behind, beside = x - 0.09, y + far_side * 0.24
-    top = z + 0.10
-    _box(window, "base", (0.62, 0.50, 0.035), _RUBBER, (behind + 0.10, y + far_side * 0.12, floor + 0.0175))
-    _box(window, "column", (0.085, 0.085, top - floor), _DECK, (behind, beside, 0.5 * (top + floor)))
-    _box(window, "arm", (0.06, 0.24, 0.06), _STEEL, (behind, y + far_side * 0.12, z + 0.03))
-    draw_floor(window, floor)
+    middle = hooks.mean(axis=0)
+    reach = 1.25 * (hooks - middle)
+    x, y = _MAST
+    foot, elbow = np.array([x, y, -_DECK_HEIGHT]), np.array([x, y, middle[2] + 0.05])
+    end = middle + np.array([0.0, 0.0, 0.05])
+    mast = shapes.tube(_rounded_corner(foot, elbow, end, _MAST_BEND), _MAST_RADIUS, columns=14)
+    low, high = reach[np.argmin(reach[:, 1])], reach[np.argmax(reach[:, 1])]
+    bar = shapes.tube(np.array([middle + low, middle, middle + high]), 0.016, columns=12)
+    hanger = shapes.moved(shapes.cylinder(0.012, 0.06), _translation(0.5 * (middle + end)))
+    place(window, "mast", shapes.merged([mast, bar, hanger]), STEEL)
 
 
 def belt_offset(time: float, belt_speed: float) -> float:
@@ -130,17 +124,82 @@ def belt_offset(time: float, belt_speed: float) -> float:
     return -((belt_speed * time) % BELT_MARK_SPACING)
 
 
-def _box(window: Window, name: str, size: Triple, material: Material, centre: Triple) -> None:
-    _place(window, name, shapes.rounded_box(size, 0.014), material, centre)
+def box(size: Triple, centre: Triple, edge: float = 0.012) -> Shape:
+    """Make a box with rounded edges at a place.
+
+    Args:
+        size: Lengths along x, y and z in [m].
+        centre: Its middle in [m].
+        edge: Radius of the rounding in [m].
+
+    Returns:
+        The mesh.
+    """
+    return shapes.moved(shapes.rounded_box(size, edge), _translation(centre))
 
 
-def _place(window: Window, name: str, shape: Shape, material: Material, centre: Triple) -> None:
+def place(
+    window: Window,
+    name: str,
+    shape: Shape,
+    material: Material,
+    centre: Triple = (0.0, 0.0, 0.0),
+    *,
+    under_shadows: bool = False,
+) -> None:
+    """Draw a part that does not move.
+
+    Args:
+        window: Where commands go.
+        name: Name of the part.
+        shape: The mesh.
+        material: Its surface.
+        centre: Where its origin stands in [m].
+        under_shadows: Whether shadows fall on it; such a part casts none itself.
+    """
     path = f"{ROOT}/{name}"
     window.send(set_object(path, shape, material))
     window.send(set_transform(path, _translation(centre)))
+    window.send(set_property(f"{path}/<object>", "receiveShadow", under_shadows))
+    window.send(set_property(f"{path}/<object>", "castShadow", not under_shadows))
 
 
-def _translation(centre: Triple) -> np.ndarray:
+def _rail(side: float) -> Shape:
+    y = side * 0.5 * (_BELT_WIDTH + _RAIL_WIDTH)
+    return box((_BELT_LENGTH + 0.02, _RAIL_WIDTH, _DECK_HEIGHT), (0.0, y, -0.5 * _DECK_HEIGHT + 0.010), _EDGE)
+
+
+def _end(side: float) -> Shape:
+    x = side * 0.5 * (_BELT_LENGTH - _END_LENGTH + 0.03)
+    size = (_END_LENGTH + 0.03, _BELT_WIDTH + 2.0 * _RAIL_WIDTH + 0.01, _DECK_HEIGHT)
+    return box(size, (x, 0.0, -0.5 * _DECK_HEIGHT + 0.012), _EDGE)
+
+
+def _hood() -> Shape:
+    """Cover of the belt's motor at the front."""
+    length, height = _END_LENGTH - 0.04, 0.05
+    size = (length, _BELT_WIDTH + _RAIL_WIDTH, height)
+    return box(size, (0.5 * _BELT_LENGTH - 0.5 * length, 0.0, 0.5 * height), 0.02)
+
+
+def _mark(x: float) -> Shape:
+    """Line across the belt, a hair above it."""
+    half_x, half_y, z = 0.006, 0.5 * _BELT_WIDTH - 0.02, 0.0006
+    corners = np.array([[-half_x, -half_y], [half_x, -half_y], [half_x, half_y], [-half_x, half_y]])
+    vertices = np.column_stack((corners + np.array([x, 0.0]), np.full(4, z)))
+    return Shape(vertices, np.tile([0.0, 0.0, 1.0], (4, 1)), np.array([[0, 1, 2], [0, 2, 3]]))
+
+
+def _rounded_corner(start: np.ndarray, corner: np.ndarray, end: np.ndarray, bend: float) -> np.ndarray:
+    """Path from start to end around a corner, which is cut off at a distance of ``bend`` by a parabola."""
+    before = corner + bend * (start - corner) / np.linalg.norm(start - corner)
+    after = corner + bend * (end - corner) / np.linalg.norm(end - corner)
+    share = np.linspace(0.0, 1.0, 9)[:, None]
+    curve = (1.0 - share) ** 2 * before + 2.0 * share * (1.0 - share) * corner + share**2 * after
+    return np.concatenate((start[None], curve, end[None]))
+
+
+def _translation(centre: Triple | np.ndarray) -> np.ndarray:
     placement = np.eye(4)
     placement[:3, 3] = centre
     return placement

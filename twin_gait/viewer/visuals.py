@@ -12,8 +12,9 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model.leg_model import PELVIS_JOINT
-from twin_gait.leg_model.urdf import build_model, quiet_stderr, read_urdf
+from twin_gait.leg_model.urdf import PACKAGED_URDFS, build_model, packaged_urdf, quiet_stderr, read_urdf
 from twin_gait.viewer import shapes
+from twin_gait.viewer.meshes import read_obj
 from twin_gait.viewer.shapes import Shape
 
 FIXED_JOINT = "universe"
@@ -150,7 +151,9 @@ def _resolve_meshes(root: ElementTree.Element, urdf: Path) -> list[str]:
 def _find_mesh(name: str, folder: Path) -> Path | None:
     relative = name.removeprefix("package://").removeprefix("file://")
     inside_package = relative.split("/", 1)[-1] if name.startswith("package://") else relative
-    folders = (folder, *folder.resolve().parents)
+    # A copy of a packaged URDF keeps its looks without a copy of the meshes.
+    packaged = packaged_urdf(PACKAGED_URDFS[0]).parent
+    folders = (folder, *folder.resolve().parents, packaged)
     nearby = [base / part for base in folders for part in (relative, inside_package)]
     for candidate in (Path(relative), *nearby):
         if candidate.is_file():
@@ -222,16 +225,26 @@ def _shape_of(item: Any) -> Shape | None:
         case "Cone":
             return shapes.cone(float(solid.radius), 2.0 * float(solid.halfLength))
         case _:
-            return _shape_of_mesh(solid)
+            return _shape_of_file(item) or _shape_of_mesh(item)
 
 
-def _shape_of_mesh(solid: Any) -> Shape | None:
+def _shape_of_file(item: Any) -> Shape | None:
+    """Mesh with the normals of its file, if it has any."""
+    if not str(item.meshPath).lower().endswith(".obj"):
+        return None
+    shape = read_obj(item.meshPath)
+    return None if shape is None else shapes.moved(shape, np.diag([*np.ravel(item.meshScale), 1.0]))
+
+
+def _shape_of_mesh(item: Any) -> Shape | None:
+    solid = item.geometry
     if not hasattr(solid, "tri_indices") or solid.num_tris == 0:
         return None
-    vertices = np.array(solid.vertices(), dtype=float)
+    vertices = np.array(solid.vertices(), dtype=float)  # scaled already
     triangles = (solid.tri_indices(index) for index in range(solid.num_tris))
     faces = np.array([[corner[0], corner[1], corner[2]] for corner in triangles], dtype=int)
-    return shapes.creased(vertices, faces)
+    mirrored = float(np.prod(item.meshScale)) < 0.0
+    return shapes.creased(vertices, faces[:, ::-1] if mirrored else faces)
 
 
 def _four(colour: tuple[float, ...]) -> tuple[float, float, float, float]:

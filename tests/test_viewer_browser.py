@@ -1,0 +1,500 @@
+"""The page in a real browser: a walk of the treadmill, looked at in headless Chromium."""
+
+import math
+import shutil
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+import pytest
+from matplotlib.image import imread as read_picture
+
+from twin_gait import load_experiment, simulate
+from twin_gait.cli import main
+from twin_gait.palette import PHASE_COLOURS
+from twin_gait.studies.record import write_run
+from twin_gait.studies.shown_run import page_of, read_shown_run
+from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.recorder import Recorder
+from twin_gait.viewer.session import LiveViewer
+from twin_gait.viewer.staging import build_scene
+from twin_gait.vocabulary import GaitPhase, JointName, Side
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+if CHROMIUM is None:
+    pytest.skip("no Chromium on this machine", allow_module_level=True)
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+
+FLAGS = ["--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader",
+         "--enable-unsafe-swiftshader"]  # fmt: skip
+# What Chromium itself says about reading pixels for a screenshot.
+OWN_WORDS = "GL Driver Message"
+COLUMNS = {"": "angle_rad", "_torque": "motor_torque_Nm", "_impedance": "impedance_torque_Nm",
+           "_friction_compensation": "friction_compensation_torque_Nm",
+           "_gravity_compensation": "gravity_compensation_torque_Nm"}  # fmt: skip
+
+
+@dataclass
+class OpenPage:
+    """A page in the browser, and everything that it complained about or asked for."""
+
+    page: "playwright.Page"
+    complaints: list[str] = field(default_factory=list)
+    requests: list[str] = field(default_factory=list)
+
+    def __call__(self, script: str, argument: object = None):
+        return self.page.evaluate(script, argument)
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory) -> dict[str, Path]:
+    """Two walks that differ in the support of the weight and in their length."""
+    folders = {}
+    for name, share, duration in (("more", 0.6, 2.0), ("less", 0.5, 1.2)):
+        folder = tmp_path_factory.mktemp("runs") / name
+        folder.mkdir()
+        settings = [f"duration_s={duration}", "engine=pinocchio", f"scenario.support.share={share}"]
+        write_run(simulate(load_experiment("treadmill", settings).experiment), folder, pictures=False)
+        folders[name] = folder
+    return folders
+
+
+@pytest.fixture(scope="module")
+def pages(runs: dict[str, Path], tmp_path_factory) -> dict[str, Path]:
+    shown = {name: read_shown_run(folder) for name, folder in runs.items()}
+    folder = tmp_path_factory.mktemp("pages")
+    for name, chosen in (("one", [shown["more"]]), ("two", [shown["more"], shown["less"]])):
+        (folder / f"{name}.html").write_text(page_of(chosen), encoding="utf-8")
+    return {path.stem: path for path in folder.iterdir()}
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator["playwright.Browser"]:
+    with playwright.sync_playwright() as driver:
+        running = driver.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield running
+        running.close()
+
+
+def visitor(browser: "playwright.Browser") -> Iterator:
+    """Gives a function that opens a page; at the end nothing may have gone wrong in any of them."""
+    made: list[OpenPage] = []
+
+    def visit(address: str, size: tuple[int, int] = (480, 360), **context: object) -> OpenPage:
+        page = browser.new_page(viewport={"width": size[0], "height": size[1]}, **context)
+        one = OpenPage(page)
+        page.on(
+            "console", lambda m: one.complaints.append(m.text) if m.type in ("error", "warning") else None
+        )
+        page.on("pageerror", lambda error: one.complaints.append(str(error)))
+        page.on("request", lambda request: one.requests.append(request.url))
+        page.goto(address)
+        one("window.ready")
+        made.append(one)
+        return one
+
+    yield visit
+    for one in made:
+        assert [words for words in one.complaints if OWN_WORDS not in words] == []
+        one.page.close()
+
+
+@pytest.fixture
+def opened(browser: "playwright.Browser") -> Iterator:
+    yield from visitor(browser)
+
+
+@pytest.fixture(scope="module")
+def walk(browser: "playwright.Browser", pages: dict[str, Path]) -> Iterator[OpenPage]:
+    """The page of one run, which several tests share: each goes first where it wants to be."""
+    visiting = visitor(browser)
+    yield next(visiting)(f"{pages['one'].as_uri()}#t=0")
+    assert next(visiting, None) is None
+
+
+@pytest.fixture(scope="module")
+def log(runs: dict[str, Path]) -> pd.DataFrame:
+    return read_shown_run(runs["more"]).log
+
+
+def numbers_in(one: OpenPage) -> dict[tuple[str, str], float]:
+    """What the card says, by row of the table and side, as a person reads it."""
+    rows = one("""[...document.querySelectorAll(".read tbody tr")].map((row) =>
+        [...row.children].map((cell) => cell.innerText.trim()))""")
+    read, joint = {}, ""
+    for name, *cells in rows:
+        if name == "Phase":
+            continue
+        if name.endswith("angle"):
+            joint = name.split()[0].lower()
+        for side, text in zip(("left", "right"), cells, strict=True):
+            number = (
+                text.replace("\N{MINUS SIGN}", "-").removesuffix("N·m").removesuffix("°").removesuffix("N")
+            )
+            read[name if name == "Ground force" else f"{joint}: {name}", side] = float(number)
+    return read
+
+
+def wait_until(one: OpenPage, condition: str) -> None:
+    """Wait for a condition; the policy of the page forbids playwright's own way."""
+    for _ in range(200):
+        if one(condition):
+            return
+        one.page.wait_for_timeout(50)
+    pytest.fail(f"not true within 10 s: {condition}")
+
+
+def clock_of(one: OpenPage) -> float:
+    return float(one('document.querySelector(".clock").textContent').split(" s")[0])
+
+
+# ---------------------------------------------------------------------------------- scene and numbers
+
+
+def test_joints_in_the_page_are_where_pinocchio_puts_them(walk: OpenPage, runs, log: pd.DataFrame) -> None:
+    model = read_shown_run(runs["more"]).experiment.build_world().model
+    paths = {name: path for name, path in Figure(Recorder(), model.model).paths.items() if name != "universe"}
+    one = walk
+    seen = one(
+        """(paths) => player.times.map((time) => {
+          player.seek(time, false);
+          const parts = (path) => path.split("/").filter((part) => part);
+          const find = (path) => twinGait.stage.viewer.scene_tree.find(parts(path)).object;
+          twinGait.stage.viewer.scene.updateMatrixWorld(true);
+          const base = find("/meshcat").matrixWorld.clone().invert();
+          const clock = parseFloat(document.querySelector(".clock").textContent);
+          return [clock, paths.map((path) => base.clone().multiply(find(path).matrixWorld).toArray())];
+        })""",
+        list(paths.values()),
+    )
+    assert len(seen) >= 60
+    data = model.model.createData()
+    worst = 0.0
+    for clock, matrices in seen:
+        row = log.iloc[round(1000.0 * clock)]
+        q = np.zeros(model.nv)
+        for side, leg in model.legs.items():
+            for joint, _ in leg.items():
+                q[model.index(side, joint)] = row[f"{side}_{joint}_angle_rad"]
+        q[model.pelvis_index] = row["pelvis_height_m"]
+        pin.forwardKinematics(model.model, data, q)
+        for name, matrix in zip(paths, matrices, strict=True):
+            expected = data.oMi[model.model.getJointId(name)].homogeneous
+            worst = max(worst, float(np.abs(np.array(matrix).reshape(4, 4).T - expected).max()))
+    assert worst < 1e-4
+
+
+def test_every_number_on_the_card_is_that_of_the_log(walk: OpenPage, log: pd.DataFrame) -> None:
+    one = walk
+    labels = ("angle", "motor torque", "impedance", "friction comp.", "gravity comp.")
+    for asked in (0.0, 0.373, 0.7, 1.111, 1.64, 1.999):
+        one("(time) => player.seek(time)", asked)
+        row, read = log.iloc[round(1000.0 * clock_of(one))], numbers_in(one)
+        assert len(read) == 2 * (2 * len(labels) + 1)
+        for side in ("left", "right"):
+            for joint in ("hip", "knee"):
+                for label, (suffix, column) in zip(labels, COLUMNS.items(), strict=True):
+                    value = row[f"{side}_{joint}_{column}"]
+                    shown = read[
+                        f"{joint}: {joint.capitalize()} angle" if not suffix else f"{joint}: {label}", side
+                    ]
+                    expected = math.degrees(value) if not suffix else value
+                    # Half a unit of the digit shown, and what the page rounds away before.
+                    assert abs(shown - expected) <= 0.05 + 1e-4, (asked, side, joint, label)
+            assert abs(read["Ground force", side] - row[f"{side}_foot_normal_force_N"]) <= 0.51
+            pill = one('[...document.querySelectorAll(".read .pill")].map((p) => p.textContent)')
+            phase = GaitPhase(row[f"{side}_phase"])
+            assert pill[side == "right"].endswith(phase.replace("_", " ").capitalize())
+
+
+def test_stepping_lands_on_the_transitions_of_the_run(walk: OpenPage, runs) -> None:
+    table = pd.read_csv(runs["more"] / "transitions.csv")
+    expected = sorted(set(table["time_s"]))
+    assert len(expected) >= 8
+    one = walk
+    one("player.seek(0)")
+
+    def visited(key: str) -> list[float]:
+        found = [clock_of(one)]
+        while len(found) < 100:
+            one.page.keyboard.press(key)
+            if clock_of(one) == found[-1]:
+                break
+            found.append(clock_of(one))
+        return found[1:]
+
+    one.page.keyboard.press(".")
+    first = table.loc[table["time_s"] == expected[0]].iloc[0]
+    # A screen reader is told which leg entered which phase.
+    assert f"{first['side']} leg: {first['to'].replace('_', ' ')}" in one(
+        'document.getElementById("spoken").textContent'
+    )
+    assert [clock_of(one), *visited(".")] == expected
+    assert visited(",") == expected[-2::-1]
+    one.page.click("#next")
+    assert clock_of(one) == expected[1]
+
+
+def test_a_motor_changes_its_colour_with_the_phase(walk: OpenPage, runs) -> None:
+    table = pd.read_csv(runs["more"] / "transitions.csv")
+    switch = table[table["side"] == "right"].iloc[1]
+    experiment = read_shown_run(runs["more"]).experiment
+    scene = build_scene(Recorder(), experiment.build_world().model, patient=experiment.patient)
+    colour = """(path) => twinGait.stage.viewer.scene_tree.find(
+        path.split("/").filter((part) => part)).object.material.color.toArray()"""
+    cover = f"{scene.covers[Side.RIGHT][0]}/<object>"
+    walk("(time) => player.seek(time)", float(switch["time_s"]))
+    seen = [walk(colour, cover)]
+    walk.page.keyboard.press("ArrowLeft")
+    seen.append(walk(colour, cover))
+    for shown, phase in zip(seen, (switch["to"], switch["from"]), strict=True):
+        code = PHASE_COLOURS[GaitPhase(phase)]
+        expected = [int(code[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
+        np.testing.assert_allclose(shown, expected, atol=1e-4)
+
+
+# ---------------------------------------------------------------------------------- keys and pointer
+
+
+def test_keys_play_step_and_change_the_page(walk: OpenPage) -> None:
+    one = walk
+    one("player.seek(0.2)")
+    keys, now = one.page.keyboard, lambda: one("player.time")
+    frames = one("player.times")
+    at = frames.index(0.2)
+    keys.press("ArrowRight")
+    assert now() == frames[at + 1] and one("location.hash") == f"#t={frames[at + 1]:.3f}"
+    keys.press("ArrowLeft")
+    keys.press("ArrowLeft")
+    assert now() == frames[at - 1]
+    keys.press("End")
+    assert now() == frames[-1]
+    keys.press("Home")
+    keys.press("Shift+ArrowRight")
+    assert now() == 0.5
+    keys.press("+")
+    assert one('document.getElementById("speed").value') == "2"
+    keys.press("-")
+    keys.press("-")
+    assert one('document.getElementById("speed").value') == "0.5"
+    keys.press("a")
+    assert one("plots.shown()") == [0, frames[-1]]
+    dark = one("theme.dark")
+    keys.press("t")
+    assert one("theme.dark") is not dark
+    keys.press("?")
+    assert one('document.getElementById("help").open') is True
+    keys.press("End")  # the page behind the help does not listen
+    assert now() == 0.5
+    keys.press("Escape")
+    wait_until(one, '!document.getElementById("help").open')
+    keys.press("Space")
+    assert one("player.playing") is True
+    wait_until(one, "player.time > 0.5")
+    keys.press("Space")
+    assert one("player.playing") is False
+    assert now() in frames  # at rest it shows a row of the log
+
+
+def test_every_control_can_be_reached_and_has_a_name(opened, pages) -> None:
+    one = opened(f"{pages['one'].as_uri()}#t=0")
+    reached = set()
+    for _ in range(30):
+        one.page.keyboard.press("Tab")
+        reached.add(one("document.activeElement.id"))
+    assert {"previous", "play", "next", "time", "speed", "view", "theme", "help-open", "curve-set", "whole",
+            "zoom-in", "zoom-out"} <= reached  # fmt: skip
+    nameless = one("""[...document.querySelectorAll("button, select, input, canvas[role=img]")].filter((e) =>
+        e.getClientRects().length && !e.ariaLabel && !e.textContent.trim() && !e.labels?.length
+    ).map((e) => e.id)""")
+    assert nameless == []
+    assert "left" in one('document.getElementById("time").getAttribute("aria-valuetext")')
+
+
+def test_the_address_chooses_moment_speed_and_shade(opened, pages) -> None:
+    one = opened(f"{pages['one'].as_uri()}#t=1.234&speed=0.25&theme=dark")
+    assert abs(one("player.time") - 1.234) < 1 / 60 + 1e-3
+    assert one('document.getElementById("speed").value') == "0.25"
+    assert one("theme.dark") is True
+    one("location.hash = '#t=0.5'")
+    wait_until(one, "player.time === 0.5")
+    odd = opened(f"{pages['one'].as_uri()}#t=many&speed=-1&theme=pink")
+    assert odd('document.getElementById("speed").value') == "1"
+
+
+def test_curves_zoom_pan_seek_and_reset(opened, pages) -> None:
+    one = opened(f"{pages['one'].as_uri()}#t=1.2", size=(1200, 700))
+    box = one.page.locator("#curves").bounding_box()
+    assert box is not None
+    whole = one("plots.shown()")
+    left, right = box["x"] + 40, box["x"] + box["width"] - 8  # the axes begin and end there
+    middle = box["y"] + 0.5 * box["height"]
+    quarter = left + 0.25 * (right - left)
+    under = one("([x, y]) => plots.time_at({clientX: x, clientY: y})", [quarter, middle])
+    assert under == pytest.approx(whole[0] + 0.25 * (whole[1] - whole[0]), abs=1e-6)
+    one.page.mouse.move(quarter, middle)
+    one.page.mouse.wheel(0, -240)
+    near = one("plots.shown()")
+    assert near[1] - near[0] < 0.6 * (whole[1] - whole[0])
+    after = one("([x, y]) => plots.time_at({clientX: x, clientY: y})", [quarter, middle])
+    one.page.mouse.dblclick(quarter, middle)
+    assert one("plots.shown()") == whole
+    assert near[0] <= after <= near[1]
+    one.page.mouse.move(left + 0.5 * (right - left), middle)
+    one.page.mouse.down()
+    one.page.mouse.move(left + 0.75 * (right - left), middle, steps=4)
+    one.page.mouse.up()
+    span = one("plots.shown()")
+    length = whole[1] - whole[0]
+    np.testing.assert_allclose(span, [whole[0] + 0.5 * length, whole[0] + 0.75 * length], atol=0.02)
+    one.page.mouse.dblclick(quarter, middle)
+    one.page.mouse.click(quarter, middle)
+    assert one("player.time") == pytest.approx(under, abs=1 / 60 + 2e-3)
+
+
+# ---------------------------------------------------------------------------------- network, shapes, shades
+
+
+def test_the_page_asks_nobody_for_anything(opened, pages) -> None:
+    one = opened(f"{pages['one'].as_uri()}#t=0")
+    assert [url.split("#")[0] for url in one.requests] == [pages["one"].as_uri()]
+    # Its own policy forbids it too.
+    assert one("fetch('https://elsewhere.example/').then(() => 'went', () => 'refused')") == "refused"
+    one.complaints.clear()  # the browser reports the refusal
+
+
+@pytest.mark.parametrize("name", ["one", "two"])
+def test_a_phone_shows_everything_without_scrolling_sideways(opened, pages, name: str) -> None:
+    one = opened(f"{pages[name].as_uri()}#t=1", size=(400, 800))
+    check_width(one, 400)
+    one.page.set_viewport_size({"width": 320, "height": 700})
+    check_width(one, 320)
+
+
+def check_width(one: OpenPage, width: int) -> None:
+    assert one("document.documentElement.scrollWidth") <= width
+    outside = one("""[
+        ...document.querySelectorAll("button, select, .card, .pane, #curves, .pill"),
+    ].filter((e) => {
+        const box = e.getBoundingClientRect();
+        return box.width && (box.left < -0.5 || box.right > innerWidth + 0.5);
+    }).map((e) => e.id || e.className)""")
+    assert outside == []
+    small = one("""[...document.querySelectorAll(".read td, .read th, .legend")].map((e) =>
+        parseFloat(getComputedStyle(e).fontSize)).filter((size) => size < 11)""")
+    assert small == []
+    one("scrollTo(0, document.documentElement.scrollHeight)")
+    # The bar lies over the page, and the end of the page can be seen above it.
+    assert one("""document.getElementById("plots").getBoundingClientRect().bottom <=
+        document.getElementById("bar").getBoundingClientRect().top""")
+
+
+def test_light_and_dark_follow_the_system_and_the_switch(opened, pages) -> None:
+    brightness = """() => {
+        const set = twinGait.stage.viewer.scene_tree.find(["Background"]).object.top_color;
+        return set.reduce((sum, value) => sum + value, 0) / set.length; }"""
+    one = opened(f"{pages['one'].as_uri()}#t=0", color_scheme="dark")
+    assert one("theme.dark") is True and one(brightness) < 80
+    one.page.click("#theme")
+    assert one("theme.dark") is False and one(brightness) > 200
+    for shade in ("light", "dark"):
+        one("(dark) => theme.set(dark)", shade == "dark")
+        ink, ground = one("""["--ink", "--ground"].map((name) =>
+            getComputedStyle(document.documentElement).getPropertyValue(name).trim())""")
+        levels = [sum(int(colour[i : i + 2], 16) for i in (1, 3, 5)) / 3 for colour in (ink, ground)]
+        assert abs(levels[0] - levels[1]) > 150
+
+
+def test_paper_gets_the_picture_the_numbers_and_the_whole_curves(opened, pages, tmp_path: Path) -> None:
+    one = opened(f"{pages['one'].as_uri()}#t=1", size=(900, 600), color_scheme="dark")
+    one.page.pdf(path=str(tmp_path / "page.pdf"), format="A4")
+    content = (tmp_path / "page.pdf").read_bytes()
+    assert content.count(b"/Type /Page\n") == 1
+    assert b"/Width 900\n/Height 860" in content  # the still picture
+    assert "The scene at 1.000 s" in one('document.getElementById("printed").textContent')
+    # Afterwards the page is as it was.
+    assert one("theme.dark") is True and one('document.body.classList.contains("printing")') is False
+
+
+# ---------------------------------------------------------------------------------- two runs, picture, live
+
+
+def test_two_runs_share_a_clock_and_their_difference_is_that_of_the_logs(opened, pages, runs) -> None:
+    logs = [read_shown_run(runs[name]).log for name in ("more", "less")]
+    one = opened(f"{pages['two'].as_uri()}#t=0.9", size=(1000, 700))
+    one("player.seek(1.1)")
+    clocks = one('[...document.querySelectorAll(".clock")].map((clock) => parseFloat(clock.textContent))')
+    assert len(clocks) == 2 and clocks[0] == clocks[1] == pytest.approx(1.1, abs=0.02)
+    knees = one("""[...document.querySelectorAll(".head")].map((head) =>
+        [...head.querySelectorAll("tbody tr")].find((row) => row.firstChild.textContent === "Knee angle")
+    ).map((row) => row.children[1].textContent)""")
+    row = round(1000.0 * clocks[0])
+    for text, log in zip(knees, logs, strict=True):
+        shown = float(text.replace("\N{MINUS SIGN}", "-").rstrip("°"))
+        assert abs(shown - math.degrees(log["left_knee_angle_rad"].iloc[row])) <= 0.05 + 1e-4
+    panel = one("""(() => {
+        const panel = plots.panels.find((p) => p.below && p.label.includes("knee flexion"));
+        const line = panel.lines.find((l) => l.leg.side === "left");
+        return { label: panel.label, times: line.run.times, values: line.values }; })()""")
+    rows = np.round(1000.0 * np.array(panel["times"])).astype(int)
+    shown = np.array(panel["values"], dtype=float)  # nothing where only one run has a row
+    both = rows < 1199
+    first, second = (np.degrees(log["left_knee_angle_rad"].to_numpy()[rows[both]]) for log in logs)
+    np.testing.assert_allclose(shown[both], second - first, atol=1.1e-4)
+    assert np.isnan(shown[rows > 1199]).all()
+    assert np.abs(second - first).max() > 0.1  # the runs do differ
+    assert panel["label"].startswith("B − A")
+    assert one("document.querySelectorAll('#bands canvas').length") == 4
+    one.page.keyboard.press("End")
+    assert one("player.stages.length") == 2
+    assert one('[...document.querySelectorAll(".clock")].map((c) => parseFloat(c.textContent))') == [
+        1.999,
+        1.199,
+    ]
+
+
+def test_a_picture_of_a_moment_is_drawn_from_the_command_line(runs, tmp_path: Path, capsys) -> None:
+    picture = tmp_path / "moment.png"
+    command = [
+        "view",
+        str(runs["more"]),
+        "--png",
+        str(picture),
+        "--at",
+        "1.234",
+        "--size",
+        "420x400",
+        "--dark",
+    ]
+    assert main(command) == 0
+    assert capsys.readouterr().out.strip() == str(picture)
+    content = picture.read_bytes()
+    assert struct.unpack(">II", content[16:24]) == (420, 400)
+    pixels = read_picture(picture)[:, :, :3]
+    scene = pixels[:150]  # the upper part of a narrow page is the scene
+    assert scene.std() > 0.02 and len(np.unique(scene.reshape(-1, 3), axis=0)) > 500
+    assert scene[0].mean() < 0.4  # dark, as asked
+    assert [path.name for path in tmp_path.iterdir()] == ["moment.png"]
+
+
+def test_the_live_page_shows_what_it_is_sent_in_either_form(opened, worn_twin) -> None:
+    with LiveViewer(port=0) as viewer:
+        viewer.show(worn_twin, title="live", phases=[str(phase) for phase in GaitPhase])
+        one = opened(viewer.url)
+        q = np.zeros(worn_twin.nv)
+        q[worn_twin.index(Side.LEFT, JointName.KNEE)] = 0.5
+        viewer.pose(q, time=2.5, phases={Side.LEFT: 3, Side.RIGHT: 0})
+        wait_until(one, '(document.querySelector(".clock")?.textContent ?? "").includes("2.500")')
+        texts = one('[...document.querySelectorAll(".read td")].map((cell) => cell.innerText.trim())')
+        assert f"{math.degrees(0.5):.1f}°" in texts
+        assert any(text.endswith("Swing flexion") for text in texts)
+        assert one.requests[0] == viewer.url
+        assert all(url.startswith((viewer.url, viewer.url.replace("http", "ws"))) for url in one.requests)
+        # The way in for a further script.
+        one("twinGait.show({time: 3, legs: [{hip: 1.5, knee: -2.5, phase: 1}, {knee: 0, phase: -1}]})")
+        texts = one('[...document.querySelectorAll(".read td")].map((cell) => cell.innerText.trim())')
+        assert "\N{MINUS SIGN}2.5°" in texts and "–" in texts

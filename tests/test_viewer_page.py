@@ -1,0 +1,358 @@
+"""Pages without a browser: what they hold, how the command line refuses, who may read them."""
+
+import http.client
+import json
+import re
+import socket
+import stat
+import zlib
+from base64 import b64decode
+from itertools import combinations
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.cli import main
+from twin_gait.exceptions import ParameterFileError, ViewerError
+from twin_gait.leg_model import LegModel
+from twin_gait.palette import PHASE_COLOURS, phase_colour
+from twin_gait.studies.record import load_run, write_run
+from twin_gait.studies.shown_run import page_of, read_shown_run
+from twin_gait.viewer.motion import frame_rate, phase_changes, read_motion
+from twin_gait.viewer.page import FLOOR, SCRIPTS, live_page, packed, page_data
+from twin_gait.viewer.page_server import PageServer
+from twin_gait.viewer.picture import BROWSER_VARIABLE, PictureSize, find_browser, take_picture
+from twin_gait.viewer.recorder import Recorder
+from twin_gait.viewer.scene import View
+from twin_gait.viewer.staging import build_scene
+from twin_gait.vocabulary import GaitPhase, Side
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory) -> Path:
+    """A short run of the bench leg, as it lies on the disk."""
+    folder = tmp_path_factory.mktemp("runs") / "bench"
+    folder.mkdir()
+    settings = ["duration_s=2.0", "engine=pinocchio"]
+    write_run(simulate(load_experiment("bench_leg", settings).experiment), folder, pictures=False)
+    return folder
+
+
+def embedded(page: str) -> dict:
+    found = re.search(r'id="page-data">([^<]*)</script>', page)
+    assert found
+    return json.loads(found[1])
+
+
+def frames_of(entry: dict) -> dict:
+    return json.loads(zlib.decompress(b64decode(entry["frames"])))
+
+
+def entries(phases: list[str]) -> list[dict]:
+    view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
+    data = page_data(mode="live", title="", subtitle="", missing_meshes=[], view=view, phases=phases,
+                     legs=[], arrows=False)  # fmt: skip
+    return data["phases"]
+
+
+# ---------------------------------------------------------------------------------- what a page holds
+
+
+def test_a_page_has_a_frame_at_every_transition_and_its_numbers_are_the_logs(run_folder: Path) -> None:
+    shown = read_shown_run(run_folder)
+    (entry,) = embedded(page_of([shown], moments=[1.2345]))["runs"]
+    frames = frames_of(entry)
+    transitions = pd.read_csv(run_folder / "transitions.csv")
+    assert len(transitions) >= 3
+    assert set(transitions["tick"]) <= set(frames["times"])
+    assert 1235 in frames["times"]  # the first row that is not before the moment asked for
+    assert frames["times"][0] == 0 and frames["times"][-1] == len(shown.log) - 1
+    leg = frames["legs"][0]["series"]
+    rows = shown.log.iloc[frames["times"]]
+    for key, column in (("hip", "angle_rad"), ("hip_torque", "motor_torque_Nm"),
+                        ("hip_impedance", "impedance_torque_Nm"),
+                        ("hip_friction_compensation", "friction_compensation_torque_Nm"),
+                        ("hip_gravity_compensation", "gravity_compensation_torque_Nm")):  # fmt: skip
+        values = rows[f"right_hip_{column}"].to_numpy()
+        expected = np.degrees(values) if key == "hip" else values
+        np.testing.assert_allclose(leg[key], expected, rtol=0.0, atol=5.1e-5)
+
+
+def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:
+    log = pd.DataFrame({"time_s": [0.0, 0.001]})
+    for joint in ("hip", "knee"):
+        log[f"right_{joint}_angle_rad"] = 0.1
+        for part in ("motor", "impedance", "target"):
+            log[f"right_{joint}_{part}_torque_Nm"] = 0.0 if joint == "hip" or part != "target" else 2.0
+    leg = read_motion(log, bench).legs[Side.RIGHT]
+    assert "hip_target" not in leg.curves  # zero all the time
+    np.testing.assert_array_equal(leg.curves["knee_target"], 2.0)
+    np.testing.assert_array_equal(leg.curves["hip_impedance"], 0.0)
+    assert set(leg.torques) == {"hip", "knee"}
+    assert read_motion(log[["time_s", "right_hip_angle_rad", "right_knee_angle_rad"]], bench).legs[
+        Side.RIGHT
+    ].torques == {}  # fmt: skip
+
+
+def test_frames_of_a_long_run_are_fewer_a_second() -> None:
+    assert frame_rate(20.0) == 30.0
+    assert frame_rate(3600.0) * 3600.0 == pytest.approx(3000.0)
+
+
+def test_changes_of_phase_are_found_on_both_legs() -> None:
+    log = pd.DataFrame({"time_s": [5.0, 5.001, 5.002, 5.003], "left_phase": list("aabb"),
+                        "right_phase": list("abbb")})  # fmt: skip
+    np.testing.assert_allclose(phase_changes(log), [0.001, 0.002], atol=1e-12)
+    assert phase_changes(log[["time_s"]]).size == 0
+
+
+def test_two_runs_get_their_frames_at_the_same_moments(run_folder: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    other.mkdir()
+    settings = ["duration_s=1.5", "engine=pinocchio", "table.phases.late_stance.hip.equilibrium_deg=-9"]
+    write_run(simulate(load_experiment("bench_leg", settings).experiment), other, pictures=False)
+    first, second = embedded(page_of([read_shown_run(run_folder), read_shown_run(other)]))["runs"]
+    long, short = frames_of(first)["times"], frames_of(second)["times"]
+    assert set(short) - set(long) <= {1499}  # the last row of the shorter run
+    assert [time for time in long if time < 1499] == [time for time in short if time < 1499]
+
+
+def test_phases_are_told_apart_by_letters_too() -> None:
+    assert [one["short"] for one in entries([str(p) for p in GaitPhase])] == ["ES", "MS", "LS", "SF", "SE"]
+    # Where two phases would share their letters all get numbers.
+    assert [one["short"] for one in entries(["stance", "swing", "early_swing"])] == ["1", "2", "3"]
+
+
+def contrast(first: str, second: str) -> float:
+    """Contrast ratio of WCAG 2.2, written from its definition."""
+
+    def luminance(colour: str) -> float:
+        linear = []
+        for start in (1, 3, 5):
+            value = int(colour[start : start + 2], 16) / 255
+            linear.append(value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4)
+        return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+    low, high = sorted((luminance(first), luminance(second)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_letters_can_be_read_on_every_phase() -> None:
+    for one in entries([str(phase) for phase in GaitPhase]):
+        assert contrast(one["colour"], one["ink"]) > 4.0, one["label"]
+        assert contrast(one["colour"], one["ink"]) >= contrast(one["colour"], "#ffffff")
+
+
+def as_seen_without(cone: str, colour: str) -> np.ndarray:
+    """CIELAB of a colour as seen without one kind of cone (Viénot, Brettel and Mollon 1999)."""
+    linear = np.array([(int(colour[i : i + 2], 16) / 255) ** 2.2 for i in (1, 3, 5)])
+    to_lms = np.array(
+        [[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714], [0.0299566, 0.184309, 1.46709]]
+    )
+    drop = {"red": [[0, 2.02344, -2.52581], [0, 1, 0], [0, 0, 1]],
+            "green": [[1, 0, 0], [0.494207, 0, 1.24827], [0, 0, 1]]}[cone]  # fmt: skip
+    seen = np.clip(np.linalg.inv(to_lms) @ np.array(drop) @ to_lms @ linear, 0.0, 1.0)
+    xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]) @ seen
+    f = np.cbrt(xyz / np.array([0.9505, 1.0, 1.089]))
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("cone", ["red", "green"])
+def test_phase_colours_differ_for_colour_blind_people(cone: str) -> None:
+    seen = {phase: as_seen_without(cone, phase_colour(str(phase))) for phase in PHASE_COLOURS}
+    for first, second in combinations(PHASE_COLOURS, 2):
+        # A difference of 2.3 is just noticeable; side by side in a band it takes several times that.
+        assert np.linalg.norm(seen[first] - seen[second]) > 9.0, (first, second)
+
+
+def test_the_floor_that_a_dark_page_darkens_is_in_the_scene(worn_twin: LegModel) -> None:
+    recorder = Recorder()
+    build_scene(recorder, worn_twin)
+    assert any(c["type"] == "set_object" and c["path"] == FLOOR for c in recorder.commands())
+
+
+def test_every_script_of_the_page_is_in_it_and_nothing_else_lies_beside_them() -> None:
+    folder = Path(__file__).parents[1] / "twin_gait" / "viewer" / "page"
+    assert {path.name for path in folder.glob("*.js")} == set(SCRIPTS)
+
+
+def test_a_live_page_takes_a_panel_after_its_own_script() -> None:
+    page = live_page(
+        style="#knobs { top: 0 }", panel='<div id="knobs"></div>', script="'</script>'", socket=None
+    )
+    assert page.index("#knobs {") < page.index("</style>")
+    assert '<div id="knobs"></div>' in page and '"socket":null' in page
+    assert "\\x3c/script>" in page.rsplit("<script>", 1)[1]  # it cannot end its own element
+    assert page.index("window.twinGait =") < page.index("\\x3c/script>")
+
+
+def test_packing_is_lossless() -> None:
+    content = bytes(range(256)) * 9
+    assert zlib.decompress(b64decode(packed(content))) == content
+
+
+# ---------------------------------------------------------------------------------- runs written earlier
+
+
+def test_a_run_can_be_seen_after_its_urdf_has_changed(run_folder: Path, tmp_path: Path) -> None:
+    old = tmp_path / "old"
+    old.mkdir()
+    for path in run_folder.iterdir():
+        (old / path.name).write_bytes(path.read_bytes())
+    text = (old / "experiment.yaml").read_text()
+    (old / "experiment.yaml").write_text(re.sub(r"urdf_sha256: \w{64}", f"urdf_sha256: {'0' * 64}", text))
+    with pytest.raises(ParameterFileError, match="urdf_sha256"):
+        load_run(old)
+    shown = read_shown_run(old)
+    assert shown.notes and "URDF" in shown.notes[0]
+    (entry,) = embedded(page_of([shown]))["runs"]
+    assert entry["notes"] == list(shown.notes)
+    assert read_shown_run(run_folder).notes == ()
+
+
+# ---------------------------------------------------------------------------------- command line
+
+
+def fails_in_one_line(capsys, *arguments: str) -> str:
+    capsys.readouterr()
+    try:
+        status = main(["view", *arguments])
+    except SystemExit as leave:
+        status = leave.code
+    said = capsys.readouterr()
+    assert status == 2
+    assert said.out == "" and said.err.count("\n") == 1 and "Traceback" not in said.err
+    return said.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["RUN", "RUN", "RUN"], "one run or two"),
+        (["RUN", "nowhere"], "nowhere"),
+        (["RUN", "--at", "9", "--png", "NEW"], "0 to 1.999"),
+        (["RUN", "--at", "-1", "--png", "NEW"], "--at"),
+        (["RUN", "--at", "nan", "--png", "NEW"], "--at"),
+        (["RUN", "--at", "soon"], "soon"),
+        (["RUN", "--png", "NEW", "--size", "large"], "1600x1000"),
+        (["RUN", "--png", "NEW", "--size", "10x10"], "200 to 4000"),
+        (["RUN", "--png", "NEW", "--size", "1600x99999"], "200 to 4000"),
+        (["RUN", "--size", "800x600"], "--png"),
+        (["RUN", "--out", "OLD"], "--force"),
+        (["RUN", "--out", "FOLDER"], "directory"),
+        (["RUN", "--png", "FOLDER/nowhere/a.png"], "no directory"),
+        (["twin.urdf", "--png", "NEW"], "run directory"),
+        (["twin.urdf", "RUN"], "URDF"),
+        (["RUN", "--port", "-1"], "65535"),
+        (["RUN", "--speed", "nan"], "--speed"),
+    ],
+)
+def test_wrong_values_give_one_line_and_no_file(
+    arguments: list[str], words: str, run_folder: Path, tmp_path: Path, capsys
+) -> None:
+    old = tmp_path / "old.html"
+    old.write_text("old")
+    names = {"RUN": str(run_folder), "NEW": str(tmp_path / "new"), "OLD": str(old)}
+    filled = [names.get(word, word.replace("FOLDER", str(tmp_path))) for word in arguments]
+    assert words in fails_in_one_line(capsys, *filled)
+    assert [path.name for path in tmp_path.iterdir()] == ["old.html"] and old.read_text() == "old"
+
+
+def test_a_page_of_two_runs_is_written_and_replaced_only_when_asked(
+    run_folder: Path, tmp_path: Path, capsys
+) -> None:
+    out = tmp_path / "both.html"
+    both = ["view", str(run_folder), str(run_folder), "--out", str(out)]
+    assert main(both) == 0
+    first = out.read_bytes()
+    assert len(embedded(first.decode())["runs"]) == 2
+    assert "exists" in fails_in_one_line(capsys, *both[1:])
+    assert main([*both, "--force"]) == 0
+    assert out.read_bytes() == first
+
+
+def test_without_a_browser_a_picture_is_refused_with_the_way_out(
+    run_folder: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv(BROWSER_VARIABLE, raising=False)
+    monkeypatch.setattr("twin_gait.viewer.picture._MAC_BROWSER", tmp_path / "Chrome")
+    picture = tmp_path / "a.png"
+    said = fails_in_one_line(capsys, str(run_folder), "--png", str(picture))
+    assert "Chromium" in said and BROWSER_VARIABLE in said
+    monkeypatch.setenv(BROWSER_VARIABLE, "no-such-browser")
+    assert "no-such-browser" in fails_in_one_line(capsys, str(run_folder), "--png", str(picture))
+    assert list(tmp_path.iterdir()) == []
+
+
+def stand_in(folder: Path, script: str) -> str:
+    """A program that takes the place of Chromium."""
+    path = folder / "browser"
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        ("exit 0", "did not finish"),
+        ("echo 'x \"twin_gait: WebGL is missing' >&2", "WebGL is missing"),
+        ("echo '\"twin_gait: ready' >&2", "no picture of 640x400"),
+        ("sleep 30", "within 0.5 s"),
+    ],
+)
+def test_a_browser_that_draws_nothing_leaves_the_old_picture(
+    script: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(BROWSER_VARIABLE, stand_in(tmp_path, script))
+    old = tmp_path / "old.png"
+    old.write_bytes(b"old")
+    limit = 0.5 if "sleep" in script else 20.0
+    with pytest.raises(ViewerError, match=words) as caught:
+        take_picture("<html></html>", old, size=PictureSize(640, 400), timeout=limit)
+    assert "\n" not in str(caught.value)
+    assert old.read_bytes() == b"old"
+    assert find_browser() == str(tmp_path / "browser")
+
+
+# ---------------------------------------------------------------------------------- page on this machine
+
+
+def answer(url: str, host: str | None = None, path: str = "/") -> tuple[int, bytes]:
+    parts = urlsplit(url)
+    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=5)
+    try:
+        connection.request("GET", path, headers={} if host is None else {"Host": host})
+        reply = connection.getresponse()
+        return reply.status, reply.read()
+    finally:
+        connection.close()
+
+
+def test_a_page_is_served_to_this_machine_only_and_gone_afterwards() -> None:
+    with PageServer("<p>é</p>", port=0) as server:
+        parts = urlsplit(server.url)
+        assert parts.hostname == "127.0.0.1"
+        assert server._server.socket.getsockname() == ("127.0.0.1", parts.port)
+        assert answer(server.url) == (200, "<p>é</p>".encode())
+        assert answer(server.url, host=f"elsewhere.example:{parts.port}")[0] == 404
+        assert answer(server.url, path="/etc/passwd")[0] == 404
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", parts.port), timeout=1)
+
+
+def test_a_taken_port_gives_the_next_one() -> None:
+    with PageServer("a", port=0) as first:
+        taken = urlsplit(first.url).port
+        assert taken is not None
+        with PageServer("b", port=taken) as second:
+            port = urlsplit(second.url).port
+            assert port is not None and taken < port < taken + 100
+            assert answer(first.url)[1] == b"a" and answer(second.url)[1] == b"b"
+    with pytest.raises(ViewerError, match="65535"):
+        PageServer("c", port=70000)

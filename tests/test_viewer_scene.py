@@ -1,0 +1,549 @@
+"""The scene of the viewer: meshes, arrows of the torques, ropes, trails, and what a page has to carry."""
+
+import importlib.util
+import math
+import xml.etree.ElementTree as ElementTree
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pinocchio as pin
+import pytest
+
+from twin_gait.leg_model import LegJoints, LegModel, packaged_urdf
+from twin_gait.leg_model.urdf import build_model
+from twin_gait.palette import PHASE_COLOURS
+from twin_gait.parameters import Patient
+from twin_gait.viewer import arcs, shapes, surroundings, trail
+from twin_gait.viewer.commands import rgb
+from twin_gait.viewer.meshes import read_obj
+from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, read_motion
+from twin_gait.viewer.page import FULL_TORQUE
+from twin_gait.viewer.recorder import Recorder
+from twin_gait.viewer.scene import Scene
+from twin_gait.viewer.shapes import Shape
+from twin_gait.viewer.staging import build_scene, build_urdf_scene
+from twin_gait.viewer.visuals import load_visuals
+from twin_gait.vocabulary import GaitPhase, JointName, Side
+
+PATIENT = Patient()
+URDF_FOLDER = packaged_urdf("twin.urdf").parent
+MESH_FILES = sorted((URDF_FOLDER / "meshes").glob("*.obj"))
+PHASES = tuple(str(phase) for phase in GaitPhase)
+
+
+# ---------------------------------------------------------------------------------- mesh files
+
+
+def edges(faces: np.ndarray) -> Counter[tuple[int, int]]:
+    """How often each edge is run along, in its direction."""
+    return Counter((int(a), int(b)) for face in faces for a, b in zip(face, np.roll(face, -1), strict=True))
+
+
+def welded(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices that are at one place made one."""
+    places, index = np.unique(np.round(shape.vertices, 6), axis=0, return_inverse=True)
+    return places, index.reshape(-1)[shape.faces]
+
+
+def face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    corners = vertices[faces]
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def signed_volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    return float(np.einsum("ij,ij->", vertices[faces[:, 0]], face_normals(vertices, faces))) / 6.0
+
+
+def test_mesh_files_are_what_their_script_makes() -> None:
+    spec = importlib.util.spec_from_file_location("make_meshes", URDF_FOLDER / "make_meshes.py")
+    assert spec is not None and spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    made = script.texts()
+    assert sorted(made) == [path.name for path in MESH_FILES]
+    for path in MESH_FILES:
+        assert made[path.name] == path.read_text(encoding="utf-8"), path.name
+
+
+@pytest.mark.parametrize("path", MESH_FILES, ids=lambda path: path.stem)
+def test_mesh_is_closed_and_looks_outward(path: Path) -> None:
+    shape = read_obj(path)
+    assert shape is not None
+    places, faces = welded(shape)
+    along = edges(faces)
+    # Each edge is run along once in either direction: no hole, no face turned round.
+    assert set(along.values()) == {1}
+    assert all((b, a) in along for a, b in along)
+    assert signed_volume(places, faces) > 0.0
+    turned_out = np.einsum("ij,ikj->ik", face_normals(places, faces), shape.normals[shape.faces])
+    assert (turned_out > 0.0).all()
+    np.testing.assert_allclose(np.linalg.norm(shape.normals, axis=1), 1.0, atol=1e-9)
+
+
+def test_meshes_are_small_and_all_are_used() -> None:
+    assert sum(path.stat().st_size for path in MESH_FILES) < 600_000
+    named = {
+        Path(mesh.get("filename", "")).name
+        for name in ("twin.urdf", "twin_leg.urdf")
+        for mesh in ElementTree.parse(packaged_urdf(name)).getroot().iter("mesh")
+    }
+    assert named == {path.name for path in MESH_FILES}
+
+
+@pytest.mark.parametrize("name", ["twin.urdf", "twin_leg.urdf"])
+def test_meshes_fit_the_lengths_of_the_urdf(name: str) -> None:
+    """A shell ends above the joint below it; a sole lies where the foot touches the ground."""
+    model = build_model(packaged_urdf(name))
+    visuals = load_visuals(model, packaged_urdf(name))
+    for part in visuals.parts:
+        if part.joint.endswith(("_hip", "_knee")):
+            assert part.shape.vertices[:, 2].max() < 0.06
+            assert part.shape.vertices[:, 2].min() > -0.5
+        if part.joint.endswith("_ankle") and part.colour[0] < 0.13:
+            heel = model.frames[model.getFrameId(part.joint.replace("ankle", "heel"))]
+            assert part.shape.vertices[:, 2].min() == pytest.approx(heel.placement.translation[2], abs=1e-4)
+
+
+def test_a_copied_urdf_keeps_its_looks_without_its_meshes(tmp_path: Path) -> None:
+    copy = tmp_path / "mine.urdf"
+    copy.write_text(packaged_urdf("twin_leg.urdf").read_text(encoding="utf-8"), encoding="utf-8")
+    visuals = load_visuals(build_model(copy), copy)
+    assert visuals.missing == ()
+    assert {"right_hip", "right_knee"} <= visuals.joints()
+
+
+CORNER = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+
+
+def test_obj_reader_takes_polygons_and_leaves_odd_files_to_others(tmp_path: Path) -> None:
+    path = tmp_path / "plate.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvn 0 0 2\nf 1//1 2//1 3//1 4//1\n")
+    plate = read_obj(path)
+    assert plate is not None
+    np.testing.assert_array_equal(plate.normals, np.tile([0.0, 0.0, 1.0], (4, 1)))
+    assert 0.5 * face_normals(plate.vertices, plate.faces)[:, 2].sum() == 1.0
+    for text in (f"{CORNER}f 1 2 3\n", f"{CORNER}vn 0 0 1\nf -1//-1 -2//-1 -3//-1\n", "", "\0\1",
+                 f"{CORNER}vn 0 0 1\nf 1//1 2//1 9//1\n"):  # fmt: skip
+        path.write_text(text)
+        assert read_obj(path) is None
+    assert read_obj(tmp_path / "absent.obj") is None
+
+
+@pytest.mark.parametrize("scale", ["1 1 1", "1 -1 1", "-2 1 0.5"])
+@pytest.mark.parametrize("normals", [True, False], ids=["own-normals", "made-normals"])
+def test_a_mirrored_mesh_still_looks_outward(tmp_path: Path, scale: str, normals: bool) -> None:
+    faces = ((1, 3, 2), (1, 2, 4), (1, 4, 3), (2, 3, 4))
+    turns = "vn 0 0 -1\nvn 0 -1 0\nvn -1 0 0\nvn 0.577 0.577 0.577\n" if normals else ""
+    lines = [
+        "f " + " ".join(f"{vertex}//{number}" if normals else str(vertex) for vertex in face)
+        for number, face in enumerate(faces, start=1)
+    ]
+    (tmp_path / "corner.obj").write_text(CORNER + turns + "\n".join(lines) + "\n")
+    urdf = tmp_path / "one.urdf"
+    mesh = f'<mesh filename="corner.obj" scale="{scale}"/>'
+    urdf.write_text(
+        f'<robot name="one"><link name="a"><visual><geometry>{mesh}</geometry></visual></link></robot>'
+    )
+    (part,) = load_visuals(build_model(urdf), urdf).parts
+    size = np.prod([float(word) for word in scale.split()])
+    assert signed_volume(part.shape.vertices, part.shape.faces) == pytest.approx(abs(size) / 6.0)
+    turned_out = np.einsum(
+        "ij,ikj->ik",
+        face_normals(part.shape.vertices, part.shape.faces),
+        part.shape.normals[part.shape.faces],
+    )
+    assert (turned_out > 0.0).all()
+
+
+# ---------------------------------------------------------------------------------- shapes
+
+
+def test_a_tube_encloses_the_volume_of_its_path() -> None:
+    angle = np.linspace(0.0, 1.5 * math.pi, 200)
+    path = np.column_stack((np.cos(angle), np.sin(angle), 0.3 * angle))
+    tube = shapes.tube(path, 0.05, columns=40)
+    length = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()  # Pappus: area times length of the axis
+    assert signed_volume(tube.vertices, tube.faces) == pytest.approx(math.pi * 0.05**2 * length, rel=0.01)
+    along = edges(welded(tube)[1])
+    assert set(along.values()) == {1} and all((b, a) in along for a, b in along)
+    turned_out = np.einsum("ij,ikj->ik", face_normals(tube.vertices, tube.faces), tube.normals[tube.faces])
+    assert (turned_out > 0.0).all()
+
+
+def test_creased_mesh_has_no_vertex_twice() -> None:
+    ball = shapes.ellipsoid((0.1, 0.1, 0.1))
+    creased = shapes.creased(ball.vertices, ball.faces)
+    rows = np.round(np.column_stack((creased.vertices, creased.normals)), 6)
+    assert len(np.unique(rows, axis=0)) == len(rows) <= len(ball.vertices)
+
+
+def test_only_a_mesh_with_a_hole_or_inside_out_is_drawn_from_both_sides() -> None:
+    box = shapes.rounded_box((0.1, 0.2, 0.3), 0.01)
+    assert shapes.is_closed(box)
+    assert shapes.is_closed(shapes.merged([box, shapes.ellipsoid((0.1, 0.1, 0.1))]))
+    assert not shapes.is_closed(box._replace(faces=box.faces[1:]))
+    assert not shapes.is_closed(box._replace(faces=box.faces[:, ::-1]))
+    assert not shapes.is_closed(box._replace(faces=np.concatenate((box.faces[:1, ::-1], box.faces[1:]))))
+
+
+# ---------------------------------------------------------------------------------- torques
+
+
+def test_arrow_turns_the_way_that_the_torque_turns() -> None:
+    rng = np.random.default_rng(3)
+    for number in (-6, -2, -1, 1, 3, 6):
+        axis = rng.standard_normal(3)
+        axis /= np.linalg.norm(axis)
+        start = np.cross(axis, rng.standard_normal(3))
+        start /= np.linalg.norm(start)
+        arrow = arcs.arc_arrow(0.1, number, axis, start)
+        tail, tip = arrow.vertices[:7].mean(axis=0), tip_of(arrow)
+        # The way from tail to tip round the axis, by angles that are unwound ring by ring.
+        assert angle_about(axis, start, tail) == pytest.approx(0.0, abs=0.02)
+        sweep = angle_about(axis, start, tip) % (math.copysign(2.0 * math.pi, number))
+        assert sweep == pytest.approx(math.radians(270.0) * number / arcs.LEVELS, abs=0.12)
+
+
+def tip_of(arrow: Shape) -> np.ndarray:
+    """Apex of the cone, which the mesh of the arrow ends with."""
+    return arrow.vertices[-1]
+
+
+def angle_about(axis: np.ndarray, start: np.ndarray, point: np.ndarray) -> float:
+    return math.atan2(float(point @ np.cross(axis, start)), float(point @ start))
+
+
+def test_level_has_the_sign_and_grows_with_the_size_of_the_torque() -> None:
+    levels = [arcs.level(torque, 60.0) for torque in np.linspace(-90.0, 90.0, 361)]
+    assert (np.diff(levels) >= 0).all()
+    assert (min(levels), max(levels)) == (-arcs.LEVELS, arcs.LEVELS)
+    for torque in (5.1, 20.0, 47.0, 60.0):
+        assert arcs.level(torque, 60.0) == -arcs.level(-torque, 60.0) > 0
+        # An arrow of a level stands for a torque within half a level of the real one.
+        assert abs(arcs.level(torque, 60.0) * 10.0 - torque) <= 5.0
+    assert arcs.level(4.9, 60.0) == arcs.level(math.nan, 60.0) == 0
+
+
+def meshes_of(recorder: Recorder) -> dict[str, np.ndarray]:
+    """Vertices of every object, as the page gets them."""
+    found = {}
+    for command in recorder.commands():
+        if command["type"] == "set_object":
+            data = command["object"]["geometries"][0]["data"]["attributes"]["position"]["array"].data
+            found[command["path"]] = np.frombuffer(data, dtype=np.float32).reshape(-1, 3).astype(float)
+    return found
+
+
+def properties_of(recorder: Recorder, name: str) -> dict[str, object]:
+    return {c["path"]: c["value"] for c in recorder.commands() if c.get("property") == name}
+
+
+@pytest.mark.parametrize("side", list(Side))
+@pytest.mark.parametrize("joint", ["hip", "knee"])
+def test_positive_torque_shows_the_arrow_that_turns_with_a_growing_angle(
+    worn_twin: LegModel, side: Side, joint: str
+) -> None:
+    """The tip of the arrow moves as the limb does when Pinocchio increases the angle."""
+    recorder = Recorder()
+    scene = build_scene(recorder, worn_twin)
+    arc = scene.arcs[side][joint]
+    vertices = meshes_of(recorder)
+    model, data = worn_twin.model, worn_twin.model.createData()
+    name = worn_twin.legs[side].hip if joint == "hip" else worn_twin.legs[side].knee
+    index = model.getJointId(name)
+    for sign in (1.0, -1.0):
+        shown = [path for (path, _), seen in arc.state(sign * 0.3 * FULL_TORQUE).items() if seen]
+        (path,) = shown
+        arrow = vertices[path]
+        base, tip = arrow[-30:-1].mean(axis=0), arrow[-1]
+        # The arrow stands in the frame of the parent joint: carry its head along with the limb.
+        moved = {}
+        for angle in (0.0, 1e-4):
+            q = pin.neutral(model)
+            q[worn_twin.index(side, JointName(joint))] = angle
+            pin.forwardKinematics(model, data, q)
+            moved[angle] = data.liMi[index].copy()
+        motion = moved[1e-4].act(moved[0.0].actInv(base)) - base
+        assert sign * float(motion @ (tip - base)) > 0.0
+        # It lies on the outer side of the motor, in a plane across the axis.
+        outward = 1.0 if side is Side.LEFT else -1.0
+        assert outward * (arrow[:, 1] - moved[0.0].translation[1]).min() > 0.02
+        assert np.ptp(arrow[:, 1]) < 0.05
+
+
+def test_arrows_are_hidden_until_a_torque_is_known(bench: LegModel) -> None:
+    recorder = Recorder()
+    scene = build_scene(recorder, bench)
+    visible = properties_of(recorder, "visible")
+    paths = [path for arc in scene.arcs[Side.RIGHT].values() for path in arc.paths.values()]
+    assert len(paths) == 2 * 2 * arcs.LEVELS
+    assert all(visible[path] is False for path in paths)
+    scene.apply(scene.torque_state(Side.RIGHT, {"hip": 0.5 * FULL_TORQUE, "knee": -FULL_TORQUE}))
+    visible = properties_of(recorder, "visible")
+    seen = {path for path in paths if visible[path]}
+    assert seen == {
+        scene.arcs[Side.RIGHT]["hip"].paths[arcs.LEVELS // 2],
+        scene.arcs[Side.RIGHT]["knee"].paths[-arcs.LEVELS],
+    }
+
+
+# ---------------------------------------------------------------------------------- ropes
+
+
+def world(scene: Scene, recorder: Recorder, path: str) -> np.ndarray:
+    """Transform of a place of the scene from the last commands alone, without the figure's own sums."""
+    place, at = np.eye(4), ""
+    transforms = {c["path"]: np.array(c["matrix"]).reshape(4, 4).T for c in recorder.commands()
+                  if c["type"] == "set_transform"}  # fmt: skip
+    positions, turns, scales = (properties_of(recorder, name) for name in ("position", "quaternion", "scale"))
+    for part in path.strip("/").split("/"):
+        at = f"{at}/{part}"
+        local = transforms.get(at, np.eye(4)).copy()
+        if at in turns:
+            x, y, z, w = turns[at]  # type: ignore[misc]
+            local[:3, :3] = pin.Quaternion(w, x, y, z).matrix()
+        if at in positions:
+            local[:3, 3] = positions[at]
+        if at in scales:
+            local[:3, :3] = local[:3, :3] @ np.diag(scales[at])  # type: ignore[arg-type]
+        place = place @ local
+    return place
+
+
+@pytest.mark.parametrize("lift", [-0.05, 0.0, 0.08])
+def test_ropes_hang_from_the_bar_and_meet_the_harness(worn_twin: LegModel, lift: float) -> None:
+    recorder = Recorder()
+    scene = build_scene(recorder, worn_twin, patient=PATIENT)
+    q = np.zeros(worn_twin.nv)
+    assert worn_twin.pelvis_index is not None
+    q[worn_twin.pelvis_index] = 0.93 + lift
+    scene.apply(scene.posture_state(q))
+    vertices = meshes_of(recorder)
+    straps_path = f"{scene.figure.paths['pelvis_vertical']}/harness_straps"
+    straps = on_stage(world(scene, recorder, straps_path), vertices[straps_path])
+    mast = on_stage(
+        world(scene, recorder, f"{surroundings.ROOT}/mast"), vertices[f"{surroundings.ROOT}/mast"]
+    )
+    assert len(scene.ropes) == 2
+    for rope in scene.ropes:
+        ends = on_stage(world(scene, recorder, rope.path), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+        lower, upper = ends
+        # The straps are tubes of 7 mm radius, the bar of 16 mm.
+        assert np.linalg.norm(straps - lower, axis=1).min() < 0.008
+        assert np.linalg.norm(mast - upper, axis=1).min() < 0.05
+        assert upper[2] > PATIENT.height > lower[2]
+        assert upper[2] == pytest.approx(rope.upper[2])
+        # A rope does not bend or stretch its thickness.
+        placement = world(scene, recorder, rope.path)
+        np.testing.assert_allclose(np.linalg.norm(placement[:3, :2], axis=0), 1.0, atol=1e-12)
+
+
+def on_stage(placement: np.ndarray, points: np.ndarray) -> np.ndarray:
+    return points @ placement[:3, :3].T + placement[:3, 3]
+
+
+def test_every_mesh_moves_with_the_joint_that_carries_it(
+    worn_twin: LegModel, rng: np.random.Generator
+) -> None:
+    """What the commands put on the stage is where Pinocchio's forward kinematics puts the link."""
+    recorder = Recorder()
+    scene = build_scene(recorder, worn_twin, patient=PATIENT)
+    q = rng.uniform(-0.4, 0.9, worn_twin.nv)
+    scene.apply(scene.posture_state(q))
+    data = worn_twin.model.createData()
+    pin.forwardKinematics(worn_twin.model, data, q)
+    for joint, group in scene.figure.paths.items():
+        if joint == "universe":
+            continue
+        for path in meshes_of(recorder):
+            if path.rsplit("/", 1)[0] == group and "torque_" not in path:
+                index = worn_twin.model.getJointId(joint)
+                np.testing.assert_allclose(
+                    world(scene, recorder, path), data.oMi[index].homogeneous, atol=1e-9, err_msg=path
+                )
+
+
+# ---------------------------------------------------------------------------------- belt and trail
+
+
+@pytest.mark.parametrize("speed", [0.42, -0.3])
+def test_belt_marks_travel_with_the_belt(speed: float) -> None:
+    times = np.linspace(0.0, 3.0, 200)
+    offsets = np.array([surroundings.belt_offset(time, speed) for time in times])
+    gap = (offsets + speed * times) / surroundings.BELT_MARK_SPACING
+    np.testing.assert_allclose(gap, np.round(gap), atol=1e-9)  # whole spacings apart: marks look alike
+    assert offsets.min() > -surroundings.BELT_MARK_SPACING - 1e-12 and offsets.max() <= 0.0
+
+
+def walk(model: LegModel, duration: float = 4.0, rate: float = 30.0) -> Motion:
+    """Sines for angles, and the five phases in turn; not a gait."""
+    times = np.arange(round(rate * duration) + 1) / rate
+    q = np.zeros((len(times), model.nv))
+    q[:, model.index(Side.RIGHT, JointName.HIP)] = 0.3 * np.sin(3.0 * times)
+    if model.pelvis_index is not None:
+        q[:, model.pelvis_index] = 0.95
+    starts = np.arange(0.0, duration, 0.3)
+    phases = PhaseSpells(starts, np.arange(len(starts)) % len(PHASES))
+    leg = LegMotion(phases=phases, curves={}, footing=None)
+    return Motion(times, q, {Side.RIGHT: leg}, PHASES)
+
+
+def test_trail_is_the_path_of_the_sole_over_the_last_stride(worn_twin: LegModel) -> None:
+    motion = walk(worn_twin)
+    recorder = Recorder()
+    scene = build_scene(recorder, worn_twin)
+    scene.draw_trails(motion)
+    # Five phases of 0.3 s: the first stride that the motion has whole is from 1.5 to 3.0 s.
+    (stride,) = scene.trails
+    assert (stride.begin, stride.end) == (3.0, math.inf)
+    for time, shown in ((0.0, False), (2.9, False), (3.1, True), (4.0, True)):
+        frame = int(np.searchsorted(motion.times, time - 1e-9))
+        assert scene.state_at(motion, frame, 0.0)[stride.path, "visible"] is shown
+    drawn = meshes_of(recorder)[stride.path]
+    for frame in np.flatnonzero((motion.times >= 1.5) & (motion.times <= 3.0)):
+        heel, toe = (worn_twin.frame_position(motion.q[frame], f"right_{end}") for end in ("heel", "toe"))
+        sole = 0.5 * (heel + toe)
+        assert sole[2] > trail.LOWEST  # the path was not lifted here
+        # Within a radius of the tube, and what a chord between frames leaves out.
+        assert np.linalg.norm(drawn - sole, axis=1).min() < 0.012
+
+
+def test_trail_has_the_colours_of_the_phases(worn_twin: LegModel) -> None:
+    motion = walk(worn_twin)
+    spells = motion.legs[Side.RIGHT].phases
+    assert spells is not None
+    frames = np.flatnonzero((motion.times >= 1.5) & (motion.times <= 3.0))
+    points = np.column_stack((motion.times[frames], np.zeros((len(frames), 2))))
+    shape = trail.trail_shape(motion.times[frames], points, spells, PHASES)
+    assert shape is not None and shape.colours is not None
+    assert len(shape.colours) == len(shape.vertices)
+    for (x, _, _), colour in zip(shape.vertices, shape.colours, strict=True):
+        phase = GaitPhase(PHASES[spells.at(float(x))])  # x is the time here
+        np.testing.assert_allclose(colour, rgb(PHASE_COLOURS[phase]))
+
+
+def test_no_trail_without_phases_or_movement(bench: LegModel) -> None:
+    motion = walk(bench)
+    scene = build_scene(Recorder(), bench)
+    still = replace(motion, q=np.zeros_like(motion.q))
+    scene.draw_trails(still)
+    bare = {Side.RIGHT: replace(motion.legs[Side.RIGHT], phases=None)}
+    scene.draw_trails(replace(motion, legs=bare))
+    assert scene.trails == []
+    scene.draw_trails(motion)
+    assert len(scene.trails) == 1
+
+
+def test_after_the_last_path_that_is_kept_no_old_one_is_shown(
+    bench: LegModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trail, "MOST_STRIDES", 1)
+    scene = build_scene(Recorder(), bench)
+    motion = walk(bench, duration=8.0)
+    scene.draw_trails(motion)
+    (stride,) = scene.trails
+    assert (stride.begin, stride.end) == pytest.approx((3.0, 4.5))
+    shown = [scene.state_at(motion, frame, 0.0)[stride.path, "visible"] for frame in range(len(motion.times))]
+    np.testing.assert_array_equal(shown, (motion.times >= stride.begin) & (motion.times < stride.end))
+
+
+# ---------------------------------------------------------------------------------- the stage
+
+
+def surface_of(recorder: Recorder, path: str) -> dict[str, object]:
+    (command,) = [c for c in recorder.commands() if c["type"] == "set_object" and c["path"] == path]
+    return dict(command["object"]["materials"][0])
+
+
+def test_the_scene_stays_light(worn_twin: LegModel) -> None:
+    """What makes a page slow without a graphics card: triangles, draw calls, gloss, shadows on everything."""
+    recorder = Recorder()
+    scene = build_scene(recorder, worn_twin, patient=PATIENT)
+    hidden = {path for path, seen in properties_of(recorder, "visible").items() if seen is False}
+    drawn = [c for c in recorder.commands() if c["type"] == "set_object" and c["path"] not in hidden]
+    triangles = sum(len(c["object"]["geometries"][0]["data"]["index"]["array"].data) // 6 for c in drawn)
+    assert len(drawn) <= 50
+    assert triangles < 30_000
+    receive = properties_of(recorder, "receiveShadow")
+    shaded = {c["path"] for c in drawn if receive.get(f"{c['path']}/<object>") is not False}
+    ground = ("floor", "frame", "belt_surface", "belt/marks")
+    assert shaded == {f"{surroundings.ROOT}/{name}" for name in ground}
+    assert surface_of(recorder, f"{scene.figure.paths['left_hip']}/wearer_thigh")["opacity"] < 1.0  # type: ignore[operator]
+
+
+def test_bench_leg_hangs_clear_of_its_bench(bench: LegModel) -> None:
+    recorder = Recorder()
+    build_scene(recorder, bench)
+    vertices = meshes_of(recorder)
+    for name in ("table_top", "table_frame", "vice", "weight"):
+        part = vertices[f"{surroundings.ROOT}/{name}"]
+        # Cuffs reach 0.1 m behind the tube; jaws hold the bracket behind the motor.
+        assert part[:, 1].min() > (0.10 if name != "vice" else 0.05), name
+    top = vertices[f"{surroundings.ROOT}/table_top"][:, 2].max()
+    assert vertices[f"{surroundings.ROOT}/weight"][:, 2].min() == pytest.approx(top, abs=1e-3)
+    assert vertices[f"{surroundings.ROOT}/vice"][:, 2].min() == pytest.approx(top, abs=1e-3)
+    assert vertices[f"{surroundings.ROOT}/mat"][:, 2].max() < -0.9  # hip to ankle: 0.85 m
+
+
+def test_a_urdf_with_its_vertical_along_y_stands_upright(tmp_path: Path) -> None:
+    urdf = tmp_path / "post.urdf"
+    box = '<visual><geometry><box size="0.1 1.6 0.2"/></geometry></visual>'
+    urdf.write_text(f'<robot name="post"><link name="a">{box}</link></robot>')
+    views = [build_urdf_scene(Recorder(), build_model(urdf), urdf, up_axis=axis).view for axis in ("z", "y")]
+    assert views[0].height == views[1].height
+    recorder = Recorder()
+    scene = build_urdf_scene(recorder, build_model(urdf), urdf, up_axis="y")
+    path, points = next((p, v) for p, v in meshes_of(recorder).items() if "visual" in p)
+    assert np.ptp(on_stage(world(scene, recorder, path), points)[:, 2]) == pytest.approx(1.6)
+
+
+def test_torques_of_a_log_reach_the_arrows(bench: LegModel) -> None:
+    hip = {"right_hip_angle_rad": 0.1, "right_hip_motor_torque_Nm": [30.0, -30.0]}
+    knee = {"right_knee_angle_rad": 0.2, "right_knee_motor_torque_Nm": 0.0}
+    log = pd.DataFrame({"time_s": [0.0, 0.1], **hip, **knee})
+    motion = read_motion(log, bench)
+    scene = build_scene(Recorder(), bench)
+    paths = scene.arcs[Side.RIGHT]["hip"].paths
+    first, last = (scene.state_at(motion, frame, 0.0) for frame in (0, len(motion.times) - 1))
+    assert first[paths[3], "visible"] and not first[paths[-3], "visible"]
+    assert last[paths[-3], "visible"] and not last[paths[3], "visible"]
+
+
+def test_one_leg_of_another_urdf_gets_arrows_and_a_bench(tmp_path: Path) -> None:
+    urdf = tmp_path / "bare.urdf"
+    joint = (
+        '<joint name="{}" type="revolute"><parent link="{}"/><child link="{}"/><axis xyz="0 0 {}"/>{}</joint>'
+    )
+    rest = '<limit lower="-1" upper="2" effort="1" velocity="1"/>'
+    inertia = '<inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/>'
+    body = f'<inertial><mass value="3"/>{inertia}</inertial>'
+    links = f'<link name="p"/><link name="t">{body}</link><link name="s">{body}</link>'
+    hip = joint.format("h", "p", "t", 1, rest)
+    knee = joint.format("k", "t", "s", -1, '<origin xyz="0 -0.4 0"/>' + rest)
+    urdf.write_text(f'<robot name="bare">{links}{hip}{knee}</robot>')
+    recorder = Recorder()
+    scene = build_scene(recorder, LegModel(urdf, {Side.LEFT: LegJoints(hip="h", knee="k")}, up_axis="y"))
+    assert set(scene.arcs[Side.LEFT]) == {"hip", "knee"}
+    path = scene.arcs[Side.LEFT]["hip"].paths[1]
+    arrow = on_stage(world(scene, recorder, path), meshes_of(recorder)[path])
+    assert arrow[:, 1].min() > 0.0  # left of the leg, in a scene whose vertical is z
+    assert f"{surroundings.ROOT}/vice" in meshes_of(recorder)
+
+
+def test_a_urdf_that_shows_nothing_gets_sticks_from_joint_to_joint(tmp_path: Path) -> None:
+    root = ElementTree.parse(packaged_urdf("twin.urdf")).getroot()
+    for link in root.iter("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+    urdf = tmp_path / "bare.urdf"
+    urdf.write_text(ElementTree.tostring(root, encoding="unicode"), encoding="utf-8")
+    recorder = Recorder()
+    scene = build_urdf_scene(recorder, build_model(urdf), urdf)
+    thigh = meshes_of(recorder)[f"{scene.figure.paths['left_hip']}/sticks"]
+    assert thigh[:, 2].min() == pytest.approx(-0.42, abs=0.03)  # the knee is 0.42 m below the hip
+    foot = meshes_of(recorder)[f"{scene.figure.paths['left_ankle']}/sticks"]
+    np.testing.assert_allclose(foot[:, 0].max(), 0.17, atol=0.03)  # the toe's frame
+    assert scene.view.height > 0.9

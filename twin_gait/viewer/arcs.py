@@ -1,0 +1,106 @@
+"""Arrows around a joint that show the torque of its motor: longer for more, turned the way it turns."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from twin_gait.viewer import shapes
+from twin_gait.viewer.commands import Material, rgb
+from twin_gait.viewer.page import EXTENSION_COLOUR, FLEXION_COLOUR
+from twin_gait.viewer.shapes import Shape
+
+LEVELS = 6  # lengths of the arrow, each way
+_FULL_SWEEP = math.radians(270.0)
+_HEAD_LENGTH, _HEAD_RADIUS = 0.044, 0.019  # [m]
+_RADIUS = 0.008  # of the arrow's shaft [m]
+_STEP = math.radians(11.0)  # of the mesh along the arc
+
+
+@dataclass(frozen=True)
+class TorqueArc:
+    """The arrows of one joint, of which at most one is seen.
+
+    Attributes:
+        paths: Place of each arrow by its level, from ``-LEVELS`` to ``LEVELS`` without 0.
+        full_torque: Torque that the longest arrow stands for in [N m].
+    """
+
+    paths: dict[int, str]
+    full_torque: float
+
+    def state(self, torque: float) -> dict[tuple[str, str], bool]:
+        """Which arrow is seen.
+
+        Args:
+            torque: Of the motor on the joint in [N m], positive in increasing angle.
+
+        Returns:
+            Visibility by place and property.
+        """
+        seen = level(torque, self.full_torque)
+        return {(path, "visible"): number == seen for number, path in self.paths.items()}
+
+
+def level(torque: float, full_torque: float) -> int:
+    """Length of the arrow for a torque.
+
+    Args:
+        torque: In [N m].
+        full_torque: Torque that the longest arrow stands for in [N m], above 0.
+
+    Returns:
+        From ``-LEVELS`` to ``LEVELS``; the sign is that of the torque, and 0 is less than half a level.
+    """
+    if not math.isfinite(torque):
+        return 0
+    size = min(LEVELS, round(LEVELS * min(abs(torque) / full_torque, 1.0)))
+    return int(math.copysign(size, torque))
+
+
+def arc_arrow(radius: float, number: int, axis: np.ndarray, start: np.ndarray) -> Shape:
+    """Make an arrow around an axis.
+
+    Args:
+        radius: Of the arc in [m].
+        number: Level; a positive one turns by the right-hand rule about the axis.
+        axis: Unit vector, shape ``(3,)``.
+        start: Unit vector across the axis at which the arrow begins, shape ``(3,)``.
+
+    Returns:
+        The mesh, centred at the origin.
+    """
+    sweep = _FULL_SWEEP * number / LEVELS
+    shaft_sweep = sweep - math.copysign(_HEAD_LENGTH / radius, sweep)
+    # The shortest arrow is hardly longer than its head.
+    shaft_sweep = math.copysign(max(abs(shaft_sweep), 0.3 * abs(sweep)), sweep)
+    angle = np.linspace(0.0, shaft_sweep, max(4, round(abs(shaft_sweep) / _STEP)))[:, None]
+    aside = np.cross(axis, start)
+    shaft = shapes.tube(radius * (np.cos(angle) * start + np.sin(angle) * aside), _RADIUS, columns=6)
+    return shapes.merged([shaft, _head(radius, shaft_sweep, axis, start, aside, math.copysign(1.0, sweep))])
+
+
+def _head(
+    radius: float, at: float, axis: np.ndarray, start: np.ndarray, aside: np.ndarray, sign: float
+) -> Shape:
+    """Tip of the arrow, along the arc's direction there and a little inward, as the arc goes on."""
+    outward = math.cos(at) * start + math.sin(at) * aside
+    ahead = sign * np.cross(axis, outward)
+    ahead = ahead - 0.5 * _HEAD_LENGTH / radius * outward
+    ahead /= np.linalg.norm(ahead)
+    across = np.cross(axis, ahead)
+    placement = np.eye(4)
+    placement[:3, :3] = np.column_stack((across, np.cross(ahead, across), ahead))
+    placement[:3, 3] = radius * outward + 0.5 * _HEAD_LENGTH * ahead
+    return shapes.moved(shapes.cone(_HEAD_RADIUS, _HEAD_LENGTH, columns=12), placement)
+
+
+def arc_material(number: int) -> Material:
+    """Surface of an arrow.
+
+    Args:
+        number: Its level.
+    """
+    return Material(colour=rgb(FLEXION_COLOUR if number > 0 else EXTENSION_COLOUR), roughness=0.8, glow=0.35)

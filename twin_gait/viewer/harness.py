@@ -1,0 +1,56 @@
+"""The harness on the wearer's chest, which the ropes of the body-weight support carry."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from twin_gait.leg_model.wearer import TRUNK_LENGTH
+from twin_gait.parameters import Patient
+from twin_gait.viewer import shapes
+from twin_gait.viewer.body import STRAP, band, trunk_axes, trunk_rings
+from twin_gait.viewer.commands import Material
+from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.shapes import Shape
+
+VEST = Material(colour=(0.27, 0.33, 0.42), opacity=0.92, roughness=0.9)
+_VEST = (0.50, 0.80)  # around the chest, heights over the hips as shares of the trunk length
+_HOOK = (0.0, 0.15, 1.12)  # forward and to the left [m] and height as above: where a rope meets its straps
+
+
+def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.ndarray]:
+    """Draw a harness on the wearer's chest.
+
+    Args:
+        figure: The figure.
+        patient: The wearer.
+        trunk_joint: Joint that carries the trunk.
+
+    Returns:
+        Where the ropes meet its straps, in the frame of that joint in [m], shape ``(3,)`` each.
+    """
+    axes = trunk_axes(figure)
+    rings = trunk_rings(patient)
+    top, bottom = (share * TRUNK_LENGTH * patient.height for share in reversed(_VEST))
+    vest = band(rings[::-1], top, bottom, rings=6, columns=28)
+    figure.draw(trunk_joint, "harness_vest", shapes.moved(vest, axes), VEST)
+    x, y, share = _HOOK
+    hooks = [np.array([x, side * y, share * TRUNK_LENGTH * patient.height]) for side in (1.0, -1.0)]
+    straps = [strap for hook in hooks for strap in _shoulder_straps(hook, rings, top)]
+    figure.draw(trunk_joint, "harness_straps", shapes.moved(shapes.merged(straps), axes), STRAP)
+    return [axes[:3, :3] @ hook for hook in hooks]
+
+
+def _shoulder_straps(hook: np.ndarray, rings: np.ndarray, height: float) -> list[Shape]:
+    """From the hook of a rope to the front and the back of the vest, over the shoulder."""
+    x, _, half_x, half_y = (float(np.interp(height, rings[:, 0], rings[:, column])) for column in range(1, 5))
+    straps = []
+    for front in (1.0, -1.0):
+        angle = math.radians(52.0)
+        end = [x + front * half_x * math.sin(angle), math.copysign(half_y * math.cos(angle), hook[1]), height]
+        middle = 0.5 * (hook + end) + [front * 0.035, 0.0, 0.02]
+        share = np.linspace(0.0, 1.0, 9)[:, None]
+        path = (1 - share) ** 2 * hook + 2 * share * (1 - share) * middle + share**2 * np.array(end)
+        straps.append(shapes.tube(path, 0.007, columns=6))
+    return straps

@@ -1,0 +1,152 @@
+// The page of a recorded run, of two runs beside each other, and of the live viewer. No build step: these
+// files stand one after the other in one script.
+//
+//   basics.js    texts, colours, canvases          plots.js     curves, all on one span of time
+//   stage.js     a scene and its camera            timeline.js  bands of phases, slider, legend
+//   readout.js   the card with the numbers         player.js    recorded runs: clock, keys, address
+//   live.js      data as it comes                  start.js     what runs first
+//
+// Data of the page (element page-data, JSON):
+//   {mode: "recorded", runs: [RUN, ...]} or {mode: "live", socket: path or null}
+// RUN, and what describes a live scene:
+//   {title, subtitle, notes: [text], view: {target, direction, width, height, field_of_view},
+//    phases: [{name, label, short, colour, ink}], legs: [{side, label, colour, dark, shows: [key]}],
+//    parts: [{key, label, colour}], arrow: {label, colour} or null,
+//    arcs: [{label, colour}], floor: path, duration: s or null, footnote}
+// A recorded RUN also holds `frames` and `scene`, deflated, as base64 text: JSON of
+//   {times: [ms], legs: [{series: {key: [value]}, phases: {starts: [s], codes: [n]} or null}]}
+// and the commands of meshcat's viewer, each after its length in four bytes, lowest first.
+//
+// Live messages, binary: one command of meshcat's viewer in msgpack, or several of them each after its length
+// as above. Beside meshcat's own kinds there are two:
+//   {type: "page", path: "", page: DESCRIPTION}      what is shown from now on; starts the curves anew
+//   {type: "sample", path: "", sample: SAMPLE}       one moment
+// SAMPLE: {time: s, legs: [{phase: code or -1, KEY: value, ...}]}, legs in the order of the description.
+// Keys of values: hip, knee [deg]; hip_torque, knee_torque [N m]; hip_ and knee_ before impedance,
+// friction_compensation, gravity_compensation, inertia_compensation, target [N m]; force [N].
+// A key that `shows` does not name is not read out; one that is not sent shows as a dash.
+//
+// For a further script: window.twinGait = {describe(page), show(sample), take(bytes), page(), stage, plots, theme, tell,
+// ready}; see start.js.
+"use strict";
+
+const element = (id) => document.getElementById(id);
+const JOINTS = [["hip", "Hip"], ["knee", "Knee"]];
+
+function make(tag, name = "", text = "") {
+  const made = document.createElement(tag);
+  if (name) made.className = name;
+  if (text) made.textContent = text;
+  return made;
+}
+
+// With a true minus sign, and without a minus before nothing.
+function number(value, digits) {
+  const text = value.toFixed(digits);
+  return (Number(text) < 0 ? "\u2212" : "") + text.replace("-", "");
+}
+
+function tell(text) {
+  element("message").textContent = text;
+  element("message").hidden = !text;
+}
+
+// Position of the last of sorted numbers that is not after a value, at least 0.
+function last_before(sorted, value) {
+  let low = 0, high = sorted.length - 1;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (sorted[middle] <= value + 1e-9) low = middle; else high = middle - 1;
+  }
+  return low;
+}
+
+// ---- light and dark ---------------------------------------------------------------------------------
+
+const theme = {
+  listeners: [],
+  inks: {},
+
+  get dark() { return document.documentElement.dataset.theme === "dark"; },
+
+  open(asked) {
+    const system = window.matchMedia("(prefers-color-scheme: dark)");
+    this.set(asked ? asked === "dark" : system.matches);
+    system.addEventListener("change", () => this.set(system.matches));
+    element("theme").onclick = () => this.set(!this.dark);
+  },
+
+  set(dark) {
+    document.documentElement.dataset.theme = dark ? "dark" : "light";
+    const style = getComputedStyle(document.documentElement);
+    for (const name of ["ink", "soft", "line", "sheet"]) this.inks[name] = style.getPropertyValue(`--${name}`).trim();
+    for (const listener of this.listeners) listener();
+  },
+
+  // Colour of a leg that stands out from the background.
+  of(leg) { return this.dark ? leg.dark : leg.colour; },
+};
+
+// ---- drawing ----------------------------------------------------------------------------------------
+
+function canvas_context(canvas, width, height) {
+  const scale = Math.max(window.devicePixelRatio || 1, document.body.classList.contains("printing") ? 3 : 1);
+  if (canvas.width !== Math.round(width * scale) || canvas.height !== Math.round(height * scale)) {
+    canvas.width = Math.round(width * scale);
+    canvas.height = Math.round(height * scale);
+  }
+  const context = canvas.getContext("2d");
+  context.setTransform(scale, 0, 0, scale, 0, 0);
+  context.clearRect(0, 0, width, height);
+  return context;
+}
+
+const FONT = "system-ui, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif";
+
+// A band of phases: colour, hatching and letters each say which phase it is.
+function draw_band(context, page, spells, box, from, to, end) {
+  const { starts, codes } = spells, scale = box.width / Math.max(to - from, 1e-9);
+  context.save();
+  context.beginPath();
+  context.rect(box.left, box.top, box.width, box.height);
+  context.clip();
+  context.font = `650 10px ${FONT}`;
+  context.textAlign = "center";
+  starts.forEach((start, index) => {
+    const stop = index + 1 < starts.length ? starts[index + 1] : end;
+    if (stop < from || start > to) return;
+    const left = box.left + scale * (start - from), width = scale * (stop - start);
+    const phase = page.phases[codes[index]];
+    draw_phase(context, phase, codes[index], left, box.top, width, box.height);
+    const shown = Math.min(left + width, box.left + box.width) - Math.max(left, box.left);
+    if (shown < 17) return;
+    context.fillStyle = phase.ink;
+    context.fillText(phase.short, Math.max(left, box.left) + shown / 2, box.top + box.height / 2 + 3.6);
+  });
+  context.restore();
+}
+
+const HATCHES = [[], [[3, 3, 3, 3]], [[0, 3, 6, 3]], [[0, 6, 6, 0]], [[0, 0, 6, 6]]];
+
+function draw_phase(context, phase, code, left, top, width, height) {
+  context.fillStyle = phase.colour;
+  context.fillRect(left, top, width, height);
+  const lines = HATCHES[code % HATCHES.length];
+  if (!lines.length) return;
+  context.save();
+  context.beginPath();
+  context.rect(left, top, width, height);
+  context.clip();
+  context.globalAlpha = 0.3;
+  context.strokeStyle = phase.ink;
+  context.lineWidth = 1;
+  context.lineCap = "round";
+  context.beginPath();
+  for (let x = Math.floor(left / 6) * 6; x < left + width; x += 6) {
+    for (let y = top; y < top + height; y += 6) {
+      for (const [a, b, c, d] of lines) { context.moveTo(x + a, y + b); context.lineTo(x + c + 0.01, y + d); }
+    }
+  }
+  context.stroke();
+  context.restore();
+}

@@ -1,0 +1,105 @@
+// ---- the card with the numbers ----------------------------------------------------------------------
+
+class Readout {
+  constructor(card, name = "") {
+    this.card = card;
+    this.name = name;
+    this.cells = [];
+    theme.listeners.push(() => this.tint());
+  }
+
+  build(page) {
+    this.page = page;
+    const title = make("h1", "title", page.title);
+    if (this.name) title.prepend(make("span", "badge", this.name));
+    this.clock = make("p", "clock");
+    this.table = make("table", "read");
+    this.card.replaceChildren(title, make("p", "subtitle", page.subtitle), this.clock, this.table,
+      make("p", "notes", page.notes.join(" ")));
+    this.cells = page.legs.map(() => ({}));
+    this.rows = Readout.rows(page);
+    if (page.legs.length) this.fill();
+  }
+
+  // What can be read out: [key, label, decimals, unit, colour of a part of the torque].
+  static rows(page) {
+    const rows = [["phase", "Phase"]];
+    for (const [joint, label] of JOINTS) {
+      rows.push([joint, `${label} angle`, 1, "°"], [`${joint}_torque`, "motor torque", 1, " N·m"]);
+      for (const part of page.parts) rows.push([`${joint}_${part.key}`, part.label, 1, " N·m", part.colour]);
+    }
+    rows.push(["force", "Ground force", 0, " N"]);
+    return rows.filter(([key]) => page.legs.some((leg) => leg.shows.includes(key)));
+  }
+
+  fill() {
+    const top = this.table.createTHead().insertRow(), body = this.table.createTBody();
+    top.append(make("td"));
+    for (const leg of this.page.legs) {
+      const cell = make("th", "", leg.label);
+      cell.scope = "col";
+      top.append(cell);
+    }
+    this.tint();
+    for (const [key, label, , , colour] of this.rows) {
+      const row = body.insertRow(), name = make("th", "", label);
+      row.className = colour ? "part" : key.endsWith("_torque") ? "motor" : "";
+      name.scope = "row";
+      if (colour) name.style.setProperty("--part", colour);
+      row.append(name);
+      this.page.legs.forEach((leg, index) => { this.cells[index][key] = this.cell(row, colour); });
+    }
+  }
+
+  tint() {
+    if (!this.table) return;
+    const heads = this.table.querySelectorAll("thead th");
+    this.page.legs.forEach((leg, index) => { if (heads[index]) heads[index].style.borderColor = theme.of(leg); });
+  }
+
+  cell(row, colour) {
+    const cell = row.insertCell(), text = make("span"), bar = colour ? make("b") : null;
+    if (bar) {
+      const scale = make("i");
+      bar.style.background = colour;
+      scale.append(bar);
+      cell.append(scale);
+    }
+    cell.append(text);
+    return { text, bar };
+  }
+
+  // `scales` says per joint which torque makes a bar half as long as its cell.
+  show(sample, scales = {}) {
+    const { page } = this;
+    this.clock.textContent = `${sample.time.toFixed(3)} s` +
+      (page.duration === null ? "" : ` of ${page.duration.toFixed(2)} s`);
+    sample.legs.forEach((leg, index) => {
+      for (const [key, , digits, unit] of this.rows) {
+        const cell = this.cells[index][key];
+        if (key === "phase") { this.pill(cell.text, page.phases[leg.phase]); continue; }
+        const known = Number.isFinite(leg[key]);
+        cell.text.textContent = known ? number(leg[key], digits) + unit : "–";
+        if (cell.bar) this.bar(cell.bar, known ? leg[key] / (scales[key.split("_")[0]] || 20) : 0);
+      }
+    });
+  }
+
+  bar(bar, share) {
+    const width = 50 * Math.min(Math.abs(share), 1);
+    bar.style.width = `${width.toFixed(1)}%`;
+    bar.style.left = `${(share < 0 ? 50 - width : 50).toFixed(1)}%`;
+  }
+
+  pill(cell, phase) {
+    if (cell.dataset.phase === (phase ? phase.name : "")) return;
+    cell.dataset.phase = phase ? phase.name : "";
+    const pill = make("span", "pill", phase ? phase.label : "–");
+    if (phase) {
+      pill.style.background = phase.colour;
+      pill.style.color = phase.ink;
+      pill.prepend(make("b", "", phase.short));
+    }
+    cell.replaceChildren(pill);
+  }
+}

@@ -1,0 +1,45 @@
+// ---- what runs first --------------------------------------------------------------------------------
+
+// `ready` is what a test, a picture or another page can wait for.
+window.ready = (async () => {
+  const page = JSON.parse(element("page-data").textContent), asked = address.read();
+  document.body.classList.add(page.mode);
+  document.body.classList.toggle("still-picture", asked.picture);
+  theme.open(asked.theme);
+  // Where the bar lies over the page, the page ends above it.
+  const bar = element("bar"), measure = () => document.body.style.setProperty("--bar", `${bar.offsetHeight}px`);
+  new ResizeObserver(measure).observe(bar);
+  try {
+    if (page.mode === "live") live.open(page);
+    else { await unpack_bundle(); await player.open(page); }
+    if (asked.picture) { await settled(); console.info("twin_gait: ready"); }
+  } catch (error) {
+    tell(`This page needs a browser with WebGL that is not older than 2023 (${error.message}).`);
+    if (asked.picture) console.info(`twin_gait: ${error.message}`);
+    throw error;
+  }
+})();
+
+// Two frames later everything has its size and has been drawn.
+async function settled() {
+  for (let frame = 0; frame < 2; frame += 1) await new Promise((done) => { requestAnimationFrame(done); });
+  for (const stage of player.stages) stage.viewer.render();
+}
+
+// A recorded page holds meshcat's viewer deflated.
+async function unpack_bundle() {
+  const packed = element("bundle");
+  if (!packed) return;
+  const script = make("script");
+  script.textContent = new TextDecoder().decode(await inflate(packed.textContent));
+  document.head.append(script);
+}
+
+window.twinGait = {
+  describe: (page) => live.describe(page),
+  show: (...samples) => live.show(...samples),
+  take: (bytes) => live.stage.take(bytes),
+  page: () => live.page,
+  get stage() { return live.stage ?? player.stages[0]; },
+  plots, theme, tell, ready: window.ready,
+};

@@ -1,0 +1,152 @@
+"""A page as a picture, drawn by a Chromium that is on this machine."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import struct
+import subprocess
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from twin_gait.exceptions import ViewerError
+from twin_gait.files import write_atomically
+
+BROWSER_VARIABLE = "TWIN_GAIT_BROWSER"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+SMALLEST, LARGEST = 200, 4000  # side of a picture in pixels
+_MAC_BROWSER = Path("/Applications/Google Chrome.app/Contents/MacOS/Google Chrome")
+_READY = "twin_gait: ready"
+_SETTLING = 8000  # [ms] of the page's own time
+_FLAGS = (
+    "--headless", "--disable-gpu", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--hide-scrollbars", "--force-device-scale-factor=1",
+    # Software draws where there is no graphics card.
+    "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--enable-logging=stderr", f"--virtual-time-budget={_SETTLING}",
+)  # fmt: skip
+
+
+class PictureSize(NamedTuple):
+    """Size of a picture in pixels.
+
+    Attributes:
+        width: Horizontal.
+        height: Vertical.
+    """
+
+    width: int = 1600
+    height: int = 1000
+
+
+DEFAULT_SIZE = PictureSize()
+
+
+def find_browser() -> str:
+    """A Chromium on this machine: the one in ``TWIN_GAIT_BROWSER``, or the first on the search path.
+
+    Raises:
+        ViewerError: If there is none.
+    """
+    named = os.environ.get(BROWSER_VARIABLE)
+    if named:
+        found = shutil.which(named)
+        if found is None:
+            raise ViewerError(f"{BROWSER_VARIABLE}={named}: no such program; name a Chromium or Chrome there")
+        return found
+    for name in (*BROWSERS, str(_MAC_BROWSER)):
+        found = shutil.which(name)
+        if found is not None:
+            return found
+    raise ViewerError(
+        f"a picture needs Chromium or Chrome, and none of {', '.join(BROWSERS)} was found; install one, or "
+        f"name it in {BROWSER_VARIABLE}"
+    )
+
+
+def take_picture(
+    page: str,
+    path: str | Path,
+    *,
+    time: float = 0.0,
+    size: PictureSize = DEFAULT_SIZE,
+    dark: bool = False,
+    timeout: float = 120.0,
+) -> Path:
+    """Draw a recorded page at a moment and write it as PNG.
+
+    Args:
+        page: HTML of :func:`twin_gait.viewer.page.recorded_page`.
+        path: The PNG file; an existing one is replaced only by a complete one.
+        time: Moment to show in [s].
+        size: Of the picture.
+        dark: Whether to draw the dark page.
+        timeout: Longest wait for the browser in [s].
+
+    Returns:
+        The file.
+
+    Raises:
+        RunDirectoryError: If the file cannot be written.
+        ViewerError: If there is no Chromium, or it does not draw the page.
+    """
+    browser = find_browser()
+    path = Path(path)
+    # The browser may still be writing into its profile when it has ended.
+    with tempfile.TemporaryDirectory(prefix="twin_gait_", ignore_cleanup_errors=True) as folder:
+        source, drawn = Path(folder) / "page.html", Path(folder) / "picture.png"
+        source.write_text(page, encoding="utf-8")
+        shade = "dark" if dark else "light"
+        address = f"{source.as_uri()}#t={time:.3f}&theme={shade}&picture=1"
+        command = [
+            browser, *_FLAGS, *_sandbox(), f"--user-data-dir={folder}/profile",
+            f"--window-size={size.width},{size.height}", f"--screenshot={drawn}", address,
+        ]  # fmt: skip
+        said = _run(command, timeout)
+        content = drawn.read_bytes() if drawn.is_file() else b""
+    _check(content, size, said, browser)
+    write_atomically(path, content)
+    return path
+
+
+def _sandbox() -> list[str]:
+    # Chromium refuses to start as root with its sandbox; the page it gets here is our own.
+    return ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
+
+
+def _run(command: list[str], timeout: float) -> str:
+    """What the browser says while it draws."""
+    try:
+        process = subprocess.Popen(
+            command,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+            text=True,
+            errors="replace",
+        )
+    except OSError as error:
+        raise ViewerError(f"{command[0]}: cannot be started ({error.strerror})") from error
+    try:
+        _, said = process.communicate(timeout=timeout)
+    except subprocess.TimeoutExpired as error:
+        raise ViewerError(f"{command[0]} has not drawn the picture within {timeout:g} s") from error
+    finally:
+        # Its helpers live in the same session, which is ours alone.
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+    return said
+
+
+def _check(content: bytes, size: PictureSize, said: str, browser: str) -> None:
+    notes = [line for line in said.splitlines() if "twin_gait: " in line]
+    if not any(_READY in line for line in notes):
+        reason = notes[-1].split("twin_gait: ", 1)[1] if notes else "it did not finish the page"
+        raise ViewerError(f"{browser} cannot draw the page: {reason}")
+    if content[:8] != b"\x89PNG\r\n\x1a\n" or struct.unpack(">II", content[16:24]) != size:
+        raise ViewerError(
+            f"{browser} made no picture of {size.width}x{size.height} pixels; try another --size"
+        )
