@@ -71,7 +71,7 @@ def test_the_document_lists_models_best_first_with_all_that_is_known(identified)
     for key in ("sse", "r_squared", "adjusted_r_squared", "rmse", "aic", "bic", "warnings", "formula"):
         assert key in best
     assert best["samples"] == sum(test["samples"]["used"] for test in document["tests"]) == 1200
-    assert document["method"]["loss"] == "huber"
+    assert document["method"]["loss"] == "auto" and best["loss"] == "linear"
 
 
 def test_the_parameter_files_are_experiments_with_the_identified_law(identified):
@@ -164,7 +164,7 @@ def test_a_wrong_log_leaves_no_folder(tmp_path):
     (tmp_path / "a.csv").write_text("velocity,friction_torque\n1,2\n")
     with pytest.raises(ParameterFileError, match="1 usable rows"):
         call(tmp_path / "a.csv", "--out", tmp_path / "out")
-    with pytest.raises(ParameterError, match=r"has no \.log, \.csv or \.txt file"):
+    with pytest.raises(ParameterError, match=r"has no \.log, \.csv, \.txt, \.tsv or \.dat file"):
         (tmp_path / "empty").mkdir()
         call(tmp_path / "empty", "--out", tmp_path / "out")
     assert not (tmp_path / "out").exists()

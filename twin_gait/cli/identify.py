@@ -56,7 +56,12 @@ def add_parser(commands: Any) -> None:
         metavar="W",
         help="slower samples are rejected (0.002; series 0)",
     )
-    parser.add_argument("--loss", choices=["huber", "linear"], default="huber", help="weighing of residuals")
+    parser.add_argument(
+        "--loss",
+        choices=["auto", "huber", "linear"],
+        default="auto",
+        help="weighing of residuals: Huber's for logs and where outliers stand alone, else least squares",
+    )
     parser.add_argument(
         "--physical", action="store_true", help="no negative friction, break-away at least Coulomb"
     )
@@ -210,9 +215,11 @@ def _files(paths: list[Path]) -> Iterator[Path]:
         if not path.is_dir():
             yield path
             continue
-        found = sorted(item for item in path.iterdir() if item.suffix.lower() in (".log", ".csv", ".txt"))
+        found = sorted(
+            item for item in path.iterdir() if item.suffix.lower() in (".log", ".csv", ".txt", ".tsv", ".dat")
+        )
         if not found:
-            raise ParameterError(f"{path}: the folder has no .log, .csv or .txt file")
+            raise ParameterError(f"{path}: the folder has no .log, .csv, .txt, .tsv or .dat file")
         yield from found
 
 

@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from scipy.stats import qmc
 
 from twin_gait.identification.models import FrictionModel, Scale
-from twin_gait.identification.refining import jacobian, refine, residuals
+from twin_gait.identification.refining import huber_cost, jacobian, refine, residuals
 from twin_gait.identification.samples import Samples, thinned, thinned_path
 
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
@@ -30,11 +30,17 @@ _POLISHED, _STATE_POLISHED = 4, 6
 _APART = 0.1  # of the span of the bounds
 _TINY = 1e-12
 _REFIT_TOLERANCE = 1e-7  # of the loss: a fold's error is wanted to four digits, not to ten
+_COARSE = 2_000  # samples of the descent before the last one
+_CLOSEST, _EXACT_SAMPLES = 1e-15, 2_000  # tolerance of the loss; up to how many samples it holds
+_NEGLIGIBLE = 1e-5  # of the loss per sample and variance: far below what noise moves the parameters by
+_GROSS_SIGMAS = 6.0  # robust standard deviations beyond which a residual may be an outlier
+_ALONE = 0.5  # share of such residuals with none beside them
 
 
 class Loss(StrEnum):
     """How residuals are weighed."""
 
+    AUTO = "auto"  # Huber's, if there are large residuals and they stand alone as outliers do; else linear
     HUBER = "huber"  # squared up to three robust standard deviations, linear beyond
     LINEAR = "linear"  # squared: ordinary least squares
 
@@ -50,7 +56,7 @@ class FitOptions:
         seed: Of the starts.
     """
 
-    loss: Loss = Loss.HUBER
+    loss: Loss = Loss.AUTO
     physical: bool = False
     most_samples: int = 40_000
     seed: int = 0
@@ -115,6 +121,9 @@ def _scale(scale: Scale, samples: Samples) -> float:
         return speed
     if scale is Scale.SLOWNESS:
         return 1.0 / speed
+    if scale is Scale.STIFFNESS and samples.period is not None:
+        moved = np.abs(samples.velocity * samples.period)
+        return 1.0 / max(float(np.median(moved[moved > 0.0])) if moved.any() else 0.0, _TINY)
     if scale is Scale.TURN and samples.angle is not None:
         return 2.0 * math.pi / max(float(np.ptp(samples.angle)), _TINY)
     return 1.0
@@ -141,16 +150,55 @@ def fit_model(
     full = rows_of(model, samples, options.most_samples)
     low, high = bounds(model, full, physical=options.physical)
     x = _best_start(model, full, low, high, seeds, options)
-    x = refine(model, full, x, low, high, math.inf)
+    x = _descended(model, samples, full, x, low, high, math.inf)
     threshold = math.inf
-    sigma = robust_sigma(residuals(model, x, full))
-    if options.loss is Loss.HUBER and sigma > 0.0:
+    values = residuals(model, x, full)
+    sigma = robust_sigma(values)
+    if sigma > 0.0 and _wants_huber(options.loss, values, sigma):
         # The scale settles in two rounds: the first fit may itself be pulled by outliers.
         for _ in range(2):
             threshold = HUBER_SIGMAS * sigma
-            x = refine(model, full, x, low, high, threshold)
+            x = _descended(model, samples, full, x, low, high, threshold)
             sigma = robust_sigma(residuals(model, x, full)) or sigma
     return Fit(model, x, low, high, sigma, threshold)
+
+
+def _wants_huber(loss: Loss, values: np.ndarray, sigma: float) -> bool:
+    """Whether to weigh large residuals less.
+
+    Errors of measurement stand alone. Residuals that stay large for many samples say that the law misses
+    something there, and a law that is told to look away from it predicts worse.
+    """
+    if loss is not Loss.AUTO:
+        return loss is Loss.HUBER
+    beyond = np.abs(values) > _GROSS_SIGMAS * sigma
+    beside = np.concatenate([[False], beyond[:-1]]) | np.concatenate([beyond[1:], [False]])
+    return bool(beyond.any() and (beyond & ~beside).sum() >= _ALONE * beyond.sum())
+
+
+def _descended(
+    model: FrictionModel,
+    samples: Samples,
+    full: Samples,
+    start: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    threshold: float,
+) -> np.ndarray:
+    """The minimum near a start: first on few samples, where a step costs little, then on all."""
+    tolerance = _tolerance(full)
+    candidates = [start]
+    coarse = rows_of(model, samples, _COARSE)
+    if 2 * len(coarse) < len(full):
+        candidates.append(refine(model, coarse, start, low, high, threshold, tolerance=_REFIT_TOLERANCE))
+    best = min(candidates, key=lambda x: huber_cost(residuals(model, x, full), threshold))
+    return refine(model, full, best, low, high, threshold, tolerance=tolerance)
+
+
+def _tolerance(samples: Samples) -> float:
+    """Share of the loss that is worth another step: less than noise decides, exact for few samples."""
+    number = int(samples.used.sum())
+    return _CLOSEST if number <= _EXACT_SAMPLES else _NEGLIGIBLE / number
 
 
 def rows_of(model: FrictionModel, samples: Samples, limit: int) -> Samples:
@@ -243,6 +291,8 @@ def _linear(model: FrictionModel, shape: np.ndarray, samples: Samples) -> tuple[
     """Best coefficients of a shape and the sum of squares that they leave."""
     basis = model.basis(shape, samples)[samples.used]
     torque = (samples.torque - model.constant(shape, samples))[samples.used]
+    if not np.isfinite(basis).all():  # a shape at which the law overflows
+        return np.zeros(basis.shape[1]), math.inf
     beta = np.asarray(np.linalg.lstsq(basis, torque, rcond=1e-10)[0])
     return beta, float(np.sum((torque - basis @ beta) ** 2))
 

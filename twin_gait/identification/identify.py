@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -13,10 +13,10 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.identification.bootstrap import Uncertainty, uncertainty
 from twin_gait.identification.cross_validation import CrossValidation, cross_validate, folds_of
 from twin_gait.identification.doubts import doubts_of_fit, doubts_of_samples, doubts_of_time
-from twin_gait.identification.fitting import Fit, FitOptions, fit_model
+from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
 from twin_gait.identification.lineage import inherited_starts
 from twin_gait.identification.models import FrictionModel, find_models, missing_columns
-from twin_gait.identification.processing import ProcessingOptions, process_log
+from twin_gait.identification.processing import RATE, Processing, ProcessingOptions, process_log
 from twin_gait.identification.reading import LogColumns, read_log
 from twin_gait.identification.rig import RigParameters
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests
@@ -124,7 +124,7 @@ def identify_logs(
     if not paths:
         raise ParameterError("logs: expected at least one file")
     find_models(options.models)
-    tests = []
+    tests: list[FrictionTest] = []
     for number, path in enumerate(paths):
         tests.append(process_log(read_log(path, options.columns), options.rig, options.processing))
         progress(number, len(paths))
@@ -150,6 +150,7 @@ def identify_tests(
         ParameterError: If too few samples are left, or no model fits the columns.
     """
     tests, flipped = _along_the_velocity(tests)
+    options = _with_loss(options, tests)
     samples = join_tests(tests)
     models, skipped = _possible(find_models(options.models), samples)
     _check_number(samples, models)
@@ -176,7 +177,13 @@ def identify_tests(
         models=_best_first(found, _TIE + len(tests) / int(samples.used.sum())),
         skipped=skipped,
         options=options,
-        warnings=(*flipped, *doubts_of_samples(samples)),
+        warnings=(
+            *flipped,
+            *_late(options),
+            *_notes(tests),
+            *doubts_of_samples(samples),
+            *_untimed(samples, skipped),
+        ),
     )
 
 
@@ -206,6 +213,13 @@ class _Counter:
         self._progress(min(self._done, self._total), self._total)
 
 
+def _with_loss(options: IdentificationOptions, tests: Sequence[FrictionTest]) -> IdentificationOptions:
+    """Huber's loss for a bench: its filter spreads an outlier, such as a touch of the stop, over samples."""
+    if options.fit.loss is Loss.AUTO and any(test.from_bench for test in tests):
+        return replace(options, fit=replace(options.fit, loss=Loss.HUBER))
+    return options
+
+
 def _along_the_velocity(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTest], list[str]]:
     """Turn friction torques that oppose the velocity, as many logs write them."""
     power = sum(float((test.torque * test.velocity)[test.used].sum()) for test in tests)
@@ -215,6 +229,37 @@ def _along_the_velocity(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTes
     return turned, [
         "the friction torque opposes the velocity in these files; it was turned to have the velocity's sign"
     ]
+
+
+def _late(options: IdentificationOptions) -> list[str]:
+    """Say what the thesis's processing does to the result."""
+    if options.processing.processing is not Processing.THESIS:
+        return []
+    late = 0.5 * (options.processing.window - 1) / RATE
+    return [
+        f"the thesis's processing makes the velocity {1e3 * late:.0f} ms late against current and load: the "
+        "parameters are biased (--processing zero_phase)"
+    ]
+
+
+def _notes(tests: Sequence[FrictionTest]) -> list[str]:
+    """What a reader should know about the files, each once."""
+    where: dict[str, list[str]] = {}
+    for test in tests:
+        for note in test.notes:
+            where.setdefault(note, []).append(test.name)
+    return [
+        f"{names[0]}: {note}" if len(names) == 1 else f"{len(names)} files: {note}"
+        for note, names in where.items()
+    ]
+
+
+def _untimed(samples: Samples, skipped: Mapping[str, tuple[str, ...]]) -> list[str]:
+    """Say that a missing time costs the models with a state."""
+    missed = [name for name, columns in skipped.items() if "period" in columns]
+    if samples.period is not None or not missed:
+        return []
+    return [f"without a time {', '.join(missed)} cannot be fitted; name the column with --columns time=NAME"]
 
 
 def _possible(
@@ -237,6 +282,9 @@ def _check_number(samples: Samples, models: Sequence[FrictionModel]) -> None:
             f"logs: {number} samples are left after stops and stand-still; expected at least {needed}"
         )
     velocity = samples.velocity[samples.used]
+    moving = int((velocity != 0.0).sum())
+    if moving < needed:
+        raise ParameterError(f"logs: the joint moves in {moving} samples only; expected at least {needed}")
     if np.ptp(np.abs(velocity)) < 1e-9 and np.ptp(velocity) < 1e-9:
         raise ParameterError(f"logs: every sample moves at {velocity[0]:g} rad/s; expected several speeds")
 

@@ -42,6 +42,7 @@ class Scale(StrEnum):
     NONE = "none"
     SPEED = "speed"  # the speed that 95 % of the samples stay below
     SLOWNESS = "slowness"  # its inverse
+    STIFFNESS = "stiffness"  # inverse of the way from one sample to the next
     TURN = "turn"  # periods in a turn of the joint, such that the tests span one
 
 
@@ -142,9 +143,9 @@ _FORWARD, _BACKWARD = "viscous_friction_forward_Nm", "viscous_friction_backward_
 _STRIBECK_EXPONENT, _VISCOUS_EXPONENT = "stribeck_exponent", "viscous_exponent"
 _TRANSITION_SHAPE = Shape(low=1e-4, high=1.0, scale=Scale.SPEED)
 _STRIBECK_SHAPE = Shape(low=1e-3, high=10.0, scale=Scale.SPEED)
-_STRIBECK_EXPONENT_SHAPE, _VISCOUS_EXPONENT_SHAPE = Shape(low=0.4, high=4.0), Shape(low=0.1, high=3.0)
+_STRIBECK_EXPONENT_SHAPE, _VISCOUS_EXPONENT_SHAPE = Shape(low=0.4, high=10.0), Shape(low=0.1, high=3.0)
 # σ0/F_c: the inverse of the deflection at which the bristles slide; F_s/F_c.
-_BRISTLE_SHAPE = Shape(low=1e0, high=1e7)
+_BRISTLE_SHAPE = Shape(low=1e-5, high=1e5, scale=Scale.STIFFNESS)
 _BREAKAWAY_RATIO = Shape(low=0.1, high=10.0, physical_low=1.0)
 
 # Parameters that are positive and uncertain by a factor: their intervals are those of the logarithm.

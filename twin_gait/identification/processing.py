@@ -7,7 +7,6 @@ from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
-from scipy.ndimage import binary_dilation
 
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.identification.checks import FEWEST, clean
@@ -16,6 +15,7 @@ from twin_gait.identification.quantities import Quantity
 from twin_gait.identification.reading import Log
 from twin_gait.identification.rig import RigParameters
 from twin_gait.identification.samples import FrictionTest
+from twin_gait.identification.stops import hard_stop, soft_stop, widened
 from twin_gait.parameters import require, require_non_negative, require_positive
 
 RATE = 100.0  # [Hz] of the samples that a fit sees, the thesis's
@@ -102,14 +102,14 @@ def process_log(log: Log, rig: RigParameters | None, options: ProcessingOptions)
     Raises:
         ParameterFileError: If the log lacks what is needed, or cannot be what it is read as.
     """
-    log, counts = clean(log)
+    log, counts, notes = clean(log, joint_known=rig is not None)
     if Quantity.FRICTION_TORQUE in log.columns:
-        return _series(log, counts, options)
+        return replace(_series(log, counts, options), notes=notes)
     if rig is None:
         raise ParameterFileError(
             log.source, "friction_torque", "no such column; name one with --columns friction_torque=NAME"
         )
-    return _balance(log, counts, rig, options)
+    return replace(_balance(log, counts, rig, options), notes=notes)
 
 
 def _series(log: Log, counts: dict[str, int], options: ProcessingOptions) -> FrictionTest:
@@ -161,9 +161,10 @@ def _balance(
     _needed(log, Quantity.TIME, "such as --columns time=NAME")
     options = replace(options, cutoff=_rate(log, options)[1])  # a slow log allows less
     motion = (_thesis_motion if thesis else _zero_phase_motion)(log, rig, mass, options)
-    torque = motion.motor_torque + motion.load - rig.inertia(mass) * motion.acceleration
+    inertial = rig.inertia(mass) * motion.acceleration
+    torque = motion.motor_torque + motion.load - inertial
     slowest = 0.002 if options.standstill_velocity is None else options.standstill_velocity
-    stopped = _stopped(motion, options)
+    stopped = _stopped(motion, torque, inertial, options)
     standing = ~stopped & (np.abs(motion.velocity) < slowest)
     turning = ~stopped & ~standing & _turning(motion, options)
     used = motion.settled & ~stopped & ~standing & ~turning
@@ -288,7 +289,7 @@ def _zero_phase_motion(log: Log, rig: RigParameters, mass: float, options: Proce
     angle = smooth(columns[Quantity.ANGLE])
     velocity = np.gradient(angle, 1.0 / rate)
     acceleration = np.gradient(velocity, 1.0 / rate)
-    settled = ~_widened(~recorded, guard)
+    settled = ~widened(~recorded, guard)
     settled[:guard] = settled[-guard:] = False
     step = max(1, round(rate / RATE))
     temperature = columns.get(Quantity.TEMPERATURE)
@@ -318,7 +319,7 @@ def _thesis_motion(log: Log, rig: RigParameters, mass: float, options: Processin
             log.source, "time", f"lasts {len(time) / rate:.3g} s, too short for the filter"
         )
     angle = decimate(columns[Quantity.ANGLE], step)
-    settled = ~_widened(~decimate(recorded, step), options.window)
+    settled = ~widened(~decimate(recorded, step), options.window)
     settled[: options.window - 1] = settled[-1:] = False
     temperature = columns.get(Quantity.TEMPERATURE)
     return _Motion(
@@ -355,20 +356,26 @@ def _impact(angle: np.ndarray, cutoff: float, rate: float, step: int) -> np.ndar
     return np.asarray(np.maximum.reduceat(acceleration, np.arange(0, len(angle), step)))
 
 
-def _stopped(motion: _Motion, options: ProcessingOptions) -> np.ndarray:
-    """Samples at a stop: around an impact, and wherever the joint is as far as it was then."""
-    hit = motion.impact > options.impact_acceleration
-    around = _widened(hit, max(int(RATE / options.cutoff), options.window))
-    for index in np.flatnonzero(hit).tolist():
-        before = max(index - options.window, 0)
-        direction = np.sign(motion.angle[index] - motion.angle[before])
-        if direction:
-            around |= direction * (motion.angle - motion.angle[index]) > -options.stop_margin
-    return around
-
-
-def _widened(mask: np.ndarray, by: int) -> np.ndarray:
-    """Mask that also covers so many samples before and after."""
-    if not mask.any() or by < 1:
-        return mask
-    return np.asarray(binary_dilation(mask, iterations=by))
+def _stopped(
+    motion: _Motion, torque: np.ndarray, inertial: np.ndarray, options: ProcessingOptions
+) -> np.ndarray:
+    """Samples at a hard or a soft stop."""
+    hard = hard_stop(
+        motion.angle,
+        motion.impact,
+        limit=options.impact_acceleration,
+        reach=int(RATE / options.cutoff),
+        window=options.window,
+        margin=options.stop_margin,
+    )
+    kept = motion.settled & ~hard
+    soft = np.zeros(len(kept), dtype=bool)
+    if kept.any():
+        soft[kept] = soft_stop(
+            motion.angle[kept],
+            motion.velocity[kept],
+            torque[kept],
+            inertial[kept],
+            margin=options.stop_margin,
+        )
+    return hard | soft

@@ -25,7 +25,7 @@ class Quantity(StrEnum):
 
 
 _ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0, "turn": 2.0 * math.pi}
-_TORQUE_UNITS = {"Nm": 1.0, "mNm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
+_TORQUE_UNITS = {"Nm": 1.0, "mNm": 1e-3, "Nmm": 1e-3, "Ncm": 1e-2, "kNm": 1e3}
 _CURRENT_UNITS = {"A": 1.0, "mA": 1e-3}
 # Factor to SI by the way a unit is written.
 UNITS: Mapping[Quantity, Mapping[str, float]] = {
@@ -34,6 +34,7 @@ UNITS: Mapping[Quantity, Mapping[str, float]] = {
     Quantity.VELOCITY: {
         **{f"{name}/s": factor for name, factor in _ANGLE_UNITS.items()},
         "rpm": 2.0 * math.pi / 60.0,
+        "rev/s": 2.0 * math.pi,
     },
     Quantity.FRICTION_TORQUE: _TORQUE_UNITS,
     Quantity.LOAD_TORQUE: _TORQUE_UNITS,
@@ -55,6 +56,7 @@ KNOWN_NAMES: Mapping[Quantity, tuple[str, ...]] = {
     Quantity.MASS: ("mass", "weight"),
 }
 
+_SHORT_UNIT, _NO_UNIT = 3, ("-", "1", "SI", "raw")
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
 
 
@@ -77,6 +79,25 @@ def split_unit(column: str, quantity: Quantity) -> tuple[str, str | None]:
         if text.endswith(ending):
             return text[: -len(ending)], unit
     return text, None
+
+
+def unknown_unit(column: str, quantity: Quantity) -> str | None:
+    """A unit that a column's name states and that none here is: a ratio, or a short word in brackets.
+
+    Args:
+        column: As it stands in the file.
+        quantity: What it holds.
+
+    Returns:
+        The unit as written; None if the name states none, or a known one.
+    """
+    bracketed = _BRACKETED.match(column.strip())
+    text = bracketed["unit"].strip() if bracketed else ""
+    rate = re.search(r"_([A-Za-z]+_per_[A-Za-z]+)$", column.strip())
+    if rate and known_unit(rate[1], quantity) is None:
+        return rate[1]
+    alike = "/" in text or (0 < len(text) <= _SHORT_UNIT and text not in _NO_UNIT)
+    return text if alike and known_unit(text, quantity) is None else None
 
 
 def known_unit(text: str, quantity: Quantity) -> str | None:

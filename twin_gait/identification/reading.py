@@ -18,7 +18,9 @@ from twin_gait.identification.quantities import (
     UNITS,
     Quantity,
     factor_of,
+    known_unit,
     split_unit,
+    unknown_unit,
 )
 
 _SEPARATORS = ",;\t"
@@ -26,6 +28,8 @@ _HEAD = 65_536  # [bytes] that are looked at for comments, header and separator
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
 _LISTED = 12
 _CHECKED_ROWS = 100
+_LONGEST_UNIT = 8
+_REMARKS, _PREAMBLE = "#%", 50  # characters that begin a comment; lines before the column names
 _MASS_IN_NAME = re.compile(r"(?<![\d.])(\d+(?:[.,p]\d+)?)[ _]?kg(?![a-z])", re.IGNORECASE)
 _COMMENT = re.compile(r"#\s*([A-Za-z_ ]+?)\s*(?:\[[^\]]*\])?\s*[:=]\s*([-+.\deE]+)\s*$")
 
@@ -56,11 +60,13 @@ class Log:
         source: The file.
         columns: Of each quantity that it holds, shape ``(n,)``; NaN where a cell is empty.
         mass: Weight on the link in [kg], if comments or the file's name say so.
+        asked: Columns that the user named; the others were found by their known names.
     """
 
     source: str
     columns: Mapping[Quantity, np.ndarray]
     mass: float | None = None
+    asked: frozenset[Quantity] = frozenset()
 
     def __len__(self) -> int:
         """Rows."""
@@ -84,7 +90,7 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
         ParameterFileError: If the file cannot be read as numbers; one line with file, column and row.
     """
     columns = columns or LogColumns()
-    layout = _layout(path)
+    layout = _layout(path, set(columns.names.values()))
     places = _places(path, layout, columns)
     values = _numbers(path, layout, sorted({place for place, _, _ in places.values()}))
     found: dict[Quantity, np.ndarray] = {}
@@ -93,7 +99,7 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
     if not found or len(values[next(iter(values))]) == 0:
         raise ParameterFileError(path, "", "is empty; expected column names and rows of numbers")
     mass = layout.mass if layout.mass is not None else _mass_in(path.name)
-    return Log(str(path), found, mass)
+    return Log(str(path), found, mass, frozenset(columns.names))
 
 
 @dataclass(frozen=True)
@@ -107,7 +113,7 @@ class _Layout:
     mass: float | None
 
 
-def _layout(path: Path) -> _Layout:
+def _layout(path: Path, asked: set[str]) -> _Layout:
     if not path.is_file():
         raise ParameterFileError(path, "", "no such file")
     try:
@@ -123,8 +129,9 @@ def _layout(path: Path) -> _Layout:
         raise ParameterFileError(path, "", "is not a text file")
     lines = head.splitlines()
     skipped = 0
-    while skipped < len(lines) and (not lines[skipped].strip() or lines[skipped].lstrip().startswith("#")):
+    while skipped < len(lines) and (not lines[skipped].strip() or lines[skipped].lstrip()[0] in _REMARKS):
         skipped += 1
+    skipped = _header_line(lines, skipped, {name.lstrip("-") for name in asked})
     if skipped == len(lines):
         raise ParameterFileError(path, "", "is empty; expected column names and rows of numbers")
     first, following = lines[skipped], lines[skipped + 1] if skipped + 1 < len(lines) else ""
@@ -134,9 +141,36 @@ def _layout(path: Path) -> _Layout:
     cells = _cells(first, separator)
     numeric = all(_is_number(cell, decimal) for cell in cells)
     names = tuple(str(number) for number in range(1, len(cells) + 1)) if numeric else tuple(cells)
-    _check_width(path, lines[skipped + (0 if numeric else 1) :], separator, len(names))
-    return _Layout(
-        separator, decimal, names, skipped + (0 if numeric else 1), _mass_in_comments(lines[:skipped])
+    header = skipped + (0 if numeric else 1)
+    if not numeric and _is_unit_row(_cells(following, separator), names, decimal):
+        names = tuple(
+            f"{name} [{unit}]" if unit else name
+            for name, unit in zip(
+                names, (cell.strip("[]() ") for cell in _cells(following, separator)), strict=True
+            )
+        )
+        header += 1
+    _check_width(path, lines[header:], separator, len(names))
+    return _Layout(separator, decimal, names, header, _mass_in_comments(lines[:skipped]))
+
+
+def _header_line(lines: list[str], first: int, asked: set[str]) -> int:
+    """The line with the column names that were asked for, if a preamble stands before it."""
+    for number in range(first, min(first + _PREAMBLE, len(lines))):
+        for separator in (*_SEPARATORS, " "):
+            if asked and asked <= {cell.split("[")[0].strip() for cell in _cells(lines[number], separator)}:
+                return number
+    return first
+
+
+def _is_unit_row(cells: list[str], names: tuple[str, ...], decimal: str) -> bool:
+    """Whether the line under the names holds their units: as many short words, none of them a number."""
+    words = [cell for cell in cells if cell and cell.lower() not in _MISSING]
+    return (
+        len(cells) == len(names)
+        and len(words) > 0
+        and not any(_is_number(cell, decimal) or len(cell) > _LONGEST_UNIT for cell in words)
+        and any(known_unit(cell.strip("[]() "), quantity) for cell in words for quantity in Quantity)
     )
 
 
@@ -187,7 +221,7 @@ def _places(
     path: Path, layout: _Layout, columns: LogColumns
 ) -> dict[Quantity, tuple[int, float, str | None]]:
     """Position, sign and unit of the column of each quantity."""
-    places = {}
+    places: dict[Quantity, tuple[int, float, str | None]] = {}
     for quantity in Quantity:
         asked = columns.names.get(quantity)
         if asked is not None:
@@ -199,6 +233,9 @@ def _places(
             if found is None:
                 continue
             place = found
+        twice = next((other for other, (held, _, _) in places.items() if held == place), None)
+        if twice is not None:
+            raise ParameterFileError(path, layout.names[place], f"is given for {twice} and {quantity}")
         places[quantity] = (place, sign, _unit(path, layout.names[place], quantity, columns))
     return places
 
@@ -220,13 +257,23 @@ def _known_column(names: tuple[str, ...], quantity: Quantity) -> int | None:
     plain = [split_unit(name, quantity)[0].strip().lower().replace(" ", "_") for name in names]
     for known in KNOWN_NAMES[quantity]:
         if plain.count(known) == 1:
-            return plain.index(known)
+            place = plain.index(known)
+            optional = quantity not in (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
+            return None if optional and unknown_unit(names[place], quantity) else place
     return None
 
 
 def _unit(path: Path, column: str, quantity: Quantity, columns: LogColumns) -> str | None:
     """Unit of a column: what its name says, else what the user says, else SI."""
     stated, given = split_unit(column, quantity)[1], columns.units.get(quantity)
+    strange = unknown_unit(column, quantity)
+    if strange is not None and given is None:
+        raise ParameterFileError(
+            path,
+            column,
+            f"no unit {strange!r} of {quantity} is known; give one of {', '.join(UNITS[quantity])} with "
+            f"--units {quantity}=…",
+        )
     if stated is not None and given is not None and factor_of(given, quantity) != UNITS[quantity][stated]:
         raise ParameterFileError(
             path, column, f"is in {stated} by its name; leave --units {quantity}={given} out"
@@ -291,6 +338,8 @@ def _frame_of_texts(path: Path, layout: _Layout, places: list[int]) -> pd.DataFr
     for place in places:
         cells = texts[place].fillna("").astype(str).str.strip()
         numbers = pd.to_numeric(cells.str.replace(layout.decimal, ".", regex=False), errors="coerce")
+        if numbers.isna().all():
+            numbers = _seconds_of_dates(cells)
         wrong = np.flatnonzero(numbers.isna() & ~cells.str.lower().isin(_MISSING))
         if len(wrong):
             shown = " ".join(str(cells.iloc[wrong[0]]).split())[:40]
@@ -299,6 +348,14 @@ def _frame_of_texts(path: Path, layout: _Layout, places: list[int]) -> pd.DataFr
             )
         columns[place] = numbers.astype(float)
     return pd.DataFrame(columns)
+
+
+def _seconds_of_dates(cells: pd.Series) -> pd.Series:
+    """Dates with a time of day as seconds since the first; NaN where a cell is none."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)
+        dates = pd.to_datetime(cells, errors="coerce", format="ISO8601")
+    return (dates - dates.min()).dt.total_seconds()
 
 
 def parse_columns(text: str) -> dict[Quantity, str]:

@@ -46,6 +46,11 @@ class FrictionTest:
         """Samples, used or not."""
         return len(self.velocity)
 
+    @property
+    def from_bench(self) -> bool:
+        """Whether the torque is a balance of torques on a bench, not a column of the file."""
+        return "after_decimation" in self.counts
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -180,6 +185,7 @@ def _fresh(test: FrictionTest) -> np.ndarray:
     fresh = np.zeros(len(test), dtype=bool)
     if len(test) > 2 and test.time is not None:
         steps = np.diff(test.time)
-        fresh[1:] = steps > LONGEST_GAP * float(np.median(steps))
+        forward = steps[steps > 0.0]  # a coarse clock repeats its times
+        fresh[1:] = steps > LONGEST_GAP * float(np.median(forward)) if len(forward) else False
     fresh[:1] = True
     return fresh

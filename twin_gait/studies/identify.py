@@ -168,7 +168,7 @@ def identification_document(result: Identification, joint: JointName | None) -> 
         "method": {
             "order": _order(result),
             "loss": str(options.fit.loss),
-            "huber_sigmas": HUBER_SIGMAS if options.fit.loss is Loss.HUBER else None,
+            "huber_sigmas": None if options.fit.loss is Loss.LINEAR else HUBER_SIGMAS,
             "physical": options.fit.physical,
             "interval_level": LEVEL,
             "interval_method": "one-step bootstrap over tests, Student's t",
@@ -191,7 +191,7 @@ def _order(result: Identification) -> str:
 
 def _processing(result: Identification) -> dict[str, Any]:
     options, rig = result.options.processing, result.options.rig
-    balance = any("after_decimation" in test.counts for test in result.tests)
+    balance = any(test.from_bench for test in result.tests)
     default = "zero_phase" if balance else "none"
     document: dict[str, Any] = {"name": default if options.processing is None else str(options.processing)}
     if balance and rig is not None:
@@ -222,6 +222,7 @@ def _model(item: IdentifiedModel) -> dict[str, Any]:
         "cross_validation": [
             {"left_out": run.by, "folds": run.folds, "rmse": _plain(run.rmse)} for run in item.validations
         ],
+        "loss": str(Loss.LINEAR if math.isinf(item.fit.threshold) else Loss.HUBER),
         "robust_sigma_Nm": _plain(item.fit.sigma),
         "beyond_threshold_share": _plain(float((np.abs(item.residuals) > item.fit.threshold).mean())),
         "warnings": list(item.warnings),

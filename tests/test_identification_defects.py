@@ -1,0 +1,175 @@
+"""Series as others record them: what is mended, what is doubted, what is refused; soft stops; the loss.
+
+All data are synthetic, made by formulas of these tests.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.identification import (
+    MODELS,
+    FitOptions,
+    IdentificationOptions,
+    LogColumns,
+    fit_model,
+    identify_logs,
+    join_tests,
+    parse_columns,
+    process_log,
+)
+from twin_gait.identification.processing import ProcessingOptions
+from twin_gait.identification.reading import read_log
+from twin_gait.identification.samples import FrictionTest
+from twin_gait.identification.stops import soft_stop
+from twin_gait.studies.coverage import Estimate, coverage_table, parameter_coverage, true_parameters
+from twin_gait.vocabulary import JointName
+
+TIME = 0.01 * np.arange(1000)
+VELOCITY = np.sin(0.7 * TIME) + 0.3 * np.sin(2.3 * TIME)
+TORQUE = 3.0 * np.sign(VELOCITY) + 2.0 * VELOCITY
+NAMES = "time=t,velocity=dq2,friction_torque=tau2"
+
+
+def text_of(separator: str = ",", **columns: np.ndarray) -> str:
+    given = {"t": TIME, "dq2": VELOCITY, "tau2": TORQUE, **columns}
+    rows = [
+        separator.join(f"{x:.9g}" if math.isfinite(x) else "" for x in row)
+        for row in zip(*given.values(), strict=True)
+    ]
+    return "\n".join([separator.join(given), *rows]) + "\n"
+
+
+def identified(path, text: str, model: str = "coulomb_viscous"):
+    path.write_text(text)
+    options = IdentificationOptions(columns=LogColumns(names=parse_columns(NAMES)), models=(model,))
+    return identify_logs([path], options)
+
+
+MENDED = {
+    "restarts": (text_of(t=np.tile(TIME[:250], 4)), "time goes back 3 times"),
+    "no clock": (text_of(t=np.zeros(1000)), "time was left out: it is the same in every row"),
+    "disorder": (text_of(t=np.random.default_rng(0).permutation(TIME)), "time was left out: it goes back"),
+    "milliseconds": (text_of(t=1000.0 * TIME), "time advances by 10 s from row to row"),
+    "sparse temperature": (
+        text_of(temperature=np.where(np.arange(1000) % 50, math.nan, 30.0)),
+        "temperature was left out: 98 % of its cells are empty",
+    ),
+    "another angle": (text_of(q=np.cos(TIME)), "angle was left out: the velocity's integral"),
+}
+
+
+@pytest.mark.parametrize("name", MENDED)
+def test_a_defect_of_a_series_is_mended_and_said(tmp_path, name):
+    text, warning = MENDED[name]
+    result = identified(tmp_path / "a.csv", text)
+    assert any(warning in line for line in result.warnings)
+    fit = result.models[0].fit
+    assert_allclose(list(fit.model.parameters(fit.x).values()), [3.0, 2.0], rtol=1e-6)
+    assert len(result.samples) == 1000
+
+
+@pytest.mark.parametrize(
+    "before", ["Robot: arm\nDate: 2024-01-01\n\n", "% exported\n% by a program\n", "# comment\n"]
+)
+def test_lines_before_the_column_names_are_passed_over(tmp_path, before):
+    assert len(identified(tmp_path / "a.csv", before + text_of()).samples) == 1000
+
+
+def test_a_line_of_units_under_the_names_is_obeyed(tmp_path):
+    names, *rows = text_of(dq2=np.degrees(VELOCITY)).splitlines()
+    fit = identified(tmp_path / "a.csv", "\n".join([names, "s,deg/s,Nm", *rows])).models[0].fit
+    assert_allclose(list(fit.model.parameters(fit.x).values()), [3.0, 2.0], rtol=1e-6)
+
+
+def test_dates_are_read_as_times(tmp_path):
+    rows = [
+        f"2024-01-01 12:00:{t:09.6f},{w:.9g},{f:.9g}" for t, w, f in zip(TIME, VELOCITY, TORQUE, strict=True)
+    ]
+    result = identified(tmp_path / "a.csv", "\n".join(["t,dq2,tau2", *rows]))
+    assert_allclose(result.tests[0].time, TIME, atol=1e-6)
+
+
+REFUSED = {
+    "mark": (text_of(tau2=np.where(np.arange(1000) == 5, -9999.0, TORQUE)), "a mark for a missing value"),
+    "unit": (text_of().replace("dq2", "dq2 [counts/s]"), "no unit 'counts/s' of velocity is known"),
+    "standing": (text_of(dq2=np.where(np.arange(1000) == 7, 0.3, 0.0)), "a mark|moves in 1 samples only"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_would_give_a_wrong_result_is_refused_in_one_line(tmp_path, name):
+    text, message = REFUSED[name]
+    with pytest.raises((ParameterFileError, ParameterError), match=message) as error:
+        identified(tmp_path / "a.csv", text)
+    assert "\n" not in str(error.value)
+
+
+def test_one_column_cannot_be_two_quantities(tmp_path):
+    (tmp_path / "a.csv").write_text(text_of())
+    with pytest.raises(ParameterFileError, match="is given for velocity and friction_torque"):
+        read_log(tmp_path / "a.csv", LogColumns(names=parse_columns("velocity=dq2,friction_torque=dq2")))
+
+
+def test_a_velocity_in_degrees_is_doubted_in_a_series(tmp_path):
+    result = identified(tmp_path / "a.csv", text_of(dq2=np.degrees(VELOCITY)))
+    assert any("velocity reaches" in line and "velocity=deg/s" in line for line in result.warnings)
+
+
+def test_the_loss_looks_away_from_outliers_that_stand_alone_only():
+    rng = np.random.default_rng(1)
+    noisy = TORQUE + 0.1 * rng.normal(size=1000)
+    spikes = np.where(np.arange(1000) % 97 == 5, 20.0, 0.0)
+    bump = np.where((TIME > 4.0) & (TIME < 4.6), 3.0, 0.0)
+    used = np.ones(1000, dtype=bool)
+    thresholds = [
+        fit_model(
+            MODELS["coulomb_viscous"], join_tests([FrictionTest("", VELOCITY, torque, used)]), FitOptions()
+        ).threshold
+        for torque in (noisy, noisy + spikes, noisy + bump)
+    ]
+    assert [math.isinf(item) for item in thresholds] == [True, False, True]
+
+
+@pytest.mark.parametrize("stiffness", [300.0, 2000.0])
+def test_a_soft_stop_is_found_and_a_mere_slowing_down_is_not(stiffness):
+    time = np.arange(300) * 0.01
+    speed = np.where(time < 2.0, 0.5 * (1.0 - np.exp(-time / 0.3)), 0.5 * np.exp(-(time - 2.0) / 0.15))
+    angle = np.cumsum(speed) * 0.01
+    inertial = 3.4 * np.gradient(speed, 0.01)
+    friction = 3.0 * np.tanh(50.0 * speed) + 2.0 * speed
+    touched = float(np.interp(2.0, time, angle))
+    spring = stiffness * np.maximum(angle - touched, 0.0)
+    assert not soft_stop(angle, speed, friction, inertial, margin=0.01).any()
+    found = soft_stop(
+        angle, speed, friction + spring + np.abs(inertial) * (spring > 0), inertial, margin=0.01
+    )
+    assert spring[~found].max() < 1.0
+    assert not found[angle < touched - 0.02].any()
+
+
+def test_coverage_counts_intervals_that_hold_the_truth():
+    truth = np.array(list(true_parameters(JointName.KNEE).values()))
+    assert (truth > 0.0).all()
+    shifts = (-0.2, -0.1, 0.0, 0.3)
+    estimates = [
+        Estimate(truth + shift, np.stack([truth + shift - 0.15, truth + shift + 0.15], axis=1), ())
+        for shift in shifts
+    ]
+    found = parameter_coverage(JointName.KNEE, estimates)
+    for item, value in zip(found.values(), truth, strict=True):
+        assert item.covered == 0.5
+        assert_allclose(item.bias * value, np.mean(shifts), atol=1e-12)
+        assert_allclose((item.spread, item.half_width), (np.std(shifts, ddof=1), 0.15))
+    assert "50.0%" in coverage_table(found)
+
+
+def test_processing_keeps_every_sample_of_a_series(tmp_path):
+    (tmp_path / "a.csv").write_text(text_of(t=np.floor(TIME * 20.0) / 20.0))
+    log = read_log(tmp_path / "a.csv", LogColumns(names=parse_columns(NAMES)))
+    assert len(process_log(log, None, ProcessingOptions())) == 1000
