@@ -40,18 +40,22 @@ def build_parser() -> argparse.ArgumentParser:
         export,
         faults,
         identify,
+        live,
         outcomes,
         presets,
         replay,
+        reproduce,
+        sessions,
         simulate,
         sweep,
         validate,
         view,
+        whatif,
     )
 
-    runs = (simulate, view, export, presets)
+    runs = (simulate, live, sessions, view, export, presets)
     tables = (check, diagram, replay)
-    studies = (sweep, faults, outcomes, validate, benchmark)
+    studies = (reproduce, whatif, sweep, faults, outcomes, validate, benchmark)
     for module in (*runs, *tables, bench, identify, *studies):
         module.add_parser(commands)
     return parser

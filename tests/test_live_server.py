@@ -1,0 +1,576 @@
+"""The server of the live page: who may talk to it, what a page is told, what a frozen page costs."""
+
+import asyncio
+import json
+import os
+import socket
+import struct
+import time
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+import umsgpack
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
+from tornado.websocket import websocket_connect
+
+from twin_gait.cli import main
+from twin_gait.exceptions import ViewerError
+from twin_gait.viewer.commands import set_object, set_property
+from twin_gait.viewer.live.guards import LONGEST_MESSAGE, Allowance, is_loopback, is_own_page
+from twin_gait.viewer.live.outbox import Outbox
+from twin_gait.viewer.live.server import LiveServer
+from twin_gait.viewer.live.window import LiveWindow
+
+PAGE = "<!DOCTYPE html><title>page</title>"
+
+
+class Listener:
+    """A server with nothing behind it, which remembers what it heard."""
+
+    def __init__(self, window: LiveWindow | None = None) -> None:
+        self.heard: list[str] = []
+        self.stops = 0
+        self.window = window or LiveWindow()
+        self.server = LiveServer(
+            PAGE,
+            first_port=0,
+            on_message=self._hear,
+            on_stop=self._stop,
+            refusal=lambda reason: {"kind": "event", "outcome": "refused", "text": reason},
+            greeting=lambda: [{"kind": "state", "number": 1}],
+            scene=self.window.everything,
+        )
+        self.origin = self.server.url.rstrip("/")
+        self.clients: list[Any] = []
+
+    def _hear(self, panel: Any, text: str) -> None:
+        self.heard.append(text)
+        panel.tell({"kind": "heard", "text": text})
+
+    def _stop(self) -> None:
+        self.stops += 1
+
+    async def connect(self, path: str, **headers: str) -> Any:
+        headers = {"Origin": self.origin, **{name.title(): value for name, value in headers.items()}}
+        address = f"ws://127.0.0.1:{self.server.port}{path}"
+        client = await websocket_connect(HTTPRequest(address, headers=headers))
+        self.clients.append(client)
+        return client
+
+    async def close(self) -> None:
+        streams = [client.protocol.stream for client in self.clients if client.protocol is not None]
+        for client in self.clients:
+            client.close()
+        await self.server.close()
+        await until(lambda: all(stream.closed() for stream in streams))
+        AsyncHTTPClient().close()
+
+    async def fetch(self, path: str, **options: Any) -> Any:
+        return await AsyncHTTPClient().fetch(f"{self.origin}{path}", raise_error=False, **options)
+
+
+def with_listener(scene: Callable[[Listener], Awaitable[None]], window: LiveWindow | None = None) -> None:
+    async def run() -> None:
+        listener = Listener(window)
+        try:
+            await asyncio.wait_for(scene(listener), 20.0)
+        finally:
+            await listener.close()
+
+    asyncio.run(run())
+
+
+async def told(panel: Any, kind: str) -> dict[str, Any]:
+    """The next message of a kind."""
+    while True:
+        batch = await asyncio.wait_for(panel.read_message(), 5.0)
+        assert batch is not None, "the socket was closed"
+        for item in json.loads(batch):
+            if item["kind"] == kind:
+                return dict(item)
+
+
+async def until(true: Callable[[], bool]) -> None:
+    end = time.monotonic() + 5.0
+    while not true():
+        assert time.monotonic() < end, "waited in vain"
+        await asyncio.sleep(0.005)
+
+
+def unpacked(message: bytes) -> list[dict[str, Any]]:
+    commands, at = [], 0
+    while at < len(message):
+        (length,) = struct.unpack_from("<I", message, at)
+        commands.append(umsgpack.unpackb(message[at + 4 : at + 4 + length]))
+        at += 4 + length
+    return commands
+
+
+def frozen_page(port: int, path: str) -> socket.socket:
+    """A page that has opened its socket and reads no more."""
+    page = socket.create_connection(("127.0.0.1", port))
+    page.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    page.sendall(
+        f"GET {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nOrigin: http://127.0.0.1:{port}\r\n"
+        "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+        "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n".encode()
+    )
+    return page
+
+
+# ---------------------------------------------------------------------- who may talk
+
+
+def test_page_and_script_are_served_and_nothing_else() -> None:
+    async def scene(listener: Listener) -> None:
+        page = await listener.fetch("/")
+        assert (page.code, page.body.decode()) == (200, PAGE)
+        assert "frame-ancestors 'none'" in page.headers["Content-Security-Policy"]
+        script = await listener.fetch("/static/main.min.js")
+        assert script.code == 200 and b"MeshCat" in script.body
+        for path in (
+            "/static/",
+            "/static/../server.py",
+            "/static/%2e%2e/index.html",
+            "/favicon.ico",
+            "/panel.js",
+        ):
+            answer = await listener.fetch(path)
+            assert answer.code == 404, path
+
+    with_listener(scene)
+
+
+@pytest.mark.parametrize("path", ["/socket", "/panel"])
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"origin": "http://evil.example"},
+        {"origin": "https://127.0.0.1:{port}"},
+        {"origin": "http://127.0.0.1:{other}"},
+        {"origin": "null"},
+        # DNS rebinding: a name of theirs that points at this machine.
+        {"origin": "http://evil.example:{port}", "host": "evil.example:{port}"},
+        {"host": "evil.example:{port}"},
+    ],
+)
+def test_another_origin_gets_no_socket(path: str, headers: dict[str, str]) -> None:
+    async def scene(listener: Listener) -> None:
+        port = listener.server.port
+        filled = {name: value.format(port=port, other=port + 1) for name, value in headers.items()}
+        with pytest.raises(HTTPClientError, match="403"):
+            await listener.connect(path, **filled)
+        assert listener.server.refused == 1
+        assert not listener.server.pages and not listener.server.views
+
+    with_listener(scene)
+
+
+def test_another_origin_gets_no_page_and_cannot_stop() -> None:
+    async def scene(listener: Listener) -> None:
+        foreign = {"Origin": "http://evil.example"}
+        rebound = {"Host": f"evil.example:{listener.server.port}"}
+        for path, method in (
+            ("/", "GET"),
+            ("/static/main.min.js", "GET"),
+            ("/nothing", "GET"),
+            ("/stop", "POST"),
+        ):
+            for headers in (foreign, rebound):
+                body = b"" if method == "POST" else None
+                answer = await listener.fetch(path, method=method, headers=headers, body=body)
+                assert answer.code == 403, (path, headers)
+        # A form of another site may leave its origin out; a stop needs ours.
+        assert (await listener.fetch("/stop", method="POST", body=b"")).code == 403
+        assert (await listener.fetch("/stop", method="GET")).code == 405
+        assert listener.stops == 0
+        own = {"Origin": listener.origin}
+        assert (await listener.fetch("/stop", method="POST", headers=own, body=b"")).code == 200
+        assert listener.stops == 1
+
+    with_listener(scene)
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1", "127.0.0.1:7000", "localhost", "LOCALHOST:80", "localhost:7001"]
+)
+def test_names_of_this_machine_are_its_own(host: str) -> None:
+    assert is_loopback(host)
+    assert is_own_page(f"http://{host}", host)
+    assert not is_own_page(None, host)
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["", "evil.example", "127.0.0.1.evil.example", "localhost.evil.example", "evil@127.0.0.1x", "0.0.0.0",
+     "127.0.0.2", "[::1", "[::1]:7000", "localhost evil.example", "evil.example#127.0.0.1"],
+)  # fmt: skip
+def test_other_names_are_not(host: str) -> None:
+    assert not is_loopback(host)
+    assert not is_own_page(f"http://{host}", host)
+
+
+def listening_addresses() -> set[str]:
+    """Addresses on which this process listens, as the kernel lists them."""
+    own = set()
+    for descriptor in Path("/proc/self/fd").iterdir():
+        target = os.readlink(descriptor) if descriptor.is_symlink() else ""
+        if target.startswith("socket:["):
+            own.add(target[8:-1])
+    found = set()
+    for table in ("/proc/net/tcp", "/proc/net/tcp6"):
+        for line in Path(table).read_text().splitlines()[1:]:
+            fields = line.split()
+            if fields[3] == "0A" and fields[9] in own:
+                found.add(fields[1])
+    return found
+
+
+@pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="needs /proc of Linux")
+def test_nothing_listens_on_another_address() -> None:
+    before = listening_addresses()
+
+    async def scene(listener: Listener) -> None:
+        assert listening_addresses() - before == {f"0100007F:{listener.server.port:04X}"}
+
+    with_listener(scene)
+
+
+def test_taken_port_gives_way_to_the_next() -> None:
+    async def scene(listener: Listener) -> None:
+        taken = listener.server.port
+        second = LiveServer(
+            PAGE, first_port=taken, on_message=lambda panel, text: None, on_stop=lambda: None,
+            refusal=lambda reason: {}, greeting=lambda: [], scene=lambda: [],
+        )  # fmt: skip
+        try:
+            assert taken < second.port < taken + 100
+            assert second.url == f"http://127.0.0.1:{second.port}/"
+        finally:
+            await second.close()
+
+    with_listener(scene)
+
+
+def test_no_free_port_is_one_line_with_the_way_out() -> None:
+    async def run() -> None:
+        with pytest.raises(ViewerError, match=r"cannot be served: .*; give another --port") as caught:
+            LiveServer(
+                PAGE, first_port=65535, on_message=lambda panel, text: None, on_stop=lambda: None,
+                refusal=lambda reason: {}, greeting=lambda: [], scene=lambda: [],
+            )  # fmt: skip
+        assert "\n" not in str(caught.value)
+
+    with socket.socket() as blocker:
+        try:
+            blocker.bind(("127.0.0.1", 65535))
+        except OSError:
+            pytest.skip("port 65535 is in use")
+        asyncio.run(run())
+
+
+# ---------------------------------------------------------------------- what is said
+
+
+def test_message_is_handed_on_as_it_came() -> None:
+    async def scene(listener: Listener) -> None:
+        panel = await listener.connect("/panel")
+        assert (await told(panel, "state"))["number"] == 1
+        for text in ('{"kind": "set"}', "[", "", "ünïcode \u2028", "x" * 60000):
+            await panel.write_message(text)
+            assert (await told(panel, "heard"))["text"] == text
+        assert len(listener.heard) == 5
+
+    with_listener(scene)
+
+
+def test_bytes_are_refused_and_the_socket_stays() -> None:
+    async def scene(listener: Listener) -> None:
+        panel = await listener.connect("/panel")
+        await panel.write_message(b"\x81\xa4kind", binary=True)
+        assert (await told(panel, "event"))["text"] == "message: expected text, got bytes"
+        await panel.write_message("after")
+        assert (await told(panel, "heard"))["text"] == "after"
+
+    with_listener(scene)
+
+
+def test_oversized_message_ends_its_socket_and_no_other() -> None:
+    async def scene(listener: Listener) -> None:
+        guilty, other = await listener.connect("/panel"), await listener.connect("/panel")
+        await told(guilty, "state")
+        await guilty.write_message("x" * (LONGEST_MESSAGE + 1))
+        while await asyncio.wait_for(guilty.read_message(), 5.0) is not None:
+            pass
+        assert guilty.close_code == 1009
+        await until(lambda: len(listener.server.pages) == 1)
+        await other.write_message("still here")
+        assert (await told(other, "heard"))["text"] == "still here"
+        assert listener.heard == ["still here"]
+
+    with_listener(scene)
+
+
+def test_flood_is_refused_and_others_are_heard() -> None:
+    async def scene(listener: Listener) -> None:
+        other = await listener.connect("/panel")
+        flood = frozen_page(listener.server.port, "/panel")
+        await until(lambda: len(listener.server.pages) == 2)
+        # Text frames with a mask of zeros, as many as a second of nothing else could bring.
+        flood.sendall(3000 * (b"\x81\x85\0\0\0\0" + b"flood"))
+        await until(lambda: listener.server.refused + len(listener.heard) == 3000)
+        assert 400 <= len(listener.heard) < 3000
+        await other.write_message("hello")
+        assert (await told(other, "heard"))["text"] == "hello"
+        flood.close()
+
+    with_listener(scene)
+
+
+def test_allowance_is_a_rate_with_a_reserve() -> None:
+    now = [0.0]
+    allowance = Allowance(clock=lambda: now[0])
+    assert sum(allowance.take() for _ in range(1000)) == 400
+    now[0] = 1.0
+    assert sum(allowance.take() for _ in range(1000)) == 200
+    now[0] = 1000.0
+    assert sum(allowance.take() for _ in range(1000)) == 400
+
+
+def test_socket_of_the_scene_does_not_listen() -> None:
+    async def scene(listener: Listener) -> None:
+        view = await listener.connect("/socket")
+        await view.write_message('{"kind": "do", "action": "stop"}')
+        panel = await listener.connect("/panel")
+        await panel.write_message("after")
+        await told(panel, "heard")
+        assert listener.heard == ["after"] and not listener.stops
+
+    with_listener(scene)
+
+
+def test_page_gets_no_more_before_it_has_drawn_what_came() -> None:
+    window = LiveWindow()
+
+    async def scene(listener: Listener) -> None:
+        view = await listener.connect("/socket")
+        await until(lambda: len(listener.server.views) == 1)
+        for step in range(10):
+            window.send(set_property("/a", "position", [float(step)]))
+            window.sample({"time": float(step)})
+            listener.server.show(window.changes())
+            await asyncio.sleep(0.002)
+        first = unpacked(await asyncio.wait_for(view.read_message(), 5.0))
+        assert [item["type"] for item in first] == ["set_property", "sample"]
+        coming = asyncio.ensure_future(view.read_message())
+        await asyncio.sleep(0.1)
+        assert not coming.done()
+        await view.write_message("drawn")
+        commands = unpacked(await asyncio.wait_for(coming, 5.0))
+        # The newest posture, and every sample for the curves.
+        assert [item["value"] for item in commands if item["type"] == "set_property"] == [[9.0]]
+        times = [item["sample"]["time"] for item in commands if item["type"] == "sample"]
+        assert times == [float(step) for step in range(1, 10)]
+
+    with_listener(scene, window)
+
+
+def test_too_many_pages_are_refused() -> None:
+    async def scene(listener: Listener) -> None:
+        pages = [await listener.connect("/panel") for _ in range(64)]
+        with pytest.raises(HTTPClientError, match="503"):
+            await listener.connect("/panel")
+        pages[0].close()
+        await until(lambda: len(listener.server.pages) == 63)
+        await told(await listener.connect("/panel"), "state")
+
+    with_listener(scene)
+
+
+# ---------------------------------------------------------------------- what pages are told
+
+
+def test_page_that_comes_late_gets_the_whole_scene() -> None:
+    window = LiveWindow()
+    window.describe({"title": "first"})
+    for step in range(50):
+        window.send(set_property("/belt", "position", [float(step), 0.0, 0.0]))
+        window.send(set_property("/belt", "visible", step % 2 == 0))
+        window.sample({"time": float(step)})
+
+    async def scene(listener: Listener) -> None:
+        view = await listener.connect("/socket")
+        commands = unpacked(await asyncio.wait_for(view.read_message(), 5.0))
+        assert [item["type"] for item in commands] == ["page", "set_property", "set_property", "sample"]
+        assert commands[1]["value"] == [49.0, 0.0, 0.0]
+        assert commands[2]["value"] is False
+        assert commands[3]["sample"] == {"time": 49.0}
+
+    with_listener(scene, window)
+
+
+def test_several_pages_get_every_change() -> None:
+    window = LiveWindow()
+
+    async def scene(listener: Listener) -> None:
+        views = [await listener.connect("/socket") for _ in range(5)]
+        await until(lambda: len(listener.server.views) == 5)
+        window.send(set_property("/a", "visible", True))
+        listener.server.show(window.changes())
+        for view in views:
+            (command,) = unpacked(await asyncio.wait_for(view.read_message(), 5.0))
+            assert (command["path"], command["value"]) == ("/a", True)
+        assert window.changes() == []
+
+    with_listener(scene, window)
+
+
+def test_frozen_page_misses_frames_and_delays_nobody() -> None:
+    window = LiveWindow()
+
+    async def scene(listener: Listener) -> None:
+        frozen = frozen_page(listener.server.port, "/socket")
+        view = await listener.connect("/socket")
+        await until(lambda: len(listener.server.views) == 2)
+        worst, last = 0.0, -1.0
+        for step in range(300):
+            window.send(set_property("/belt", "position", [float(step)]))
+            window.send(set_property("/shape", "values", bytes(40_000)))
+            began = time.perf_counter()
+            listener.server.show(window.changes())
+            worst = max(worst, time.perf_counter() - began)
+            await asyncio.sleep(0)
+        while last < 299.0:
+            commands = unpacked(await asyncio.wait_for(view.read_message(), 5.0))
+            await view.write_message("drawn")
+            for command in commands:
+                if command["path"] == "/belt":
+                    last = max(last, command["value"][0])
+        stuck = max((one.outbox for one in listener.server.views), key=len)
+        assert len(stuck) == 2  # one value for each property: the newest
+        assert stuck.replaced > 100
+        assert worst < 0.1
+        frozen.close()
+
+    with_listener(scene, window)
+
+
+def test_frozen_panel_keeps_a_bounded_number_of_events() -> None:
+    async def scene(listener: Listener) -> None:
+        frozen = frozen_page(listener.server.port, "/panel")
+        await until(lambda: len(listener.server.pages) == 1)
+        (panel,) = listener.server.pages
+        for number in range(7000):
+            listener.server.tell({"kind": "event", "text": "x" * 4000, "number": number})
+            listener.server.tell({"kind": "frame", "number": number}, key="frame")
+            if number % 100 == 0:
+                await asyncio.sleep(0)
+        assert len(panel.outbox) <= 4096
+        assert panel.outbox.dropped > 0
+        frozen.close()
+
+    with_listener(scene)
+
+
+def test_page_that_goes_away_is_forgotten() -> None:
+    async def scene(listener: Listener) -> None:
+        frozen = frozen_page(listener.server.port, "/socket")
+        await until(lambda: len(listener.server.views) == 1)
+        frozen.close()
+        for _ in range(50):
+            listener.server.show([("key", b"x" * 100000)])
+            await asyncio.sleep(0.002)
+        await until(lambda: not listener.server.views)
+
+    with_listener(scene)
+
+
+def test_reconnecting_many_times_leaves_nothing_behind() -> None:
+    async def scene(listener: Listener) -> None:
+        for _ in range(30):
+            panel, view = await listener.connect("/panel"), await listener.connect("/socket")
+            panel.close()
+            view.close()
+        await until(lambda: not listener.server.pages and not listener.server.views)
+
+    with_listener(scene)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(
+        st.one_of(
+            st.tuples(st.just("post"), st.integers(0, 5), st.integers()),
+            st.tuples(st.just("read"), st.just(0), st.just(0)),
+        ),
+        max_size=60,
+    )
+)
+def test_slow_page_ends_with_the_last_value_of_every_key(steps: list[tuple[str, int, int]]) -> None:
+    async def run() -> None:
+        got: dict[int, int] = {}
+        gate = asyncio.Semaphore(0)
+
+        async def write(batch: list[tuple[int, int]]) -> None:
+            await gate.acquire()
+            got.update(batch)
+
+        outbox = Outbox(write)
+        truth: dict[int, int] = {}
+        for what, key, value in steps:
+            if what == "post":
+                truth[key] = value
+                outbox.post([(key, (key, value))])
+            else:
+                gate.release()
+            await asyncio.sleep(0)
+            assert len(outbox) <= 6
+        for _ in range(len(steps) + 1):
+            gate.release()
+            await asyncio.sleep(0)
+        assert got == truth
+
+    asyncio.run(run())
+
+
+def test_redrawn_object_forgets_nothing_for_late_pages() -> None:
+    from twin_gait.viewer import shapes
+    from twin_gait.viewer.commands import Material
+
+    window = LiveWindow()
+    window.send(set_property("/a", "visible", False))
+    window.send(set_object("/a", shapes.arrow(), Material(colour=(1.0, 0.0, 0.0))))
+    kinds = [unpacked(content)[0]["type"] for _, content in window.everything()]
+    assert kinds == ["set_object", "set_property"]
+
+
+# ---------------------------------------------------------------------- the command
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["nosuch"], "nosuch: neither a preset"),
+        (["--port", "99999"], "--port: expected 0 to 65535, got 99999"),
+        (["--duration", "-1"], "duration"),
+        (["--duration", "nan"], "duration"),
+        (["--set", "patient.mass_kg=x"], "patient.mass_kg"),
+        (["--user", "a\nb"], "--user: expected at most 64 printable characters"),
+        (["--out", "taken"], "taken: exists; choose another --out"),
+    ],
+)
+def test_wrong_words_end_in_one_line_and_leave_nothing(
+    words: list[str], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    (tmp_path / "taken").mkdir()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("TWIN_GAIT_SESSIONS", str(tmp_path / "sessions.db"))
+    assert main(["live", *words, "--no-browser"]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == 1 and told in captured.err
+    assert sorted(item.name for item in tmp_path.iterdir()) == ["taken"]

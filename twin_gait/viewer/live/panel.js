@@ -1,0 +1,623 @@
+// The panel of the live page. It draws the controls that the simulation tells of, sends what is set, and shows
+// what became of it: a refusal stands beside its control, which goes back to the value that holds.
+// Messages are those of twin_gait/studies/live/protocol.py; a batch of them comes as one list.
+"use strict";
+
+(() => {
+  const get = (id) => document.getElementById(id);
+  const TABS = [["walk", "Walk"], ["table", "Table"], ["monitor", "Monitor"], ["disturb", "Push & faults"], ["log", "Log"]];
+  const HOMES = { push: "disturb", fault: "disturb" }; // tab of a group that has none of its own
+  const PLACES = { push: "disturb", fault: "disturb", save: "table" }; // tab of an action
+  const QUICK = ["walk", "pause", "step", "restart"]; // actions without a tab: always in sight
+  const STATES = {
+    walking: "Walking", paused: "Paused", waiting: "Waiting for a step", holding: "Stopped: holding",
+    fell: "Fell", diverged: "Diverged", ended: "Ended",
+  };
+  // The three controls of the monitor, each with its quantities.
+  const MONITOR = [
+    ["friction_control", "Friction control", ["gain"]], ["torque_control", "Torque control", ["torque"]],
+    ["impedance_control", "Impedance control", ["stiffness", "equilibrium", "damping"]],
+  ];
+  const ANSWER_WITHIN = 130000; // [ms]; before a new start the run of the walk is written
+  const LOG_LINES = 400;
+  const USUAL_FRAME = 34, LONGEST_REST = 400; // [ms]
+  const page = Math.random().toString(36).slice(2, 8);
+
+  // ---- small helpers --------------------------------------------------------------------------------
+
+  function make(tag, properties = {}, ...children) {
+    const { dataset, aria, style, ...rest } = properties;
+    const node = Object.assign(document.createElement(tag), rest);
+    Object.assign(node.dataset, dataset);
+    for (const [name, value] of Object.entries(aria ?? {})) node.setAttribute(`aria-${name}`, value);
+    for (const [name, value] of Object.entries(style ?? {})) node.style.setProperty(name, value);
+    node.append(...children);
+    return node;
+  }
+
+  const words = (name) => name.replaceAll("_", " ");
+  const title = (name) => words(name).replace(/^./, (letter) => letter.toUpperCase()).replace("θ0", "θ₀");
+
+  function decimals(step) {
+    if (!step) return 3;
+    const text = String(step);
+    return text.includes("e-") ? Number(text.split("e-")[1]) : (text.split(".")[1] ?? "").length;
+  }
+
+  function written(value, control) {
+    if (typeof value === "boolean") return value ? "on" : "off";
+    if (typeof value !== "number") return words(String(value));
+    const text = value.toFixed(decimals(control?.step)).replace("-", "\u2212");
+    return control?.unit ? `${text} ${unit(control.unit)}` : text;
+  }
+
+  const UNITS = { deg: "°", "Nm/deg": "N·m/°", Nm: "N·m", "Nms/rad": "N·m·s/rad", "": "" };
+  const unit = (name) => UNITS[name] ?? name;
+
+  // ---- connection -----------------------------------------------------------------------------------
+
+  const link = {
+    socket: null,
+    count: 0,
+    waiting: new Map(), // id: what to do with the answer
+
+    open() {
+      this.socket = new WebSocket(`ws://${location.host}/panel`);
+      this.socket.onmessage = (message) => { for (const item of JSON.parse(message.data)) hear(item); };
+      this.socket.onopen = () => get("panel").classList.remove("offline");
+      this.socket.onclose = () => {
+        get("panel").classList.add("offline");
+        head.state("offline");
+        for (const answer of this.waiting.values()) answer(null);
+        this.waiting.clear();
+        setTimeout(() => this.open(), 1000);
+      };
+    },
+
+    // Calls answer with the event that has the id of the message, or with null if none comes.
+    send(message, answer) {
+      const id = `${page}-${this.count += 1}`;
+      if (this.socket?.readyState !== WebSocket.OPEN) { answer(null); return; }
+      this.waiting.set(id, answer);
+      setTimeout(() => { if (this.waiting.delete(id)) answer(null); }, ANSWER_WITHIN);
+      this.socket.send(JSON.stringify({ ...message, id, user: "" }));
+    },
+  };
+
+  // The scene comes over a socket of its own. The page says when it has drawn what came and gets no more before,
+  // so that a slow page misses frames rather than falling behind.
+  const view = {
+    samples: [],
+
+    open() {
+      const { viewer } = twinGait.stage, inner = viewer.handle_command;
+      viewer.handle_command = (command) => {
+        if (command.type === "sample") this.samples.push(command.sample); else inner(command);
+      };
+      twinGait.stage.room = room;
+      this.connect();
+    },
+
+    connect() {
+      const socket = new WebSocket(`ws://${location.host}/socket`);
+      socket.binaryType = "arraybuffer";
+      socket.onmessage = (message) => {
+        twinGait.take(new Uint8Array(message.data));
+        twinGait.show(...this.samples.splice(0));
+        this.answer(socket, performance.now());
+      };
+      socket.onclose = () => setTimeout(() => this.connect(), 1000);
+    },
+
+    // Without a graphics card drawing takes long; then the page rests as long, and leaves the machine to the walk.
+    answer(socket, began) {
+      requestAnimationFrame(() => {
+        const rest = Math.min(Math.max(performance.now() - began - USUAL_FRAME, 0), LONGEST_REST);
+        setTimeout(() => { if (socket.readyState === WebSocket.OPEN) socket.send("drawn"); }, rest);
+      });
+    },
+  };
+
+  // The part of the pane that no card covers: between the numbers and the panel.
+  function room() {
+    const box = (node) => node.getBoundingClientRect();
+    const pane = box(this.pane), free = { left: pane.left, right: pane.right, top: pane.top, bottom: pane.bottom };
+    if (getComputedStyle(this.section).position === "fixed") {
+      free.left = Math.max(free.left, box(this.head).right);
+      free.right = Math.min(free.right, box(get("panel")).left);
+      free.bottom = Math.min(free.bottom, box(get("bar")).top);
+    }
+    if (free.right - free.left < 0.25 * pane.width) { free.left = pane.left; }
+    return {
+      width: pane.width, height: pane.height, wide: free.right - free.left, high: Math.max(free.bottom - free.top, 100),
+      aside: (pane.left + pane.right - free.left - free.right) / 2, rise: (pane.top + pane.bottom - free.top - free.bottom) / 2,
+    };
+  }
+
+  const NO_ANSWER = { outcome: "refused", text: "no answer from the simulation" };
+
+  function hear(message) {
+    if (message.kind === "page") board.colours = new Map(message.phases.map((phase) => [phase.name, phase]));
+    else if (message.kind === "state") board.take(message);
+    else if (message.kind === "frame") head.frame(message);
+    else if (message.kind === "event") {
+      log.add(message);
+      const answer = link.waiting.get(message.id);
+      if (answer && link.waiting.delete(message.id)) answer(message);
+      else if (message.outcome === "refused" && message.subject === "") head.tell(message.text);
+    }
+  }
+
+  // ---- head: what the walk does, the actions always in sight, stop -------------------------------------
+
+  const head = {
+    status: "",
+
+    state(status) {
+      if (this.status === status) return;
+      this.status = status;
+      get("panel-state").dataset.state = status;
+      get("panel-state").querySelector("span").textContent =
+        status === "offline" ? "Not connected" : STATES[status] ?? title(status);
+      for (const button of get("panel-quick").querySelectorAll("button")) {
+        button.setAttribute("aria-pressed", String(
+          (button.dataset.action === "walk" && (status === "walking" || status === "waiting"))
+          || (button.dataset.action === "pause" && status === "paused"),
+        ));
+      }
+    },
+
+    frame(frame) {
+      this.state(frame.status);
+      get("panel-clock").textContent = `${frame.time_s.toFixed(1)} s`;
+      this.deadlines(frame.deadlines);
+      board.phases(frame.phases);
+    },
+
+    deadlines(counted) {
+      const kept = counted.blocks ? 100 * (1 - counted.late / counted.blocks) : 100;
+      const share = kept === 100 ? "100" : Math.min(kept, 99.99).toFixed(2);
+      get("panel-deadlines").textContent = `${share} % in time`;
+      get("panel-deadlines").classList.toggle("poor", counted.blocks > 100 && kept < 99.9);
+      board.deadlines(counted);
+    },
+
+    tell(text) {
+      get("panel-message").textContent = text;
+      get("panel-message").hidden = !text;
+      clearTimeout(this.timer);
+      if (text) this.timer = setTimeout(() => this.tell(""), 8000);
+    },
+  };
+
+  // The socket first; without it, or without an answer at once, the other way.
+  function stop() {
+    const otherWay = () => fetch("/stop", { method: "POST" }).catch(() => head.tell("The simulation cannot be reached."));
+    const timer = setTimeout(otherWay, 400);
+    get("stop").classList.add("pressed");
+    setTimeout(() => get("stop").classList.remove("pressed"), 600);
+    link.send({ kind: "do", action: "stop", values: {} }, (event) => {
+      clearTimeout(timer);
+      if (event?.outcome !== "applied") otherWay();
+    });
+  }
+
+  // ---- a control ------------------------------------------------------------------------------------
+
+  // One row: label, what sets the value, the way back to the preset, and a line for a refusal.
+  class Row {
+    constructor(control, setter) {
+      this.control = control;
+      this.setter = setter; // of a field of an action: null, its value goes with the action
+      this.id = `control-${control.name.replace(/[^\w]/g, "-")}${setter ? "" : "-field"}`;
+      this.refusal = make("p", { className: "refusal", id: `${this.id}-refusal`, hidden: true, role: "alert" });
+      this.input = this.entry();
+      const side = control.side && control.group === "table" ? `${title(control.side)} ` : "";
+      const label = make("label", { htmlFor: this.id, title: control.help }, side, title(control.label));
+      if (control.unit) label.append(" ", make("span", { className: "unit" }, unit(control.unit)));
+      this.node = make("div", { className: `control ${control.kind}`, dataset: { control: control.name } }, label, this.input);
+      if (setter) this.node.append(this.revert = this.back());
+      this.node.append(this.refusal);
+      this.show(control.value);
+    }
+
+    entry() {
+      if (this.control.kind === "number") return this.number();
+      if (this.control.kind === "choice") return this.choice();
+      if (this.control.kind === "switch") return this.switch();
+      this.box = make("input", { type: "text", id: this.id, maxLength: 200, spellcheck: false });
+      this.box.onchange = () => this.set(this.box.value);
+      return this.box;
+    }
+
+    number() {
+      const { least, largest, step } = this.control;
+      this.box = make("input", {
+        type: "number", id: this.id, step: "any", inputMode: "decimal", autocomplete: "off",
+        title: least === null ? "" : `${written(least, this.control)} to ${written(largest, this.control)}`,
+      });
+      this.box.setAttribute("aria-describedby", this.refusal.id);
+      this.box.onchange = () => this.typed();
+      const parts = [];
+      const nudge = (sign, text) => make("button", {
+        type: "button", className: "nudge", dataset: { nudge: String(sign) },
+        title: `${written(step, this.control)} ${sign < 0 ? "less" : "more"}`,
+        onclick: () => this.set(Number((this.held + sign * step).toFixed(9))),
+      }, text);
+      if (this.control.group === "monitor" && step) parts.push(nudge(-1, "\u2212"), this.box, nudge(1, "+"));
+      else parts.push(this.box);
+      if (least !== null && largest !== null) {
+        this.slider = make("input", { type: "range", min: least, max: largest, step: step ?? "any", tabIndex: 0 });
+        this.slider.setAttribute("aria-label", `${this.control.label}, slider`);
+        // A mark at the preset.
+        const mark = make("datalist", { id: `${this.id}-preset` }, make("option", { value: this.control.default }));
+        this.slider.setAttribute("list", mark.id);
+        parts.push(mark);
+        this.slider.oninput = () => { this.dragging = true; this.box.value = Number(this.slider.value).toFixed(decimals(step)); };
+        this.slider.onchange = () => { this.dragging = false; this.set(Number(this.slider.value)); };
+        parts.unshift(this.slider);
+      }
+      return make("div", { className: "number" }, ...parts);
+    }
+
+    choice() {
+      const options = this.control.choices.map((name) => make("option", { value: name }, name ? title(name) : "–"));
+      this.box = make("select", { id: this.id }, ...options);
+      this.box.onchange = () => this.set(this.box.value);
+      return this.box;
+    }
+
+    switch() {
+      this.box = make("input", { type: "checkbox", id: this.id, role: "switch" });
+      this.box.onchange = () => this.set(this.box.checked);
+      return this.box;
+    }
+
+    back() {
+      const button = make("button", { type: "button", className: "back" }, "↺");
+      button.onclick = () => this.ask((answer) => link.send(
+        { kind: "do", action: "revert", values: { control: this.control.name } }, answer));
+      button.setAttribute("aria-label", `${this.control.label}: back to the preset`);
+      return button;
+    }
+
+    // Whether somebody is at it and has not sent it yet.
+    typing() { return document.activeElement === this.box && this.box.value !== this.shown; }
+
+    // A number that was typed; what is not a number goes to the simulation as it is, which says what is wrong.
+    typed() {
+      const text = this.box.value.trim();
+      if (text === "") this.show(this.held);
+      else this.set(Number.isFinite(Number(text)) ? Number(text) : text);
+    }
+
+    value() {
+      if (this.control.kind === "number") return this.box.value.trim() === "" ? "" : Number(this.box.value);
+      return this.control.kind === "switch" ? this.box.checked : this.box.value;
+    }
+
+    set(value) {
+      if (!this.setter) { if (this.control.kind === "number") this.show(value); return; }
+      this.ask((answer) => this.setter(value, answer));
+    }
+
+    // Send, and show what holds after the answer: the new value, or the old one and why.
+    ask(send) {
+      this.node.classList.add("pending");
+      this.refuse("");
+      send((event) => {
+        const told = event ?? NO_ANSWER;
+        this.node.classList.remove("pending");
+        if (told.outcome !== "applied") this.refuse(told.text);
+        else if (told.value !== null) this.control.value = told.value;
+        this.show(this.control.value);
+      });
+    }
+
+    take(control) {
+      this.control = control;
+      if (!this.node.classList.contains("pending") && !this.dragging && !this.typing()) this.show(control.value);
+      this.mark();
+    }
+
+    show(value) {
+      this.held = value;
+      if (this.control.kind === "switch") this.box.checked = Boolean(value);
+      else if (this.control.kind === "number") {
+        this.box.value = value.toFixed(decimals(this.control.step));
+        if (this.slider) this.slider.value = value;
+      } else this.box.value = value;
+      this.shown = this.box.value;
+      this.mark();
+    }
+
+    mark() {
+      const changed = this.setter && this.held !== this.control.default;
+      this.node.classList.toggle("changed", Boolean(changed));
+      if (!this.revert) return;
+      this.revert.disabled = !changed;
+      this.revert.title = `Preset: ${written(this.control.default, this.control)}`;
+    }
+
+    refuse(text) {
+      this.refusal.textContent = text;
+      this.refusal.hidden = !text;
+    }
+  }
+
+  // ---- an action with its fields ----------------------------------------------------------------------
+
+  class Deed {
+    constructor(spec) {
+      this.spec = spec;
+      this.fields = spec.fields.map((field) => new Row(field, null));
+      this.button = make("button", { type: "button", dataset: { action: spec.action }, title: spec.help }, title(spec.label));
+      this.button.onclick = () => this.do();
+      this.answer = make("p", { className: "refusal", hidden: true, role: "alert" });
+      this.node = make("fieldset", { className: "deed" }, make("legend", {}, title(spec.label)),
+        spec.help ? make("p", { className: "help" }, spec.help) : "", ...this.fields.map((row) => row.node), this.button, this.answer);
+      this.node.classList.toggle("plain", !spec.fields.length);
+    }
+
+    do() {
+      const values = Object.fromEntries(this.fields.map((row) => [row.control.name, row.value()]));
+      this.button.classList.add("pending");
+      this.say("");
+      link.send({ kind: "do", action: this.spec.action, values }, (event) => {
+        this.button.classList.remove("pending");
+        const told = event ?? NO_ANSWER;
+        if (told.outcome === "applied") this.say(told.text, "done"); else this.say(told.text);
+      });
+    }
+
+    say(text, kind = "") {
+      const quick = QUICK.includes(this.spec.action);
+      if (quick) { if (kind !== "done") head.tell(text); return; }
+      this.answer.textContent = text;
+      this.answer.hidden = !text;
+      this.answer.classList.toggle("done", kind === "done");
+    }
+  }
+
+  // ---- all controls ---------------------------------------------------------------------------------
+
+  const board = {
+    rows: new Map(),
+    deeds: new Map(),
+    state: null,
+    colours: new Map(), // of the phases, by name
+    phase: null,
+    joint: null,
+
+    take(state) {
+      const same = this.state && this.state.experiment === state.experiment
+        && this.state.controls.length === state.controls.length;
+      this.state = state;
+      if (!same) this.build();
+      for (const control of state.controls) this.rows.get(control.name)?.take(control);
+      this.compare();
+      this.saved();
+    },
+
+    build() {
+      this.rows.clear();
+      this.deeds.clear();
+      tabs.clear();
+      for (const control of this.state.controls) {
+        this.rows.set(control.name, new Row(control, (value, answer) =>
+          link.send({ kind: "set", control: control.name, value }, answer)));
+      }
+      for (const spec of this.state.actions) this.deeds.set(spec.action, new Deed(spec));
+      get("panel-quick").replaceChildren(...QUICK.filter((name) => this.deeds.has(name)).map((name) => this.deeds.get(name).button));
+      this.table();
+      this.monitor();
+      for (const control of this.state.controls) {
+        if (!["table", "monitor"].includes(control.group)) tabs.body(control.group).append(this.rows.get(control.name).node);
+      }
+      for (const [name, deed] of this.deeds) {
+        if (!QUICK.includes(name) && name !== "stop" && name !== "revert") tabs.body(PLACES[name] ?? deed.spec.group).append(deed.node);
+      }
+      tabs.body("walk").append(this.statistics = make("dl", { id: "panel-statistics" }));
+    },
+
+    // The table, one phase at a time: chips for the phases, one column for each joint.
+    table() {
+      this.chips = new Map(this.state.phases.map((name) => {
+        const chip = make("button", { type: "button", className: "chip", dataset: { phase: name } },
+          make("span", { className: "name" }, title(name)), make("i", { className: "dot" }), make("span", { className: "where" }));
+        chip.style.setProperty("--phase", this.colours.get(name)?.colour ?? "#7f7f7f");
+        chip.onclick = () => this.choose(name);
+        return [name, chip];
+      }));
+      this.sheets = new Map(this.state.phases.map((name) => [name, this.sheet(name)]));
+      this.differences = make("div", { id: "panel-differences" });
+      this.files = make("p", { id: "panel-saved" });
+      tabs.body("table").append(
+        make("div", { className: "chips", role: "group", aria: { label: "Phase of gait" } }, ...this.chips.values()),
+        ...this.sheets.values(), this.differences);
+      this.choose(this.state.phases.includes(this.phase) ? this.phase : this.state.phases[0]);
+    },
+
+    sheet(phase) {
+      const columns = this.state.joints.map((joint) => make("section", {}, make("h3", {}, title(joint)),
+        ...this.state.controls.filter((one) => one.phase === phase && one.joint === joint).map((one) => this.rows.get(one.name).node)));
+      return make("div", { className: "sheet", dataset: { phase } }, ...columns);
+    },
+
+    // The monitor, one joint at a time: what drives the joints, and a section for each of the three controls.
+    monitor() {
+      const own = this.state.controls.filter((one) => one.group === "monitor");
+      const joints = [...new Set(own.filter((one) => one.joint).map((one) => `${one.side} ${one.joint}`))];
+      const quantity = (one) => one.name.split(".").pop();
+      this.joints = new Map(joints.map((name) => {
+        const chip = make("button", { type: "button", className: "chip plain", dataset: { joint: name } }, title(name), make("i", { className: "dot" }));
+        chip.onclick = () => this.choose_joint(name);
+        const sheet = make("div", { className: "controls-of-joint" }, ...MONITOR.map(([mode, label, quantities]) => {
+          const rows = quantities.flatMap((what) => own.filter((one) => `${one.side} ${one.joint}` === name && quantity(one) === what));
+          return make("section", { className: "monitor", dataset: { mode } }, make("h3", {}, label), ...rows.map((one) => this.rows.get(one.name).node));
+        }));
+        return [name, { chip, sheet }];
+      }));
+      const loose = own.filter((one) => !one.joint).map((one) => this.rows.get(one.name).node);
+      const parts = [...this.joints.values()];
+      tabs.body("monitor").append(...loose, make("div", { className: "chips four", role: "group", aria: { label: "Joint" } },
+        ...parts.map((part) => part.chip)), ...parts.map((part) => part.sheet));
+      this.choose_joint(joints.includes(this.joint) ? this.joint : joints[0]);
+    },
+
+    choose_joint(joint) {
+      this.joint = joint;
+      for (const [name, { chip, sheet }] of this.joints) {
+        chip.setAttribute("aria-pressed", String(name === joint));
+        sheet.hidden = name !== joint;
+      }
+    },
+
+    choose(phase) {
+      this.phase = phase;
+      for (const [name, chip] of this.chips) chip.setAttribute("aria-pressed", String(name === phase));
+      for (const [name, sheet] of this.sheets) sheet.hidden = name !== phase;
+    },
+
+    phases(present) {
+      if (!this.chips || !present) return;
+      for (const [name, chip] of this.chips) {
+        const text = Object.entries(present).filter(([, phase]) => phase === name).map(([side]) => side[0].toUpperCase()).join("");
+        const mark = chip.querySelector(".where");
+        if (mark.textContent !== text) mark.textContent = text;
+      }
+    },
+
+    compare() {
+      const changed = this.state.controls.filter((one) => one.changed);
+      for (const [name, chip] of this.chips) chip.classList.toggle("changed", changed.some((one) => one.phase === name));
+      for (const [name, { chip }] of this.joints) chip.classList.toggle("changed", changed.some((one) => `${one.side} ${one.joint}` === name && one.group === "monitor"));
+      const mode = this.state.controls.find((one) => one.name === "mode")?.value;
+      for (const section of document.querySelectorAll(".monitor")) section.classList.toggle("active", section.dataset.mode === mode);
+      this.differences.replaceChildren(make("h3", {}, changed.length ? `Changed from the preset: ${changed.length}` : "As in the preset"));
+      if (!changed.length) return;
+      const table = make("table", {});
+      table.createTHead().append(make("tr", {}, ...["", "Preset", "Now", ""].map((text) => make("th", {}, text))));
+      table.createTBody().append(...changed.map((one) => this.difference(one)));
+      this.differences.append(make("div", { className: "scroll" }, table));
+      if (this.deeds.has("revert")) this.differences.append(this.revert_all());
+    },
+
+    difference(one) {
+      const place = [one.phase && title(one.phase), one.side, one.joint].filter(Boolean).map(words).join(" ");
+      const back = make("button", { type: "button", className: "back", title: "Back to the preset" }, "↺");
+      back.setAttribute("aria-label", `${place} ${one.label}: back to the preset`);
+      back.onclick = () => this.rows.get(one.name).revert.click();
+      return make("tr", { dataset: { difference: one.name } },
+        make("td", {}, place ? `${title(place)}: ${one.label}` : title(one.label)),
+        make("td", {}, written(one.default, one)), make("td", {}, written(one.value, one)), make("td", {}, back));
+    },
+
+    revert_all() {
+      const button = make("button", { type: "button", id: "revert-all" }, "Revert all");
+      const answer = make("p", { className: "refusal", role: "alert", hidden: true });
+      button.onclick = () => link.send({ kind: "do", action: "revert", values: { control: "all" } }, (event) => {
+        const told = event ?? NO_ANSWER;
+        answer.textContent = told.text;
+        answer.hidden = told.outcome === "applied";
+      });
+      return make("div", {}, button, answer);
+    },
+
+    saved() {
+      if (!this.files) return;
+      const deed = this.deeds.get("save");
+      if (deed && !deed.node.contains(this.files)) deed.node.append(this.files);
+      this.files.textContent = this.state.saved.length ? `Saved: ${this.state.saved.map((path) => path.split("/").pop()).join(", ")}` : "";
+    },
+
+    deadlines(counted) {
+      if (!this.statistics) return;
+      const entries = [
+        ["Blocks of 10 ms", String(counted.blocks)], ["Late by more than 10 ms", String(counted.late)],
+        ["Mean lateness", `${counted.mean_ms.toFixed(2)} ms`], ["99 % below", `${counted.p99_ms.toFixed(1)} ms`],
+        ["Worst", `${counted.worst_ms.toFixed(1)} ms`], ["Time given up", `${counted.lost_s.toFixed(2)} s`],
+      ];
+      if (this.statistics.childElementCount !== entries.length) {
+        this.statistics.replaceChildren(...entries.map(([name]) => make("div", {}, make("dt", {}, name), make("dd", {}))));
+      }
+      this.statistics.querySelectorAll("dd").forEach((cell, index) => { cell.textContent = entries[index][1]; });
+    },
+  };
+
+  // ---- tabs -----------------------------------------------------------------------------------------
+
+  const tabs = {
+    build() {
+      for (const [name, label] of TABS) {
+        const tab = make("button", { type: "button", id: `tab-${name}`, role: "tab", aria: { controls: `body-${name}` } }, label);
+        tab.onclick = () => this.open(name);
+        get("panel-tabs").append(tab);
+        get("panel-body").append(make("section", { id: `body-${name}`, role: "tabpanel", tabIndex: -1, aria: { labelledby: tab.id } }));
+      }
+      get("panel-tabs").addEventListener("keydown", (event) => this.key(event));
+      this.open("walk");
+    },
+
+    body(group) { return get(`body-${HOMES[group] ?? group}`) ?? get("body-walk"); },
+
+    clear() { for (const [name] of TABS) if (name !== "log") get(`body-${name}`).replaceChildren(); },
+
+    open(name) {
+      for (const [one] of TABS) {
+        get(`tab-${one}`).setAttribute("aria-selected", String(one === name));
+        get(`tab-${one}`).tabIndex = one === name ? 0 : -1;
+        get(`body-${one}`).hidden = one !== name;
+      }
+    },
+
+    key(event) {
+      const names = TABS.map(([name]) => name), now = names.findIndex((name) => `tab-${name}` === document.activeElement.id);
+      const next = { ArrowRight: now + 1, ArrowLeft: now - 1, Home: 0, End: names.length - 1 }[event.key];
+      if (now < 0 || next === undefined) return;
+      const name = names[(next + names.length) % names.length];
+      this.open(name);
+      get(`tab-${name}`).focus();
+      event.preventDefault();
+      event.stopPropagation();
+    },
+  };
+
+  // ---- log ------------------------------------------------------------------------------------------
+
+  const log = {
+    seen: new Set(),
+
+    add(event) {
+      if (event.serial) { if (this.seen.has(event.serial)) return; this.seen.add(event.serial); }
+      const body = get("body-log");
+      if (!body.querySelector("ol")) body.append(make("ol", { id: "panel-log", reversed: true }));
+      const line = make("li", { className: event.outcome, dataset: { tick: String(event.tick), outcome: event.outcome } },
+        make("time", {}, `${(event.tick / 1000).toFixed(3)} s`),
+        make("span", { className: "what" }, event.text),
+        make("small", {}, [`tick ${event.tick}`, event.user, event.outcome === "refused" ? "refused" : ""].filter(Boolean).join(" · ")));
+      for (const warning of event.warnings ?? []) line.append(make("small", { className: "warning" }, warning));
+      const list = body.querySelector("ol");
+      list.prepend(line);
+      while (list.childElementCount > LOG_LINES) list.lastElementChild.remove();
+    },
+  };
+
+  // ---- start ----------------------------------------------------------------------------------------
+
+  tabs.build();
+  get("stop").onclick = stop;
+  // Before anything else on the page hears of it, wherever the focus is.
+  window.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape") return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    if (!event.repeat) stop();
+  }, true);
+  // On a low or narrow page the curves stand below the numbers.
+  new ResizeObserver(([entry]) => document.body.style.setProperty("--head-end", `${entry.target.getBoundingClientRect().bottom}px`))
+    .observe(twinGait.stage.head);
+  link.open();
+  view.open();
+  window.livePanel = { link, board, log, head, view, stop };
+})();
