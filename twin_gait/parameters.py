@@ -461,7 +461,13 @@ class JointCondition:
         require(
             math.isfinite(self.contracture) and 0.0 <= self.contracture <= math.radians(60.0),
             "contracture",
-            "0 to 60 deg",
+            f"0 to {math.radians(60.0):.3f} rad (60 deg)",
+            self.contracture,
+        )
+        require(
+            self.contracture == 0.0 or self.passive > 0.0,
+            "contracture",
+            "0 without a passive moment that it could shift (passive is 0)",
             self.contracture,
         )
         require_non_negative("catch_speed", self.catch_speed)

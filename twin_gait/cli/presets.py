@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
 from typing import Any
 
 from twin_gait.cli.terminal import DONE
@@ -12,23 +13,33 @@ def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser(
         "presets",
-        help="list the presets and gait tables",
-        description="List what ships, or print one preset with every value, ready to be edited.",
+        help="list the presets, people and gait tables",
+        description="List what ships, or print a preset with every value or a person, ready to be edited.",
     )
-    parser.add_argument("name", nargs="?", help="preset to print as YAML")
+    parser.add_argument("name", nargs="?", help="preset or person to print as YAML")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """List the presets, or print one in full."""
+    """List what ships, or print one preset or person in full."""
     from twin_gait.configuration import load_experiment, packaged_gait_tables, presets
     from twin_gait.configuration.documents import dump_yaml
+    from twin_gait.configuration.people import people, person_text
 
+    if arguments.name in people():
+        print(person_text(arguments.name), end="")
+        return DONE
     if arguments.name is not None:
         print(dump_yaml(load_experiment(arguments.name).document), end="")
         return DONE
-    width = max(len(name) for name in presets())
-    for name, description in presets().items():
-        print(f"{name:<{width}}  {description}")
+    _list("experiments", presets())
+    _list("people (--set patient=NAME)", people())
     print(f"gait tables: {', '.join(packaged_gait_tables())}")
     return DONE
+
+
+def _list(title: str, entries: Mapping[str, str]) -> None:
+    print(f"{title}:")
+    width = max(len(name) for name in entries)
+    for name, description in entries.items():
+        print(f"  {name:<{width}}  {description}")

@@ -13,13 +13,15 @@ from typing import Any
 
 import yaml
 
+from twin_gait.configuration.control_modes import assistance_document, path_document
 from twin_gait.configuration.experiment_file import safety_keys
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
+from twin_gait.configuration.people import patient_document
 from twin_gait.experiment import Experiment, Integration
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
 from twin_gait.gait.table import TICK, DrivenBy, GaitTable, PhaseParameters, Transition, Waiver
 from twin_gait.leg_model import LegJoints
-from twin_gait.parameters import FrictionParameters, Patient
+from twin_gait.parameters import FrictionParameters
 from twin_gait.scenario import BenchLegScenario, TreadmillScenario
 
 
@@ -145,7 +147,7 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
         **({} if asked is None else {"integration": integration_document(asked)}),
         "seed": experiment.seed,
         **({"faults": [str(item) for item in experiment.faults]} if experiment.faults else {}),
-        "patient": None if experiment.patient is None else _patient(experiment.patient),
+        "patient": None if experiment.patient is None else patient_document(experiment.patient),
         "scenario": _scenario(experiment.scenario),
         "leg": _leg(experiment),
         "control": _control(experiment),
@@ -158,10 +160,6 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
 def integration_document(integration: Integration) -> dict[str, Any]:
     """Integrator and step as a mapping."""
     return {"method": str(integration.method), "step_s": integration.step}
-
-
-def _patient(patient: Patient) -> dict[str, Any]:
-    return {"mass_kg": patient.mass, "height_m": patient.height, "sex": str(patient.sex)}
 
 
 def _angles(angles: tuple[float, float]) -> dict[str, float]:
@@ -234,12 +232,14 @@ def _control(experiment: Experiment) -> dict[str, Any]:
     control = experiment.control
     return {
         "mode": str(control.mode),
+        "assistance": assistance_document(control.assistance),
+        "path": path_document(control.path),
         "friction_model": {str(joint): _friction(law) for joint, law in control.friction_model.items()},
         "inertia_compensation": control.inertia_compensation,
         "target_torque_Nm": {str(joint): value for joint, value in control.target_torque.items()},
         "limits": {"torque_Nm": control.limits.torque, "current_A": control.limits.current},
         "safety": {key: getattr(control.safety, name) for name, key in safety_keys().items()},
-        "patient": None if control.patient is None else _patient(control.patient),
+        "patient": None if control.patient is None else patient_document(control.patient),
     }
 
 

@@ -9,8 +9,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from twin_gait.configuration.control_modes import AssistanceEntry, PathEntry
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.configuration.validation import Count, Number, Strict, converting, validate
+from twin_gait.configuration.people import PatientEntry
+from twin_gait.configuration.validation import Count, Number, Strict, converting, one_of, validate
 from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.experiment import (
     ControlMode,
@@ -32,7 +34,6 @@ from twin_gait.parameters import (
     ContactParameters,
     FrictionParameters,
     LimitParameters,
-    Patient,
     SafetyParameters,
     SensorParameters,
     StopParameters,
@@ -40,31 +41,9 @@ from twin_gait.parameters import (
 )
 from twin_gait.scenario import BenchLegScenario, HandParameters, LegSource, TreadmillScenario
 from twin_gait.scenario.faults import Fault, parse_fault
-from twin_gait.vocabulary import JointName, Sex, Side
+from twin_gait.vocabulary import JointName, Side
 
 _DEGREE = math.pi / 180.0
-
-
-def _one_of(entry: Strict, factors: dict[str, float]) -> float:
-    """Value of the one key that is given, in SI."""
-    given = [(key, factor) for key, factor in factors.items() if getattr(entry, key) is not None]
-    if len(given) != 1:
-        names = [key for key, _ in given]
-        raise ParameterError(f"expected exactly one of {' or '.join(factors)}, got {names or 'none'}")
-    ((key, factor),) = given
-    return float(getattr(entry, key)) * factor if factor != 1.0 else float(getattr(entry, key))
-
-
-class PatientEntry(Strict):
-    """The wearer."""
-
-    mass_kg: Number = 70.0
-    height_m: Number = 1.75
-    sex: Sex = Sex.MALE
-
-    def convert(self) -> Patient:
-        """Convert to SI."""
-        return Patient(mass=self.mass_kg, height=self.height_m, sex=self.sex)
 
 
 class LegJointsEntry(Strict):
@@ -144,8 +123,8 @@ class AnglesEntry(Strict):
     def convert(self) -> tuple[float, float]:
         """Convert to SI."""
         return (
-            _one_of(self, {"hip_deg": _DEGREE, "hip_rad": 1.0}),
-            _one_of(self, {"knee_deg": _DEGREE, "knee_rad": 1.0}),
+            one_of(self, {"hip_deg": _DEGREE, "hip_rad": 1.0}),
+            one_of(self, {"knee_deg": _DEGREE, "knee_rad": 1.0}),
         )
 
 
@@ -168,7 +147,7 @@ class TreadmillEntry(Strict):
         standard = TreadmillScenario()
         leading, trailing = self.leading_start, self.trailing_start
         return TreadmillScenario(
-            belt_speed=_one_of(self, {"belt_speed_m_per_s": 1.0, "belt_speed_km_per_h": 1.0 / 3.6}),
+            belt_speed=one_of(self, {"belt_speed_m_per_s": 1.0, "belt_speed_km_per_h": 1.0 / 3.6}),
             support=self.support.convert(),
             contact=self.contact.convert(),
             leading=self.leading,
@@ -193,7 +172,7 @@ class HandEntry(Strict):
         """Convert to SI."""
         return HandParameters(
             joint=self.joint,
-            amplitude=_one_of(self, {"amplitude_deg": _DEGREE, "amplitude_rad": 1.0}),
+            amplitude=one_of(self, {"amplitude_deg": _DEGREE, "amplitude_rad": 1.0}),
             frequency=self.frequency_Hz,
             stiffness=self.stiffness_Nm_per_rad,
             damping=self.damping_Nms_per_rad,
@@ -408,6 +387,8 @@ class ControlEntry(Strict):
     """The controller."""
 
     mode: ControlMode = ControlMode.IMPEDANCE
+    assistance: AssistanceEntry = AssistanceEntry()
+    path: PathEntry = PathEntry()
     friction_model: JointFrictionEntry | None = None
     inertia_compensation: Number = 0.0
     target_torque_Nm: JointNumbers | None = None
@@ -420,6 +401,8 @@ class ControlEntry(Strict):
         standard = ControlParameters()
         return ControlParameters(
             mode=self.mode,
+            assistance=self.assistance.convert(),
+            path=self.path.convert(),
             friction_model=standard.friction_model
             if self.friction_model is None
             else self.friction_model.convert(),
@@ -448,7 +431,7 @@ class SensorsEntry(Strict):
         """Convert to SI."""
         noise = 0.0
         if self.angle_noise_deg is not None or self.angle_noise_rad is not None:
-            noise = _one_of(self, {"angle_noise_deg": _DEGREE, "angle_noise_rad": 1.0})
+            noise = one_of(self, {"angle_noise_deg": _DEGREE, "angle_noise_rad": 1.0})
         return SensorParameters(
             ideal=self.ideal,
             encoder_counts=self.encoder_counts,
@@ -475,7 +458,7 @@ class IntegrationEntry(Strict):
         method = default.method if self.method is None else self.method
         if self.step_s is None and self.step_ms is None:
             return Integration(method=method, step=default.step)
-        return Integration(method=method, step=_one_of(self, {"step_ms": 1e-3, "step_s": 1.0}))
+        return Integration(method=method, step=one_of(self, {"step_ms": 1e-3, "step_s": 1.0}))
 
 
 class ProvenanceEntry(Strict):

@@ -12,6 +12,7 @@ from twin_gait.configuration.documents import content_hash, experiment_document,
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.gait_table_file import packaged_gait_tables
 from twin_gait.configuration.overrides import assign, merge, parse_assignment
+from twin_gait.configuration.people import SIDES, names_a_person, person_document
 from twin_gait.configuration.validation import converting, read_yaml
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
@@ -44,8 +45,9 @@ def presets() -> dict[str, str]:
 def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str] = ()) -> LoadedExperiment:
     """Load a preset or an experiment file.
 
-    A file may name a ``preset`` that it is laid over, and a gait ``table`` by the name of a packaged
-    one or by path; both are resolved here. ``settings`` are laid over everything.
+    A file may name a ``preset`` that it is laid over, a gait ``table`` and a ``patient`` by the name of a
+    packaged one or by path; all are resolved here. ``settings`` are laid over everything; a table or patient
+    named in them takes the place of the whole one.
 
     Args:
         source: Name of a preset, or path of a YAML file.
@@ -65,9 +67,11 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     for keys, value in assignments:
         if keys == ["table"]:
             data["table"] = value
+        elif keys == ["patient"] and names_a_person(value):
+            data["patient"] = _person(value, path, f"{where} with --set")
     data["table"] = _resolve_table(data.get("table"), path)
     document = complete_document(data, where, path.parent)
-    changes = [(keys, value) for keys, value in assignments if keys != ["table"]]
+    changes = [item for item in assignments if not _names_a_whole(*item)]
     if changes:
         where = f"{where} with --set"
     for keys, value in changes:
@@ -88,6 +92,9 @@ def complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[s
     """
     experiment = experiment_from_mapping(data, source, folder)
     defaults = experiment_document(experiment)
+    for wearer in (defaults["patient"], defaults["control"]["patient"]):
+        for side in SIDES if wearer is not None else ():
+            wearer.pop(side, None)  # what a wearer does has no default but nothing
     typed = {key: value for key, value in data.items() if key not in ("table", "provenance", "leg")}
     return {**merge(defaults, typed), "table": data["table"]}
 
@@ -142,8 +149,18 @@ def _find(source: str | Path) -> Path:
     raise ParameterError(f"{source}: neither a preset ({names}) nor an experiment file")
 
 
+def _names_a_whole(keys: Sequence[str | int], value: Any) -> bool:
+    return keys == ["table"] or (keys == ["patient"] and names_a_person(value))
+
+
+def _person(value: Any, path: Path, where: str) -> dict[str, Any]:
+    return converting(where, "patient", lambda: person_document(value, path.parent))
+
+
 def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
-    name = data.get("preset")
+    name, named = data.get("preset"), names_a_person(data.get("patient"))
+    if named:
+        data = {**data, "patient": _person(data["patient"], path, str(path))}
     if name is None:
         return data
     if not isinstance(name, str) or not (_folder() / f"{name}.yaml").is_file():
@@ -153,6 +170,8 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
     table = rest.pop("table", base.get("table"))
     if isinstance(table, dict) and "schema_version" not in table:
         table = merge(_resolve_table(base.get("table"), path), table)
+    if named:  # he takes the place of the preset's, with nothing of it left underneath
+        base = {**base, "patient": None}
     return {**merge({**base, "name": path.stem}, rest), "table": table}
 
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, TypeVar
 import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from twin_gait.exceptions import ParameterFileError, TwinGaitError
+from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 
 MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand
 
@@ -157,6 +157,30 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
         raise
     except TwinGaitError as error:
         raise ParameterFileError(source, key, str(error)) from error
+
+
+def one_of(entry: Strict, factors: Mapping[str, float], default: float | None = None) -> float:
+    """Value of the one key that is given, in SI.
+
+    Args:
+        entry: What holds the keys.
+        factors: From the unit of each key to SI.
+        default: If none is given; None if one must be.
+
+    Returns:
+        The value.
+
+    Raises:
+        ParameterError: If several are given, or none.
+    """
+    given = [(key, factor) for key, factor in factors.items() if getattr(entry, key) is not None]
+    if not given and default is not None:
+        return default
+    if len(given) != 1:
+        names = [key for key, _ in given]
+        raise ParameterError(f"expected exactly one of {' or '.join(factors)}, got {names or 'none'}")
+    ((key, factor),) = given
+    return float(getattr(entry, key)) * factor if factor != 1.0 else float(getattr(entry, key))
 
 
 def _explain(first: Any, model: type[BaseModel]) -> str:

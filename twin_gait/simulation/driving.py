@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from twin_gait.core.assistance import cycle_place
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import damping_from_ratio
 from twin_gait.experiment import ControlMode, Experiment
@@ -18,6 +21,19 @@ from twin_gait.vocabulary import JointName, Side
 
 PATH_SAMPLES = 101  # of a cycle, every percent
 _TRAILING_START = 0.5  # of the cycle, where the trailing leg begins
+
+# The path of position tracking. TWIN's own is not published; this one is an assumption: the healthy walk,
+# changed until the default wearer walks on it, each number for the reason beside it.
+#
+# The knee's motor has to accelerate its own rotor, 3.3 kg m² at the joint, with 60 N m: 18 rad/s² at most.
+# The healthy knee at 1.5 km/h asks for more than 50; two harmonics of it in a tenth more time ask for 12.
+PATH_HARMONICS = 2
+PATH_SLOWNESS = 1.1  # of the healthy stride time
+HIP_EXCURSION = 1.1  # of the healthy one: the belt is as fast, so that slower steps have to be longer
+HIP_OFFSET = math.radians(3.0)  # puts the middle of the step forward, so that the foot clears the belt
+# Two harmonics flatten the knee's peak and overextend it. It has to bend far enough for the toe to clear the
+# belt, and at its straightest to stay farther from the stop at -4° than the monitor's stop distance.
+KNEE_LOWEST, KNEE_HIGHEST = math.radians(8.0), math.radians(55.0)
 
 
 class Path(NamedTuple):
@@ -36,7 +52,10 @@ class Path(NamedTuple):
 
 
 def reference_path(experiment: Experiment, sides: tuple[Side, ...]) -> Path:
-    """Healthy walking at the belt's speed and the wearer's height (Koopman et al. 2014).
+    """The walk of an experiment: to follow in position tracking, otherwise to judge tracking by.
+
+    Judged is by healthy walking at the belt's speed and the wearer's height (Koopman et al. 2014); followed
+    is :func:`device_walk` of it.
 
     Args:
         experiment: The experiment.
@@ -55,7 +74,64 @@ def reference_path(experiment: Experiment, sides: tuple[Side, ...]) -> Path:
     joints = [JointName(name) for name in experiment.table.joints]
     angles = [reference_curve(joint, percent, speed=speed, height=height) for joint in joints]
     starts = np.array([0.0 if side is leading else _TRAILING_START for side in sides])
-    return Path(np.array(angles).T, round(reference_cycle_time(speed, height) / TICK), starts)
+    path = Path(np.array(angles).T, round(reference_cycle_time(speed, height) / TICK), starts)
+    return device_walk(path) if experiment.control.mode is ControlMode.POSITION else path
+
+
+def device_walk(healthy: Path) -> Path:
+    """A walk that the motors can follow, made of the healthy one; see the constants of this module.
+
+    Args:
+        healthy: Hip and knee of healthy walking.
+
+    Returns:
+        The path.
+    """
+    hip, knee = _few_harmonics(healthy.angles).T
+    middle = hip[:-1].mean()
+    hip = middle + HIP_OFFSET + HIP_EXCURSION * (hip - middle)
+    share = (knee - knee.min()) / (knee.max() - knee.min())
+    knee = KNEE_LOWEST + share * (KNEE_HIGHEST - KNEE_LOWEST)
+    return Path(np.column_stack((hip, knee)), round(PATH_SLOWNESS * healthy.cycle_ticks), healthy.starts)
+
+
+def _few_harmonics(curves: np.ndarray) -> np.ndarray:
+    """The first harmonics of curves that close, shape ``(PATH_SAMPLES, n)``."""
+    spectrum = np.fft.rfft(curves[:-1], axis=0)
+    spectrum[PATH_HARMONICS + 1 :] = 0.0
+    smooth = np.fft.irfft(spectrum, n=len(curves) - 1, axis=0)
+    return np.vstack((smooth, smooth[:1]))
+
+
+def starting_on_path(experiment: Experiment) -> Experiment:
+    """In position tracking the legs begin where the path does, whatever the scenario says.
+
+    Anything else is a step of the command as large as the spring is stiff, at which the monitor trips.
+
+    Args:
+        experiment: The experiment.
+
+    Returns:
+        The experiment with the joint angles of the path at the start; itself in the other modes.
+    """
+    if experiment.control.mode is not ControlMode.POSITION:
+        return experiment
+    scenario, sides = experiment.scenario, tuple(experiment.leg.legs)
+    path = reference_path(experiment, sides)
+    begin = {side: _posture(path, start) for side, start in zip(sides, path.starts, strict=True)}
+    if not isinstance(scenario, TreadmillScenario):
+        return replace(experiment, scenario=replace(scenario, start_angles=begin[sides[0]]))
+    trailing = next(side for side in sides if side is not scenario.leading)
+    return replace(
+        experiment,
+        scenario=replace(scenario, leading_angles=begin[scenario.leading], trailing_angles=begin[trailing]),
+    )
+
+
+def _posture(path: Path, start: float) -> tuple[float, float]:
+    before, share = cycle_place(start, len(path.angles))
+    hip, knee = path.angles[before] + share * (path.angles[before + 1] - path.angles[before])
+    return float(hip), float(knee)
 
 
 def driven_rows(

@@ -18,7 +18,7 @@ from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ActuatorParameters
 from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.scenario.world import World
-from twin_gait.simulation.driving import Path, driven_rows, reference_path
+from twin_gait.simulation.driving import Path, driven_rows, reference_path, starting_on_path
 from twin_gait.simulation.wearing import WearerArrays, wearer_arrays
 from twin_gait.vocabulary import JointName, Side
 
@@ -105,7 +105,7 @@ def build_problem(experiment: Experiment) -> Problem:
     Returns:
         The problem.
     """
-    world = experiment.build_world()
+    world = starting_on_path(experiment).build_world()
     control_model = experiment.build_control_model()
     table = scaled_table(experiment, world)
     joints = tuple(

@@ -104,10 +104,11 @@ def _require_phases(table: GaitTable) -> None:
 def _moments(experiment: Experiment, patient: Patient, table: GaitTable, joint: JointName) -> np.ndarray:
     """Normative moment by phase and hip angle: that of the instant of the phase with the nearest hip angle.
 
-    On a treadmill the legs carry what the support leaves, and stance moments shrink with it.
+    On a treadmill the legs carry what the support leaves, and stance moments shrink with it; a leg on its
+    stand carries nothing.
     """
     scenario = experiment.scenario
-    speed, carried = SLOWEST, 1.0
+    speed, carried = SLOWEST, 0.0
     if isinstance(scenario, TreadmillScenario):
         speed = min(max(scenario.belt_speed, SLOWEST), FASTEST)
         carried = 1.0 - scenario.support.share

@@ -18,6 +18,7 @@ import itertools
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -27,6 +28,8 @@ import pandas as pd
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.overrides import assign, parse_assignment
+from twin_gait.configuration.people import names_a_person, person_document
+from twin_gait.configuration.validation import converting
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.simulation import Run, RunStatus, simulate
@@ -194,8 +197,8 @@ def overridden(experiment: Experiment, override: Override, source: str = "overri
     Args:
         experiment: The experiment.
         override: Values by keys of its document, joined by dots, list positions in brackets; a quantity may
-            be given in any unit that its file may. A mapping is laid over what is there. The gait table is
-            changed below ``table.``, not exchanged by name.
+            be given in any unit that its file may. A mapping is laid over what is there. A ``patient`` may be
+            exchanged by name; the gait table is changed below ``table.``, not exchanged by name.
         source: What messages begin with.
 
     Returns:
@@ -207,6 +210,9 @@ def overridden(experiment: Experiment, override: Override, source: str = "overri
     document = experiment_document(experiment)
     for key, value in override.items():
         plain = value.item() if isinstance(value, np.generic) else value
+        if key == "patient" and names_a_person(plain):
+            plain = converting(source, "patient", partial(person_document, plain))
+            document = {**document, "patient": None}  # nothing of the one before is left underneath
         document = _assigned(document, key, plain, source)
     return experiment_from_mapping(document, source, Path())
 

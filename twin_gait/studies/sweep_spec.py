@@ -28,6 +28,7 @@ SPEC_SCHEMA_VERSION = 1
 # What a row of the table depends on, from the specification to the summary.
 SOURCES = (
     "*.py",
+    "configuration/people/*.yaml",  # a parameter may name them
     *(
         f"{room}/**/*.py"
         for room in (

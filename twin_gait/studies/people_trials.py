@@ -1,0 +1,102 @@
+"""Whether people walk with the shipped table: those who ship, and a cohort in their condition."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment
+from twin_gait.experiment import Experiment
+from twin_gait.parameters import Patient
+from twin_gait.simulation import Run, simulate
+from twin_gait.studies.batch import Flat, flat_summary, overridden
+from twin_gait.studies.cohort import cohort, overrides
+from twin_gait.studies.outcome_map import outcome_of
+from twin_gait.vocabulary import JointName, Side
+
+MASS_ALONE, PASSIVE_ALONE = "mass alone", "passive moments alone"
+_PLAIN = {MASS_ALONE: (), PASSIVE_ALONE: ("patient.both={hip: {passive: 1}, knee: {passive: 1}}",)}
+
+
+class Trial(NamedTuple):
+    """A run of one person with the shipped table.
+
+    Attributes:
+        patient: Who walked.
+        outcome: ``walks``, ``falls``, ``stalls`` or ``diverges``.
+        reason: Why, if the run did not complete.
+        summary: Of the run.
+        peaks: Highest torque of the wearer at any hip and at any knee in [N m].
+        powers: Mean power of his torques at both hips and at both knees in [W].
+    """
+
+    patient: Patient
+    outcome: str
+    reason: str
+    summary: Flat
+    peaks: tuple[float, float]
+    powers: tuple[float, float]
+
+
+def trial(experiment: Experiment) -> Trial:
+    """Let one person walk.
+
+    Args:
+        experiment: On the treadmill, with a wearer.
+
+    Returns:
+        What came of it.
+    """
+    run = simulate(experiment)
+    return Trial(
+        patient=experiment.patient or Patient(),
+        outcome=outcome_of(run),
+        reason=run.reason,
+        summary=flat_summary(run),
+        peaks=(_peak(run, JointName.HIP), _peak(run, JointName.KNEE)),
+        powers=(_power(run, JointName.HIP), _power(run, JointName.KNEE)),
+    )
+
+
+def experiment_of(name: str, support: float, duration: float) -> Experiment:
+    """The shipped walk with somebody as wearer.
+
+    Args:
+        name: Of a person that ships, ``mass alone`` or ``passive moments alone``.
+        support: Share of the weight that is carried.
+        duration: In [s].
+
+    Returns:
+        The experiment.
+    """
+    settings = [f"scenario.support.share={support}", f"duration_s={duration}"]
+    settings += _PLAIN.get(name, (f"patient={name}",))
+    return load_experiment(DEFAULT_PRESET, settings).experiment
+
+
+def cohort_trials(base: Experiment, count: int, seed: int) -> list[Trial]:
+    """Let a cohort walk in the condition of one person.
+
+    Args:
+        base: His experiment.
+        count: Number of people.
+        seed: Of their draw.
+
+    Returns:
+        What came of each, in the order of the cohort.
+    """
+    return [trial(overridden(base, change)) for change in overrides(cohort(count, seed, like=base.patient))]
+
+
+def _columns(run: Run, joint: JointName, name: str) -> np.ndarray:
+    return run.log[[f"{side}_{joint}_{name}" for side in Side]].to_numpy()
+
+
+def _peak(run: Run, joint: JointName) -> float:
+    return float(np.abs(_columns(run, joint, "patient_torque_Nm")).max())
+
+
+def _power(run: Run, joint: JointName) -> float:
+    power = _columns(run, joint, "patient_torque_Nm") * _columns(run, joint, "velocity_rad_per_s")
+    return float(power.sum(axis=1).mean())
