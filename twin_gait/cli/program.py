@@ -36,6 +36,7 @@ def build_parser() -> argparse.ArgumentParser:
         bench,
         benchmark,
         check,
+        compare,
         diagram,
         export,
         faults,
@@ -55,7 +56,7 @@ def build_parser() -> argparse.ArgumentParser:
 
     runs = (simulate, live, sessions, view, export, presets)
     tables = (check, diagram, replay)
-    studies = (reproduce, whatif, sweep, faults, outcomes, validate, benchmark)
+    studies = (compare, reproduce, whatif, sweep, faults, outcomes, validate, benchmark)
     for module in (*runs, *tables, bench, identify, *studies):
         module.add_parser(commands)
     return parser

@@ -123,6 +123,21 @@ def battery_use(power: np.ndarray, tick: float, continuous_power: float) -> Batt
     )
 
 
+def battery_life(energy: float, power: float) -> float:
+    """How long a full battery lasts at a mean power of the motors; electronics are not reckoned with.
+
+    Args:
+        energy: Of the full battery in [J].
+        power: Mean power in [W].
+
+    Returns:
+        Time in [s]; infinite where the motors take nothing on balance, NaN without a power.
+    """
+    if math.isnan(power):
+        return math.nan
+    return energy / power if power > 0.0 else math.inf
+
+
 class SwitchChanges(NamedTuple):
     """Change of a torque at each switch of phase, in [N m], shape ``(n_switches,)`` each.
 

@@ -1,0 +1,387 @@
+"""Controllers beside each other: numbers, words, folder, and what the simulation says of known effects."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import re
+import shutil
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+
+from twin_gait import load_experiment, simulate
+from twin_gait.cli import compare as command
+from twin_gait.cli.terminal import DONE
+from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
+from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
+from twin_gait.experiment import AssistanceParameters, ControlMode, Experiment
+from twin_gait.replay.winter1991 import ANGLES
+from twin_gait.studies.compare.comparing import (
+    Comparison,
+    ComparisonInterrupted,
+    Interval,
+    compare,
+    interval_of,
+    varied,
+)
+from twin_gait.studies.compare.controllers import CONTROLLERS, TWINCARE_SHARE, find_controllers
+from twin_gait.studies.compare.measures_shown import SHOWN, Shown, text_of
+from twin_gait.studies.compare.numbers import numbers_of, winter_cycle
+from twin_gait.studies.compare.wearer_torque import voluntary_torque
+from twin_gait.studies.compare.words import paragraphs
+from twin_gait.studies.compare.writing import PAGE_FILE, RUNS_FILE, SUMMARY_FILE, write_comparison
+from twin_gait.vocabulary import JointName, Side
+
+SEEDS = 3
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+def walk(patient: str, duration: float) -> Experiment:
+    return load_experiment("treadmill", [f"patient={patient}", f"duration_s={duration}"]).experiment
+
+
+def with_effort(experiment: Experiment, effort: float) -> Experiment:
+    patient = experiment.patient
+    conditions = {place: replace(item, effort=effort) for place, item in patient.conditions.items()}
+    return replace(experiment, patient=replace(patient, conditions=conditions))
+
+
+@pytest.fixture(scope="module")
+def stroke() -> Comparison:
+    """A left hemiparesis with a controller that walks, one that tracks a path and one that cannot walk."""
+    names = ["table", "position", "transparent"]
+    return compare(walk("stroke_left", 20.0), find_controllers(names), seeds=SEEDS)
+
+
+# ---------------------------------------------------------------- controllers and days
+
+
+def test_every_controller_changes_the_control_alone():
+    base = walk("stroke_left", 1.0)
+    for controller in CONTROLLERS.values():
+        changed = controller.change(base)
+        assert replace(changed, control=base.control) == base
+    assert CONTROLLERS["table"].change(base).control.mode is ControlMode.IMPEDANCE
+    assert CONTROLLERS["assist_as_needed"].change(base).control.assistance.adaptive
+    shares = CONTROLLERS["twincare"].change(base).control.assistance.share
+    assert set(shares.values()) == {TWINCARE_SHARE}
+
+
+def test_shares_of_the_experiment_are_kept_where_help_is_partial():
+    base = walk("stroke_left", 1.0)
+    own = AssistanceParameters(share={JointName.HIP: 0.6, JointName.KNEE: 0.9})
+    base = replace(base, control=replace(base.control, assistance=own))
+    assert CONTROLLERS["twincare"].change(base).control.assistance.share == own.share
+    assert CONTROLLERS["table"].change(base).control.assistance.is_full
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [([], "expected some"), (["magic"], "no 'magic'"), (["table", "table"], "named twice")],
+)
+def test_controllers_that_do_not_exist_are_refused(names, message):
+    with pytest.raises(ParameterError, match=message):
+        find_controllers(names)
+
+
+def test_first_day_is_the_nominal_one_and_others_stay_within_their_spread():
+    base = walk("stroke_left", 1.0)
+    assert varied(base, 0) is base
+    days = [varied(base, seed) for seed in range(1, 30)]
+    assert len({day.patient.mass for day in days}) == len(days)
+    assert all(abs(day.patient.mass / 70.0 - 1.0) <= 0.03 for day in days)
+    assert all(abs(day.scenario.belt_speed / base.scenario.belt_speed - 1.0) <= 0.03 for day in days)
+    sound = (Side.RIGHT, JointName.HIP)
+    assert max(day.patient.conditions[sound].effort for day in days) == 1.0
+    assert varied(base, 7) == varied(base, 7)
+
+
+def test_interval_of_three_by_hand():
+    """Mean 2, standard deviation 1, Student's quantile 4.303 for two degrees of freedom (any table)."""
+    found = interval_of(np.array([1.0, 2.0, 3.0, math.nan]))
+    assert found.mean == 2.0 and found.runs == 3
+    assert found.half_width == pytest.approx(4.303 / math.sqrt(3.0), rel=1e-4)
+    assert math.isnan(interval_of(np.array([1.0])).half_width)
+    assert interval_of(np.array([math.nan])).runs == 0
+
+
+@pytest.mark.parametrize(
+    ("preset", "settings", "seeds", "message"),
+    [
+        ("bench_leg", [], 1, "on the treadmill"),
+        ("treadmill", ["patient=null"], 1, "nobody wears"),
+        ("treadmill", [], 0, "seeds"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(preset, settings, seeds, message):
+    with pytest.raises(ParameterError, match=message):
+        compare(load_experiment(preset, settings).experiment, find_controllers(["table"]), seeds=seeds)
+
+
+def test_stop_leaves_nothing():
+    with pytest.raises(ComparisonInterrupted):
+        compare(walk("stroke_left", 1.0), find_controllers(["table"]), should_stop=lambda: True)
+
+
+# ---------------------------------------------------------------- numbers
+
+
+def test_effort_is_what_is_left_of_the_wearers_torque(stroke):
+    """Recomputed for single ticks: the log less passive moment and catch, law by law."""
+    run = stroke.runs["table"]
+    found = {joint: voluntary_torque(run, Side.LEFT, joint) for joint in (JointName.HIP, JointName.KNEE)}
+    for tick in (150, 4321, 15_000):
+        row = run.log.iloc[tick]
+        hip, knee, ankle = (row[f"left_{joint}_angle_rad"] for joint in ("hip", "knee", "ankle"))
+        rest = row["left_hip_patient_torque_Nm"] - passive_hip_torque(hip, knee)
+        assert found[JointName.HIP][tick] == pytest.approx(rest, abs=1e-9)
+        speed = row["left_knee_velocity_rad_per_s"]
+        catch = -3.0 * math.copysign(max(0.0, abs(speed) - math.radians(60.0)), speed)
+        rest = row["left_knee_patient_torque_Nm"] - passive_knee_torque(hip, knee, ankle) - catch
+        assert found[JointName.KNEE][tick] == pytest.approx(rest, abs=1e-9)
+
+
+def test_wearer_without_effort_gives_none_though_his_tissue_does():
+    run = simulate(with_effort(walk("stroke_left", 2.0), 0.0))
+    for side in Side:
+        for joint in (JointName.HIP, JointName.KNEE):
+            assert np.abs(run.log[f"{side}_{joint}_patient_torque_Nm"]).max() > 1.0
+            assert np.abs(voluntary_torque(run, side, joint)).max() < 1e-9
+
+
+def test_numbers_agree_with_the_log_by_another_way(stroke):
+    """Power from the energy that left the battery, currents over the counted strides, symmetry by hand."""
+    run = stroke.runs["table"]
+    numbers = numbers_of(run)
+    energy = float(run.log["battery_power_W"].sum()) * 1e-3
+    assert numbers["battery_power_W"] == pytest.approx(energy / run.duration)
+    assert numbers["battery_life_h"] == pytest.approx(92.2 / numbers["battery_power_W"])
+    assert numbers["energy_per_metre_J"] == pytest.approx(energy / (1.5 / 3.6 * run.duration))
+    left, right = numbers["left_step_time_s"], numbers["right_step_time_s"]
+    assert numbers["step_time_symmetry"] == pytest.approx((left - right) / (0.5 * (left + right)))
+    assert left + right == pytest.approx(numbers["stride_time_s"], rel=0.01)
+    hottest = max(
+        numbers[f"{side}_{joint}_current_rms_A"] / {"hip": 43.0 / 10.9, "knee": 43.0 / 7.05}[joint]
+        for side in Side
+        for joint in ("hip", "knee")
+    )
+    assert numbers["current_rms_share"] == pytest.approx(hottest)
+    works = {
+        who: sum(numbers[f"{side}_{joint}_{who}_work_J"] for side in Side for joint in ("hip", "knee"))
+        for who in ("wearer", "device")
+    }
+    assert numbers["wearer_work_share"] == pytest.approx(works["wearer"] / sum(works.values()))
+
+
+def test_help_in_full_and_in_part_is_what_was_set(stroke):
+    assert numbers_of(stroke.runs["table"])["help_share"] == pytest.approx(1.0, abs=1e-12)
+    partly = numbers_of(simulate(CONTROLLERS["twincare"].change(walk("stroke_left", 12.0))))
+    assert partly["help_share"] == pytest.approx(TWINCARE_SHARE, rel=1e-9)
+
+
+def test_natural_gait_is_that_of_the_published_table():
+    for number, joint in enumerate((JointName.HIP, JointName.KNEE)):
+        cycle = np.degrees(winter_cycle(joint))
+        assert_allclose(cycle[2:100:2], [row[number] for row in ANGLES[1:50]], atol=0.05)
+
+
+def test_fall_has_no_gait_but_its_time(stroke):
+    numbers = numbers_of(stroke.runs["transparent"])
+    assert set(numbers) == {"walked", "walked_s"}
+    assert numbers["walked"] == 0.0 and 0.5 < numbers["walked_s"] < 5.0
+    assert stroke.walked("transparent") == 0 and stroke.walked("table") == SEEDS
+
+
+# ---------------------------------------------------------------- effects
+
+
+def test_position_tracking_does_more_on_the_hip_than_the_table_and_costs_more(stroke):
+    """For an active wearer, means over days with their intervals apart."""
+    for number in ("hip_interaction_rms_Nm", "interaction_rms_Nm", "opposing_rms_Nm", "battery_power_W"):
+        table, position = (stroke.interval(name, number) for name in ("table", "position"))
+        if number == "opposing_rms_Nm":  # effort varies from day to day more than the controllers differ
+            assert position.mean > table.mean
+        else:
+            assert position.mean - position.half_width > table.mean + table.half_width, number
+
+
+def test_hemiparesis_shows_asymmetry_and_a_healthy_walk_none(stroke):
+    """The weak left hip moves less than the right one; sound legs move alike."""
+    lame = stroke.interval("table", "hip_range_symmetry")
+    assert lame.mean + lame.half_width < -0.03
+    sound = compare(walk("healthy", 20.0), find_controllers(["table"]), seeds=SEEDS).interval(
+        "table", "hip_range_symmetry"
+    )
+    assert abs(sound.mean) + sound.half_width < 0.03
+
+
+def test_more_effort_less_help_at_the_hip_under_assist_as_needed():
+    """At the hip only: the effort of the knee, that of walking unsupported, makes its tracking worse."""
+    found = [
+        compare(
+            with_effort(walk("healthy", 40.0), effort), find_controllers(["assist_as_needed"]), seeds=SEEDS
+        )
+        for effort in (0.0, 1.0)
+    ]
+    none, full = (item.interval("assist_as_needed", "hip_help_share") for item in found)
+    assert none.runs == full.runs == SEEDS
+    assert full.mean + full.half_width < none.mean - none.half_width
+    work = [item.interval("assist_as_needed", "wearer_work_share") for item in found]
+    assert work[0].mean == pytest.approx(0.0, abs=1e-9) and work[1].mean - work[1].half_width > 0.2
+
+
+def test_half_an_effort_leaves_position_tracking_as_it_is():
+    found = [
+        compare(with_effort(walk("healthy", 20.0), effort), find_controllers(["position"]), seeds=SEEDS)
+        for effort in (0.0, 0.5)
+    ]
+    none, half = (item.interval("position", "interaction_rms_Nm") for item in found)
+    assert abs(none.mean - half.mean) < none.half_width + half.half_width
+    assert [item.interval("position", "help_share").mean for item in found] == [1.0, 1.0]
+
+
+# ---------------------------------------------------------------- words and folder
+
+
+@pytest.mark.parametrize(
+    ("interval", "factor", "digits", "text"),
+    [
+        (Interval(0.1234, math.nan, 1), 100.0, 1, "12.3"),
+        (Interval(-0.02, 0.0061, 3), 100.0, 1, "−2.0 ± 0.6"),
+        (Interval(-0.0001, math.nan, 1), 1.0, 1, "0.0"),
+        (Interval(math.nan, math.nan, 0), 1.0, 1, "–"),
+        (Interval(math.inf, math.nan, 1), 1.0, 1, "∞"),
+    ],
+)
+def test_numbers_in_words(interval, factor, digits, text):
+    assert text_of(interval, Shown("", "", "", factor, digits, "")) == text
+
+
+def test_paragraphs_say_what_the_numbers_say(stroke):
+    text = " ".join(paragraphs(stroke))
+    assert text.startswith("Walked all 3 days: five-phase table and position tracking.")
+    seconds = stroke.interval("transparent", "walked_s").mean
+    assert f"Friction compensation only did not: on average it ended after {seconds:.1f} s." in text
+    assert "The device does most on the hip with position tracking" in text
+    assert "(hip motion −" in text
+
+
+class _Cells(HTMLParser):
+    """Cells of the table row by row, and where the page would fetch something."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.rows: list[list[str]] = []
+        self.sources: list[str] = []
+        self._inside = False
+
+    def handle_starttag(self, tag, attrs):
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self._inside = True
+            self.rows[-1].append("")
+        self.sources += [value for name, value in attrs if name in ("src", "srcset", "href")]
+
+    def handle_endtag(self, tag):
+        if tag in ("td", "th"):
+            self._inside = False
+
+    def handle_data(self, data):
+        if self._inside:
+            self.rows[-1][-1] += data
+
+
+def test_folder_holds_a_page_that_needs_nothing_else(stroke, tmp_path):
+    out = tmp_path / "folder"
+    write_comparison(stroke, "stroke_left", out)
+    page = _Cells()
+    page.feed((out / PAGE_FILE).read_text(encoding="utf-8"))
+    assert page.sources and all(source.startswith("data:image/png;base64,") for source in page.sources)
+    wide = [row for row in page.rows if len(row) == 4]
+    assert wide[0][1:] == [item.title for item in stroke.controllers]
+    assert [row[0] for row in wide[1:]] == [item.label for item in SHOWN]
+    assert all(row[3] == "–" for row in wide[2:])  # who fell has no gait
+    table = pd.read_csv(out / RUNS_FILE)
+    assert len(table) == 3 * SEEDS
+    document = json.loads((out / SUMMARY_FILE).read_text())
+    shown = document["controllers"]["position"]["numbers"]["interaction_rms_Nm"]
+    rows = table[table["controller"] == "position"]
+    assert shown == pytest.approx(rows["interaction_rms_Nm"].mean(), rel=1e-12)
+    assert document["controllers"]["transparent"]["numbers"]["interaction_rms_Nm"] is None
+
+
+def test_folder_of_something_else_is_not_replaced(stroke, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("keep")
+    with pytest.raises(RunDirectoryError, match="holds no comparison"):
+        write_comparison(stroke, "x", tmp_path / "mine", force=True)
+    assert (tmp_path / "mine" / "notes.txt").read_text() == "keep"
+
+
+def run_command(*words: str) -> int:
+    parser = argparse.ArgumentParser()
+    command.add_parser(parser.add_subparsers())
+    arguments = parser.parse_args(["compare", *words])
+    status: int = arguments.run(arguments)
+    return status
+
+
+def test_command_writes_and_prints(tmp_path, capsys):
+    out = tmp_path / "out"
+    words = ("--patient", "stroke_left", "--controllers", "transparent, gravity", "--duration", "3")
+    assert run_command(*words, "--out", str(out)) == DONE
+    assert {path.name for path in out.iterdir()} == {PAGE_FILE, RUNS_FILE, SUMMARY_FILE, "compare.png"}
+    printed = capsys.readouterr().out
+    assert printed.startswith("No controller walked to the end.") and str(out / PAGE_FILE) in printed
+    with pytest.raises(RunDirectoryError, match="exists"):
+        run_command(*words, "--out", str(out))
+    assert run_command(*words, "--out", str(out), "--force") == DONE
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--controllers", "table,magic"), r"no 'magic'; there are table, position"),
+        (("--patient", "nobody"), r"nobody is called 'nobody'"),
+        (("--seeds", "0"), r"seeds: expected 1 or more, got 0"),
+        (("--duration", "-1"), r"duration"),
+    ],
+)
+def test_mistake_on_the_command_line_makes_no_folder(words, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(TwinGaitError, match=message) as caught:
+        run_command(*words)
+    assert "\n" not in str(caught.value) and not list(Path().iterdir())
+
+
+def test_names_in_the_help_are_the_controllers():
+    assert re.split(", ", command.NAMES) == list(CONTROLLERS)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium to print with")
+def test_report_prints_on_one_page_and_is_readable_on_dark_ground(stroke, tmp_path):
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    write_comparison(stroke, "stroke_left", tmp_path / "folder")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-gpu"])
+        try:
+            page = browser.new_page(color_scheme="dark")
+            page.goto((tmp_path / "folder" / PAGE_FILE).as_uri())
+            ground, ink = (
+                page.evaluate(f"getComputedStyle(document.body).{name}")
+                for name in ("backgroundColor", "color")
+            )
+            document = page.pdf(prefer_css_page_size=True)
+        finally:
+            browser.close()
+    assert re.findall(rb"/Count (\d+)", document) == [b"1"]
+    darkness, lightness = (sum(map(int, re.findall(r"\d+", colour)[:3])) for colour in (ground, ink))
+    assert darkness < 120 and lightness > 500
