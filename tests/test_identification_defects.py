@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 import pytest
+from friction_bench import KNEE, rotational
 from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import ParameterError, ParameterFileError
@@ -18,6 +19,7 @@ from twin_gait.identification import (
     IdentificationOptions,
     LogColumns,
     fit_model,
+    identify,
     identify_logs,
     join_tests,
     parse_columns,
@@ -167,6 +169,30 @@ def test_coverage_counts_intervals_that_hold_the_truth():
         assert_allclose(item.bias * value, np.mean(shifts), atol=1e-12)
         assert_allclose((item.spread, item.half_width), (np.std(shifts, ddof=1), 0.15))
     assert "50.0%" in coverage_table(found)
+
+
+def test_intervals_of_one_file_bear_draws_that_miss_the_slow_samples(tmp_path):
+    # Two seconds pass the slow speeds a few times only: some of the draws of stretches miss them all.
+    rng, time = np.random.default_rng(0), 0.001 * np.arange(2000)
+    velocity = 1.5 * np.sin(0.8 * math.pi * time) + 0.5 * np.sin(0.074 * math.pi * time)
+    torque = rotational(velocity, KNEE) + 0.1 * rng.normal(size=len(time))
+    found = identified(tmp_path / "a.csv", text_of(t=time, dq2=velocity, tau2=torque), "rotational")
+    model = found.models[0]
+    standard = model.uncertainty.standard_errors
+    for (name, (low, high)), truth in zip(
+        model.uncertainty.intervals.items(), (KNEE[0], KNEE[1], KNEE[3], KNEE[2]), strict=True
+    ):
+        assert low < truth < high, name
+        # White noise: ordinary theory is right, and stretches of time can only be a few times less sure.
+        assert high - low < 4.0 * 2.0 * 1.96 * standard[name], name
+
+
+def test_more_samples_than_are_used_are_taken_evenly_and_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(identify, "MOST_SAMPLES", 300)
+    found = identified(tmp_path / "a.csv", text_of())
+    assert "of 1000 samples every 4th was used, 250 in all" in found.warnings
+    assert_allclose(found.samples.velocity, VELOCITY[::4], atol=1e-8)
+    assert_allclose(list(found.models[0].fit.x), [3.0, 2.0], atol=1e-6)
 
 
 def test_processing_keeps_every_sample_of_a_series(tmp_path):

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import t as student
 
-from twin_gait.identification.fitting import Fit, rows_of
+from twin_gait.identification.fitting import MAD_TO_SIGMA, Fit, rows_of
 from twin_gait.identification.models import LOGARITHMIC
 from twin_gait.identification.refining import huber_weights, jacobian, residuals
 from twin_gait.identification.samples import Samples
@@ -24,8 +24,8 @@ DRAWS = 1000
 LEVEL = 0.95
 FEWEST_TESTS = 6  # below this many, tests are cut into blocks
 BLOCKS = 24  # that few tests are cut into
-_MOST_SAMPLES = 100_000
 _FURTHEST = 30.0
+_FAR, _MOST_FAR = 10.0, 0.1  # robust standard deviations; share of the draws that may lie beyond
 _RANK = 1e-11  # relative singular value below which parameters cannot be told apart
 
 
@@ -60,7 +60,7 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
         The uncertainty.
     """
     model = fit.model
-    rows = rows_of(model, samples, _MOST_SAMPLES)
+    rows = rows_of(model, samples, fit.most_samples)  # more than were fitted would promise too much
     values, matrix = residuals(model, fit.x, rows), jacobian(model, fit.x, rows)
     free = np.setdiff1d(np.arange(model.size), fit.at_bound)
     scale = np.sqrt((matrix[:, free] ** 2).sum(axis=0))
@@ -79,6 +79,7 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
             number,
         )
     steps = _draws(unit, values, huber_weights(values, fit.threshold), block, number, seed) / scale
+    steps = steps[_telling(steps)]
     draws = np.tile(fit.x, (len(steps), 1))
     draws[:, free] += steps
     count = len(model.coefficients)
@@ -123,6 +124,17 @@ def _draws(
     left, right = np.einsum("db,bij->dij", times, normal), times @ gradient
     # A draw that misses the tests which tell two parameters apart moves along what it does determine.
     return np.asarray((np.linalg.pinv(left, rcond=1e-9, hermitian=True) @ right[:, :, None])[:, :, 0])
+
+
+def _telling(steps: np.ndarray) -> np.ndarray:
+    """Which draws say something, shape ``(n_draws,)``.
+
+    A few draws may miss all samples that determine a parameter, the slow ones for example; their steps are
+    arbitrary and as large as one likes. If many do, the parameter is not determined, and they all count.
+    """
+    size = np.abs(steps - np.median(steps, axis=0))
+    far = (size > _FAR * MAD_TO_SIGMA * np.median(size, axis=0)).any(axis=1)
+    return ~far if far.mean() <= _MOST_FAR else np.ones(len(steps), dtype=bool)
 
 
 def _without_leverage(normal: np.ndarray, gradient: np.ndarray) -> np.ndarray:

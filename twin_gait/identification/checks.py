@@ -1,4 +1,4 @@
-"""Refuse logs that cannot be what they are read as: wrong units, wrong order, too little."""
+"""Take out rows that say nothing, and refuse logs with too little in them or times in the wrong order."""
 
 from __future__ import annotations
 
@@ -7,32 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from twin_gait.exceptions import ParameterFileError
+from twin_gait.identification.plausibility import check_marks, check_units, plausible_series
 from twin_gait.identification.quantities import Quantity
 from twin_gait.identification.reading import Log
 from twin_gait.identification.samples import LONGEST_GAP
 
 FEWEST = 20  # samples of a test
-# Beyond these no joint of a robot goes; such a column is in another unit.
-_LARGEST = {
-    Quantity.ANGLE: (60.0, "rad", "deg"),
-    Quantity.VELOCITY: (60.0, "rad/s", "deg/s"),
-    Quantity.FRICTION_TORQUE: (2_000.0, "N m", "mNm"),
-    Quantity.LOAD_TORQUE: (5_000.0, "N m", "mNm"),
-    Quantity.TARGET_CURRENT: (200.0, "A", "mA"),
-    Quantity.MEASURED_CURRENT: (200.0, "A", "mA"),
-    Quantity.TEMPERATURE: (200.0, "°C", "degC"),
-    Quantity.MASS: (200.0, "kg", "g"),
-}
-_SLOPE = (0.7, 1.4)  # of the velocity over the derivative of the angle
-_MEASURED = frozenset(
-    {
-        Quantity.VELOCITY,
-        Quantity.FRICTION_TORQUE,
-        Quantity.TARGET_CURRENT,
-        Quantity.MEASURED_CURRENT,
-    }
-)
-_USUAL, _MARK = 0.95, 500.0  # share of the values; times as large as these is no measurement
 _MOSTLY_EMPTY = 0.1  # share of empty cells beyond which an optional column is left out, not the rows
 _PERIODS = (2e-5, 0.5)  # [s] between the samples of measured friction
 _UNUSED_IN_SERIES = frozenset({Quantity.TARGET_CURRENT, Quantity.MEASURED_CURRENT})
@@ -76,9 +56,10 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
     cleaned = replace(log, columns=columns)
     if len(cleaned) < FEWEST:
         raise ParameterFileError(log.source, _emptiest(log), _too_few(len(cleaned), log))
-    _check_marks(cleaned)
+    check_marks(cleaned)
     if series:
-        cleaned = _plausible_series(cleaned, joint_known, notes)
+        optional = _optional(cleaned, series)
+        cleaned = plausible_series(cleaned, optional, notes, joint_known=joint_known)
     else:
         check_units(cleaned)
     return cleaned, counts, tuple(notes)
@@ -92,7 +73,7 @@ def _useful(log: Log, series: bool, notes: list[str]) -> dict[Quantity, np.ndarr
         for quantity, values in log.columns.items()
         if quantity in log.asked or quantity not in unused
     }
-    for quantity in _optional(log, series) & set(columns):
+    for quantity in sorted(_optional(log, series) & set(columns)):
         empty = 1.0 - float(np.isfinite(columns[quantity]).mean()) if len(log) else 0.0
         if empty > _MOSTLY_EMPTY:
             notes.append(f"{quantity} was left out: {100.0 * empty:.0f} % of its cells are empty")
@@ -166,50 +147,6 @@ def _note_period(period: float, notes: list[str]) -> None:
         )
 
 
-def _plausible_series(log: Log, joint_known: bool, notes: list[str]) -> Log:
-    """Leave out optional columns that cannot be right; doubt the others."""
-    columns = dict(log.columns)
-    for quantity in _optional(log, series=True) & set(columns):
-        if quantity in _LARGEST and float(np.abs(columns[quantity]).max()) > _LARGEST[quantity][0]:
-            notes.append(f"{quantity} was left out: {_beyond(quantity, columns[quantity])}")
-            del columns[quantity]
-    slope = velocity_slope(replace(log, columns=columns))
-    if slope is not None and not _SLOPE[0] < slope < _SLOPE[1] and Quantity.ANGLE not in log.asked:
-        notes.append(f"angle was left out: the velocity's integral moves {slope:.3g} times as far")
-        del columns[Quantity.ANGLE]
-    kept = replace(log, columns=columns)
-    if joint_known:
-        check_units(kept)
-    for quantity in set(columns) & set(_LARGEST):
-        if float(np.abs(columns[quantity]).max()) > _LARGEST[quantity][0]:
-            notes.append(_beyond(quantity, columns[quantity]))
-    if not joint_known:
-        _check_velocity(kept)
-    return kept
-
-
-def _check_marks(log: Log) -> None:
-    """Refuse values that stand for a missing one, such as -9999 or 1e30."""
-    for quantity in set(log.columns) & _MEASURED:
-        size = np.abs(log.columns[quantity])
-        usual, row = float(np.quantile(size, _USUAL)), int(np.argmax(size))
-        if size[row] > _MARK * usual > 0.0:
-            raise ParameterFileError(
-                log.source,
-                str(quantity),
-                f"is {log.columns[quantity][row]:.4g} once where {100 * _USUAL:g} % stay below {usual:.3g}: "
-                "a mark for a missing value? Leave such cells empty",
-            )
-
-
-def _beyond(quantity: Quantity, values: np.ndarray) -> str:
-    _, unit, other = _LARGEST[quantity]
-    return (
-        f"{quantity} reaches {float(np.abs(values).max()):.4g} {unit}: of a joint? Declare its unit, such as "
-        f"--units {quantity}={other}"
-    )
-
-
 def _check_order(source: str, time: np.ndarray) -> None:
     back = np.flatnonzero(np.diff(time) < 0.0)
     if len(back):
@@ -219,61 +156,3 @@ def _check_order(source: str, time: np.ndarray) -> None:
             "time",
             f"goes back from {time[row]:g} s to {time[row + 1]:g} s; one file is one test: cut it there",
         )
-
-
-def check_units(log: Log) -> None:
-    """Refuse columns that are in another unit than they are read in.
-
-    Args:
-        log: Without NaN.
-
-    Raises:
-        ParameterFileError: If a value is beyond what a joint can do, or velocity and angle disagree.
-    """
-    for quantity, (largest, unit, other) in _LARGEST.items():
-        if quantity not in log.columns:
-            continue
-        found = float(np.abs(log.columns[quantity]).max())
-        if found > largest:
-            raise ParameterFileError(
-                log.source,
-                str(quantity),
-                f"reaches {found:.4g} {unit}; declare its unit, such as --units {quantity}={other}",
-            )
-    _check_velocity(log)
-
-
-def _check_velocity(log: Log) -> None:
-    """Compare the velocity with the derivative of the angle, which shows degrees and milliseconds."""
-    slope = velocity_slope(log)
-    if slope is not None and not _SLOPE[0] < slope < _SLOPE[1]:
-        raise ParameterFileError(
-            log.source,
-            "velocity",
-            f"its integral moves {slope:.3g} times as far as the angle: one of time, angle and velocity is "
-            "in another unit or sign; declare them with --units time=…,angle=…,velocity=…",
-        )
-
-
-def velocity_slope(log: Log) -> float | None:
-    """How far the integral of the velocity moves when the angle moves by one.
-
-    Args:
-        log: Without NaN.
-
-    Returns:
-        1 if time, angle and velocity go together; None if one of them is missing or nothing moves.
-    """
-    time, angle, velocity = (
-        log.columns.get(quantity) for quantity in (Quantity.TIME, Quantity.ANGLE, Quantity.VELOCITY)
-    )
-    if time is None or angle is None or velocity is None:
-        return None
-    # Displacements over a tenth of the log: noise of single differences would hide the slope.
-    stride = max(len(time) // 10, 1)
-    travelled = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
-    moved, integrated = angle[stride:] - angle[:-stride], travelled[stride:] - travelled[:-stride]
-    energy = float(moved @ moved)
-    if energy < 1e-6 * len(moved):  # less than a milliradian: nothing to compare
-        return None
-    return float(integrated @ moved) / energy

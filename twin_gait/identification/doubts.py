@@ -9,6 +9,7 @@ import numpy as np
 from twin_gait.identification.bootstrap import Uncertainty
 from twin_gait.identification.fitting import Fit
 from twin_gait.identification.models import rarer_direction
+from twin_gait.identification.processing import RATE, Processing, ProcessingOptions
 from twin_gait.identification.samples import FrictionTest, Samples
 
 WIDE = 0.25  # half-width of an interval over the parameter
@@ -47,6 +48,24 @@ def doubts_of_samples(samples: Samples) -> list[str]:
             f"{speed.max():.3g} rad/s; viscous friction beyond is extrapolated"
         )
     return found
+
+
+def doubts_of_processing(options: ProcessingOptions) -> list[str]:
+    """What the processing does to the result.
+
+    Args:
+        options: How the logs were processed.
+
+    Returns:
+        One line, or none.
+    """
+    if options.processing is not Processing.THESIS:
+        return []
+    late = 0.5 * (options.window - 1) / RATE
+    return [
+        f"the thesis's processing makes the velocity {1e3 * late:.0f} ms late against current and load: the "
+        "parameters are biased (--processing zero_phase)"
+    ]
 
 
 def doubts_of_fit(fit: Fit, uncertainty: Uncertainty, samples: Samples) -> list[str]:

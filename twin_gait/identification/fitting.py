@@ -73,6 +73,7 @@ class Fit:
         high: Upper bounds of x.
         sigma: Robust standard deviation of the residuals in [N m].
         threshold: Of Huber's loss in [N m]; infinite for least squares.
+        most_samples: How many were fitted at most, evenly taken.
     """
 
     model: FrictionModel
@@ -81,6 +82,7 @@ class Fit:
     high: np.ndarray
     sigma: float
     threshold: float
+    most_samples: int = FitOptions.most_samples
 
     def residuals(self, samples: Samples) -> np.ndarray:
         """Measured less predicted torque of the samples that are used, in [N m]."""
@@ -160,7 +162,7 @@ def fit_model(
             threshold = HUBER_SIGMAS * sigma
             x = _descended(model, samples, full, x, low, high, threshold)
             sigma = robust_sigma(residuals(model, x, full)) or sigma
-    return Fit(model, x, low, high, sigma, threshold)
+    return Fit(model, x, low, high, sigma, threshold, options.most_samples)
 
 
 def _wants_huber(loss: Loss, values: np.ndarray, sigma: float) -> bool:

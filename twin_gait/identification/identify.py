@@ -12,17 +12,23 @@ import numpy as np
 from twin_gait.exceptions import ParameterError
 from twin_gait.identification.bootstrap import Uncertainty, uncertainty
 from twin_gait.identification.cross_validation import CrossValidation, cross_validate, folds_of
-from twin_gait.identification.doubts import doubts_of_fit, doubts_of_samples, doubts_of_time
+from twin_gait.identification.doubts import (
+    doubts_of_fit,
+    doubts_of_processing,
+    doubts_of_samples,
+    doubts_of_time,
+)
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
 from twin_gait.identification.lineage import inherited_starts
 from twin_gait.identification.models import FrictionModel, find_models, missing_columns
-from twin_gait.identification.processing import RATE, Processing, ProcessingOptions, process_log
+from twin_gait.identification.processing import ProcessingOptions, process_log
 from twin_gait.identification.reading import LogColumns, read_log
 from twin_gait.identification.rig import RigParameters
-from twin_gait.identification.samples import FrictionTest, Samples, join_tests
+from twin_gait.identification.samples import FrictionTest, Samples, join_tests, thinned
 from twin_gait.identification.statistics import Goodness, goodness
 
 Progress = Callable[[int, int], None]
+MOST_SAMPLES = 1_000_000  # of which fits and errors are made; noise of so many moves no digit that is shown
 _TIE = 2e-4  # share by which errors differ from rounding of the fits alone
 
 
@@ -85,7 +91,7 @@ class Identification:
 
     Attributes:
         tests: The tests after processing.
-        samples: The same, joined.
+        samples: The same, joined; evenly taken if there are more than a million.
         models: Best first.
         skipped: Models that lack a column, with the column.
         options: How it was done.
@@ -151,7 +157,8 @@ def identify_tests(
     """
     tests, flipped = _along_the_velocity(tests)
     options = _with_loss(options, tests)
-    samples = join_tests(tests)
+    joined = join_tests(tests)
+    samples = thinned(joined, MOST_SAMPLES)
     models, skipped = _possible(find_models(options.models), samples)
     _check_number(samples, models)
     folds = folds_of(tests, samples) if options.cross_validation else []
@@ -179,8 +186,9 @@ def identify_tests(
         options=options,
         warnings=(
             *flipped,
-            *_late(options),
+            *doubts_of_processing(options.processing),
             *_notes(tests),
+            *_thinning(len(joined), len(samples)),
             *doubts_of_samples(samples),
             *_untimed(samples, skipped),
         ),
@@ -231,15 +239,11 @@ def _along_the_velocity(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTes
     ]
 
 
-def _late(options: IdentificationOptions) -> list[str]:
-    """Say what the thesis's processing does to the result."""
-    if options.processing.processing is not Processing.THESIS:
+def _thinning(number: int, kept: int) -> list[str]:
+    """Say that not every sample was used."""
+    if kept == number:
         return []
-    late = 0.5 * (options.processing.window - 1) / RATE
-    return [
-        f"the thesis's processing makes the velocity {1e3 * late:.0f} ms late against current and load: the "
-        "parameters are biased (--processing zero_phase)"
-    ]
+    return [f"of {number} samples every {-(-number // MOST_SAMPLES)}th was used, {kept} in all"]
 
 
 def _notes(tests: Sequence[FrictionTest]) -> list[str]:

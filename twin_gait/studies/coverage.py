@@ -8,6 +8,8 @@ one-way falls are off.
 from __future__ import annotations
 
 import math
+import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -29,7 +31,7 @@ from twin_gait.identification import (
     process_log,
 )
 from twin_gait.identification.bootstrap import uncertainty
-from twin_gait.identification.doubts import doubts_of_fit, doubts_of_samples
+from twin_gait.identification.doubts import doubts_of_fit, doubts_of_processing, doubts_of_samples
 from twin_gait.parameters import require
 from twin_gait.scenario.bench_joint import BENCH_ACTUATORS, BENCH_FRICTION
 from twin_gait.simulation.bench_joint import simulate_bench
@@ -129,7 +131,10 @@ def true_parameters(joint: JointName) -> dict[str, float]:
 
 
 def measure_coverage(
-    study: CoverageStudy, workers: int = 1, progress: Callable[[int, int], None] = lambda done, total: None
+    study: CoverageStudy,
+    workers: int = 1,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    should_stop: Callable[[], bool] = lambda: False,
 ) -> dict[Processing, list[Estimate]]:
     """Simulate and identify the campaigns.
 
@@ -137,6 +142,7 @@ def measure_coverage(
         study: What is repeated.
         workers: Processes.
         progress: Called with the campaigns done and their number.
+        should_stop: Asked between campaigns; True ends the study with those that are done.
 
     Returns:
         One estimate a campaign, by processing.
@@ -148,6 +154,8 @@ def measure_coverage(
         for processing, estimate in estimates.items():
             found[processing].append(estimate)
         progress(number + 1, study.campaigns)
+        if should_stop():
+            break
     return found
 
 
@@ -193,7 +201,11 @@ def _identified(logs: Sequence[Log], joint: JointName, processing: Processing) -
     return Estimate(
         np.array([values[name] for name in names]),
         np.array([known.intervals[name] for name in names]),
-        (*doubts_of_samples(samples), *doubts_of_fit(fit, known, samples)),
+        (
+            *doubts_of_processing(options),
+            *doubts_of_samples(samples),
+            *doubts_of_fit(fit, known, samples),
+        ),
     )
 
 
@@ -237,3 +249,21 @@ def coverage_table(found: Mapping[str, ParameterCoverage]) -> str:
             f"{item.half_width:8.4f} {100.0 * item.covered:7.1f}%"
         )
     return "\n".join(lines)
+
+
+def usual_warnings(estimates: Sequence[Estimate]) -> dict[str, float]:
+    """Warnings and how often they are given.
+
+    Args:
+        estimates: One a campaign.
+
+    Returns:
+        Share of the campaigns by the words before the first colon or number, most frequent first.
+    """
+    counted = Counter(head for item in estimates for head in {_head(text) for text in item.warnings})
+    return {head: count / len(estimates) for head, count in counted.most_common()}
+
+
+def _head(warning: str) -> str:
+    """A warning without what differs from campaign to campaign."""
+    return re.split(r"[:(]|\d", warning, maxsplit=1)[0].strip()
