@@ -49,6 +49,7 @@ def build_parser() -> argparse.ArgumentParser:
         sessions,
         simulate,
         sweep,
+        tune,
         validate,
         view,
         whatif,
@@ -56,7 +57,7 @@ def build_parser() -> argparse.ArgumentParser:
 
     runs = (simulate, live, sessions, view, export, presets)
     tables = (check, diagram, replay)
-    studies = (compare, reproduce, whatif, sweep, faults, outcomes, validate, benchmark)
+    studies = (compare, tune, reproduce, whatif, sweep, faults, outcomes, validate, benchmark)
     for module in (*runs, *tables, bench, identify, *studies):
         module.add_parser(commands)
     return parser

@@ -73,6 +73,57 @@ class LocalRunner:
             yield from _side_by_side(function, items, self.workers)
 
 
+class StandingRunner:
+    """Processes of this machine that stay from one call to the next, for work in many short portions.
+
+    A context manager; the processes start with the first portion and end with it. A single worker is the
+    calling process.
+    """
+
+    def __init__(self, workers: int = 1) -> None:
+        """Use so many processes."""
+        self._workers = workers
+        self._processes: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> StandingRunner:
+        """Begin."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """End the processes."""
+        self._end()
+
+    def slots(self) -> int:
+        """How many items are worked on at a time."""
+        return self._workers
+
+    def run(self, function: Callable[[Item], Result], items: Iterable[Item]) -> Generator[Result, None, None]:
+        """See :meth:`Runner.run`."""
+        if self._workers == 1:
+            yield from LocalRunner().run(function, items)
+            return
+        fresh = (_Attempt(item) for item in items)
+        lost: deque[_Attempt] = deque()
+        while True:
+            under_way: dict[Future[Result], _Attempt] = {}
+            try:
+                self._processes = self._processes or _pool(self._workers)
+                attempts = _lost_first(lost, fresh)
+                yield from _work_off(self._processes, function, attempts, under_way, lost, self._workers)
+                return
+            except BrokenProcessPool:
+                self._end()
+                yield from _sort_out(under_way, lost)
+            finally:
+                for future in under_way:
+                    future.cancel()  # nobody waits for it if the caller has left
+
+    def _end(self) -> None:
+        if self._processes is not None:
+            self._processes.shutdown(cancel_futures=True)
+            self._processes = None
+
+
 @dataclass
 class _Attempt:
     """An item and how often it was lost."""
@@ -91,15 +142,27 @@ def _side_by_side(
         under_way: dict[Future[Result], _Attempt] = {}
         try:
             with _pool(workers) as pool:
-                for attempt in _lost_first(lost, fresh):
-                    _submit(pool, function, attempt, under_way, lost)
-                    if len(under_way) > workers:
-                        yield from _finished(under_way)
-                while under_way:
-                    yield from _finished(under_way)
+                yield from _work_off(pool, function, _lost_first(lost, fresh), under_way, lost, workers)
             return
         except BrokenProcessPool:
             yield from _sort_out(under_way, lost)
+
+
+def _work_off(
+    pool: ProcessPoolExecutor,
+    function: Callable[[Item], Result],
+    attempts: Iterable[_Attempt],
+    under_way: dict[Future[Result], _Attempt],
+    lost: deque[_Attempt],
+    workers: int,
+) -> Iterator[Result]:
+    """Results as they come, until a process dies."""
+    for attempt in attempts:
+        _submit(pool, function, attempt, under_way, lost)
+        if len(under_way) > workers:
+            yield from _finished(under_way)
+    while under_way:
+        yield from _finished(under_way)
 
 
 def _pool(workers: int) -> ProcessPoolExecutor:

@@ -1,0 +1,267 @@
+"""Tuning with real walks, short ones: values against the summary, workers, the folder and its report."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from twin_gait.checking.check import check, counts, load_subject
+from twin_gait.cli import tune as command
+from twin_gait.configuration import load_experiment, load_gait_table
+from twin_gait.configuration.documents import experiment_document
+from twin_gait.exceptions import ParameterFileError
+from twin_gait.experiment import Engine
+from twin_gait.measures.foot_contact import CONTACT_FORCE
+from twin_gait.measures.reference import reference_curve
+from twin_gait.report import tune as pictures
+from twin_gait.report import tune_page
+from twin_gait.simulation import Run, RunStatus, simulate
+from twin_gait.studies.summary import summarise
+from twin_gait.studies.tune import outcome, writing
+from twin_gait.studies.tune import tune as tuning
+from twin_gait.studies.tune.cases import Case, departures
+from twin_gait.studies.tune.parts import PARTS, part_values
+from twin_gait.studies.tune.space import editable_document
+from twin_gait.studies.tune.walks import Ask, quick_errors, walk_all
+from twin_gait.studies.workers import LocalRunner, StandingRunner
+from twin_gait.vocabulary import JointName, Side
+
+TITLES = [part.title for part in PARTS]
+NOMINAL = Case("nominal", {})
+
+
+@pytest.fixture(scope="module")
+def walk() -> Run:
+    experiment = load_experiment("treadmill").experiment
+    return simulate(replace(experiment, duration=12.0, engine=Engine.COMPILED))
+
+
+def test_parts_are_the_numbers_of_the_summary(walk: Run) -> None:
+    values, sides = part_values(walk), summarise(walk)["sides"].values()
+    joints = [joint for side in sides for joint in side["joints"].values()]
+    assert values["hip_error_deg"] == max(side["rmse_hip_by_contact_deg"] for side in sides)
+    assert values["knee_error_deg"] == max(side["rmse_knee_by_contact_deg"] for side in sides)
+    assert values["saturated_pct"] == 100.0 * max(joint["saturated_share"] for joint in joints)
+    assert values["torque_jump_Nm"] == max(joint["switch_torque_jump_Nm"] for joint in joints)
+    least = min(side["toe_clearance_least_m"] for side in sides)
+    assert values["clearance_lack_mm"] == pytest.approx(15.0 - 1e3 * least)
+
+
+def test_a_reference_at_the_speed_of_the_belt_is_that_of_the_summary(walk: Run) -> None:
+    belt = walk.experiment.scenario.belt_speed  # type: ignore[union-attr]
+    own, given = part_values(walk), part_values(walk, belt)
+    assert given["knee_error_deg"] == pytest.approx(own["knee_error_deg"], rel=1e-12)
+    assert part_values(walk, 2.0 * belt)["knee_error_deg"] != pytest.approx(own["knee_error_deg"], rel=0.01)
+
+
+def test_the_error_is_the_one_that_a_loop_over_strides_finds(walk: Run) -> None:
+    """From the force plate's crossings, stride by stride, with numpy's own interpolation."""
+    speed = walk.experiment.scenario.belt_speed  # type: ignore[union-attr]
+    errors = []
+    for side in Side:
+        loaded = walk.log[f"{side}_foot_normal_force_N"].to_numpy() > CONTACT_FORCE
+        rises = np.flatnonzero(loaded[1:] & ~loaded[:-1]) + 1
+        strikes = [tick for tick in rises if tick > 150 and not loaded[tick - 150 : tick].any()]
+        angle = np.degrees(walk.log[f"{side}_knee_angle_rad"].to_numpy())
+        squares = []
+        for start, end in itertools.pairwise(strikes[2:]):
+            percent = np.arange(100.0)  # 100 % belongs to the next stride
+            place = start + percent / 100.0 * (end - start)
+            reference = np.degrees(reference_curve(JointName.KNEE, percent, speed=speed, height=1.75))
+            squares.append((np.interp(place, np.arange(len(angle)), angle) - reference) ** 2)
+        errors.append(float(np.sqrt(np.mean(squares))))
+    assert part_values(walk)["knee_error_deg"] == pytest.approx(max(errors), rel=1e-6)
+
+
+def test_a_table_with_an_error_of_the_check_is_not_walked() -> None:
+    experiment = load_experiment("treadmill").experiment
+    assert quick_errors(experiment) == ()
+    table = editable_document(experiment.table)
+    # The knee can never be so far bent, and nothing else ends the phase.
+    table["transitions"] = [
+        item
+        for item in table["transitions"]
+        if not (item["from"] == "swing_extension" and item["cause"] != "limb_extended")
+    ]
+    for item in table["transitions"]:
+        if item["cause"] == "limb_extended":
+            item["all"] = ["knee.angle_deg > 500"]
+    document = {**experiment_document(experiment), "duration_s": 1.0}
+    results = walk_all([Ask(table, NOMINAL, checked=True)], document, LocalRunner())
+    assert results is not None
+    assert results[0].errors
+    assert results[0].cost > tuning.FALL
+
+
+def test_a_walk_that_cannot_be_run_is_told_with_its_case() -> None:
+    experiment = load_experiment("treadmill").experiment
+    wrong = Case("no such place", {"plant.nothing": 1.0})
+    ask = Ask(editable_document(experiment.table), wrong)
+    with pytest.raises(ParameterFileError, match="the tuning: no such place"):
+        walk_all([ask], experiment_document(experiment), LocalRunner())
+
+
+def test_walks_do_not_depend_on_who_walks() -> None:
+    experiment = load_experiment("treadmill").experiment
+    document = {**experiment_document(experiment), "duration_s": 1.5}
+    table = editable_document(experiment.table)
+    cases = [NOMINAL, Case("low", {"plant.battery.voltage_V": 23.0}), Case("slow", {"seed": 3})]
+    asks = [Ask(table, case) for case in cases]
+    with StandingRunner(2) as runner:
+        assert walk_all(asks, document, runner) == walk_all(asks, document, LocalRunner())
+
+
+# ---------------------------------------------------------------------- the whole
+
+SETTINGS = tuning.Settings(
+    generations=1, population=4, screening=False, search_duration=4.0, robust_duration=12.0, seed=2
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A tuning too short to find anything, whose table is the best candidate all the same."""
+    experiment = load_experiment("treadmill").experiment
+    directory = tmp_path_factory.mktemp("tuned") / "out"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tuning, "FINALISTS", 1)
+        patch.setattr(
+            tuning, "robust_cases", lambda item: (NOMINAL, Case("23 V", {"plant.battery.voltage_V": 23.0}))
+        )
+        patch.setattr(tuning, "search_cases", lambda item: (NOMINAL,))
+        patch.setattr(outcome, "departures", lambda item: departures(item)[:1])
+        result = tuning.tune(experiment, directory, SETTINGS)
+        assert result.status is RunStatus.COMPLETED
+        candidates = tuple(item for item in result.ranked if item.points is not None)
+        result = replace(result, ranked=candidates or result.ranked)
+        written = writing.write_tuning(result, experiment, SETTINGS, directory, wearer="the default wearer")
+    assert written is not None
+    return directory
+
+
+@pytest.fixture(scope="module")
+def told(folder: Path) -> dict[str, Any]:
+    document: dict[str, Any] = json.loads((folder / "tune.json").read_text())
+    return document
+
+
+def test_the_folder_is_whole(folder: Path) -> None:
+    names = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
+    assert names == {
+        "state.json",
+        "table.yaml",
+        "tune.json",
+        "report.html",
+        *(f"figures/{name}.png" for name in ("gait", "parts", "convergence", "departures")),
+    }
+
+
+def test_the_table_that_is_written_is_the_one_that_walked(folder: Path, told: dict[str, Any]) -> None:
+    settings = [f"table={folder / 'table.yaml'}", "duration_s=12", f"seed={SETTINGS.seed}"]
+    run = simulate(load_experiment("treadmill", settings).experiment)
+    again = part_values(run)
+    assert {part["name"]: part["after"] for part in told["parts"]} == again
+
+
+def test_the_table_passes_the_check(folder: Path, told: dict[str, Any]) -> None:
+    found = counts(check(load_subject(folder / "table.yaml", "treadmill")))
+    assert found["errors"] == 0
+    assert {key: told["check"][key] for key in found} == found
+
+
+def test_the_numbers_told_are_those_of_the_table(folder: Path, told: dict[str, Any]) -> None:
+    table = load_gait_table(folder / "table.yaml")
+    tuned = {item["name"]: item["tuned"] for item in told["parameters"]}
+    for phase, values in table.phases.items():
+        for joint, impedance in values.joints.items():
+            found = tuned[f"{phase}.{joint}.equilibrium_deg"]
+            assert np.degrees(impedance.equilibrium_angle) == pytest.approx(found, abs=1e-9)
+    assert tuned["blending.duration_ms"] == table.blending.duration_ticks
+    assert any(item["tuned"] != item["start"] for item in told["parameters"])
+
+
+def test_a_departure_of_nothing_is_the_nominal_walk(told: dict[str, Any]) -> None:
+    (item,) = told["departures"].values()
+    place = item["values"].index(item["nominal"])
+    parts = {part["name"]: part for part in told["parts"]}
+    for which in ("before", "after"):
+        assert item[which]["knee_error_deg"][place] == parts["knee_error_deg"][which]
+
+
+class _Page(HTMLParser):
+    """Addresses and cells of a page."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.addresses: list[str] = []
+        self.text = ""
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        self.addresses += [value or "" for name, value in attributes if name in ("src", "href")]
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_the_report_is_one_file_that_names_every_part(folder: Path) -> None:
+    page = _Page()
+    page.feed((folder / "report.html").read_text(encoding="utf-8"))
+    assert len(page.addresses) == 4
+    assert all(address.startswith("data:image/png;base64,") for address in page.addresses)
+    for title in TITLES:
+        assert title in page.text
+    assert "Not a medical device" in page.text
+    assert "nan" not in page.text.lower()
+
+
+def test_the_summary_says_which_parts_were_traded(told: dict[str, Any]) -> None:
+    parts = [{**part, "verdict": "traded"} for part in told["parts"][:1]]
+    parts += [{**part, "verdict": "better"} for part in told["parts"][1:2]]
+    text = " ".join(tune_page.summary({**told, "found_better": True, "parts": parts}))
+    assert "Better: knee error" in text
+    assert "Traded for it, so worse: hip error" in text
+
+
+def test_a_search_that_found_nothing_says_so(told: dict[str, Any]) -> None:
+    (text,) = tune_page.summary({**told, "found_better": False})
+    assert "table.yaml is that table" in text
+
+
+def test_a_screening_is_drawn_and_told(told: dict[str, Any]) -> None:
+    effects = [
+        {"name": item["name"], "mu_star": 1.0 / (i + 1), "mu_star_conf": 0.1, "sigma": 0.2, "kept": i < 15}
+        for i, item in enumerate(told["parameters"])
+    ]
+    figure = pictures.draw_screening(effects)
+    (axes,) = figure.axes
+    widths = [patch.get_width() for patch in axes.patches]  # type: ignore[attr-defined]
+    assert widths == sorted(widths, reverse=True)
+    assert len(widths) == pictures.MOST_EFFECTS
+    assert "15 of them" in tune_page.screening_words({**told, "screening": effects})
+
+
+def test_falls_are_marked_where_no_error_can_be_drawn(told: dict[str, Any]) -> None:
+    errors = {"hip_error_deg": [5.0, 4.0, 5.0], "knee_error_deg": [9.0, 8.0, 9.0]}
+    item = {"nominal": 70.0, "values": [50.0, 70.0, 90.0], "before": errors, "after": errors}
+    lost = {**item, "after": {**errors, "knee_error_deg": [None, 8.0, 9.0]}}
+    figure = pictures.draw_departures({"mass [kg]": item, "height [m]": lost})
+    assert pictures.draw_pictures({**told, "departures": {"mass [kg]": lost}}, {"hip": {}, "knee": {}})
+    crosses = [[line.get_xdata() for line in axes.lines if line.get_marker() == "x"] for axes in figure.axes]
+    assert crosses == [[], [[50.0]]]
+
+
+def test_what_came_out_is_printed_in_a_few_lines(
+    told: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command.report(told, folder)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 4
+    assert "Over the robust set of 2 cases" in lines[1]
+    assert lines[-1].strip() == str(folder)

@@ -1,0 +1,175 @@
+r"""What a walk is judged by: named parts, each with a goal and a weight, all from the numbers of the summary.
+
+Every part is the smaller the better, and the larger of the two legs counts. A walk costs
+
+.. math::
+
+    J = \min\Bigl(J_{worst}, \sum_i w_i (x_i / g_i)^2\Bigr)
+
+with value x, goal g and weight w of each part. A fall after a share s of the time costs
+:math:`J_{worst} + (J_{fall} - J_{worst})(1 - s)`, more than any walk, and the less the later it comes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from twin_gait.gait.table import TICK
+from twin_gait.measures.leg_record import leg_record
+from twin_gait.measures.reference import reference_curve
+from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error
+from twin_gait.simulation import Run
+from twin_gait.studies.summary import summarise
+from twin_gait.vocabulary import JointName
+
+WORST = 30.0  # cost of the worst walk that does not fall; the shipped table costs some 6
+FALL = 100.0  # cost of a fall at the start
+NEEDED_CLEARANCE = 15.0  # [mm]; how far the toe stays below it is a part
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """One part of the objective.
+
+    Attributes:
+        name: Key in files.
+        title: For people.
+        unit: For people.
+        goal: Value that costs just the weight.
+        weight: See the module.
+    """
+
+    name: str
+    title: str
+    unit: str
+    goal: float
+    weight: float
+
+
+# Goals of the errors and of saturation are those that the tool is held to; 60 N m is the motors' limit.
+PARTS: tuple[Part, ...] = (
+    Part(name="hip_error_deg", title="hip error", unit="°", goal=4.0, weight=1.0),
+    Part(name="knee_error_deg", title="knee error", unit="°", goal=8.0, weight=1.0),
+    Part(name="stride_variation_pct", title="stride variation", unit="%", goal=2.0, weight=0.25),
+    Part(
+        name="second_contacts_per_stride", title="second contacts", unit="per stride", goal=0.25, weight=0.25
+    ),
+    Part(name="scuffs_per_stride", title="toe scuffs", unit="per stride", goal=0.25, weight=0.25),
+    Part(name="saturated_pct", title="time at a motor limit", unit="%", goal=4.0, weight=0.5),
+    Part(name="torque_change_Nm", title="torque change over a blend", unit="N m", goal=60.0, weight=0.25),
+    Part(name="torque_jump_Nm", title="torque jump in 1 ms", unit="N m", goal=6.0, weight=0.25),
+    Part(
+        name="clearance_lack_mm",
+        title=f"toe lower than {NEEDED_CLEARANCE:g} mm in swing by",
+        unit="mm",
+        goal=5.0,
+        weight=0.25,
+    ),
+)
+
+
+def part_values(run: Run, reference_speed: float | None = None) -> dict[str, float | None]:
+    """Values of all parts of a walk.
+
+    Args:
+        run: A walk on the treadmill.
+        reference_speed: Speed of the reference walk in [m] / [s]; None for that of the belt.
+
+    Returns:
+        Value by name of the part; None where the walk has too few strides for it.
+    """
+    summary = summarise(run)
+    sides = list(summary["sides"].values())
+    joints = [joint for side in sides for joint in side["joints"].values()]
+    values = {
+        "hip_error_deg": _error(run, sides, JointName.HIP, reference_speed),
+        "knee_error_deg": _error(run, sides, JointName.KNEE, reference_speed),
+        "stride_variation_pct": _scaled(_largest(side["stride_time_variation"] for side in sides), 100.0),
+        "second_contacts_per_stride": _per_stride([_bounces(side) for side in sides]),
+        "scuffs_per_stride": _per_stride([(side["scuffs"], side["strides"]) for side in sides]),
+        "saturated_pct": _scaled(_largest(joint["saturated_share"] for joint in joints), 100.0),
+        "torque_change_Nm": _largest(joint["switch_torque_change_Nm"] for joint in joints),
+        "torque_jump_Nm": _largest(joint["switch_torque_jump_Nm"] for joint in joints),
+        "clearance_lack_mm": _clearance_lack(sides),
+    }
+    return {part.name: values[part.name] for part in PARTS}
+
+
+def walk_cost(values: Mapping[str, float | None], lasted: float, fell: bool) -> float:
+    """Cost of a walk.
+
+    Args:
+        values: From :func:`part_values`.
+        lasted: Share of the time that it lasted.
+        fell: Whether it ended in a fall or diverged.
+
+    Returns:
+        Cost, 0 or more. A walk whose errors are not defined because it hardly made a stride costs ``WORST``,
+        any other part that is not defined its weight.
+    """
+    if fell:
+        return WORST + (FALL - WORST) * (1.0 - lasted)
+    if values["hip_error_deg"] is None or values["knee_error_deg"] is None:
+        return WORST
+    return min(WORST, sum(part_costs(values).values()))
+
+
+def part_costs(values: Mapping[str, float | None]) -> dict[str, float]:
+    """Cost of each part; its weight where it is not defined."""
+    costs = {}
+    for part in PARTS:
+        value = values[part.name]
+        ratio = 1.0 if value is None else value / part.goal
+        costs[part.name] = part.weight * ratio * ratio
+    return costs
+
+
+def _largest(values: Iterable[float | None]) -> float | None:
+    """Largest value; None if there is none, or one is not defined."""
+    listed = list(values)
+    if not listed or any(value is None for value in listed):
+        return None
+    return max(float(value) for value in listed if value is not None)
+
+
+def _scaled(value: float | None, factor: float) -> float | None:
+    return None if value is None else factor * value
+
+
+def _error(
+    run: Run, sides: Sequence[Mapping[str, Any]], joint: JointName, reference_speed: float | None
+) -> float | None:
+    """RMSE from foot contact to foot contact in [deg], larger leg; the summary's unless a speed is given."""
+    if reference_speed is None:
+        return _largest(side[f"rmse_{joint}_by_contact_deg"] for side in sides)
+    assert run.experiment.patient is not None  # a walk to be tuned has a wearer
+    height = run.experiment.patient.height
+    reference = reference_curve(joint, PERCENT, speed=reference_speed, height=height)
+    errors = []
+    for side in run.sides:
+        record = leg_record(run.log, side, run.table.phase_names, TICK)
+        cycles = normalise_strides(record.angles[joint], record.strides())
+        error = math.degrees(root_mean_square_error(cycles, reference)) if len(cycles) else math.nan
+        errors.append(error if math.isfinite(error) else None)
+    return _largest(errors)
+
+
+def _bounces(side: Mapping[str, Any]) -> tuple[int, int]:
+    """Contacts of a foot that has just landed, and strides; further contacts in swing are scuffs."""
+    return side["further_contacts"] - side["scuffs"], side["strides"]
+
+
+def _per_stride(counted: Iterable[tuple[int, int]]) -> float | None:
+    return _largest(count / strides if strides else None for count, strides in counted)
+
+
+def _clearance_lack(sides: Sequence[Mapping[str, Any]]) -> float | None:
+    least = [side["toe_clearance_least_m"] for side in sides]
+    if any(value is None for value in least):
+        return None
+    return max(0.0, NEEDED_CLEARANCE - 1e3 * float(np.min(least)))

@@ -1,0 +1,250 @@
+"""The numbers of a gait table that a search may change, and the table with other numbers in it.
+
+Candidates are points of the unit cube. Every number is rounded to what a person would type (0.01 Nm/deg,
+0.1°), so that the table that is written is the very one that walked.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from twin_gait.checking.sense import GAIN_RANGE
+from twin_gait.configuration.documents import table_document
+from twin_gait.configuration.overrides import assign
+from twin_gait.exceptions import ParameterError
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
+from twin_gait.gait.table import BlendingLaw, GaitTable
+from twin_gait.vocabulary import JointName
+
+_PER_DEGREE = 180.0 / math.pi
+# Bounds of the search; a start outside widens them. Stiffness in [N m] / [deg]: the least that moves a leg
+# against the friction of these drives, and a little above what the shipped table was searched with.
+SOFTEST = 0.3
+STIFFEST = {JointName.HIP: 8.0, JointName.KNEE: 10.0}
+DAMPING_RATIOS = (0.4, 1.3)
+DAMPINGS = (5.0, 80.0)  # [N m s] / [rad], for tables that give no ratio
+ANGLE_REACH = 12.0  # [deg] to either side of the start
+THRESHOLD_REACH = 6.0  # [deg] to either side of the start
+BLENDING_MS = (15.0, 120.0)
+_SIGNIFICANT = 12  # digits that survive the way from degrees to radians and back
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """One number of a gait table.
+
+    Attributes:
+        name: What it is called, by the words of the table's file.
+        path: Its place in the document of the table.
+        unit: For people; empty for a ratio.
+        start: Where the search begins.
+        lower: Least value.
+        upper: Largest value.
+        digits: Decimal places.
+        logarithmic: Whether the search steps by ratios.
+        guard: The inequality that it is the threshold of, or None.
+    """
+
+    name: str
+    path: tuple[str | int, ...]
+    unit: str
+    start: float
+    lower: float
+    upper: float
+    digits: int
+    logarithmic: bool = False
+    guard: Comparison | None = None
+
+    def value(self, coordinate: float) -> float:
+        """Value at a coordinate from 0 to 1, rounded."""
+        share = min(1.0, max(0.0, coordinate))
+        if self.logarithmic:
+            raw = self.lower * math.pow(self.upper / self.lower, share)
+        else:
+            raw = self.lower + share * (self.upper - self.lower)
+        return round(raw, self.digits)
+
+    @property
+    def start_coordinate(self) -> float:
+        """Coordinate of the start, from 0 to 1."""
+        if self.logarithmic:
+            return math.log(self.start / self.lower) / math.log(self.upper / self.lower)
+        return (self.start - self.lower) / (self.upper - self.lower)
+
+
+def editable_document(table: GaitTable) -> dict[str, Any]:
+    """Document of a table in the units that people type, without waivers.
+
+    What was waived for one table has not been looked at for the next, so a tuned table does not inherit it.
+
+    Args:
+        table: The table.
+
+    Returns:
+        The mapping.
+    """
+    document = table_document(replace(table, waivers=()))
+    for phases in (document["phases"], *document.get("sides", {}).values()):
+        for phase in phases.values():
+            for joint in table.joints:
+                phase[joint] = _in_degrees(phase[joint])
+    return document
+
+
+def parameters_of(
+    table: GaitTable, *, thresholds: bool = True, blending: bool = True
+) -> tuple[Parameter, ...]:
+    """Numbers of a table that can be tuned: k, θ0, damping, G of every phase and joint, and more if asked.
+
+    Args:
+        table: Where the search begins.
+        thresholds: Whether angle thresholds of the transitions count.
+        blending: Whether the duration of the blend counts.
+
+    Returns:
+        The parameters, in the order of the table.
+    """
+    document = editable_document(table)
+    found = [*_impedances(document["phases"], table.joints, ("phases",))]
+    for side, phases in document.get("sides", {}).items():
+        found += _impedances(phases, table.joints, ("sides", side))
+    if blending and table.blending.law is not BlendingLaw.NONE:
+        lower, upper = BLENDING_MS
+        start = float(table.blending.duration_ticks)
+        found.append(_parameter(("blending", "duration_ms"), "ms", start, lower, upper, 0))
+    if thresholds:
+        found += _thresholds(table)
+    return tuple(found)
+
+
+def table_with(
+    document: Mapping[str, Any], parameters: Sequence[Parameter], coordinates: Sequence[float] | np.ndarray
+) -> dict[str, Any]:
+    """Put other numbers into a table.
+
+    Args:
+        document: From :func:`editable_document`.
+        parameters: What changes.
+        coordinates: From 0 to 1, one per parameter.
+
+    Returns:
+        A new document; what does not change is as it was.
+
+    Raises:
+        ParameterError: If there are more or fewer coordinates than parameters.
+    """
+    if len(parameters) != len(coordinates):
+        raise ParameterError(f"expected {len(parameters)} coordinates, got {len(coordinates)}")
+    changed = copy.deepcopy(dict(document))
+    for parameter, coordinate in zip(parameters, coordinates, strict=True):
+        changed = _put(changed, parameter, parameter.value(float(coordinate)))
+    return changed
+
+
+def _put(document: dict[str, Any], parameter: Parameter, value: float) -> dict[str, Any]:
+    place: Any = document
+    for step in parameter.path[:-1]:
+        place = place[step]
+    if parameter.guard is not None:
+        place[parameter.path[-1]] = str(replace(parameter.guard, threshold=value))
+    else:
+        place[parameter.path[-1]] = round(value) if parameter.digits == 0 else value
+    return document
+
+
+def _in_degrees(entry: Mapping[str, float]) -> dict[str, float]:
+    """Impedance with stiffness and equilibrium in degrees."""
+    changed = dict(entry)
+    stiffness, equilibrium = entry["stiffness_Nm_per_rad"], entry["equilibrium_rad"]
+    changed = assign(changed, ["stiffness_Nm_per_deg"], _tidy(stiffness / _PER_DEGREE))
+    changed = assign(changed, ["equilibrium_deg"], _tidy(equilibrium * _PER_DEGREE))
+    order = ("stiffness_Nm_per_deg", "damping_ratio", "damping_Nms_per_rad", "equilibrium_deg")
+    return {key: changed[key] for key in (*order, "friction_compensation_gain") if key in changed}
+
+
+def _tidy(value: float) -> float:
+    return float(f"{value:.{_SIGNIFICANT}g}")
+
+
+def _impedances(
+    phases: Mapping[str, Any], joints: Sequence[str], path: tuple[str, ...]
+) -> Iterator[Parameter]:
+    for phase, entry in phases.items():
+        for joint in joints:
+            place = (*path, phase, str(joint))
+            yield from _impedance(entry[joint], JointName(joint), place)
+
+
+def _impedance(entry: Mapping[str, float], joint: JointName, path: tuple[str, ...]) -> Iterator[Parameter]:
+    stiffness = entry["stiffness_Nm_per_deg"]
+    if stiffness > 0.0:  # steps by ratios never leave zero
+        place = (*path, "stiffness_Nm_per_deg")
+        stiffest = STIFFEST.get(joint, max(STIFFEST.values()))
+        yield _parameter(place, "Nm/deg", stiffness, SOFTEST, stiffest, 2, logarithmic=True)
+    angle = entry["equilibrium_deg"]
+    place = (*path, "equilibrium_deg")
+    yield _parameter(place, "deg", angle, angle - ANGLE_REACH, angle + ANGLE_REACH, 1)
+    if "damping_ratio" in entry:
+        yield _parameter((*path, "damping_ratio"), "", entry["damping_ratio"], *DAMPING_RATIOS, 2)
+    else:
+        place, damping = (*path, "damping_Nms_per_rad"), entry["damping_Nms_per_rad"]
+        yield _parameter(place, "Nm s/rad", damping, *DAMPINGS, 1)
+    place, gain = (*path, "friction_compensation_gain"), entry["friction_compensation_gain"]
+    yield _parameter(place, "", gain, GAIN_RANGE.least, GAIN_RANGE.most, 2)
+
+
+def _parameter(
+    path: tuple[str | int, ...],
+    unit: str,
+    start: float,
+    lower: float,
+    upper: float,
+    digits: int,
+    *,
+    logarithmic: bool = False,
+) -> Parameter:
+    return Parameter(
+        name=".".join(str(step) for step in path if step != "phases"),
+        path=path,
+        unit=unit,
+        start=start,
+        lower=min(lower, start),
+        upper=max(upper, start),
+        digits=digits,
+        logarithmic=logarithmic,
+    )
+
+
+def _thresholds(table: GaitTable) -> Iterator[Parameter]:
+    for index, transition in enumerate(table.transitions):
+        if isinstance(transition.guard, (AllOf, AnyOf)):
+            kind = "all" if isinstance(transition.guard, AllOf) else "any"
+            path = ("transitions", index, kind)
+            yield from _comparisons(transition.guard.guards, path, transition.cause)
+        else:
+            yield from _comparisons((transition.guard,), ("transitions", index, "all"), transition.cause)
+
+
+def _comparisons(guards: Sequence[Guard], path: tuple[str | int, ...], cause: str) -> Iterator[Parameter]:
+    for index, guard in enumerate(guards):
+        if isinstance(guard, (AllOf, AnyOf)):
+            kind = "all" if isinstance(guard, AllOf) else "any"
+            yield from _comparisons(guard.guards, (*path, index, kind), cause)
+        elif isinstance(guard, Comparison) and guard.signal.endswith("angle_deg"):
+            left = guard.signal if guard.minus is None else f"{guard.signal} - {guard.minus}"
+            yield Parameter(
+                name=f"{cause}: {left} {guard.operator}",
+                path=(*path, index),
+                unit="deg",
+                start=guard.threshold,
+                lower=guard.threshold - THRESHOLD_REACH,
+                upper=guard.threshold + THRESHOLD_REACH,
+                digits=1,
+                guard=guard,
+            )

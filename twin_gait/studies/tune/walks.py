@@ -1,0 +1,213 @@
+"""One walk of one candidate as a piece of work, which any process that has this package can do."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from twin_gait.checking import ambiguity, both_legs, leaving, reachability, stability
+from twin_gait.checking.check import Rule, build_subject
+from twin_gait.checking.finding import Severity
+from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.exceptions import ParameterFileError, TwinGaitError
+from twin_gait.experiment import Engine, Experiment
+from twin_gait.simulation import RunStatus, simulate
+from twin_gait.studies.batch import overridden
+from twin_gait.studies.sweep_spec import sources_hash
+from twin_gait.studies.tune.cases import Case
+from twin_gait.studies.tune.parts import part_values, walk_cost
+from twin_gait.studies.workers import Runner
+
+# Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
+QUICK_RULES: tuple[Rule, ...] = tuple(
+    rule
+    for module in (reachability, ambiguity, both_legs, leaving, stability)
+    for rule in module.RULES
+    if rule.__name__
+    in {
+        "unreachable_phase",
+        "trap",
+        "ambiguity",
+        "never_opens",
+        "both_in_swing",
+        "deadlock",
+        "cannot_leave",
+        "unstable",
+    }
+)
+FORBIDDEN = 1000.0  # cost of a table with an error, far above any walk
+# A cluster's worker may have several threads, which would silence the URDF parser for each other.
+_ONE_AT_A_TIME = threading.Lock()
+
+
+class Walk(NamedTuple):
+    """A walk to be done: plain values only.
+
+    Attributes:
+        number: Of it in its portion.
+        document: The experiment, whose table is replaced.
+        table: Document of the gait table.
+        changes: Values by keys of the experiment.
+        reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
+        checked: Whether the quick rules of the check come first.
+        sources: Hash of the sources that the numbers must come from.
+    """
+
+    number: int
+    document: Mapping[str, Any]
+    table: Mapping[str, Any]
+    changes: Mapping[str, Any]
+    reference_speed: float | None
+    checked: bool
+    sources: str
+
+    def __str__(self) -> str:
+        return f"walk {self.number}"
+
+
+class WalkResult(NamedTuple):
+    """What comes back: plain values only.
+
+    Attributes:
+        number: Of the walk.
+        cost: See :mod:`twin_gait.studies.tune.parts`; ``FORBIDDEN`` and more for a table with errors.
+        values: Of the parts.
+        fell: Whether it ended in a fall or diverged.
+        lasted: Share of the time.
+        errors: Ids of the rules of the check that forbid the table; then it was not walked.
+        problem: Why it could not be run, or nothing.
+    """
+
+    number: int
+    cost: float
+    values: dict[str, float | None]
+    fell: bool
+    lasted: float
+    errors: tuple[str, ...] = ()
+    problem: str = ""
+
+
+class Ask(NamedTuple):
+    """One table in one case, for :func:`walk_all`."""
+
+    table: Mapping[str, Any]
+    case: Case
+    checked: bool = False
+
+
+Walker = Callable[[Sequence[Ask]], "list[WalkResult] | None"]
+
+
+def run_walk(walk: Walk, on_compile: Callable[[], None] | None = None) -> WalkResult:
+    """Check a table and walk it.
+
+    Args:
+        walk: What is to be done.
+        on_compile: As in :func:`twin_gait.simulation.simulate`.
+
+    Returns:
+        Cost and values; a fall is one of them.
+    """
+    if walk.sources != sources_hash():
+        return _nothing(walk, "a worker has another version of twin_gait; install the same everywhere")
+    with _ONE_AT_A_TIME:
+        try:
+            experiment = experiment_of(walk.document, walk.table, walk.changes)
+            errors = quick_errors(experiment) if walk.checked else ()
+            if errors:
+                return WalkResult(walk.number, FORBIDDEN + len(errors), {}, False, 0.0, errors)
+            return _walked(walk, experiment, on_compile)
+        except TwinGaitError as error:
+            return _nothing(walk, str(error))
+
+
+def experiment_of(
+    document: Mapping[str, Any], table: Mapping[str, Any], changes: Mapping[str, Any]
+) -> Experiment:
+    """Experiment with another table and some changes.
+
+    Args:
+        document: Of the experiment.
+        table: Of the gait table.
+        changes: Values by keys of the experiment.
+
+    Returns:
+        The experiment, for the compiled engine.
+
+    Raises:
+        ParameterFileError: If a value is wrong.
+    """
+    experiment = experiment_from_mapping({**document, "table": dict(table)}, "the tuning", Path())
+    experiment = replace(experiment, engine=Engine.COMPILED, integration=None)
+    return overridden(experiment, changes, "the tuning") if changes else experiment
+
+
+def quick_errors(experiment: Experiment) -> tuple[str, ...]:
+    """Errors that the quick rules of the check find in the table of an experiment, by their ids."""
+    subject = build_subject(experiment.table, experiment)
+    found = [finding for rule in QUICK_RULES for finding in rule(subject)]
+    return tuple(sorted({item.rule for item in found if item.severity is Severity.ERROR}))
+
+
+def walk_all(
+    asks: Sequence[Ask],
+    document: Mapping[str, Any],
+    runner: Runner,
+    *,
+    reference_speed: float | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> list[WalkResult] | None:
+    """Walk many tables in many cases.
+
+    Args:
+        asks: Tables and cases.
+        document: Of the experiment.
+        runner: Who does the work; the results do not depend on it.
+        reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
+        progress: Called with walks done and in all.
+        should_stop: Asked before each walk.
+
+    Returns:
+        One result for each, in their order; None if it was stopped.
+
+    Raises:
+        ParameterFileError: If a walk could not be run.
+        WorkersLost: If workers die again and again.
+    """
+    walks = [
+        Walk(index, document, ask.table, ask.case.changes, reference_speed, ask.checked, sources_hash())
+        for index, ask in enumerate(asks)
+    ]
+    done: dict[int, WalkResult] = {}
+    with closing(runner.run(run_walk, _until(walks, should_stop))) as results:
+        for result in results:
+            if result.problem:
+                raise ParameterFileError("the tuning", asks[result.number].case.name, result.problem)
+            done[result.number] = result
+            if progress is not None:
+                progress(len(done), len(asks))
+    return [done[index] for index in range(len(asks))] if len(done) == len(asks) else None
+
+
+def _until(walks: Iterable[Walk], should_stop: Callable[[], bool] | None) -> Iterator[Walk]:
+    for walk in walks:
+        if should_stop is not None and should_stop():
+            return
+        yield walk
+
+
+def _walked(walk: Walk, experiment: Experiment, on_compile: Callable[[], None] | None) -> WalkResult:
+    run = simulate(experiment, on_compile=on_compile)
+    values = part_values(run, walk.reference_speed)
+    fell = run.status is not RunStatus.COMPLETED
+    lasted = min(1.0, run.duration / experiment.duration)
+    return WalkResult(walk.number, walk_cost(values, lasted, fell), values, fell, lasted)
+
+
+def _nothing(walk: Walk, problem: str) -> WalkResult:
+    return WalkResult(walk.number, FORBIDDEN, {}, False, 0.0, (), problem)
