@@ -293,8 +293,8 @@ def test_every_control_of_the_table_is_in_the_log_of_its_phase(bench_session) ->
 
 
 def in_force(changes: list[dict[str, str]], mode: str) -> int:
-    """A tick at which a mode is in force and faded in."""
-    return next(int(item["tick"]) for item in changes if item["value"] == mode) + FADE_TICKS + 10
+    """A tick at which a mode is in force and faded in, and the blending of a phase that began meanwhile too."""
+    return next(int(item["tick"]) for item in changes if item["value"] == mode) + FADE_TICKS + 100
 
 
 def test_every_control_of_the_monitor_is_in_the_log(bench_session) -> None:
@@ -483,6 +483,7 @@ def joint_paths() -> dict[str, str]:
 def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[str, Any]:
     """A walk with everything that the panel can do to it, to its end; and what its page showed."""
     page = Page(browser, treadmill)
+    page.page.wait_for_selector(".read tbody tr")  # the card is made with the first samples
     seen = []
     while len(seen) < 12:
         seen.append(page.page.evaluate(OBSERVE, list(joint_paths.values())))

@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import numpy as np
 
-PATH_FACTOR = 2
+PATH_FACTOR = 8
 LONGEST_GAP = 10.0  # samples; a longer gap in a test restarts the state of a dynamic model
 
 
