@@ -457,6 +457,7 @@ def test_steps_by_hand_wait_for_the_button(page: Page) -> None:
     assert page.row("manual").locator(".refusal").inner_text() == ""
 
 
+MEAN_OVER = 8.0  # [s]
 OBSERVE = """(paths) => {
     const parts = (path) => path.split("/").filter((part) => part);
     const find = (path) => twinGait.stage.viewer.scene_tree.find(parts(path)).object;
@@ -488,10 +489,12 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     while len(seen) < 12:
         seen.append(page.page.evaluate(OBSERVE, list(joint_paths.values())))
         page.wait(0.1)
+    until(lambda: page.clock() > MEAN_OVER + 1.0, "some strides before the change", 60.0)
     page.tab("walk")
     page.type("belt_speed", 1.4)
     page.type("support_share", 0.64)
     page.settle()
+    changed = page.clock()
     assert page.refusal("belt_speed") == page.refusal("support_share") == ""
     page.tab("table")
     page.page.click('.chip[data-phase="swing_extension"]')
@@ -499,6 +502,7 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     page.settle()
     page.page.click("#panel-body [data-action=save]")
     until(lambda: page.page.locator("#panel-saved").inner_text() != "", "the name of the saved table")
+    until(lambda: page.clock() > changed + MEAN_OVER + 1.0, "some strides after the change", 60.0)
     page.page.click("#revert-all")
     until(lambda: page.page.locator("[data-difference]").count() == 0, "the way back")
     page.tab("disturb")
@@ -570,8 +574,9 @@ def change(session: dict[str, Any], subject: str, text: str = "") -> int:
 def test_support_is_read_back_from_the_force_of_the_ropes(session) -> None:
     force = session["log"]["support_force_N"].to_numpy()
     began, end = change(session, "support_share", "0.64"), change(session, "all")
-    # The ropes are springs too: what counts is the mean over whole strides of some two seconds.
-    before, after = force[began - 8000 : began].mean(), force[end - 8000 : end].mean()
+    # The ropes are dampers too: what counts is the mean over some strides of two seconds each.
+    ticks = round(1000 * MEAN_OVER)
+    before, after = force[began - ticks : began].mean(), force[end - ticks : end].mean()
     assert after / before == pytest.approx(0.64 / 0.60, rel=0.01)
 
 
