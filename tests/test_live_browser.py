@@ -293,7 +293,7 @@ def test_every_control_of_the_table_is_in_the_log_of_its_phase(bench_session) ->
 
 
 def in_force(changes: list[dict[str, str]], mode: str) -> int:
-    """A tick at which a mode is in force and faded in, and the blend of a phase that began meanwhile is over."""
+    """A tick at which a mode is in force, faded in, and the blend of a phase that began meanwhile over."""
     return next(int(item["tick"]) for item in changes if item["value"] == mode) + FADE_TICKS + 100
 
 
