@@ -18,7 +18,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import BPoly
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.measures.koopman2014 import EVENTS, FIRST_SAMPLE, LAST_SAMPLE, STEP_RATIO, Coefficients
@@ -101,6 +100,8 @@ def reference_curve(joint: JointName, percent: np.ndarray, *, speed: float, heig
     Raises:
         ParameterError: If the regression does not reach the speed, or the height is not positive.
     """
+    from scipy.interpolate import BPoly  # takes longer to import than a walk to simulate
+
     events = key_events(joint, speed=speed, height=height)
     around = (*events, events[0]._replace(percent=CYCLE))
     spline = BPoly.from_derivatives(
