@@ -8,6 +8,7 @@ own cache alone would miss an edit in a callee and silently run the old law.
 from __future__ import annotations
 
 import ctypes
+import gc
 import importlib.util
 import sys
 from collections.abc import Callable
@@ -74,12 +75,15 @@ def compile_loop(text: str, controller: ControllerFunction | None = None) -> Com
         module.__dict__["controller_torques"] = _jitted(controller)
     loop, arrays = module.__dict__["run_ticks"], tuple(module.__dict__["LOOSE_ARRAYS"])
     signature = (numba.intp,) * loop.py_func.__code__.co_argcount
-    kept = numba.config.OPT
+    kept, collects = numba.config.OPT, gc.isenabled()
     numba.config.OPT = type(kept)(OPTIMISATION)
+    gc.disable()  # looking through the compiler's millions of small objects takes a tenth of the time
     try:
         loop.compile(signature)
     finally:
         numba.config.OPT = kept
+        if collects:
+            gc.enable()
     result = loop.overloads[signature]
     symbol = result.fndesc.llvm_func_name
     address = result.library.get_pointer_to_function(symbol)
