@@ -321,7 +321,7 @@ def test_folder_holds_a_page_that_needs_nothing_else(stroke, tmp_path):
 def test_folder_of_something_else_is_not_replaced(stroke, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "notes.txt").write_text("keep")
-    with pytest.raises(RunDirectoryError, match="holds no comparison"):
+    with pytest.raises(RunDirectoryError, match="is not a comparison"):
         write_comparison(stroke, "x", tmp_path / "mine", force=True)
     assert (tmp_path / "mine" / "notes.txt").read_text() == "keep"
 

@@ -110,7 +110,7 @@ def test_force_does_not_replace_a_folder_of_something_else(tmp_path):
     log = write_series(tmp_path / "a.csv", 1)
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.tex").write_text("text")
-    with pytest.raises(RunDirectoryError, match="is not a run directory"):
+    with pytest.raises(RunDirectoryError, match="is not an identification"):
         call(log, *COLUMNS, "--model", "dahl", "--out", tmp_path / "thesis", "--force")
     assert (tmp_path / "thesis" / "chapter.tex").read_text() == "text"
 

@@ -14,7 +14,8 @@ from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.simulation.columns import LogLayout, unit_of
-from twin_gait.studies.record import load_run, staged_directory, write_run
+from twin_gait.studies.folders import staged_directory
+from twin_gait.studies.record import RUN_DIRECTORY, load_run, write_run
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +26,7 @@ def run():
 @pytest.fixture(scope="module")
 def directory(run, tmp_path_factory):
     target = tmp_path_factory.mktemp("runs") / "walk"
-    with staged_directory(target) as staging:
+    with staged_directory(target, RUN_DIRECTORY) as staging:
         write_run(run, staging, pictures=False)
     return target
 
@@ -84,14 +85,17 @@ def test_summary_is_strict_json(directory):
 
 
 def test_an_error_inside_leaves_nothing_behind(tmp_path):
-    with pytest.raises(ZeroDivisionError), staged_directory(tmp_path / "walk") as staging:
+    with pytest.raises(ZeroDivisionError), staged_directory(tmp_path / "walk", RUN_DIRECTORY) as staging:
         (staging / "half").write_text("half")
         raise ZeroDivisionError
     assert list(tmp_path.iterdir()) == []
 
 
 def test_an_existing_directory_is_refused_and_kept(directory):
-    with pytest.raises(RunDirectoryError, match="exists; choose another --out"), staged_directory(directory):
+    with (
+        pytest.raises(RunDirectoryError, match="exists; choose another --out"),
+        staged_directory(directory, RUN_DIRECTORY),
+    ):
         pass
     assert (directory / "log.parquet").is_file()
 
@@ -102,13 +106,13 @@ def test_force_replaces_a_run_but_nothing_else(tmp_path, directory):
     (other / "dear.txt").write_text("dear")
     with (
         pytest.raises(RunDirectoryError, match="not a run directory"),
-        staged_directory(other, force=True),
+        staged_directory(other, RUN_DIRECTORY, force=True),
     ):
         pass
     assert (other / "dear.txt").read_text() == "dear"
     run_again = tmp_path / "walk"
     for text in ("one", "two"):
-        with staged_directory(run_again, force=True) as staging:
+        with staged_directory(run_again, RUN_DIRECTORY, force=True) as staging:
             (staging / "experiment.yaml").write_text(text)
     assert (run_again / "experiment.yaml").read_text() == "two"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["letters", "walk"]

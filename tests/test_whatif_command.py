@@ -78,9 +78,10 @@ def test_folder_is_replaced_by_force_alone(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("quickly")
 def test_foreign_folder_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "letters").mkdir()
-    with pytest.raises(RunDirectoryError, match="holds no study"):
+    (tmp_path / "letters" / "mother.txt").write_text("dear")
+    with pytest.raises(RunDirectoryError, match="is not a study"):
         run("inertia", "--out", str(tmp_path / "letters"), "--force")
-    assert list(tmp_path.iterdir()) == [tmp_path / "letters"]
+    assert [path.name for path in (tmp_path / "letters").iterdir()] == ["mother.txt"]
 
 
 def test_no_workers_are_refused(tmp_path: Path) -> None:

@@ -60,7 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.studies.compare.comparing import ComparisonInterrupted, compare
     from twin_gait.studies.compare.controllers import CONTROLLERS, find_controllers
     from twin_gait.studies.compare.words import paragraphs
-    from twin_gait.studies.compare.writing import PAGE_FILE, check_place, write_comparison
+    from twin_gait.studies.compare.writing import COMPARISON, PAGE_FILE, write_comparison
+    from twin_gait.studies.folders import check_target
 
     names = list(CONTROLLERS)
     if arguments.controllers is not None:
@@ -68,7 +69,7 @@ def run(arguments: argparse.Namespace) -> int:
     controllers = find_controllers(names)
     who = Path(arguments.patient).stem if arguments.patient else "the wearer of the experiment"
     out: Path = arguments.out or FOLDER / (Path(arguments.patient).stem if arguments.patient else "wearer")
-    check_place(out, force=arguments.force)
+    check_target(out, COMPARISON, force=arguments.force)
     settings = [f"patient={arguments.patient}"] if arguments.patient else []
     settings += [f"duration_s={arguments.duration}", *arguments.settings]
     experiment = load_experiment(arguments.experiment, settings).experiment

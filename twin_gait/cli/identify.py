@@ -98,13 +98,12 @@ def _add_rig(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write and print."""
     from twin_gait.identification import identify_logs
-    from twin_gait.studies.identify import write_identification
-    from twin_gait.studies.record import check_target
+    from twin_gait.studies.folders import check_target
+    from twin_gait.studies.identify import IDENTIFICATION, write_identification
     from twin_gait.vocabulary import JointName
 
     options = make_options(arguments)
-    if not arguments.force:
-        check_target(arguments.out.expanduser().absolute(), force=False)
+    check_target(arguments.out, IDENTIFICATION, force=arguments.force)
     paths = list(_files(arguments.logs))
     with progress_bar("identifying", "step") as progress:
         result = identify_logs(paths, options, progress)

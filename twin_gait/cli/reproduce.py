@@ -48,9 +48,10 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.exceptions import ParameterError
     from twin_gait.parameters import require
     from twin_gait.simulation import RunStatus
+    from twin_gait.studies.folders import staged_directory
     from twin_gait.studies.reproduction.recipes import find_recipes
     from twin_gait.studies.reproduction.running import run_recipes
-    from twin_gait.studies.reproduction.writing import output_folder, write_reproduction
+    from twin_gait.studies.reproduction.writing import REPRODUCTION, write_reproduction
 
     recipes = find_recipes(arguments.only)
     if arguments.list:
@@ -60,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise ParameterError("--out: expected a folder to make, got none; --list shows what there is to make")
     require(arguments.seed >= 0, "--seed", "a whole number of 0 or more", arguments.seed)
     require(arguments.workers >= 1, "--workers", "1 or more", arguments.workers)
-    with output_folder(arguments.out, force=arguments.force) as folder:
+    with staged_directory(arguments.out, REPRODUCTION, force=arguments.force) as folder:
         with stop_on_interrupt() as should_stop, progress_bar("reproducing", "figure") as progress:
             result = run_recipes(
                 arguments.only,

@@ -68,7 +68,8 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.configuration import load_experiment
     from twin_gait.simulation import RunStatus, simulate
     from twin_gait.studies.accuracy import step_error
-    from twin_gait.studies.record import staged_directory, write_run
+    from twin_gait.studies.folders import staged_directory
+    from twin_gait.studies.record import RUN_DIRECTORY, write_run
 
     settings = list(arguments.settings)
     if arguments.duration is not None:
@@ -80,7 +81,10 @@ def run(arguments: argparse.Namespace) -> int:
     loaded = load_experiment(arguments.experiment, settings)
     loaded.experiment.build_world()
     out = arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{loaded.experiment.name}"
-    with stop_on_interrupt() as should_stop, staged_directory(out, force=arguments.force) as staging:
+    with (
+        stop_on_interrupt() as should_stop,
+        staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
+    ):
         with progress_bar("simulating", "tick") as progress:
             result = simulate(
                 loaded.experiment, progress=progress, should_stop=should_stop, on_compile=note_compilation

@@ -50,7 +50,8 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the study, write its folder and print its paragraphs."""
     from twin_gait.parameters import require
-    from twin_gait.studies.whatif.page import check_place, write_report
+    from twin_gait.studies.folders import check_target
+    from twin_gait.studies.whatif.page import STUDY, write_report
     from twin_gait.studies.whatif.reports import report_on
     from twin_gait.studies.whatif.work import Interrupted, Means
 
@@ -59,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
         workers = 1 if arguments.quick else os.cpu_count() or 1
     require(workers >= 1, "--workers", "1 or more", workers)
     out: Path = arguments.out if arguments.out is not None else FOLDER / arguments.study
-    check_place(out, force=arguments.force)
+    check_target(out, STUDY, force=arguments.force)
     try:
         with stop_on_interrupt() as should_stop, progress_bar(arguments.study, "row") as progress:
             means = Means(workers, progress, should_stop, note_compilation)

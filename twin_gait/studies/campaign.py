@@ -35,7 +35,7 @@ from twin_gait.simulation.bench_joint import (
     simulate_bench,
 )
 from twin_gait.simulation.run import RunStatus
-from twin_gait.studies.record import staged_directory
+from twin_gait.studies.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 
 WEIGHTS = (3.0, 2.5, 2.0, 1.5, 1.0)  # [kg], thesis 2.2.3
@@ -46,6 +46,7 @@ AMPLITUDE_RANGE = (140.0, 195.0)  # A in counts from the heaviest to the lightes
 AMPLITUDE_STEP = 5.0  # [counts]; "by 5 or 10", thesis appendix B
 REST_AT_STOP = 0.3  # [s] that a log goes on after the stop was hit
 SETTINGS_FILE = "campaign.json"
+CAMPAIGN = FolderKind("a campaign", SETTINGS_FILE)
 _DIGITS = "%.9g"
 
 
@@ -311,7 +312,7 @@ def run_campaign(
     if directory.exists():
         raise RunDirectoryError(f"{directory}: exists; choose another --out")
     plans, lines, status = planned_tests(campaign), [], RunStatus.COMPLETED
-    with staged_directory(directory) as staging:
+    with staged_directory(directory, CAMPAIGN) as staging:
         for done, plan in enumerate(plans):
             if should_stop is not None and should_stop():
                 status = RunStatus.INTERRUPTED

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from twin_gait.configuration.documents import dump_yaml
-from twin_gait.exceptions import ParameterError, RunDirectoryError
+from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
 from twin_gait.identification import Identification, IdentifiedModel, Samples
 from twin_gait.identification.bootstrap import DRAWS, LEVEL
@@ -21,10 +20,11 @@ from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
 from twin_gait.report.canvas import save
 from twin_gait.report.identification import DrawnModel, DrawnSamples, draw_fits, draw_residuals
-from twin_gait.studies.record import EXPERIMENT_FILE, check_target, staged_directory
+from twin_gait.studies.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 
 DOCUMENT_FILE = "identification.json"
+IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
 SAMPLES_FILE = "samples.csv"
 PLANT_FILE, COMPENSATOR_FILE = "plant.yaml", "compensator.yaml"
 FITS_FIGURE, RESIDUALS_FIGURE = "fits.png", "residuals.png"
@@ -61,13 +61,8 @@ def write_identification(
     Raises:
         RunDirectoryError: If it exists, or cannot be written.
     """
-    target = target.expanduser().absolute()
-    earlier = force and (target / DOCUMENT_FILE).is_file() and not (target / EXPERIMENT_FILE).exists()
-    if not earlier:
-        check_target(target, force=force)
     document = identification_document(result, joint)
-    place = target.with_name(f".{target.name}.new") if earlier else target
-    with staged_directory(place) as staging:
+    with staged_directory(target, IDENTIFICATION, force=force) as staging:
         text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
         write_atomically(staging / DOCUMENT_FILE, f"{text}\n")
         write_atomically(staging / SAMPLES_FILE, samples_csv(result))
@@ -78,12 +73,6 @@ def write_identification(
         if pictures:
             (staging / "figures").mkdir()
             _draw(result, staging / "figures")
-    if earlier:
-        try:
-            shutil.rmtree(target)
-            place.rename(target)
-        except OSError as error:
-            raise RunDirectoryError(f"{target}: cannot be replaced ({error.strerror})") from error
     return document
 
 

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import io
 import json
-import os
-import shutil
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +25,7 @@ from twin_gait.report.figures import write_figures
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, unit_of
 from twin_gait.simulation.run import Run
+from twin_gait.studies.folders import FolderKind
 from twin_gait.studies.summary import summarise, versions
 from twin_gait.viewer.animation import write_animation
 
@@ -38,6 +35,7 @@ SWITCHES_FILE = "transitions.csv"
 SUMMARY_FILE = "summary.json"
 FIGURES_FOLDER = "figures"
 ANIMATION_FILE = "animation.html"
+RUN_DIRECTORY = FolderKind("a run directory", EXPERIMENT_FILE)
 
 
 @dataclass(frozen=True)
@@ -55,69 +53,6 @@ class StoredRun:
     experiment: Experiment
     log: pd.DataFrame
     summary: dict[str, Any]
-
-
-@contextlib.contextmanager
-def staged_directory(target: Path, *, force: bool = False) -> Iterator[Path]:
-    """Give a hidden folder beside the target that takes its place when all is written.
-
-    Whatever happens inside, the target is either as it was or complete.
-
-    Args:
-        target: The directory to make.
-        force: Whether an existing run directory may be replaced.
-
-    Yields:
-        Folder to write into.
-
-    Raises:
-        RunDirectoryError: If the target exists, or cannot be written.
-    """
-    target = target.expanduser().absolute()
-    check_target(target, force=force)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        staging = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=".partial", dir=target.parent))
-    except OSError as error:
-        raise RunDirectoryError(
-            f"{target}: cannot be written ({error.strerror}); choose another --out"
-        ) from error
-    try:
-        yield staging
-        os.chmod(staging, 0o755)
-        _put_in_place(staging, target)
-    except OSError as error:
-        raise RunDirectoryError(f"{target}: cannot be written ({error.strerror})") from error
-    finally:
-        shutil.rmtree(staging, ignore_errors=True)
-
-
-def check_target(target: Path, *, force: bool) -> None:
-    """Refuse a directory that exists, unless it is a run and may be replaced.
-
-    Args:
-        target: The directory to make.
-        force: Whether an existing run directory may be replaced.
-
-    Raises:
-        RunDirectoryError: If it may not be used.
-    """
-    if not target.exists():
-        return
-    if not force:
-        raise RunDirectoryError(f"{target}: exists; choose another --out, or replace it with --force")
-    if not target.is_dir() or (any(target.iterdir()) and not (target / EXPERIMENT_FILE).is_file()):
-        raise RunDirectoryError(f"{target}: is not a run directory, so --force does not replace it")
-
-
-def _put_in_place(staging: Path, target: Path) -> None:
-    if target.exists():
-        old = staging.with_suffix(".old")
-        os.rename(target, old)
-        os.rename(staging, target)
-        shutil.rmtree(old, ignore_errors=True)
-    else:
-        os.rename(staging, target)
 
 
 def write_run(

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import shutil
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -13,23 +12,18 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.replay import Agreement, Replay, agreement
 from twin_gait.replay.strides import meant_cycles, stride_phases
 from twin_gait.report.canvas import save
 from twin_gait.report.replay_figure import ReplayedLeg, draw_replay
-from twin_gait.studies.record import (
-    EXPERIMENT_FILE,
-    SUMMARY_FILE,
-    SWITCHES_FILE,
-    check_target,
-    staged_directory,
-)
+from twin_gait.studies.folders import FolderKind, staged_directory
+from twin_gait.studies.record import SUMMARY_FILE, SWITCHES_FILE
 from twin_gait.vocabulary import Side
 
 PHASES_FILE = "phases.csv"
+REPLAY = FolderKind("a replay", PHASES_FILE)
 FIGURE = "figures/replay.png"
 
 
@@ -111,12 +105,7 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
     Raises:
         RunDirectoryError: If it exists, or cannot be written.
     """
-    target = target.expanduser().absolute()
-    earlier = force and (target / PHASES_FILE).is_file() and not (target / EXPERIMENT_FILE).exists()
-    if not earlier:
-        check_target(target, force=force)
-    place = target.with_name(f".{target.name}.new") if earlier else target
-    with staged_directory(place) as staging:
+    with staged_directory(target, REPLAY, force=force) as staging:
         write_atomically(staging / PHASES_FILE, phases_csv(result))
         write_atomically(staging / SWITCHES_FILE, switches_csv(result))
         summary = json.dumps(summarise_replay(result), indent=2, ensure_ascii=False, allow_nan=False)
@@ -124,12 +113,6 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
         if pictures:
             (staging / FIGURE).parent.mkdir()
             save(replay_figure(result), staging / FIGURE)
-    if earlier:
-        try:
-            shutil.rmtree(target)
-            place.rename(target)
-        except OSError as error:
-            raise RunDirectoryError(f"{target}: cannot be replaced ({error.strerror})") from error
 
 
 def phases_csv(result: Replay) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import shutil
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from twin_gait import __version__
-from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.measures.leg_record import leg_record
@@ -25,31 +23,15 @@ from twin_gait.studies.compare.controllers import CONTROLLERS
 from twin_gait.studies.compare.measures_shown import table_rows
 from twin_gait.studies.compare.numbers import JOINTS
 from twin_gait.studies.compare.words import paragraphs
-from twin_gait.studies.record import belt_speed_of, check_target, describe, staged_directory
+from twin_gait.studies.folders import FolderKind, staged_directory
+from twin_gait.studies.record import belt_speed_of, describe
 from twin_gait.studies.summary import versions
 from twin_gait.vocabulary import Side
 
-PAGE_FILE = "compare.html"  # by this a folder is known as one of a comparison
+PAGE_FILE = "compare.html"
+COMPARISON = FolderKind("a comparison", PAGE_FILE)
 PICTURE_FILE, RUNS_FILE, SUMMARY_FILE = "compare.png", "runs.csv", "compare.json"
 _BARS = {"device torque, RMS [N m]": ("interaction_rms_Nm", 1.0), "battery [W]": ("battery_power_W", 1.0)}
-
-
-def check_place(target: Path, *, force: bool) -> None:
-    """Refuse a folder that exists, unless it is that of a comparison and may be replaced.
-
-    Args:
-        target: The folder to make.
-        force: Whether the folder of an earlier comparison may be replaced.
-
-    Raises:
-        RunDirectoryError: If it may not be used.
-    """
-    if target.exists() and force and not (target / PAGE_FILE).is_file():
-        raise RunDirectoryError(
-            f"{target}: holds no comparison, so --force does not replace it; choose another --out"
-        )
-    if not force:
-        check_target(target, force=False)
 
 
 def write_comparison(comparison: Comparison, who: str, target: Path, *, force: bool = False) -> None:
@@ -64,26 +46,13 @@ def write_comparison(comparison: Comparison, who: str, target: Path, *, force: b
     Raises:
         RunDirectoryError: If it exists, or cannot be written.
     """
-    target = target.expanduser().absolute()
-    check_place(target, force=force)
-    place = target.with_name(f".{target.name}.new") if target.exists() else target
-    with staged_directory(place) as staging:
+    with staged_directory(target, COMPARISON, force=force) as staging:
         light, dark = (picture_bytes(figure_of(comparison, dark=dark)) for dark in (False, True))
         write_atomically(staging / PICTURE_FILE, picture_bytes(figure_of(comparison), "white"))
         write_atomically(staging / PAGE_FILE, page_of(comparison, who, (light, dark)))
         table = comparison.table.to_csv(index=False, lineterminator="\n")
         write_atomically(staging / RUNS_FILE, table)
         write_atomically(staging / SUMMARY_FILE, summary_text(comparison, who))
-    if place != target:
-        _replace(target, place)
-
-
-def _replace(target: Path, place: Path) -> None:
-    try:
-        shutil.rmtree(target)
-        place.rename(target)
-    except OSError as error:
-        raise RunDirectoryError(f"{target}: cannot be replaced ({error.strerror})") from error
 
 
 def subtitle_of(comparison: Comparison, who: str) -> str:

@@ -33,9 +33,10 @@ from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run, log_table
 from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.studies.folders import staged_directory
 from twin_gait.studies.live.loop import AppliedChange, LiveLoop, Take
 from twin_gait.studies.live.protocol import dump
-from twin_gait.studies.record import staged_directory, write_run
+from twin_gait.studies.record import RUN_DIRECTORY, write_run
 
 CHANGES_FILE = "live_changes.csv"
 TABLE_FILE = "live_table.yaml"
@@ -151,7 +152,7 @@ class RunFolders:
     def _write(self, take: Take, folder: Path) -> dict[str, Any]:
         run = self._run(take)
         short = run.duration <= LONGEST_PICTURES and not self._inbox.orphaned
-        with staged_directory(folder, force=self._setup["force"]) as staging:
+        with staged_directory(folder, RUN_DIRECTORY, force=self._setup["force"]) as staging:
             write_atomically(staging / CHANGES_FILE, changes_csv(take.changes))
             if take.table is not None:
                 write_atomically(staging / TABLE_FILE, dump_yaml(dict(take.table)))

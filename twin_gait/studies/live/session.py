@@ -22,6 +22,7 @@ from twin_gait.files import write_atomically
 from twin_gait.gait.table import GaitTable
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.watching import ticks
+from twin_gait.studies.folders import check_target
 from twin_gait.studies.live.actions import EVERYTHING, Actions
 from twin_gait.studies.live.controls import KM_PER_H, Panel
 from twin_gait.studies.live.handle import LoopProcess
@@ -38,7 +39,7 @@ from twin_gait.studies.live.protocol import (
 )
 from twin_gait.studies.live.rules import Place, described, judge, refusal, warnings
 from twin_gait.studies.live.settings import Settings, effect_of, loop_numbers
-from twin_gait.studies.record import check_target
+from twin_gait.studies.record import RUN_DIRECTORY
 from twin_gait.studies.sessions import SessionRecorder
 
 MOST_EVENTS = 10_000  # that are kept for pages that come late
@@ -144,7 +145,7 @@ class LiveSession:
             RunDirectoryError: If the run folder may not be used.
             ParameterError: If the experiment cannot be walked live.
         """
-        check_target(self.folder, force=bool(self._setup["force"]))
+        check_target(self.folder, RUN_DIRECTORY, force=bool(self._setup["force"]))
         try:
             self._begin()
         except BaseException:

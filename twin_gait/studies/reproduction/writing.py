@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-import os
-import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from twin_gait import __version__
-from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.report.reproduction import ShownClaim, ShownFigure, page_text
 from twin_gait.simulation.run import RunStatus
-from twin_gait.studies.record import EXPERIMENT_FILE, check_target, staged_directory
+from twin_gait.studies.folders import FolderKind
 from twin_gait.studies.reproduction.claim import Claim
 from twin_gait.studies.reproduction.running import Made, ReproductionResult
 
 DOCUMENT_FILE, PAGE_FILE = "reproduction.json", "reproduction.html"
+REPRODUCTION = FolderKind("a reproduction", DOCUMENT_FILE)
 FIGURES_FOLDER = "figures"
 SCHEMA_VERSION = 1
 IN_BAND, OUT_OF_BAND, NOT_JUDGED = "in its band", "out of its band", "not judged"
@@ -34,41 +30,6 @@ def verdict_of(claim: Claim) -> str:
     if not claim.holds:
         return OUT_OF_BAND
     return CONTRADICTS if claim.contradicts else IN_BAND
-
-
-@contextmanager
-def output_folder(target: Path, *, force: bool) -> Iterator[Path]:
-    """Folder to write into that takes the target's place when all is written.
-
-    Args:
-        target: The folder to make.
-        force: Whether that of an earlier reproduction may be replaced.
-
-    Yields:
-        Folder to write into.
-
-    Raises:
-        RunDirectoryError: If the target exists and may not be replaced, or cannot be written.
-    """
-    target = target.expanduser().absolute()
-    earlier = force and (target / DOCUMENT_FILE).is_file() and not (target / EXPERIMENT_FILE).exists()
-    if not earlier:
-        check_target(target, force=force)
-    place = target.with_name(f".{target.name}.{os.getpid()}.new") if earlier else target
-    with staged_directory(place, force=force) as staging:
-        yield staging
-    if earlier:
-        _swap(place, target)
-
-
-def _swap(place: Path, target: Path) -> None:
-    old = place.with_suffix(".old")
-    try:
-        target.rename(old)
-        place.rename(target)
-    except OSError as error:
-        raise RunDirectoryError(f"{target}: cannot be replaced ({error.strerror})") from error
-    shutil.rmtree(old, ignore_errors=True)
 
 
 def write_reproduction(result: ReproductionResult, folder: Path) -> None:

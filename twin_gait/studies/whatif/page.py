@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import html
 import io
-import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,12 +13,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from twin_gait import __version__
-from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.report.canvas import RESOLUTION
-from twin_gait.studies.record import check_target, staged_directory
+from twin_gait.studies.folders import FolderKind, staged_directory
 
-PAGE_FILE = "whatif.html"  # by this a folder is known as one of a study
+PAGE_FILE = "whatif.html"
+STUDY = FolderKind("a study", PAGE_FILE)
 PARAGRAPH_FILE = "paragraph.txt"
 
 _PAGE = """<!DOCTYPE html>
@@ -68,24 +67,6 @@ class Report:
     figure: Figure
 
 
-def check_place(target: Path, *, force: bool) -> None:
-    """Refuse a folder that exists, unless it is that of a study and may be replaced.
-
-    Args:
-        target: The folder to make.
-        force: Whether the folder of an earlier study may be replaced.
-
-    Raises:
-        RunDirectoryError: If it may not be used.
-    """
-    if target.exists() and force and not (target / PAGE_FILE).is_file():
-        raise RunDirectoryError(
-            f"{target}: holds no study, so --force does not replace it; choose another --out"
-        )
-    if not force:
-        check_target(target, force=False)
-
-
 def write_report(report: Report, target: Path, *, force: bool = False) -> None:
     """Write the folder of a study; it appears when all is written.
 
@@ -97,10 +78,7 @@ def write_report(report: Report, target: Path, *, force: bool = False) -> None:
     Raises:
         RunDirectoryError: If it exists, or cannot be written.
     """
-    target = target.expanduser().absolute()
-    check_place(target, force=force)
-    place = target.with_name(f".{target.name}.new") if target.exists() else target
-    with staged_directory(place) as staging:
+    with staged_directory(target, STUDY, force=force) as staging:
         picture = io.BytesIO()
         report.figure.savefig(picture, format="png", dpi=RESOLUTION)
         write_atomically(staging / f"{report.name}.png", picture.getvalue())
@@ -108,16 +86,6 @@ def write_report(report: Report, target: Path, *, force: bool = False) -> None:
             write_atomically(staging / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
         write_atomically(staging / PARAGRAPH_FILE, "\n\n".join(report.text) + "\n")
         write_atomically(staging / PAGE_FILE, page(report, picture.getvalue()))
-    if place != target:
-        _replace(target, place)
-
-
-def _replace(target: Path, place: Path) -> None:
-    try:
-        shutil.rmtree(target)
-        place.rename(target)
-    except OSError as error:
-        raise RunDirectoryError(f"{target}: cannot be replaced ({error.strerror})") from error
 
 
 def page(report: Report, picture: bytes) -> str:
