@@ -118,6 +118,7 @@ BAD = {
     "export nothing": ["export", "nowhere", "--to", "csv"],
     "export format": ["export", "nowhere", "--to", "xlsx"],
     "map workers": ["map", "--workers", "0"],
+    "faults workers": ["faults", "--workers", "-1"],
     "map without a treadmill": ["map", "bench_leg"],
 }
 

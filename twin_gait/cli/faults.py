@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 from typing import Any
 
+from twin_gait.cli.runners import add_workers, workers_of
 from twin_gait.cli.terminal import (
     DONE,
     FAILED,
@@ -35,7 +35,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the draws (0)")
     parser.add_argument("--duration", type=float, default=DURATION, metavar="S", help="of each run (8 s)")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes")
+    add_workers(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="also write one row per fault as CSV")
     parser.add_argument("--force", action="store_true", help="replace an existing file")
     parser.set_defaults(run=run)
@@ -49,6 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.simulation import RunStatus
     from twin_gait.studies.faults import draw_faults, limit_lines, outcome_table, run_campaign
 
+    workers = workers_of(arguments)
     if arguments.out is not None and arguments.out.exists() and not arguments.force:
         raise RunDirectoryError(f"{arguments.out}: exists; choose another, or replace it with --force")
     settings = [*arguments.settings, f"duration_s={arguments.duration}"]
@@ -58,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         campaign = run_campaign(
             base,
             faults,
-            workers=arguments.workers,
+            workers=workers,
             progress=progress,
             should_stop=should_stop,
             on_compile=note_compilation,

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 from typing import Any
 
+from twin_gait.cli.runners import add_workers, workers_of
 from twin_gait.cli.terminal import DONE, progress_bar
 
 
@@ -22,7 +22,7 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings")
-    parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes")
+    add_workers(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="also write the table as CSV")
     parser.add_argument("--force", action="store_true", help="replace an existing file")
     parser.set_defaults(run=run)
@@ -31,19 +31,18 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Simulate the grid and print the map."""
     from twin_gait.configuration import load_experiment
-    from twin_gait.exceptions import ParameterError, RunDirectoryError
+    from twin_gait.exceptions import RunDirectoryError
     from twin_gait.files import write_atomically
     from twin_gait.studies.outcome_map import draw_map, experiment_of, grid, map_outcomes
 
-    if arguments.workers < 1:
-        raise ParameterError(f"--workers: expected 1 or more, got {arguments.workers}")
+    workers = workers_of(arguments)
     if arguments.out is not None and arguments.out.exists() and not arguments.force:
         raise RunDirectoryError(f"{arguments.out}: exists; choose another, or replace it with --force")
     base = load_experiment(arguments.experiment, arguments.settings).experiment
     cases = grid()
     experiment_of(base, cases[0])
     with progress_bar("walking", "case") as progress:
-        table = map_outcomes(base, cases, workers=arguments.workers, progress=progress)
+        table = map_outcomes(base, cases, workers=workers, progress=progress)
     walking = (table["outcome"] == "walks").mean()
     print(f"{base.name}, {base.duration:g} s each, {len(table)} cases: {walking:.0%} walk")
     print(draw_map(table))

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait.cli.runners import add_workers, workers_of
 from twin_gait.cli.terminal import (
     DONE,
     FAILED,
@@ -20,6 +21,8 @@ from twin_gait.cli.terminal import (
 if TYPE_CHECKING:
     from twin_gait.studies.reproduction.claim import Claim
     from twin_gait.studies.reproduction.running import ReproductionResult
+
+WORKERS = 2  # unless the user says otherwise
 
 
 def add_parser(commands: Any) -> None:
@@ -37,7 +40,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--only", nargs="+", default=[], metavar="KEY", help="figures, such as fig-3.7 (all)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder to make")
     parser.add_argument("--seed", type=int, default=1, metavar="N", help="of everything that is drawn (1)")
-    parser.add_argument("--workers", type=int, default=2, metavar="N", help="processes (2)")
+    add_workers(parser, WORKERS)
     parser.add_argument("--force", action="store_true", help="replace the folder of an earlier reproduction")
     parser.add_argument("--list", action="store_true", help="list the keys and make nothing")
     parser.set_defaults(run=run)
@@ -60,13 +63,13 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.out is None:
         raise ParameterError("--out: expected a folder to make, got none; --list shows what there is to make")
     require(arguments.seed >= 0, "--seed", "a whole number of 0 or more", arguments.seed)
-    require(arguments.workers >= 1, "--workers", "1 or more", arguments.workers)
+    workers = workers_of(arguments, WORKERS)
     with staged_directory(arguments.out, REPRODUCTION, force=arguments.force) as folder:
         with stop_on_interrupt() as should_stop, progress_bar("reproducing", "figure") as progress:
             result = run_recipes(
                 arguments.only,
                 arguments.seed,
-                workers=arguments.workers,
+                workers=workers,
                 progress=progress,
                 should_stop=should_stop,
                 on_compile=note_compilation,

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import os
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait.cli.runners import add_runner, check_runner, runner_of
 from twin_gait.cli.terminal import (
     DONE,
     FAILED,
@@ -21,7 +19,6 @@ from twin_gait.cli.terminal import (
 
 if TYPE_CHECKING:
     from twin_gait.studies.sweep import SweepResult
-    from twin_gait.studies.workers import Runner
 
 
 def add_parser(commands: Any) -> None:
@@ -36,10 +33,7 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("spec", type=Path, metavar="SPEC", help="YAML file, such as examples/sweep.yaml")
     parser.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder of the sweep")
-    parser.add_argument(
-        "--workers", type=int, metavar="N", help=f"processes of this machine ({os.cpu_count() or 1})"
-    )
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler, such as tcp://127.0.0.1:8786")
+    add_runner(parser)
     parser.add_argument(
         "--chunk-seconds", type=float, default=2.0, metavar="S", help="work handed over at a time (2)"
     )
@@ -63,17 +57,14 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.studies.sweep_spec import load_sweep
     from twin_gait.studies.workers import WorkersLost
 
-    if arguments.workers is not None and arguments.scheduler is not None:
-        raise ParameterError("--workers: does not go with --scheduler, which has workers of its own")
-    if arguments.workers is not None and arguments.workers < 1:
-        raise ParameterError(f"--workers: expected 1 or more, got {arguments.workers}")
+    check_runner(arguments)
     if not 0.0 < arguments.chunk_seconds < float("inf"):
         raise ParameterError(f"--chunk-seconds: expected a number above 0, got {arguments.chunk_seconds}")
     sweep = load_sweep(arguments.spec, arguments.settings)
     again = f"the same command goes on from there: {arguments.out}"
     try:
         with (
-            _runner(arguments) as runner,
+            runner_of(arguments) as runner,
             stop_on_interrupt() as should_stop,
             progress_bar("checking", "episode") as checking,
             progress_bar("sweeping", "episode") as progress,
@@ -97,19 +88,6 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"twin-gait: interrupted; {again}", file=sys.stderr)
         return INTERRUPTED
     return DONE
-
-
-@contextlib.contextmanager
-def _runner(arguments: argparse.Namespace) -> Iterator[Runner]:
-    from twin_gait.studies.workers import LocalRunner
-
-    if arguments.scheduler is None:
-        yield LocalRunner(arguments.workers or os.cpu_count() or 1)
-        return
-    from twin_gait.studies.cluster import connected
-
-    with connected(arguments.scheduler) as runner:
-        yield runner
 
 
 def report(result: SweepResult) -> None:

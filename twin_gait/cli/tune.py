@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import math
-import os
 import re
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait.cli.runners import add_runner, check_runner, runner_of
 from twin_gait.cli.terminal import (
     DONE,
     FAILED,
@@ -24,7 +22,6 @@ from twin_gait.cli.terminal import (
 
 if TYPE_CHECKING:
     from twin_gait.studies.tune.tune import Progress
-    from twin_gait.studies.workers import Runner
 
 _REFERENCE = re.compile(r"koopman@(\d+(?:\.\d+)?)")
 
@@ -53,10 +50,7 @@ def add_parser(commands: Any) -> None:
         "--generations", type=int, metavar="N", help="end the search after so many, whatever the time"
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all draws (0)")
-    parser.add_argument(
-        "--workers", type=int, metavar="N", help=f"processes of this machine ({os.cpu_count() or 1})"
-    )
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler, such as tcp://127.0.0.1:8786")
+    add_runner(parser)
     parser.add_argument("--resume", action="store_true", help="go on with a tuning that was stopped")
     parser.add_argument("--force", action="store_true", help="replace an earlier tuning")
     parser.add_argument("--no-screening", action="store_true", help="search over all numbers")
@@ -84,10 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.studies.tune.writing import write_tuning
     from twin_gait.studies.workers import WorkersLost
 
-    if arguments.workers is not None and arguments.scheduler is not None:
-        raise ParameterError("--workers: does not go with --scheduler, which has workers of its own")
-    if arguments.workers is not None and arguments.workers < 1:
-        raise ParameterError(f"--workers: expected 1 or more, got {arguments.workers}")
+    check_runner(arguments)
     if arguments.resume and arguments.force:
         raise ParameterError("--resume: does not go with --force, which begins anew")
     assignments = list(arguments.settings)
@@ -106,7 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
     again = f"the same command with --resume goes on from there: {arguments.out}"
     folder = None
     try:
-        with _runner(arguments) as runner, stop_on_interrupt() as should_stop:
+        with runner_of(arguments) as runner, stop_on_interrupt() as should_stop:
             tuning = tune(
                 experiment,
                 arguments.out,
@@ -167,20 +158,6 @@ def _wearer(arguments: argparse.Namespace, experiment: Any) -> str:
     patient = experiment.patient
     size = f"{patient.mass:g} kg, {patient.height:g} m, {patient.sex}"
     return size if arguments.patient is None else f"{Path(arguments.patient).stem} ({size})"
-
-
-@contextlib.contextmanager
-def _runner(arguments: argparse.Namespace) -> Iterator[Runner]:
-    from twin_gait.studies.workers import StandingRunner
-
-    if arguments.scheduler is None:
-        with StandingRunner(arguments.workers or os.cpu_count() or 1) as runner:
-            yield runner
-        return
-    from twin_gait.studies.cluster import connected
-
-    with connected(arguments.scheduler) as cluster:
-        yield cluster
 
 
 def _note(step: Progress) -> None:

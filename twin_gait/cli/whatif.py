@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 import textwrap
 from pathlib import Path
 from typing import Any
 
+from twin_gait.cli.runners import PROCESSORS, add_workers, workers_of
 from twin_gait.cli.terminal import (
     DONE,
     INTERRUPTED,
@@ -41,24 +41,18 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder to make (whatif/STUDY)")
     parser.add_argument("--quick", action="store_true", help="a small part of the grid, in a few seconds")
     parser.add_argument("--force", action="store_true", help="replace the folder of an earlier study")
-    parser.add_argument(
-        "--workers", type=int, metavar="N", help=f"processes ({os.cpu_count() or 1}; 1 with --quick)"
-    )
+    add_workers(parser, f"{PROCESSORS}; 1 with --quick")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the study, write its folder and print its paragraphs."""
-    from twin_gait.parameters import require
     from twin_gait.studies.folders import check_target
     from twin_gait.studies.whatif.page import STUDY, write_report
     from twin_gait.studies.whatif.reports import report_on
     from twin_gait.studies.whatif.work import Interrupted, Means
 
-    workers = arguments.workers
-    if workers is None:
-        workers = 1 if arguments.quick else os.cpu_count() or 1
-    require(workers >= 1, "--workers", "1 or more", workers)
+    workers = workers_of(arguments, 1 if arguments.quick else PROCESSORS)
     out: Path = arguments.out if arguments.out is not None else FOLDER / arguments.study
     check_target(out, STUDY, force=arguments.force)
     try:

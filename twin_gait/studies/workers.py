@@ -70,7 +70,8 @@ class LocalRunner:
             for item in items:
                 yield function(item)
         else:
-            yield from _side_by_side(function, items, self.workers)
+            with StandingRunner(self.workers) as standing:
+                yield from standing.run(function, items)
 
 
 class StandingRunner:
@@ -132,22 +133,6 @@ class _Attempt:
     losses: int = 0
 
 
-def _side_by_side(
-    function: Callable[[Item], Result], items: Iterable[Item], workers: int
-) -> Generator[Result, None, None]:
-    """Run items in processes, with no more of them under way than keeps every process busy."""
-    fresh = (_Attempt(item) for item in items)
-    lost: deque[_Attempt] = deque()
-    while True:
-        under_way: dict[Future[Result], _Attempt] = {}
-        try:
-            with _pool(workers) as pool:
-                yield from _work_off(pool, function, _lost_first(lost, fresh), under_way, lost, workers)
-            return
-        except BrokenProcessPool:
-            yield from _sort_out(under_way, lost)
-
-
 def _work_off(
     pool: ProcessPoolExecutor,
     function: Callable[[Item], Result],
@@ -156,7 +141,7 @@ def _work_off(
     lost: deque[_Attempt],
     workers: int,
 ) -> Iterator[Result]:
-    """Results as they come, until a process dies."""
+    """Results as they come, until a process dies; no more under way than keeps every process busy."""
     for attempt in attempts:
         _submit(pool, function, attempt, under_way, lost)
         if len(under_way) > workers:
