@@ -162,6 +162,7 @@ BAD_SETTINGS = {
     "patient.mass_kg=heavy": "valid number",
     "patient.mass_kg=true": "expected a number",
     "patient.height_m=3": "1.40 to 2.05",
+    "patient.segment_model=dempster": "'de_leva' or 'winter'",
     "plant.friction_ratio.knee=-1": "friction_ratio of the knee",
     "table.phases.early_stance.hip.stiffness_Nm_per_deg=-2": "greater than or equal to 0",
     "table.phases.early_stance.hip.stiffness_Nm=2": "unknown key",

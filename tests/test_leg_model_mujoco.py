@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.testing import assert_allclose
 from twin_gait.core.integrators import semi_implicit_euler_step
 from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide, device_sizes, packaged_urdf
 from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR, Patient
-from twin_gait.vocabulary import JointName, Sex, Side
+from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is in the extra [test]")
 
@@ -31,6 +32,12 @@ DE_LEVA = {
         "shank": (0.0481, 0.4352, 0.263, 0.092),
         "foot": (0.0129, 0.4014, 0.279, 0.139),
     },
+}
+# Winter (2009), table 4.1; longitudinal radii of de Leva's men.
+WINTER = {
+    "thigh": (0.100, 0.433, 0.323, 0.149),
+    "shank": (0.0465, 0.433, 0.302, 0.102),
+    "foot": (0.0145, 0.500, 0.475, 0.124),
 }
 
 
@@ -105,8 +112,10 @@ class WornUrdf:
                 shank = self._stretch(f"{side}_shank", f"{side}_ankle", sizes.tibia)
                 self._add("shank", f"{side}_shank", np.zeros(3), shank)
                 length, sole = 0.152 * patient.height, 0.039 * patient.height
-                heel = np.array([-0.25 * length, 0.0, -0.5 * sole])
-                self._add("foot", f"{side}_foot", heel, np.array([length, 0.0, 0.0]))
+                start, axis = np.array([-0.25 * length, 0.0, -0.5 * sole]), np.array([length, 0.0, 0.0])
+                if patient.segment_model is SegmentModel.WINTER:  # ankle to second metatarsal
+                    start, axis = np.zeros(3), np.array([0.47 * length, 0.0, -0.5 * sole])
+                self._add("foot", f"{side}_foot", start, axis)
 
     @property
     def text(self) -> str:
@@ -145,10 +154,14 @@ class WornUrdf:
         return np.asarray(ratio * old)
 
     def _add(self, segment: str, link: str, start: np.ndarray, axis: np.ndarray) -> None:
-        """A body segment from a point of a link along an axis that is parallel to x or z."""
-        share, centre, transverse, longitudinal = DE_LEVA[self.patient.sex][segment]
+        """A body segment from a point of a link along an axis of the sagittal plane, where its z points."""
+        assert axis[1] == 0.0
+        pitch = math.atan2(axis[0], axis[2])
+        winter = self.patient.segment_model is SegmentModel.WINTER
+        table = WINTER if winter else DE_LEVA[self.patient.sex]
+        share, centre, transverse, longitudinal = table[segment]
         mass, length = share * self.patient.mass, float(np.linalg.norm(axis))
-        moments = np.where(np.abs(axis) > 1e-9, longitudinal, transverse) ** 2 * mass * length**2
+        moments = np.array([transverse, transverse, longitudinal]) ** 2 * mass * length**2
         name = f"{link}_wearer"
         element = ElementTree.SubElement(self.root, "link", name=name)
         inertial = ElementTree.SubElement(element, "inertial")
@@ -159,12 +172,14 @@ class WornUrdf:
         joint = ElementTree.SubElement(self.root, "joint", name=f"{name}_fixed", type="fixed")
         ElementTree.SubElement(joint, "parent", link=link)
         ElementTree.SubElement(joint, "child", link=name)
-        ElementTree.SubElement(joint, "origin", xyz=words(start + centre * axis))
+        turned = words(np.array([0.0, pitch, 0.0]))
+        ElementTree.SubElement(joint, "origin", xyz=words(start + centre * axis), rpy=turned)
 
 
 PATIENTS = [
     pytest.param(Patient(mass=70.0, height=1.75, sex=Sex.MALE), id="70kg-male"),
     pytest.param(Patient(mass=55.0, height=1.58, sex=Sex.FEMALE), id="55kg-female"),
+    pytest.param(Patient(mass=75.0, height=1.80, segment_model=SegmentModel.WINTER), id="75kg-winter"),
 ]
 
 

@@ -23,7 +23,7 @@ from twin_gait.studies import people_page
 from twin_gait.studies.batch import overridden
 from twin_gait.studies.cohort import HEAVIEST, SIZES, BodySizes, cohort, overrides
 from twin_gait.studies.people_trials import Trial, cohort_trials, experiment_of, trial
-from twin_gait.vocabulary import JointName, Sex, Side
+from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
 HIP, KNEE = JointName.HIP, JointName.KNEE
 NAMES = ("complete_sci", "healthy", "incomplete_sci", "stroke_left", "stroke_right")
@@ -250,6 +250,17 @@ def test_person_survives_being_written_and_read(name):
     as_kept = reread(resolved_document(loaded.experiment, loaded.document, {}))
     assert as_kept.patient == loaded.experiment.patient
     assert person_document(name).items() <= loaded.document["patient"].items()  # units as typed
+
+
+def test_segments_of_winter_survive_being_written_and_change_the_run():
+    settings = ["engine=pinocchio", "duration_s=0.05"]
+    loaded = load_experiment("bench_leg", [*settings, "patient.segment_model=winter"])
+    document = experiment_document(loaded.experiment)
+    assert document["patient"]["segment_model"] == "winter"
+    again = reread(document)
+    assert again.patient.segment_model is SegmentModel.WINTER and again == loaded.experiment
+    ours, theirs = (simulate(item).log for item in (again, load_experiment("bench_leg", settings).experiment))
+    assert (ours["right_hip_angle_rad"] != theirs["right_hip_angle_rad"]).any()
 
 
 def test_written_wearer_says_nothing_of_what_does_nothing():

@@ -16,11 +16,13 @@ from twin_gait.leg_model.wearer import (
     WAIST_SIZES,
     Segment,
     device_sizes,
+    foot_line,
     segment_inertia,
+    segments_of,
     trunk_mass,
 )
 from twin_gait.parameters import Patient
-from twin_gait.vocabulary import Sex
+from twin_gait.vocabulary import SegmentModel, Sex
 
 # de Leva (1996), J Biomech 29(9):1223-1230, table 4, as transcribed in the data folder of the BMC
 # notebooks (BMClab): mass in % of the body, centre of mass and radii of gyration (transverse,
@@ -36,6 +38,15 @@ DE_LEVA = {
 
 # Head and trunk, upper arm, forearm, hand of the same table: what is not leg.
 DE_LEVA_REST = {Sex.MALE: (6.94, 43.46, 2.71, 1.62, 0.61), Sex.FEMALE: (6.68, 42.57, 2.55, 1.38, 0.56)}
+
+# Winter (2009), table 4.1, as transcribed in the same folder: mass, centre of mass from the proximal end,
+# radii of gyration about the centre of mass, the proximal and the distal end.
+WINTER = {
+    "thigh": (0.100, 0.433, 0.323, 0.540, 0.653),
+    "shank": (0.0465, 0.433, 0.302, 0.528, 0.643),
+    "foot": (0.0145, 0.500, 0.475, 0.690, 0.690),
+}
+WINTER_TOTAL_LEG, WINTER_FOOT_AND_SHANK, WINTER_HEAD_ARMS_TRUNK = 0.161, 0.061, 0.678
 
 heights = st.floats(1.47, 1.95)  # what the tibia covers
 sexes = st.sampled_from(list(Sex))
@@ -67,6 +78,57 @@ def test_segments_and_trunk_add_up_to_the_body(mass: float, sex: Sex) -> None:
     axis = np.array([0.0, 0.0, -0.4])
     legs = 2.0 * sum(segment_inertia(item, mass, axis)[0] for item in SEGMENTS[sex].values())
     assert_allclose(legs + trunk_mass(patient), mass, rtol=1e-12)
+
+
+def of_winter(mass: float = 70.0, height: float = 1.75, sex: Sex = Sex.MALE) -> Patient:
+    return Patient(mass=mass, height=height, sex=sex, segment_model=SegmentModel.WINTER)
+
+
+def test_segments_are_those_of_de_leva_unless_one_asks_for_those_of_winter() -> None:
+    for sex in Sex:
+        assert segments_of(Patient(sex=sex)) == SEGMENTS[sex]
+        assert {name: item.mass for name, item in segments_of(of_winter(sex=sex)).items()} == {
+            name: row[0] for name, row in WINTER.items()
+        }
+
+
+def test_a_leg_of_winter_weighs_what_his_table_gives_to_legs_and_trunk() -> None:
+    segments = segments_of(of_winter())
+    assert_allclose(sum(item.mass for item in segments.values()), WINTER_TOTAL_LEG, rtol=1e-12)
+    assert_allclose(segments["shank"].mass + segments["foot"].mass, WINTER_FOOT_AND_SHANK, rtol=1e-12)
+    assert_allclose(trunk_mass(of_winter(80.0)), 80.0 * WINTER_HEAD_ARMS_TRUNK, rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", list(WINTER))
+def test_inertia_about_either_end_is_that_of_winter(name: str) -> None:
+    """The table gives radii of gyration about both ends; ours come from the one about the centre."""
+    _, share, _, proximal, distal = WINTER[name]
+    segment = segments_of(of_winter())[name]
+    assert_allclose(segment.centre_of_mass, share, rtol=1e-12)
+    for from_end, radius in ((share, proximal), (1.0 - share, distal)):
+        # Three digits are printed of each of the radii.
+        assert_allclose(np.hypot(segment.transverse_radius, from_end), radius, atol=1.1e-3)
+
+
+def test_thigh_and_shank_of_winter_are_those_of_gait2d() -> None:
+    """Constants of gait2d (van den Bogert; 75 kg, 1.80 m): mass, inertia and distance of the centre."""
+    for name, length, expected in (
+        ("thigh", 0.4410, (7.5, 0.1522, 0.1910)),
+        ("shank", 0.4428, (3.4875, 0.0624, 0.1917)),
+    ):
+        axis = np.array([0.0, 0.0, -length])
+        mass, centre, inertia = segment_inertia(segments_of(of_winter())[name], 75.0, axis)
+        assert_allclose((mass, inertia[1, 1], -centre[2]), expected, atol=6e-5)
+
+
+def test_foot_of_winter_hangs_between_ankle_and_second_metatarsal() -> None:
+    """0.152 · 1.75 = 0.266 m: from the ankle (0.72 − 0.25) · 0.266 = 0.12502 m forward, 0.034125 m down."""
+    start, axis = foot_line(of_winter())
+    assert_allclose(start, [0.0, 0.0], atol=0.0)
+    assert_allclose(axis, [0.12502, -0.034125], rtol=1e-12)
+    heel, foot = foot_line(Patient(height=1.75))
+    assert_allclose(heel, [-0.0665, -0.034125], rtol=1e-12)
+    assert_allclose(foot, [0.266, 0.0], atol=1e-15)
 
 
 def test_male_thigh_of_a_70_kg_wearer_by_hand() -> None:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.vocabulary import JointName, Sex, Side
+from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
 
 def require(condition: bool, name: str, expected: str, value: object) -> None:
@@ -491,6 +491,7 @@ class Patient:
         mass: In [kg]; TWIN carries at most 110 kg (thesis, table 2.1).
         height: In [m].
         sex: For the segment tables of de Leva (1996).
+        segment_model: Whose table of segments; that of Winter (2009) is the same for both sexes.
         conditions: Of hips and knees; what is not named does nothing.
         effort_delay: From phase and posture to the torque of the effort, in [s].
         effort_noise: Standard deviation of the effort's torque from tick to tick, as a share of it.
@@ -499,6 +500,7 @@ class Patient:
     mass: float = 70.0
     height: float = 1.75
     sex: Sex = Sex.MALE
+    segment_model: SegmentModel = SegmentModel.DE_LEVA
     conditions: Mapping[tuple[Side, JointName], JointCondition] = field(default_factory=dict)
     effort_delay: float = 0.1
     effort_noise: float = 0.0

@@ -46,3 +46,10 @@ class Sex(StrEnum):
 
     FEMALE = "female"
     MALE = "male"
+
+
+class SegmentModel(StrEnum):
+    """Table of the masses, centres of mass and radii of gyration of the wearer's segments."""
+
+    DE_LEVA = "de_leva"
+    WINTER = "winter"

@@ -17,7 +17,7 @@ from twin_gait.configuration.overrides import merge
 from twin_gait.configuration.validation import Number, Strict, converting, one_of, read_yaml, validate
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import JointCondition, Patient
-from twin_gait.vocabulary import JointName, Sex, Side
+from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
 _DEGREE = math.pi / 180.0
 _JOINTS = (JointName.HIP, JointName.KNEE)
@@ -78,6 +78,7 @@ class PatientEntry(Strict):
     mass_kg: Number = Patient.mass
     height_m: Number = Patient.height
     sex: Sex = Sex.MALE
+    segment_model: SegmentModel = Patient.segment_model
     effort_delay_s: Number | None = None
     effort_delay_ms: Number | None = None
     effort_noise: Number = Patient.effort_noise
@@ -92,6 +93,7 @@ class PatientEntry(Strict):
             mass=self.mass_kg,
             height=self.height_m,
             sex=self.sex,
+            segment_model=self.segment_model,
             conditions={place: item for place, item in conditions.items() if item != JointCondition()},
             effort_delay=one_of(self, {"effort_delay_s": 1.0, "effort_delay_ms": 1e-3}, Patient.effort_delay),
             effort_noise=self.effort_noise,
@@ -190,6 +192,7 @@ def patient_document(patient: Patient) -> dict[str, Any]:
         "mass_kg": patient.mass,
         "height_m": patient.height,
         "sex": str(patient.sex),
+        "segment_model": str(patient.segment_model),
         "effort_delay_s": patient.effort_delay,
         "effort_noise": patient.effort_noise,
     }

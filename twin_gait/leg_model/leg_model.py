@@ -19,16 +19,15 @@ import pinocchio as pin
 from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.leg_model.urdf import build_model, find_urdf, urdf_hash
 from twin_gait.leg_model.wearer import (
-    FOOT_HEIGHT,
-    FOOT_LENGTH,
-    SEGMENTS,
     SHANK_LENGTH,
     TRUNK_CENTRE_OF_MASS,
     TRUNK_LENGTH,
     TRUNK_RADIUS_OF_GYRATION,
     DeviceSizes,
     device_sizes,
+    foot_line,
     segment_inertia,
+    segments_of,
     trunk_mass,
 )
 from twin_gait.parameters import Patient
@@ -230,7 +229,7 @@ class LegModel:
         )
 
     def _add_wearer(self, patient: Patient) -> None:
-        segments = SEGMENTS[patient.sex]
+        segments = segments_of(patient)
         for leg in self.legs.values():
             hip, knee = self._joint_id(leg.hip), self._joint_id(leg.knee)
             thigh = self.model.jointPlacements[knee].translation.copy()
@@ -252,13 +251,10 @@ class LegModel:
             self._append_trunk(patient)
 
     def _append_foot(self, ankle: int, patient: Patient) -> None:
-        # The heel lies a quarter of the foot length behind the ankle (gait2d: 0.06 of 0.21 m).
-        length = FOOT_LENGTH * patient.height
-        forward, up = np.array([1.0, 0.0, 0.0]), self._up()
-        segment = SEGMENTS[patient.sex]["foot"]
-        mass, from_heel, inertia = segment_inertia(segment, patient.mass, length * forward)
-        heel = -0.25 * length * forward - 0.5 * FOOT_HEIGHT * patient.height * up
-        self._append(ankle, mass, heel + from_heel, inertia)
+        forward_and_up = np.array([[1.0, 0.0, 0.0], self._up()])
+        start, axis = (vector @ forward_and_up for vector in foot_line(patient))
+        mass, from_start, inertia = segment_inertia(segments_of(patient)["foot"], patient.mass, axis)
+        self._append(ankle, mass, start + from_start, inertia)
 
     def _append_trunk(self, patient: Patient) -> None:
         mass = trunk_mass(patient)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import Patient
-from twin_gait.vocabulary import Sex
+from twin_gait.vocabulary import SegmentModel, Sex
 
 # Segment lengths as shares of the body height: Drillis and Contini, in Winter (2009), fig. 4.1.
 THIGH_LENGTH = 0.245
@@ -16,6 +17,10 @@ SHANK_LENGTH = 0.246
 FOOT_LENGTH = 0.152
 FOOT_HEIGHT = 0.039
 HIP_BREADTH = 0.191
+# From the heel along the foot, as shares of its length: the ankle (gait2d: 0.06 of 0.21 m) and the head of
+# the second metatarsal (an assumption; the tables do not say where it lies).
+ANKLE_IN_FOOT = 0.25
+METATARSAL_IN_FOOT = 0.72
 # Greater trochanter to shoulder: (0.818 - 0.530) H; centre of mass and radius of gyration of head,
 # arms and trunk as shares of it: Winter (2009), table 4.1.
 TRUNK_LENGTH = 0.288
@@ -72,6 +77,49 @@ SEGMENTS: dict[Sex, dict[str, Segment]] = {
         ),
     },
 }
+
+# Winter (2009), Biomechanics and Motor Control of Human Movement, table 4.1, after Dempster (1955): thigh
+# greater trochanter to knee, shank knee to medial malleolus, foot lateral malleolus to second metatarsal. The
+# table knows one radius of gyration only; the longitudinal ones are those of de Leva's men, and a leg that
+# moves in its sagittal plane does not feel them.
+WINTER_SEGMENTS: dict[str, Segment] = {
+    "thigh": Segment(mass=0.100, centre_of_mass=0.433, transverse_radius=0.323, longitudinal_radius=0.149),
+    "shank": Segment(mass=0.0465, centre_of_mass=0.433, transverse_radius=0.302, longitudinal_radius=0.102),
+    "foot": Segment(mass=0.0145, centre_of_mass=0.500, transverse_radius=0.475, longitudinal_radius=0.124),
+}
+
+
+def segments_of(patient: Patient) -> Mapping[str, Segment]:
+    """Thigh, shank and foot of a wearer, from the table that he is to have.
+
+    Args:
+        patient: The wearer.
+
+    Returns:
+        The segments by name.
+    """
+    if patient.segment_model is SegmentModel.WINTER:
+        return WINTER_SEGMENTS
+    return SEGMENTS[patient.sex]
+
+
+def foot_line(patient: Patient) -> tuple[np.ndarray, np.ndarray]:
+    """Line on which a table measures the foot.
+
+    It ends half the foot's height below the ankle: de Leva's runs there from heel to tip of the toe, Winter's
+    comes down from the ankle to the second metatarsal.
+
+    Args:
+        patient: The wearer.
+
+    Returns:
+        Its beginning, seen from the ankle, and the way to its end; forward and up in [m], shapes ``(2,)``.
+    """
+    length = FOOT_LENGTH * patient.height
+    drop = -0.5 * FOOT_HEIGHT * patient.height
+    if patient.segment_model is SegmentModel.WINTER:
+        return np.zeros(2), np.array([(METATARSAL_IN_FOOT - ANKLE_IN_FOOT) * length, drop])
+    return np.array([-ANKLE_IN_FOOT * length, drop]), np.array([length, 0.0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,5 +193,5 @@ def segment_inertia(
 
 def trunk_mass(patient: Patient) -> float:
     """Mass of head, arms and trunk with pelvis: what the legs leave over, in [kg]."""
-    legs = 2.0 * sum(segment.mass for segment in SEGMENTS[patient.sex].values())
+    legs = 2.0 * sum(segment.mass for segment in segments_of(patient).values())
     return (1.0 - legs) * patient.mass

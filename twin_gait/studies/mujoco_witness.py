@@ -17,14 +17,13 @@ from twin_gait.experiment import Experiment, IntegrationMethod
 from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide, device_sizes
 from twin_gait.leg_model.leg_model import PELVIS_JOINT
 from twin_gait.leg_model.wearer import (
-    FOOT_HEIGHT,
-    FOOT_LENGTH,
-    SEGMENTS,
     SHANK_LENGTH,
     TRUNK_CENTRE_OF_MASS,
     TRUNK_LENGTH,
     TRUNK_RADIUS_OF_GYRATION,
     Segment,
+    foot_line,
+    segments_of,
 )
 from twin_gait.parameters import FrictionParameters, Patient
 from twin_gait.scenario.world import World
@@ -104,7 +103,7 @@ def witness_model(experiment: Experiment, model: LegModel) -> Any:
 
 def _put_on(spec: Any, patient: Patient, model: LegModel, *, fit_device: bool) -> None:
     """Fit the device to the wearer and add the wearer's segments as bodies of their own."""
-    segments = SEGMENTS[patient.sex]
+    segments = segments_of(patient)
     for leg in model.legs.values():
         if fit_device:
             _fit(spec, leg, patient)
@@ -117,9 +116,8 @@ def _put_on(spec: Any, patient: Patient, model: LegModel, *, fit_device: bool) -
             continue
         ankle = spec.joint(leg.ankle).parent
         _add_segment(knee, patient, segments["shank"], np.zeros(3), np.array(ankle.pos))
-        length = FOOT_LENGTH * patient.height
-        heel = np.array([-0.25 * length, 0.0, -0.5 * FOOT_HEIGHT * patient.height])
-        _add_segment(ankle, patient, segments["foot"], heel, np.array([length, 0.0, 0.0]))
+        start, axis = (np.array([forward, 0.0, up]) for forward, up in foot_line(patient))
+        _add_segment(ankle, patient, segments["foot"], start, axis)
     if model.pelvis is PelvisGuide.VERTICAL:
         _add_trunk(spec.joint(PELVIS_JOINT).parent, patient)
 
@@ -140,23 +138,26 @@ def _fit(spec: Any, leg: LegJoints, patient: Patient) -> None:
 
 
 def _add_segment(body: Any, patient: Patient, segment: Segment, start: np.ndarray, axis: np.ndarray) -> None:
-    """A limb along x or z of its body: a transverse inertia across it, a longitudinal one along."""
+    """A limb: a transverse inertia across its axis, a longitudinal one along."""
     mass, length = segment.mass * patient.mass, float(np.linalg.norm(axis))
-    radii = np.where(axis != 0.0, segment.longitudinal_radius, segment.transverse_radius)
-    _add_mass(body, mass, start + segment.centre_of_mass * axis, mass * (radii * length) ** 2)
+    radii = np.array([segment.transverse_radius, segment.transverse_radius, segment.longitudinal_radius])
+    _add_mass(body, mass, start + segment.centre_of_mass * axis, mass * (radii * length) ** 2, axis)
 
 
 def _add_trunk(pelvis: Any, patient: Patient) -> None:
     """Head, arms and trunk: what the legs leave over; a tenth of the inertia about the vertical."""
-    limbs = sum(segment.mass for segment in SEGMENTS[patient.sex].values())
+    limbs = sum(segment.mass for segment in segments_of(patient).values())
     mass, length = patient.mass * (1.0 - 2.0 * limbs), TRUNK_LENGTH * patient.height
     moment = mass * (TRUNK_RADIUS_OF_GYRATION * length) ** 2
     centre = np.array([0.0, 0.0, TRUNK_CENTRE_OF_MASS * length])
-    _add_mass(pelvis, mass, centre, moment * np.array([1.0, 1.0, 0.1]))
+    _add_mass(pelvis, mass, centre, moment * np.array([1.0, 1.0, 0.1]), np.array([0.0, 0.0, 1.0]))
 
 
-def _add_mass(body: Any, mass: float, centre: np.ndarray, moments: np.ndarray) -> None:
-    body.add_body(mass=mass, ipos=centre, inertia=moments, explicitinertial=True)
+def _add_mass(body: Any, mass: float, centre: np.ndarray, moments: np.ndarray, axis: np.ndarray) -> None:
+    """Moments about two axes across a direction, and about the direction itself."""
+    turn = np.empty(4)
+    import_mujoco().mju_quatZ2Vec(turn, axis)
+    body.add_body(mass=mass, ipos=centre, iquat=turn, inertia=moments, explicitinertial=True)
 
 
 class WitnessDynamics:

@@ -82,6 +82,7 @@ patient:
   mass_kg: 70
   height_m: 1.75
   sex: male                      # female or male: segment masses of de Leva (1996)
+  segment_model: de_leva         # or winter: segments of Winter (2009), the same for both sexes
   effort_delay_ms: 100           # from phase and posture to the torque
   effort_noise: 0.1              # standard deviation from tick to tick, as a share of the effort
   both:
@@ -92,6 +93,11 @@ patient:
 ```
 
 {laws}
+
+`segment_model: winter` takes masses, centres of mass and radii of gyration of thigh, shank and foot from
+Winter (2009, table 4.1, after Dempster): a leg has 16.1 % of the body's mass, where de Leva gives 19.9 % to
+a man's and 20.9 % to a woman's. That foot is measured from ankle to second metatarsal, which is taken to lie
+at 72 % of the foot's length (an assumption).
 
 A phase of the device stands for a span of the healthy cycle (Perry 1992); within it, the wearer gives the
 moment of the instant whose hip angle is nearest to his own, on the reference of Koopman et al. (2014) at
