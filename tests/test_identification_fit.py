@@ -28,7 +28,7 @@ from twin_gait.identification import (
 )
 from twin_gait.identification.bootstrap import uncertainty
 from twin_gait.identification.fitting import Fit, bounds, refit
-from twin_gait.identification.models import Coefficient, Shape
+from twin_gait.identification.friction_model import Coefficient, Shape
 from twin_gait.identification.refining import huber_cost, refine
 from twin_gait.identification.statistics import goodness
 

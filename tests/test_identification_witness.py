@@ -23,7 +23,7 @@ from twin_gait.identification import (
     join_tests,
 )
 from twin_gait.identification.bootstrap import uncertainty
-from twin_gait.identification.models import Coefficient, Shape
+from twin_gait.identification.friction_model import Coefficient, Shape
 from twin_gait.identification.statistics import goodness
 
 LEAST_SQUARES = FitOptions(loss=Loss.LINEAR)

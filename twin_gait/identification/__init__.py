@@ -1,6 +1,7 @@
 """Identification of joint friction from logs and from series of velocity and torque."""
 
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
+from twin_gait.identification.friction_model import FrictionModel
 from twin_gait.identification.identify import (
     Identification,
     IdentificationOptions,
@@ -8,7 +9,7 @@ from twin_gait.identification.identify import (
     identify_logs,
     identify_tests,
 )
-from twin_gait.identification.models import MODELS, FrictionModel, find_models
+from twin_gait.identification.models import MODELS, find_models
 from twin_gait.identification.processing import (
     CurrentSource,
     Processing,

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
 
-from twin_gait.identification.models import FrictionModel, Scale
+from twin_gait.identification.friction_model import FrictionModel, Scale
 from twin_gait.identification.refining import huber_cost, jacobian, refine, residuals
 from twin_gait.identification.samples import Samples, thinned, thinned_path
 

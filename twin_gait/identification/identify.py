@@ -19,8 +19,9 @@ from twin_gait.identification.doubts import (
     doubts_of_time,
 )
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
+from twin_gait.identification.friction_model import FrictionModel
 from twin_gait.identification.lineage import inherited_starts
-from twin_gait.identification.models import FrictionModel, find_models, missing_columns
+from twin_gait.identification.models import find_models, missing_columns
 from twin_gait.identification.processing import ProcessingOptions, process_log
 from twin_gait.identification.reading import LogColumns, read_log
 from twin_gait.identification.rig import RigParameters

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from twin_gait.identification.models import FrictionModel
+from twin_gait.identification.friction_model import FrictionModel
 from twin_gait.identification.samples import Samples
 
 _DIFFERENCE = 1e-5  # step of the central differences in the logarithm of a shape parameter

@@ -1,0 +1,112 @@
+"""What a friction model is: a law over samples, its parameters and their bounds.
+
+Every model is linear in some of its parameters (torques, viscous coefficients) once the others (velocities,
+exponents, ratios: its *shape*) are held. A fit works on the vector ``x``: the linear coefficients, then the
+logarithms of the shape, which keeps velocities positive and gives the sign-normal form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from twin_gait.identification.samples import Samples
+
+
+class Scale(StrEnum):
+    """What the bounds of a shape parameter are multiples of."""
+
+    NONE = "none"
+    SPEED = "speed"  # the speed that 95 % of the samples stay below
+    SLOWNESS = "slowness"  # its inverse
+    STIFFNESS = "stiffness"  # inverse of the way from one sample to the next
+    TURN = "turn"  # periods in a turn of the joint, such that the tests span one
+
+
+@dataclass(frozen=True, kw_only=True)
+class Coefficient:
+    """A linear coefficient.
+
+    Attributes:
+        signed: Whether it may be negative in a physical friction.
+    """
+
+    signed: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """A parameter that enters non-linearly.
+
+    Attributes:
+        low: Lower bound, a multiple of the scale.
+        high: Upper bound.
+        scale: What the bounds are multiples of.
+        physical_low: Lower bound of a physical friction; ``low`` if None.
+    """
+
+    low: float
+    high: float
+    scale: Scale = Scale.NONE
+    physical_low: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionModel:
+    """A friction model.
+
+    Attributes:
+        name: As the user writes it.
+        formula: In one line, for reports.
+        names: Parameters as they are reported, with their units, in the order of ``public``.
+        coefficients: Linear ones.
+        shape: The others.
+        torque: Law: samples, coefficients, shape -> torque in [N m], shape ``(n,)``.
+        public: Coefficients and shape -> reported parameters; works on columns of many at once.
+        needs: Columns of the samples, beyond speed and torque.
+        dynamic: Whether it has a state.
+        two_way: Whether it tells the directions apart, which samples of one direction cannot.
+    """
+
+    name: str
+    formula: str
+    names: tuple[str, ...]
+    coefficients: tuple[Coefficient, ...]
+    shape: tuple[Shape, ...]
+    torque: Callable[[Samples, np.ndarray, np.ndarray], np.ndarray]
+    public: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, ...]]
+    needs: frozenset[str] = frozenset()
+    dynamic: bool = False
+    two_way: bool = False
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return len(self.coefficients) + len(self.shape)
+
+    def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coefficients and shape of a vector, shape ``(size,)`` or ``(size, n)``."""
+        count = len(self.coefficients)
+        return x[:count], np.exp(x[count:])
+
+    def predict(self, x: np.ndarray, samples: Samples) -> np.ndarray:
+        """Friction torque in [N m] of a parameter vector, shape ``(n,)``."""
+        return self.torque(samples, *self.split(x))
+
+    def basis(self, shape: np.ndarray, samples: Samples) -> np.ndarray:
+        """Torque by each coefficient, shape ``(n, n_coefficients)``: the law is linear in them."""
+        units = np.eye(len(self.coefficients))[:, :, None]  # each coefficient a column: laws broadcast
+        torques = np.asarray(self.torque(samples, units, shape))
+        return (torques - self.constant(shape, samples)).T if self.dynamic else torques.T
+
+    def constant(self, shape: np.ndarray, samples: Samples) -> np.ndarray:
+        """Torque without any coefficient, shape ``(n,)``: what a test's start leaves in a state."""
+        return np.asarray(self.torque(samples, np.zeros(len(self.coefficients)), shape))
+
+    def parameters(self, x: np.ndarray) -> dict[str, float]:
+        """Reported parameters of a vector."""
+        values = self.public(*self.split(x))
+        return {name: float(value) for name, value in zip(self.names, values, strict=True)}

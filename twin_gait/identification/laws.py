@@ -1,0 +1,198 @@
+"""The laws of the friction models over samples, from linear coefficients ``beta`` and shape ``eta``.
+
+Break-away friction is fitted as its excess over Coulomb friction, stiffness and break-away friction of
+bristles as ratios to it, so that each law is linear in its coefficients. The last functions turn them into
+what is reported.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import lru_cache
+
+import numba
+import numpy as np
+
+from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.core.friction_models import (
+    REFERENCE_TEMPERATURE,
+    asymmetric_torque,
+    conditioned_torque,
+    coulomb_viscous_tanh_torque,
+    coulomb_viscous_torque,
+    directional_viscous_torque,
+    lugre_torque,
+    ripple_torque,
+    stribeck_level,
+    stribeck_torque,
+    two_velocity_torque,
+)
+from twin_gait.identification.bristle import bristle_deflection, remembered_start, start_of
+from twin_gait.identification.samples import Samples
+from twin_gait.simulation.compiling import register_core
+
+
+def coulomb_viscous(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Coefficients: Coulomb, viscous."""
+    return coulomb_viscous_torque(samples.velocity, beta[0], beta[1])
+
+
+def coulomb_viscous_tanh(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Coefficients: Coulomb, viscous; shape: steepness."""
+    return coulomb_viscous_tanh_torque(samples.velocity, beta[0], beta[1], eta[0])
+
+
+def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: Stribeck velocity and exponent."""
+    breakaway, coulomb, viscous = beta[0] + beta[1], beta[1], beta[2]
+    return stribeck_torque(samples.velocity, coulomb, breakaway, viscous, eta[0], eta[1])
+
+
+def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: break-away velocity."""
+    breakaway, coulomb, viscous = beta[0] + beta[1], beta[1], beta[2]
+    return np.asarray(_law_of_the_engines()(samples.velocity, breakaway, coulomb, eta[0], viscous))
+
+
+@lru_cache(maxsize=1)
+def _law_of_the_engines() -> Callable[..., np.ndarray]:
+    """Equation (3.1) over arrays: the very function that a simulation feels, compiled to run over samples."""
+    register_core()
+    law: Callable[..., np.ndarray] = numba.vectorize(rotational_friction_torque)
+    return law
+
+
+def simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: break-away velocity."""
+    return two_velocity_torque(
+        samples.velocity, beta[0] + beta[1], beta[1], beta[2], math.sqrt(2.0) * eta[0], 0.1 * eta[0]
+    )
+
+
+def load(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Coefficients: Coulomb, viscous, Coulomb per load; shape: transition velocity."""
+    cold = np.full(len(samples), REFERENCE_TEMPERATURE)
+    return conditioned_torque(
+        samples.velocity, _column(samples.load), cold, beta[0], beta[2], 0.0, beta[1], 0.0, eta[0]
+    )
+
+
+def temperature(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Coefficients: Coulomb, viscous, both per temperature; shape: transition velocity."""
+    unloaded, warm = np.zeros(len(samples)), _column(samples.temperature)
+    return conditioned_torque(
+        samples.velocity, unloaded, warm, beta[0], 0.0, beta[2], beta[1], beta[3], eta[0]
+    )
+
+
+def load_temperature(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Coefficients: Coulomb, viscous, Coulomb per load, both per temperature; shape: transition velocity."""
+    return conditioned_torque(
+        samples.velocity,
+        _column(samples.load),
+        _column(samples.temperature),
+        beta[0],
+        beta[2],
+        beta[3],
+        beta[1],
+        beta[4],
+        eta[0],
+    )
+
+
+def asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Coefficients: Coulomb, viscous forward and backward, offset; shape: transition velocity."""
+    coulomb, forward, backward, offset = beta
+    return asymmetric_torque(
+        samples.velocity, offset, coulomb, coulomb, forward, backward, eta[0], 1.0, 1.0, 1.0
+    )
+
+
+def asymmetric_stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """As :func:`asymmetric`, with break-away over Coulomb first and the exponents behind."""
+    excess, coulomb, forward, backward, offset = beta
+    return asymmetric_torque(samples.velocity, offset, coulomb, coulomb + excess, forward, backward, *eta)
+
+
+def ripple(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Coefficients: Coulomb, viscous, offset, cosine, sine; shape: transition velocity, ripples a turn."""
+    coulomb, viscous, offset, cosine, sine = beta
+    smooth = coulomb_viscous_tanh_torque(samples.velocity, coulomb, viscous, 1.0 / eta[0])
+    return np.asarray(smooth + offset + ripple_torque(_column(samples.angle), cosine, sine, eta[1]))
+
+
+def dahl(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Coefficients: Coulomb, viscous; shape: stiffness over Coulomb."""
+    coulomb, viscous = beta
+    shape = np.array([eta[0], 1.0, 1.0])
+    bristles, rate = _sliding(samples, shape, 1.0)
+    sliding = lugre_torque(samples.velocity, bristles, rate, coulomb, 0.0, 0.0)
+    return _slid(samples, shape, 1.0, sliding, coulomb_viscous_torque(samples.velocity, 0.0, viscous))
+
+
+def lugre(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """Coefficients: Coulomb, bristle damping, viscous; shape: two ratios to Coulomb, Stribeck velocity."""
+    coulomb, damping, viscous = beta
+    bristles, rate = _sliding(samples, eta, 2.0)
+    sliding = lugre_torque(samples.velocity, bristles, rate, coulomb, damping, 0.0)
+    return _slid(samples, eta, 2.0, sliding, coulomb_viscous_torque(samples.velocity, 0.0, viscous))
+
+
+def lugre_asymmetric(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
+    """As :func:`lugre`, viscous forward and backward, with an offset; shape: both exponents behind."""
+    coulomb, damping, forward, backward, offset = beta
+    bristles, rate = _sliding(samples, eta[:3], eta[3])
+    sliding = lugre_torque(samples.velocity, bristles, rate, coulomb, damping, 0.0)
+    rest = offset + directional_viscous_torque(samples.velocity, forward, backward, eta[4])
+    return _slid(samples, eta[:3], eta[3], sliding, rest)
+
+
+def _sliding(samples: Samples, eta: np.ndarray, exponent: float) -> tuple[np.ndarray, np.ndarray]:
+    """Bristle torque and bristle rate at a Coulomb friction of 1 N m."""
+    stiffness, ratio, stribeck_velocity = eta
+    velocity = samples.velocity
+    level = stribeck_level(velocity, 1.0, ratio, stribeck_velocity, exponent)
+    z = bristle_deflection(velocity, _column(samples.period), samples.fresh, level, stiffness)
+    return stiffness * z, velocity - stiffness * np.abs(velocity) / level * z
+
+
+def _slid(
+    samples: Samples, eta: np.ndarray, exponent: float, sliding: np.ndarray, rest: np.ndarray
+) -> np.ndarray:
+    """Bristle torque and the rest, with what is left of each test's start.
+
+    How the bristles were bent at the start is not known; the first torque of the test, less what is not
+    theirs, tells.
+    """
+    stiffness, ratio, stribeck_velocity = eta
+    level = stribeck_level(samples.velocity, 1.0, ratio, stribeck_velocity, exponent)
+    left = remembered_start(samples.velocity, _column(samples.period), samples.fresh, level, stiffness)
+    origin = start_of(samples.fresh)
+    return np.asarray(sliding + rest + left * (samples.torque[origin] - rest[..., origin]))
+
+
+def _column(values: np.ndarray | None) -> np.ndarray:
+    assert values is not None  # models that need a column are offered only where it is
+    return values
+
+
+def as_fitted(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Reported as they are fitted."""
+    return (*beta, *eta)
+
+
+def breakaway_first(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Coefficients are break-away less Coulomb friction, and Coulomb friction."""
+    return (beta[0] + beta[1], *beta[1:], *eta)
+
+
+def dahl_reported(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Shape is stiffness over Coulomb friction."""
+    return (*beta, eta[0] * beta[0])
+
+
+def lugre_reported(beta: np.ndarray, eta: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Shape begins with stiffness and break-away friction over Coulomb friction."""
+    coulomb = beta[0]
+    return (eta[1] * coulomb, *beta, eta[0] * coulomb, *eta[2:])
