@@ -12,16 +12,13 @@ from scipy.optimize import fsolve
 
 from twin_gait.simulation.bench_joint import simulate_bench
 from twin_gait.studies.whatif.inertia import (
-    Setting,
     largest_share,
-    linear_bench,
     linear_run_grows,
-    loop_of,
     noise_row,
-    sample_deviation,
     settings_by_delay,
     stability_row,
 )
+from twin_gait.studies.whatif.inertia_joint import Setting, linear_bench, loop_of, sample_deviation
 from twin_gait.studies.whatif.inertia_map import (
     InertiaLoop,
     Source,

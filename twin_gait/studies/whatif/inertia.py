@@ -2,7 +2,8 @@
 
 Three parts: what becomes of a joint that a hand holds still, over source, delay and share, for a rigid and
 a compliant gear; the largest stable shares by eigenvalues alone; and the noise of the torque beside the
-inertia that a hand still feels. The linear witness is :mod:`twin_gait.studies.whatif.inertia_map`.
+inertia that a hand still feels. The joint is in :mod:`twin_gait.studies.whatif.inertia_joint`, the linear
+witness in :mod:`twin_gait.studies.whatif.inertia_map`.
 """
 
 from __future__ import annotations
@@ -10,28 +11,17 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from twin_gait.checking.hanging_leg import friction_slope
 from twin_gait.checking.stability import largest_stable
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import FrictionParameters, SensorParameters
-from twin_gait.scenario.bench_joint import (
-    INERTIAL_NOISE,
-    BenchFriction,
-    BenchJoint,
-    InertialSensor,
-    InertialUnit,
-    Torsion,
-)
 from twin_gait.scenario.bench_leg import HandParameters
 from twin_gait.simulation.bench_joint import BenchRun, simulate_bench
 from twin_gait.studies.whatif.friction_joint import DEGREE, THESIS_RATIO
+from twin_gait.studies.whatif.inertia_joint import Setting, bench_of, linear_bench, loop_of, sample_deviation
 from twin_gait.studies.whatif.inertia_map import (
-    InertiaLoop,
     Source,
     felt_inertia,
     growth,
@@ -44,11 +34,8 @@ from twin_gait.studies.whatif.rig import (
     JOINT,
     LEVEL,
     MODEL,
-    controlled,
-    holding_torque,
     inertia,
     outcome,
-    rig,
     root_mean_square,
 )
 from twin_gait.studies.whatif.work import Job, Means, Row, tables_of
@@ -58,7 +45,6 @@ SHARES = tuple(round(0.1 * step, 1) for step in range(1, 12))
 TIME_CONSTANTS = (0.001, 0.002, 0.005, 0.010, 0.020)  # [s]; 5 ms is the firmware's
 DELAYS = (0, 2, 5, 10, 20)  # [ticks]
 BUS_DELAY = 2  # [ticks], a bus of 500 Hz
-LOAD = 2.0  # [kg]
 THESIS_GAIN = 0.35  # G, the thesis's best
 START_SPEED = 0.5  # [rad] / [s] of the joint that the hand catches
 DURATION, SPAN = 12.0, 3.0  # [s]
@@ -71,125 +57,6 @@ _LARGE = 1e-5  # [rad]; a linear motion that has come to this has grown, and may
 _EARLY = (2.0, 3.0)  # [s]
 _ROUNDING = 1e-13  # [rad]
 _LARGEST_SHARE = 1.5
-
-
-class Setting(NamedTuple):
-    """One joint with inertia compensation.
-
-    Attributes:
-        source: Of the acceleration.
-        time_constant: Of each filter behind the sensor in [s].
-        delay: Ticks between a sample of a unit and its use; 0 for the encoder.
-        share: Of the inertia that is compensated.
-        compliant: Whether the gear is.
-        held: Whether a hand holds the link.
-        noise: Factor on the noise of the sensor; 0 for an ideal one.
-    """
-
-    source: Source
-    time_constant: float
-    delay: int = 0
-    share: float = 0.0
-    compliant: bool = False
-    held: bool = True
-    noise: float = 1.0
-
-
-SENSORS = {
-    Source.GYROSCOPE: InertialSensor.GYROSCOPE,
-    Source.ACCELEROMETER: InertialSensor.ACCELEROMETER,
-}
-
-
-def bench_of(setting: Setting, friction: FrictionParameters, **control: float) -> BenchJoint:
-    """The bench as a setting describes it.
-
-    Args:
-        setting: The setting.
-        friction: True law.
-        control: Attributes of the controller.
-
-    Returns:
-        The test; the hand holds still.
-    """
-    bench = rig(
-        LOAD,
-        friction=BenchFriction(law=friction),
-        sensors=_sensors(setting),
-        inertial_unit=_unit(setting),
-        torsion=Torsion() if setting.compliant else None,
-        hand=HandParameters(joint=JOINT, amplitude=0.0) if setting.held else None,
-    )
-    wanted = {"inertia_compensation": setting.share, "target_torque": holding_torque(bench), **control}
-    return replace(bench, control=controlled(MODEL, **wanted))
-
-
-def _sensors(setting: Setting) -> SensorParameters:
-    firmware = SensorParameters().fast_time_constant
-    filtered = setting.time_constant if setting.source is Source.ENCODER else firmware
-    if setting.noise == 0.0:
-        return SensorParameters(ideal=True, fast_time_constant=filtered)
-    counts = round(SensorParameters().encoder_counts / setting.noise)
-    return SensorParameters(ideal=False, fast_time_constant=filtered, encoder_counts=counts)
-
-
-def _unit(setting: Setting) -> InertialUnit | None:
-    if setting.source is Source.ENCODER:
-        return None
-    sensor = SENSORS[setting.source]
-    return InertialUnit(
-        sensor=sensor,
-        noise=setting.noise * INERTIAL_NOISE[sensor],
-        delay=setting.delay,
-        time_constant=setting.time_constant,
-    )
-
-
-def viscous_law() -> FrictionParameters:
-    """Friction of the linear joint: the slope of the true one at 1 rad/s."""
-    slope = friction_slope(MODEL.scaled(THESIS_RATIO), 1.0)
-    return FrictionParameters(
-        breakaway_torque=0.0, coulomb_friction=0.0, breakaway_velocity=1.0, viscous_friction=slope
-    )
-
-
-def linear_bench(setting: Setting, **control: float) -> BenchJoint:
-    """The bench with a linear joint, without friction compensation.
-
-    Args:
-        setting: The setting.
-        control: Attributes of the controller that differ.
-
-    Returns:
-        The test.
-    """
-    return bench_of(setting, viscous_law(), friction_compensation_gain=0.0, **control)
-
-
-def loop_of(setting: Setting) -> InertiaLoop:
-    """The linear loop of :func:`linear_bench`, for its matrix.
-
-    Args:
-        setting: The setting.
-
-    Returns:
-        The loop.
-    """
-    bench = linear_bench(setting)
-    hand, torsion = bench.hand, bench.torsion
-    return InertiaLoop(
-        source=setting.source,
-        share=setting.share,
-        delay=setting.delay,
-        time_constant=setting.time_constant,
-        motor_inertia=bench.actuator.armature,
-        link_inertia=bench.link.total_inertia,
-        friction=bench.friction.law.viscous_friction,
-        hand_stiffness=0.0 if hand is None else hand.stiffness,
-        hand_damping=0.0 if hand is None else hand.damping,
-        gear_stiffness=0.0 if torsion is None else torsion.stiffness,
-        gear_damping=0.0 if torsion is None else torsion.damping,
-    )
 
 
 # ---------------------------------------------------------------------- who grows
@@ -300,22 +167,6 @@ def noise_row(setting: Setting) -> Row:
         "felt_inertia_share": round(_seen_inertia(setting), 4),
         "closed_felt_inertia_share": round(felt_inertia(loop, FELT_FREQUENCY), 4),
     }
-
-
-def sample_deviation(setting: Setting) -> float:
-    """Standard deviation of a sample in the unit of what it measures, as the tick map takes it.
-
-    Args:
-        setting: The setting.
-
-    Returns:
-        In [rad] for the encoder, a count over √12; in [rad] / [s] or [rad] / [s²] for a unit.
-    """
-    unit, sensors = _unit(setting), _sensors(setting)
-    if unit is None:
-        count = 2.0 * math.pi / (sensors.encoder_counts * rig().actuator.gear_ratio)
-        return count / math.sqrt(12.0)
-    return unit.noise / unit.lever if unit.sensor is InertialSensor.ACCELEROMETER else unit.noise
 
 
 def _led(setting: Setting, amplitude: float, frequency: float, cycles: float) -> BenchRun:
