@@ -1,4 +1,4 @@
-"""The one physics room that knows Pinocchio.
+"""What the rigid bodies of legs, device and wearer are asked: torques, inertias, energies, places.
 
 Conventions: joint angles in [rad] with hip flexion, knee flexion and ankle dorsiflexion positive (a
 URDF given by the user must follow them or be adapted); all joints have one degree of freedom, so
@@ -9,77 +9,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from twin_gait.exceptions import ModelError, ParameterError
-from twin_gait.leg_model.urdf import build_model, find_urdf, urdf_hash
-from twin_gait.leg_model.wearer import (
-    SHANK_LENGTH,
-    TRUNK_CENTRE_OF_MASS,
-    TRUNK_LENGTH,
-    TRUNK_RADIUS_OF_GYRATION,
-    DeviceSizes,
-    device_sizes,
-    foot_line,
-    segment_inertia,
-    segments_of,
-    trunk_mass,
-)
+from twin_gait.leg_model.assembly import Assembly
+from twin_gait.leg_model.joints import PELVIS_JOINT, LegJoints, PelvisGuide
+from twin_gait.leg_model.urdf import find_urdf, urdf_hash
+from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters import Patient
 from twin_gait.vocabulary import JointName, Side
-
-PELVIS_JOINT = "pelvis_vertical"
-
-
-class PelvisGuide(StrEnum):
-    """How the pelvis is held."""
-
-    FIXED = "fixed"
-    VERTICAL = "vertical"
-
-
-@dataclass(frozen=True, kw_only=True)
-class LegJoints:
-    """Names of the joints and contact frames of one leg in the URDF.
-
-    Attributes:
-        hip: Name of the hip flexion joint.
-        knee: Name of the knee joint.
-        ankle: Name of the ankle joint, or None.
-        contact_frames: Names of the frames that touch the ground (heel, toe), maybe none.
-    """
-
-    hip: str
-    knee: str
-    ankle: str | None = None
-    contact_frames: tuple[str, ...] = ()
-
-    @classmethod
-    def of_twin(cls, side: Side, *, foot: bool = True) -> LegJoints:
-        """Names in the URDFs of this project.
-
-        Args:
-            side: Which leg.
-            foot: Whether the URDF has an ankle and a foot.
-        """
-        return cls(
-            hip=f"{side}_hip",
-            knee=f"{side}_knee",
-            ankle=f"{side}_ankle" if foot else None,
-            contact_frames=(f"{side}_heel", f"{side}_toe") if foot else (),
-        )
-
-    def items(self) -> list[tuple[JointName, str]]:
-        """Joints that exist, from proximal to distal."""
-        pairs = [(JointName.HIP, self.hip), (JointName.KNEE, self.knee)]
-        if self.ankle is not None:
-            pairs.append((JointName.ANKLE, self.ankle))
-        return pairs
 
 
 class LegModel:
@@ -132,150 +73,19 @@ class LegModel:
         self.legs = dict(legs)
         self.pelvis = pelvis
         self.up_axis = up_axis
-        model = self._build(pelvis)
-        self._check_names(model)
-        self.model = self._lock_other_joints(model)
-        self._check_degrees_of_freedom()
-        self.sizes: DeviceSizes | None = None
+        assembly = Assembly(self.urdf_path, self.legs, pelvis, up_axis)
+        self.sizes = device_sizes(patient) if patient is not None and fit_device else None
+        if self.sizes is not None:
+            assembly.fit(self.sizes)
         if patient is not None:
-            if fit_device:
-                self.sizes = device_sizes(patient)
-                self._resize(self.sizes)
-            self._add_wearer(patient)
-        vertical = {"z": [0.0, 0.0, 1.0], "y": [0.0, 1.0, 0.0]}[up_axis]
-        self.model.gravity.linear = -gravity * np.array(vertical)
-        self._set_armature(armature or {})
+            assembly.put_on(patient)
+        assembly.set_gravity(gravity)
+        assembly.set_armature(armature or {})
+        self.model = assembly.model
         self.data = self.model.createData()
-
-    # ------------------------------------------------------------------ construction
-
-    def _build(self, pelvis: PelvisGuide) -> pin.Model:
-        if pelvis is PelvisGuide.FIXED:
-            return build_model(self.urdf_path)
-        joint = pin.JointModelPZ() if self.up_axis == "z" else pin.JointModelPY()
-        return build_model(self.urdf_path, (joint, PELVIS_JOINT))
-
-    def _check_names(self, model: pin.Model) -> None:
-        joints = [name for name in model.names if name != "universe"]
-        frames = {frame.name for frame in model.frames}
-        for side, leg in self.legs.items():
-            for joint, name in leg.items():
-                if name not in joints:
-                    raise ModelError(
-                        f"{self.urdf_path}: no joint {name!r} for the {side} {joint}; "
-                        f"it has {', '.join(joints) or 'no joints'}"
-                    )
-            for name in leg.contact_frames:
-                if name not in frames:
-                    raise ModelError(
-                        f"{self.urdf_path}: no frame {name!r} for the {side} foot; "
-                        f"it has {', '.join(sorted(frames))}"
-                    )
-
-    def _lock_other_joints(self, model: pin.Model) -> pin.Model:
-        wanted = {name for leg in self.legs.values() for _, name in leg.items()} | {PELVIS_JOINT}
-        locked = [model.getJointId(name) for name in model.names if name not in wanted | {"universe"}]
-        if not locked:
-            return model
-        return pin.buildReducedModel(model, locked, pin.neutral(model))
-
-    def _check_degrees_of_freedom(self) -> None:
-        for leg in self.legs.values():
-            for _, name in leg.items():
-                joint = self.model.joints[self.model.getJointId(name)]
-                if joint.nv == 1 and not joint.shortname().startswith("JointModelR"):
-                    raise ModelError(f"{self.urdf_path}: joint {name!r} slides; expected a revolute joint")
-                if joint.nq != 1 or joint.nv != 1:
-                    raise ModelError(
-                        f"{self.urdf_path}: joint {name!r} has {joint.nv} degrees of freedom; "
-                        "expected a revolute joint with one"
-                    )
 
     def _joint_id(self, name: str) -> int:
         return int(self.model.getJointId(name))
-
-    def _resize(self, sizes: DeviceSizes) -> None:
-        """Set femur, tibia and waist: joint placements and the device's own inertia.
-
-        The mass of a link stays; its centre of mass along the tube moves with the length and its
-        transverse inertia with the square of it.
-        """
-        for leg in self.legs.values():
-            placements = self.model.jointPlacements
-            hip, knee = self._joint_id(leg.hip), self._joint_id(leg.knee)
-            side_offset = placements[hip].translation.copy()
-            lateral = 1 if self.up_axis == "z" else 2
-            if side_offset[lateral] != 0.0:
-                side_offset[lateral] = np.copysign(sizes.waist / 2.0, side_offset[lateral])
-                placements[hip].translation = side_offset
-            self._stretch(hip, knee, sizes.femur)
-            if leg.ankle is not None:
-                self._stretch(knee, self._joint_id(leg.ankle), sizes.tibia)
-
-    def _stretch(self, proximal: int, distal: int, length: float) -> None:
-        placement = self.model.jointPlacements[distal]
-        old = float(np.linalg.norm(placement.translation))
-        if old == 0.0:
-            raise ModelError(
-                f"{self.urdf_path}: joints {self.model.names[proximal]!r} and "
-                f"{self.model.names[distal]!r} coincide, so the segment cannot be fitted; "
-                "use fit_device: false"
-            )
-        ratio = length / old
-        placement.translation = placement.translation * ratio
-        body = self.model.inertias[proximal]
-        self.model.inertias[proximal] = pin.Inertia(
-            body.mass, body.lever * ratio, body.inertia * (ratio * ratio)
-        )
-
-    def _add_wearer(self, patient: Patient) -> None:
-        segments = segments_of(patient)
-        for leg in self.legs.values():
-            hip, knee = self._joint_id(leg.hip), self._joint_id(leg.knee)
-            thigh = self.model.jointPlacements[knee].translation.copy()
-            if not thigh.any():
-                raise ModelError(
-                    f"{self.urdf_path}: joints {leg.hip!r} and {leg.knee!r} coincide; no thigh fits between"
-                )
-            self._append(hip, *segment_inertia(segments["thigh"], patient.mass, thigh))
-            if leg.ankle is None:
-                down = thigh / np.linalg.norm(thigh)
-                shank = SHANK_LENGTH * patient.height * down
-                self._append(knee, *segment_inertia(segments["shank"], patient.mass, shank))
-                continue
-            ankle = self._joint_id(leg.ankle)
-            shank = self.model.jointPlacements[ankle].translation.copy()
-            self._append(knee, *segment_inertia(segments["shank"], patient.mass, shank))
-            self._append_foot(ankle, patient)
-        if self.pelvis is PelvisGuide.VERTICAL:
-            self._append_trunk(patient)
-
-    def _append_foot(self, ankle: int, patient: Patient) -> None:
-        forward_and_up = np.array([[1.0, 0.0, 0.0], self._up()])
-        start, axis = (vector @ forward_and_up for vector in foot_line(patient))
-        mass, from_start, inertia = segment_inertia(segments_of(patient)["foot"], patient.mass, axis)
-        self._append(ankle, mass, start + from_start, inertia)
-
-    def _append_trunk(self, patient: Patient) -> None:
-        mass = trunk_mass(patient)
-        length = TRUNK_LENGTH * patient.height
-        radius = TRUNK_RADIUS_OF_GYRATION * length
-        along = np.outer(self._up(), self._up())
-        inertia = mass * radius * radius * (np.eye(3) - 0.9 * along)
-        self._append(self._joint_id(PELVIS_JOINT), mass, TRUNK_CENTRE_OF_MASS * length * self._up(), inertia)
-
-    def _append(self, joint: int, mass: float, lever: np.ndarray, inertia: np.ndarray) -> None:
-        self.model.appendBodyToJoint(joint, pin.Inertia(mass, lever, inertia), pin.SE3.Identity())
-
-    def _up(self) -> np.ndarray:
-        return np.array([0.0, 0.0, 1.0]) if self.up_axis == "z" else np.array([0.0, 1.0, 0.0])
-
-    def _set_armature(self, armature: Mapping[JointName, float]) -> None:
-        values = np.zeros(self.model.nv)
-        for leg in self.legs.values():
-            for joint, name in leg.items():
-                values[self.model.joints[self._joint_id(name)].idx_v] = armature.get(joint, 0.0)
-        self.model.armature = values
 
     # ------------------------------------------------------------------ indices
 

@@ -22,7 +22,7 @@ from twin_gait.core.plant import (
     passive_torque,
 )
 from twin_gait.experiment import IntegrationMethod
-from twin_gait.leg_model.leg_model import PELVIS_JOINT
+from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.scenario.world import World
 
 

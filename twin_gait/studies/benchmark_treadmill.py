@@ -8,7 +8,7 @@ import numpy as np
 
 from twin_gait.experiment import Experiment
 from twin_gait.leg_model.bodies import contact_points
-from twin_gait.leg_model.leg_model import PELVIS_JOINT
+from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.scenario import World
 from twin_gait.studies.mujoco_witness import (
     _COMPILER,

@@ -15,7 +15,7 @@ import numpy as np
 from twin_gait.exceptions import MissingOptionalDependency
 from twin_gait.experiment import Experiment, IntegrationMethod
 from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide, device_sizes
-from twin_gait.leg_model.leg_model import PELVIS_JOINT
+from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.leg_model.wearer import (
     SHANK_LENGTH,
     TRUNK_CENTRE_OF_MASS,

@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
-from twin_gait.leg_model.leg_model import PELVIS_JOINT
+from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.bench import draw_bench

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.exceptions import ViewerError
-from twin_gait.leg_model.leg_model import PELVIS_JOINT
+from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.leg_model.urdf import PACKAGED_URDFS, build_model, packaged_urdf, quiet_stderr, read_urdf
 from twin_gait.viewer import shapes
 from twin_gait.viewer.meshes import read_obj

@@ -1,0 +1,207 @@
+"""From a URDF to rigid bodies: legs chosen, the device fitted, the wearer put on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from twin_gait.exceptions import ModelError
+from twin_gait.leg_model.joints import PELVIS_JOINT, LegJoints, PelvisGuide
+from twin_gait.leg_model.urdf import build_model
+from twin_gait.leg_model.wearer import (
+    SHANK_LENGTH,
+    TRUNK_CENTRE_OF_MASS,
+    TRUNK_LENGTH,
+    TRUNK_RADIUS_OF_GYRATION,
+    DeviceSizes,
+    foot_line,
+    segment_inertia,
+    segments_of,
+    trunk_mass,
+)
+from twin_gait.parameters import Patient
+from twin_gait.vocabulary import JointName, Side
+
+
+class Assembly:
+    """A rigid-body model in the making.
+
+    Attributes:
+        model: The Pinocchio model as it is so far.
+    """
+
+    def __init__(self, path: Path, legs: Mapping[Side, LegJoints], pelvis: PelvisGuide, up_axis: str) -> None:
+        """Read a URDF and lock the joints that are not asked for.
+
+        Args:
+            path: Of the URDF.
+            legs: Joint names of each leg.
+            pelvis: Fixed in the world, or free to move vertically.
+            up_axis: ``"z"`` or ``"y"``.
+
+        Raises:
+            ModelError: If the URDF cannot be read or lacks a joint or frame.
+        """
+        self._path, self._legs, self._pelvis, self._up_axis = path, legs, pelvis, up_axis
+        model = self._read()
+        self._check_names(model)
+        self.model = self._lock_other_joints(model)
+        self._check_degrees_of_freedom()
+
+    def fit(self, sizes: DeviceSizes) -> None:
+        """Set femur, tibia and waist: joint placements and the device's own inertia.
+
+        The mass of a link stays; its centre of mass along the tube moves with the length and its
+        transverse inertia with the square of it.
+
+        Args:
+            sizes: Of the device.
+
+        Raises:
+            ModelError: If two joints coincide, so that there is no tube between them.
+        """
+        for leg in self._legs.values():
+            placements = self.model.jointPlacements
+            hip, knee = self._id(leg.hip), self._id(leg.knee)
+            side_offset = placements[hip].translation.copy()
+            lateral = 1 if self._up_axis == "z" else 2
+            if side_offset[lateral] != 0.0:
+                side_offset[lateral] = np.copysign(sizes.waist / 2.0, side_offset[lateral])
+                placements[hip].translation = side_offset
+            self._stretch(hip, knee, sizes.femur)
+            if leg.ankle is not None:
+                self._stretch(knee, self._id(leg.ankle), sizes.tibia)
+
+    def put_on(self, patient: Patient) -> None:
+        """Add the segments of a wearer to the links, and his trunk to a pelvis that moves.
+
+        Args:
+            patient: The wearer.
+
+        Raises:
+            ModelError: If hip and knee coincide, so that there is no thigh between them.
+        """
+        segments = segments_of(patient)
+        for leg in self._legs.values():
+            hip, knee = self._id(leg.hip), self._id(leg.knee)
+            thigh = self.model.jointPlacements[knee].translation.copy()
+            if not thigh.any():
+                raise ModelError(
+                    f"{self._path}: joints {leg.hip!r} and {leg.knee!r} coincide; no thigh fits between"
+                )
+            self._append(hip, *segment_inertia(segments["thigh"], patient.mass, thigh))
+            if leg.ankle is None:
+                down = thigh / np.linalg.norm(thigh)
+                shank = SHANK_LENGTH * patient.height * down
+                self._append(knee, *segment_inertia(segments["shank"], patient.mass, shank))
+                continue
+            ankle = self._id(leg.ankle)
+            shank = self.model.jointPlacements[ankle].translation.copy()
+            self._append(knee, *segment_inertia(segments["shank"], patient.mass, shank))
+            self._append_foot(ankle, patient)
+        if self._pelvis is PelvisGuide.VERTICAL:
+            self._append_trunk(patient)
+
+    def set_gravity(self, gravity: float) -> None:
+        """Let gravity pull down.
+
+        Args:
+            gravity: Its magnitude in [m] / [s²].
+        """
+        self.model.gravity.linear = -gravity * self._up()
+
+    def set_armature(self, armature: Mapping[JointName, float]) -> None:
+        """Set the inertia of rotors and gears at the joints.
+
+        Args:
+            armature: Per joint name in [kg m²]; 0 if absent.
+        """
+        values = np.zeros(self.model.nv)
+        for leg in self._legs.values():
+            for joint, name in leg.items():
+                values[self.model.joints[self._id(name)].idx_v] = armature.get(joint, 0.0)
+        self.model.armature = values
+
+    def _read(self) -> pin.Model:
+        if self._pelvis is PelvisGuide.FIXED:
+            return build_model(self._path)
+        joint = pin.JointModelPZ() if self._up_axis == "z" else pin.JointModelPY()
+        return build_model(self._path, (joint, PELVIS_JOINT))
+
+    def _check_names(self, model: pin.Model) -> None:
+        joints = [name for name in model.names if name != "universe"]
+        frames = {frame.name for frame in model.frames}
+        for side, leg in self._legs.items():
+            for joint, name in leg.items():
+                if name not in joints:
+                    raise ModelError(
+                        f"{self._path}: no joint {name!r} for the {side} {joint}; "
+                        f"it has {', '.join(joints) or 'no joints'}"
+                    )
+            for name in leg.contact_frames:
+                if name not in frames:
+                    raise ModelError(
+                        f"{self._path}: no frame {name!r} for the {side} foot; "
+                        f"it has {', '.join(sorted(frames))}"
+                    )
+
+    def _lock_other_joints(self, model: pin.Model) -> pin.Model:
+        wanted = {name for leg in self._legs.values() for _, name in leg.items()} | {PELVIS_JOINT}
+        locked = [model.getJointId(name) for name in model.names if name not in wanted | {"universe"}]
+        if not locked:
+            return model
+        return pin.buildReducedModel(model, locked, pin.neutral(model))
+
+    def _check_degrees_of_freedom(self) -> None:
+        for leg in self._legs.values():
+            for _, name in leg.items():
+                joint = self.model.joints[self.model.getJointId(name)]
+                if joint.nv == 1 and not joint.shortname().startswith("JointModelR"):
+                    raise ModelError(f"{self._path}: joint {name!r} slides; expected a revolute joint")
+                if joint.nq != 1 or joint.nv != 1:
+                    raise ModelError(
+                        f"{self._path}: joint {name!r} has {joint.nv} degrees of freedom; "
+                        "expected a revolute joint with one"
+                    )
+
+    def _stretch(self, proximal: int, distal: int, length: float) -> None:
+        placement = self.model.jointPlacements[distal]
+        old = float(np.linalg.norm(placement.translation))
+        if old == 0.0:
+            raise ModelError(
+                f"{self._path}: joints {self.model.names[proximal]!r} and "
+                f"{self.model.names[distal]!r} coincide, so the segment cannot be fitted; "
+                "use fit_device: false"
+            )
+        ratio = length / old
+        placement.translation = placement.translation * ratio
+        body = self.model.inertias[proximal]
+        self.model.inertias[proximal] = pin.Inertia(
+            body.mass, body.lever * ratio, body.inertia * (ratio * ratio)
+        )
+
+    def _append_foot(self, ankle: int, patient: Patient) -> None:
+        forward_and_up = np.array([[1.0, 0.0, 0.0], self._up()])
+        start, axis = (vector @ forward_and_up for vector in foot_line(patient))
+        mass, from_start, inertia = segment_inertia(segments_of(patient)["foot"], patient.mass, axis)
+        self._append(ankle, mass, start + from_start, inertia)
+
+    def _append_trunk(self, patient: Patient) -> None:
+        mass = trunk_mass(patient)
+        length = TRUNK_LENGTH * patient.height
+        radius = TRUNK_RADIUS_OF_GYRATION * length
+        along = np.outer(self._up(), self._up())
+        inertia = mass * radius * radius * (np.eye(3) - 0.9 * along)
+        self._append(self._id(PELVIS_JOINT), mass, TRUNK_CENTRE_OF_MASS * length * self._up(), inertia)
+
+    def _append(self, joint: int, mass: float, lever: np.ndarray, inertia: np.ndarray) -> None:
+        self.model.appendBodyToJoint(joint, pin.Inertia(mass, lever, inertia), pin.SE3.Identity())
+
+    def _id(self, name: str) -> int:
+        return int(self.model.getJointId(name))
+
+    def _up(self) -> np.ndarray:
+        return np.array([0.0, 0.0, 1.0]) if self._up_axis == "z" else np.array([0.0, 1.0, 0.0])

@@ -1,0 +1,56 @@
+"""How the joints of a leg are called in a URDF, and how the pelvis is held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from twin_gait.vocabulary import JointName, Side
+
+PELVIS_JOINT = "pelvis_vertical"
+
+
+class PelvisGuide(StrEnum):
+    """How the pelvis is held."""
+
+    FIXED = "fixed"
+    VERTICAL = "vertical"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LegJoints:
+    """Names of the joints and contact frames of one leg in the URDF.
+
+    Attributes:
+        hip: Name of the hip flexion joint.
+        knee: Name of the knee joint.
+        ankle: Name of the ankle joint, or None.
+        contact_frames: Names of the frames that touch the ground (heel, toe), maybe none.
+    """
+
+    hip: str
+    knee: str
+    ankle: str | None = None
+    contact_frames: tuple[str, ...] = ()
+
+    @classmethod
+    def of_twin(cls, side: Side, *, foot: bool = True) -> LegJoints:
+        """Names in the URDFs of this project.
+
+        Args:
+            side: Which leg.
+            foot: Whether the URDF has an ankle and a foot.
+        """
+        return cls(
+            hip=f"{side}_hip",
+            knee=f"{side}_knee",
+            ankle=f"{side}_ankle" if foot else None,
+            contact_frames=(f"{side}_heel", f"{side}_toe") if foot else (),
+        )
+
+    def items(self) -> list[tuple[JointName, str]]:
+        """Joints that exist, from proximal to distal."""
+        pairs = [(JointName.HIP, self.hip), (JointName.KNEE, self.knee)]
+        if self.ankle is not None:
+            pairs.append((JointName.ANKLE, self.ankle))
+        return pairs
