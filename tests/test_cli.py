@@ -119,6 +119,9 @@ BAD = {
     "export format": ["export", "nowhere", "--to", "xlsx"],
     "map workers": ["map", "--workers", "0"],
     "faults workers": ["faults", "--workers", "-1"],
+    "faults into a folder": ["faults", "--out", "."],
+    "map into no folder": ["map", "--out", "nowhere/map.csv"],
+    "validate into no folder": ["validate", "--json", "nowhere/checks.json"],
     "map without a treadmill": ["map", "bench_leg"],
 }
 

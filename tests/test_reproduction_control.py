@@ -12,6 +12,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
+from twin_gait.measures.assistance import root_mean_square
 from twin_gait.parameters import FrictionParameters
 from twin_gait.scenario.bench_joint import BenchJoint
 from twin_gait.simulation import simulate
@@ -24,7 +25,6 @@ from twin_gait.studies.reproduction.control_current import (
     expected_rmse,
     geometric_mean_and_spread,
     off_line_current,
-    root_mean_square,
 )
 from twin_gait.studies.reproduction.control_delay import (
     PRINTED_DELAY,

@@ -1,13 +1,26 @@
-"""Write files so that a reader sees the old content or the new, never half of it."""
+"""Write files so that a reader sees the old content or the new, never half of it, and JSON that is JSON."""
 
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import tempfile
 from pathlib import Path
 
 from twin_gait.exceptions import RunDirectoryError
+
+
+def finite_or_none(value: float) -> float | None:
+    """A number as JSON holds it, which has no word for infinite ones and for none at all.
+
+    Args:
+        value: The number.
+
+    Returns:
+        The number, or None if it is not finite.
+    """
+    return float(value) if math.isfinite(value) else None
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:

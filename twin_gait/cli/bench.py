@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait.cli.options import check_file
 from twin_gait.cli.terminal import (
     DONE,
     FAILED,
@@ -210,7 +211,6 @@ def report_campaign(result: CampaignResult) -> None:
 
 def run_test_command(arguments: argparse.Namespace) -> int:
     """Simulate one test."""
-    from twin_gait.exceptions import RunDirectoryError
     from twin_gait.files import write_atomically
     from twin_gait.parameters import require
     from twin_gait.simulation import RunStatus
@@ -219,8 +219,7 @@ def run_test_command(arguments: argparse.Namespace) -> int:
 
     require(arguments.seed >= 0, "seed", "a whole number of 0 or more", arguments.seed)
     out: Path = arguments.out
-    if out.exists() and not arguments.force:
-        raise RunDirectoryError(f"{out}: exists; choose another --out, or replace it with --force")
+    check_file("--out", out, force=arguments.force)
     bench = bench_of(arguments)
     test = replace(
         bench,

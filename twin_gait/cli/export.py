@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from twin_gait.cli.options import check_file
 from twin_gait.cli.terminal import DONE
 
 DEFAULT_CONVENTION = "opensim_gait2392"
@@ -39,7 +40,7 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Export the log."""
     from twin_gait.conventions import DEGREES, RADIANS, find_convention
-    from twin_gait.exceptions import ParameterError, RunDirectoryError
+    from twin_gait.exceptions import ParameterError
     from twin_gait.export import export_csv, export_motion
     from twin_gait.studies.record import load_run
 
@@ -47,8 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise ParameterError("--convention: CSV keeps this package's own names and signs; leave it out")
     stored = load_run(arguments.directory)
     path = arguments.out or arguments.directory / f"log.{arguments.format}"
-    if path.exists() and not arguments.force:
-        raise RunDirectoryError(f"{path}: exists; choose another --out, or replace it with --force")
+    check_file("--out", path, force=arguments.force)
     columns = list(stored.log.columns)
     if arguments.format == "csv":
         export_csv(stored.log, path)

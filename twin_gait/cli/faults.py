@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from twin_gait.cli.options import add_settings, check_file
 from twin_gait.cli.runners import add_workers, workers_of
 from twin_gait.cli.terminal import (
     DONE,
@@ -34,7 +35,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--count", type=int, default=100, metavar="N", help="faults (100)")
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the draws (0)")
     parser.add_argument("--duration", type=float, default=DURATION, metavar="S", help="of each run (8 s)")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings")
+    add_settings(parser)
     add_workers(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="also write one row per fault as CSV")
     parser.add_argument("--force", action="store_true", help="replace an existing file")
@@ -44,14 +45,13 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the campaign and print the table of outcomes."""
     from twin_gait.configuration import load_experiment
-    from twin_gait.exceptions import RunDirectoryError
     from twin_gait.files import write_atomically
     from twin_gait.simulation import RunStatus
     from twin_gait.studies.faults import draw_faults, limit_lines, outcome_table, run_campaign
 
     workers = workers_of(arguments)
-    if arguments.out is not None and arguments.out.exists() and not arguments.force:
-        raise RunDirectoryError(f"{arguments.out}: exists; choose another, or replace it with --force")
+    if arguments.out is not None:
+        check_file("--out", arguments.out, force=arguments.force)
     settings = [*arguments.settings, f"duration_s={arguments.duration}"]
     base = load_experiment(arguments.experiment, settings).experiment
     faults = draw_faults(base, arguments.count, arguments.seed)

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from twin_gait.cli.options import add_settings, check_file
 from twin_gait.cli.runners import add_workers, workers_of
 from twin_gait.cli.terminal import DONE, progress_bar
 
@@ -21,7 +22,7 @@ def add_parser(commands: Any) -> None:
         ),
     )
     parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings")
+    add_settings(parser)
     add_workers(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="also write the table as CSV")
     parser.add_argument("--force", action="store_true", help="replace an existing file")
@@ -31,13 +32,12 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Simulate the grid and print the map."""
     from twin_gait.configuration import load_experiment
-    from twin_gait.exceptions import RunDirectoryError
     from twin_gait.files import write_atomically
     from twin_gait.studies.outcome_map import draw_map, experiment_of, grid, map_outcomes
 
     workers = workers_of(arguments)
-    if arguments.out is not None and arguments.out.exists() and not arguments.force:
-        raise RunDirectoryError(f"{arguments.out}: exists; choose another, or replace it with --force")
+    if arguments.out is not None:
+        check_file("--out", arguments.out, force=arguments.force)
     base = load_experiment(arguments.experiment, arguments.settings).experiment
     cases = grid()
     experiment_of(base, cases[0])

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait.cli.options import add_settings
 from twin_gait.cli.terminal import (
     DONE,
     FAILED,
@@ -36,14 +37,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--force", action="store_true", help="replace an existing run directory")
     parser.add_argument("--duration", type=float, metavar="S", help="simulated time in seconds")
     parser.add_argument("--engine", help="compiled (the default), or pinocchio, the witness in Python")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="change any value, for example patient.mass_kg=80 or table.blending.duration_ms=40",
-    )
+    add_settings(parser, "change any value, for example patient.mass_kg=80 or table.blending.duration_ms=40")
     parser.add_argument(
         "--fault",
         action="append",

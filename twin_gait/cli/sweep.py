@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait.cli.options import add_settings
 from twin_gait.cli.runners import add_runner, check_runner, runner_of
 from twin_gait.cli.terminal import (
     DONE,
@@ -38,14 +39,7 @@ def add_parser(commands: Any) -> None:
         "--chunk-seconds", type=float, default=2.0, metavar="S", help="work handed over at a time (2)"
     )
     parser.add_argument("--no-pictures", action="store_true", help="leave out the figures")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="change a value of every episode, for example duration_s=5",
-    )
+    add_settings(parser, "change a value of every episode, for example duration_s=5")
     parser.set_defaults(run=run)
 
 

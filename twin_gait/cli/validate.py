@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from twin_gait.cli.options import check_file
 from twin_gait.cli.terminal import DONE, FAILED, progress_bar
 
 
@@ -29,7 +30,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the checks and print the table."""
     import json
 
-    from twin_gait.exceptions import RunDirectoryError
     from twin_gait.files import write_atomically
     from twin_gait.studies.validation import (
         all_passed,
@@ -40,8 +40,8 @@ def run(arguments: argparse.Namespace) -> int:
     )
 
     plans = chosen_checks(arguments.only)
-    if arguments.json is not None and arguments.json.exists() and not arguments.force:
-        raise RunDirectoryError(f"{arguments.json}: exists; choose another, or replace it with --force")
+    if arguments.json is not None:
+        check_file("--json", arguments.json, force=arguments.force)
     with progress_bar("checking", "check") as progress:
         checks = validate(plans, progress=progress)
     print(draw_checks(checks))

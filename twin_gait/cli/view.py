@@ -12,8 +12,9 @@ import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin_gait.cli.options import check_file
 from twin_gait.cli.terminal import DONE, stop_on_interrupt
-from twin_gait.exceptions import ParameterError, RunDirectoryError
+from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -92,16 +93,7 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ParameterError("--size: is the size of a picture; give --png FILE too")
     for option, path in (("--out", arguments.out), ("--png", arguments.png)):
         if path is not None:
-            _check_target(option, path.expanduser(), force=arguments.force)
-
-
-def _check_target(option: str, path: Path, *, force: bool) -> None:
-    if path.is_dir():
-        raise RunDirectoryError(f"{option} {path}: is a directory; name a file")
-    if path.exists() and not force:
-        raise RunDirectoryError(f"{option} {path}: exists; choose another name, or replace it with --force")
-    if not path.absolute().parent.is_dir():
-        raise RunDirectoryError(f"{option} {path}: there is no directory {path.absolute().parent}")
+            check_file(option, path.expanduser(), force=arguments.force)
 
 
 def _refuse_beside_a_urdf(arguments: argparse.Namespace, urdf: Path) -> None:

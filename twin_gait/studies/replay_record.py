@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from twin_gait.files import write_atomically
+from twin_gait.files import finite_or_none, write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.replay import Agreement, Replay, agreement
 from twin_gait.replay.strides import meant_cycles, stride_phases
@@ -78,19 +78,15 @@ def _switches(result: Replay, side: Side) -> list[dict[str, Any]]:
 def _agreement(compared: Agreement) -> dict[str, Any]:
     return {
         "equal_share": compared.equal_share,
-        "phase_share": {name: _number(compared.phase_share(name)) for name in compared.replayed},
+        "phase_share": {name: finite_or_none(compared.phase_share(name)) for name in compared.replayed},
         "confusion_ticks": {
             name: dict(zip(compared.replayed, row.tolist(), strict=True))
             for name, row in zip(compared.recorded, compared.confusion, strict=True)
         },
         "entry_lags_s": {
-            name: [_number(lag) for lag in lags.tolist()] for name, lags in compared.lags.items()
+            name: [finite_or_none(lag) for lag in lags.tolist()] for name, lags in compared.lags.items()
         },
     }
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def write_replay(result: Replay, target: Path, *, force: bool = False, pictures: bool = True) -> None:

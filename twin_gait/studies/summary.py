@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import twin_gait
+from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.measures.effort import battery_use, changes_at_switches
 from twin_gait.measures.energy import energy_balance
@@ -95,7 +96,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, int | np.integer):
         return int(value)
     if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
+        return finite_or_none(float(value))
     return value if value is None else str(value)
 
 

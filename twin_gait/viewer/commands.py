@@ -8,6 +8,7 @@ gives the same bytes.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -188,6 +189,12 @@ def set_animation(tracks: Sequence[Track], frames_per_second: float) -> Command:
 def encode(command: Mapping[str, Any]) -> bytes:
     """Pack a command; numbers are single precision, which the viewer draws with anyway."""
     return bytes(umsgpack.packb(dict(command), force_float_precision="single"))
+
+
+def pack(command: Mapping[str, Any]) -> bytes:
+    """A command after its length in four bytes, lowest first; several stand one after the other."""
+    block = encode(command)
+    return struct.pack("<I", len(block)) + block
 
 
 def _buffers(shape: Shape) -> Command:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import struct
-
-from twin_gait.viewer.commands import Command, encode
+from twin_gait.viewer.commands import Command, pack
 
 # Objects first, because setting one clears its properties; the animation last, because its tracks
 # look for the objects.
@@ -32,6 +30,5 @@ class Recorder:
         return sorted(self._commands.values(), key=lambda command: _ORDER.index(command["type"]))
 
     def packed(self) -> bytes:
-        """All commands, each after its length in four bytes, lowest first."""
-        blocks = [encode(command) for command in self.commands()]
-        return b"".join(struct.pack("<I", len(block)) + block for block in blocks)
+        """All commands, one after the other as :func:`~twin_gait.viewer.commands.pack` has them."""
+        return b"".join(pack(command) for command in self.commands())

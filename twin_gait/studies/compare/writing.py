@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from twin_gait import __version__
-from twin_gait.files import write_atomically
+from twin_gait.files import finite_or_none, write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import normalise_strides
@@ -160,7 +160,7 @@ def summary_text(comparison: Comparison, who: str) -> str:
         "controllers": {
             item.name: {
                 "walked": comparison.walked(item.name),
-                "numbers": {name: value if math.isfinite(value) else None for name, value in row.items()},
+                "numbers": {name: finite_or_none(value) for name, value in row.items()},
             }
             for item, row in rows
         },

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.scenario.faults import FOOT, Fault, FaultKind, parse_fault
@@ -137,28 +138,11 @@ class Actions:
 
 
 def _choice(name: str, label: str, action: Action, choices: tuple[str, ...]) -> Control:
-    first = choices[0]
-    return Control(
-        name=name,
-        label=label,
-        group=str(action),
-        kind=ControlKind.CHOICE,
-        value=first,
-        default=first,
-        choices=choices,
-    )
+    return _field(name, label, action, ControlKind.CHOICE, choices[0], choices=choices)
 
 
 def _text(name: str, label: str, action: Action, value: str, text: str) -> Control:
-    return Control(
-        name=name,
-        label=label,
-        group=str(action),
-        kind=ControlKind.TEXT,
-        value=value,
-        default=value,
-        help=text,
-    )
+    return _field(name, label, action, ControlKind.TEXT, value, help=text)
 
 
 def _number(
@@ -170,15 +154,12 @@ def _number(
     bounds: tuple[float, float],
     step: float,
 ) -> Control:
-    return Control(
-        name=name,
-        label=label,
-        group=str(action),
-        kind=ControlKind.NUMBER,
-        value=value,
-        default=value,
-        unit=unit,
-        least=bounds[0],
-        largest=bounds[1],
-        step=step,
+    least, largest = bounds
+    return _field(
+        name, label, action, ControlKind.NUMBER, value, unit=unit, least=least, largest=largest, step=step
     )
+
+
+def _field(name: str, label: str, action: Action, kind: ControlKind, value: Value, **rest: Any) -> Control:
+    """A field of an action; it begins with its default."""
+    return Control(name=name, label=label, group=str(action), kind=kind, value=value, default=value, **rest)

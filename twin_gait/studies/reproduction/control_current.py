@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.identification.filters import decimate, moving_average
+from twin_gait.measures.assistance import root_mean_square
 from twin_gait.palette import BLUE, BLUISH_GREEN, GREY, ORANGE, SKY_BLUE, VERMILLION
 from twin_gait.report.canvas import style_panel
 from twin_gait.simulation.bench_joint import TICK, BenchRun, simulate_bench
@@ -33,18 +34,6 @@ from twin_gait.studies.reproduction.control_bench import (
 
 MEASURED_RMSE = 0.0113  # [A], target and measured current (thesis 3.5)
 OFF_LINE_RMSE = 0.0035  # [A], target current and the one computed after the test (thesis 3.5)
-
-
-def root_mean_square(values: np.ndarray) -> float:
-    """Root of the mean square, as the thesis's RMSE.
-
-    Args:
-        values: Differences, shape ``(n,)``.
-
-    Returns:
-        In the unit of the values.
-    """
-    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def off_line_current(run: BenchRun, phase: int) -> np.ndarray:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
+from twin_gait.measures.assistance import root_mean_square
 from twin_gait.palette import BLACK, BLUE, SKY_BLUE, VERMILLION
 from twin_gait.report.canvas import style_panel
 from twin_gait.studies.reproduction.shared import LawFit, law_torque, table_values
@@ -75,10 +74,5 @@ def _spread(fit: LawFit) -> tuple[np.ndarray, np.ndarray]:
     """RMS of the residuals in bins of the speed."""
     place = (fit.velocity / _BIN).astype(int)
     filled = [number for number in range(int(place.max()) + 1) if (place == number).sum() >= _FEWEST]
-    spread = [rms(fit.residuals[place == number]) for number in filled]
+    spread = [root_mean_square(fit.residuals[place == number]) for number in filled]
     return (np.array(filled) + 0.5) * _BIN, np.array(spread)
-
-
-def rms(values: np.ndarray) -> float:
-    """Root of the mean square, in the unit of the values, shape ``(n,)``."""
-    return math.sqrt(float(np.mean(values * values)))

@@ -11,6 +11,7 @@ from pathlib import Path
 from twin_gait.identification import Processing, ProcessingOptions, RigParameters
 from twin_gait.identification.processing import RATE
 from twin_gait.identification.statistics import goodness
+from twin_gait.measures.assistance import root_mean_square
 from twin_gait.report.reproduction import number_text
 from twin_gait.scenario.bench_joint import BENCH_ACTUATORS
 from twin_gait.simulation.bench_joint import TICK
@@ -21,7 +22,7 @@ from twin_gait.studies.campaign import (
     TwoWayProtocol,
 )
 from twin_gait.studies.reproduction.claim import Claim, Kind, Recipe, Reproduction
-from twin_gait.studies.reproduction.friction_drawing import AXIS_END, draw_fits, rms
+from twin_gait.studies.reproduction.friction_drawing import AXIS_END, draw_fits
 from twin_gait.studies.reproduction.shared import (
     LETTERS,
     LEVEL,
@@ -160,7 +161,7 @@ def _fit_claims(joint: JointName, late: LawFit, prompt: LawFit) -> tuple[Claim, 
 
 def _initial_dispersion(joint: JointName, fit: LawFit) -> float:
     slow = fit.velocity < table_values(joint)["c"]
-    return rms(fit.residuals[slow]) / rms(fit.residuals[~slow])
+    return root_mean_square(fit.residuals[slow]) / root_mean_square(fit.residuals[~slow])
 
 
 def lagged_viscous(viscous: float, inertia: float, frequency: float) -> float:

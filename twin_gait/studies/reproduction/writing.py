@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import Any
 
 from twin_gait import __version__
-from twin_gait.files import write_atomically
+from twin_gait.files import finite_or_none, write_atomically
 from twin_gait.report.reproduction import ShownClaim, ShownFigure, page_text
 from twin_gait.simulation.run import RunStatus
 from twin_gait.studies.folders import FolderKind
@@ -111,15 +110,11 @@ def _claim_entry(claim: Claim) -> dict[str, Any]:
     return {
         "name": claim.name,
         "thesis": claim.thesis,
-        "ours": _finite(claim.ours),
+        "ours": finite_or_none(claim.ours),
         "unit": claim.unit,
         "kind": str(claim.kind),
-        "band": [_finite(claim.low), _finite(claim.high)],
+        "band": [finite_or_none(claim.low), finite_or_none(claim.high)],
         "reason": claim.reason,
         "source": claim.source,
         "verdict": verdict_of(claim),
     }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

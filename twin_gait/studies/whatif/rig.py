@@ -19,6 +19,7 @@ from twin_gait.control import Controller
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE
 from twin_gait.gait.table import TICK
+from twin_gait.measures.assistance import root_mean_square
 from twin_gait.parameters import FrictionParameters, SensorParameters
 from twin_gait.scenario.bench_joint import (
     BENCH_FRICTION,
@@ -287,11 +288,6 @@ def feeling(test: BenchJoint) -> HandFeeling:
     torque, load, acceleration, velocity = (run.column(name)[cycle] for name in names)
     left = torque + load + holding_torque(test) - inertia(test) * acceleration
     return HandFeeling(root_mean_square(torque), root_mean_square(left), float(torque @ velocity) * TICK)
-
-
-def root_mean_square(values: np.ndarray) -> float:
-    """Root of the mean square, in the unit of the values."""
-    return float(np.sqrt(np.mean(values * values)))
 
 
 def hand_velocity() -> np.ndarray:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Hashable
 
-from twin_gait.viewer.commands import Command, encode
+from twin_gait.viewer.commands import Command, pack
 from twin_gait.viewer.recorder import Recorder
 
 Change = tuple[Hashable, bytes]
@@ -63,9 +62,3 @@ class LiveWindow:
         page, sample = self._notes.get("page"), self._notes.get("sample")
         commands = [page, *self._recorder.commands(), sample]
         return [(index, pack(command)) for index, command in enumerate(commands) if command is not None]
-
-
-def pack(command: Command) -> bytes:
-    """A command after its length in four bytes, lowest first; several stand one after the other."""
-    block = encode(command)
-    return struct.pack("<I", len(block)) + block

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from twin_gait.files import finite_or_none
 from twin_gait.studies.live.protocol.from_page import Action, Value
 
 PROTOCOL_VERSION = 1
@@ -252,7 +253,7 @@ class State:
 
 
 def _finite(value: float | str) -> float | str | None:
-    return value if isinstance(value, str) or math.isfinite(value) else None
+    return value if isinstance(value, str) else finite_or_none(value)
 
 
 def dump(data: Mapping[str, Any]) -> str:
