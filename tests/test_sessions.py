@@ -1,5 +1,6 @@
 """The record of live sessions: what is kept, and what is left of it after a kill."""
 
+import contextlib
 import json
 import signal
 import sqlite3
@@ -22,7 +23,6 @@ from twin_gait.studies.sessions import (
     SessionRecorder,
     default_database,
     delete_session,
-    integrity,
     list_sessions,
     read_session,
 )
@@ -167,6 +167,12 @@ def killed_after(database, delay):
     told = [line.split() for line in lines if line.endswith("\n")]
     changes = {int(serial): float(at) for _, serial, at in told}
     return number, max(changes.values(), default=time.monotonic()), changes
+
+
+def integrity(path):
+    """What SQLite says of the file: ``ok``, or what is wrong with it."""
+    with contextlib.closing(sqlite3.connect(path)) as database:
+        return "; ".join(row[0] for row in database.execute("PRAGMA integrity_check"))
 
 
 def test_killed_at_a_random_moment_twenty_times_the_record_opens_is_whole_and_lacks_a_second_at_most(

@@ -473,13 +473,3 @@ def delete_session(path: Path, session: int) -> None:
         if row[0] is None and time.time() - row[1] <= STALE:
             raise SessionError(f"{path}: session {session} is going on; end it first")
         database.execute("DELETE FROM sessions WHERE id = ?", (session,))
-
-
-def integrity(path: Path) -> str:
-    """What SQLite says of the file: ``ok``, or what is wrong with it.
-
-    Args:
-        path: Of the record.
-    """
-    with _opened(path) as database:
-        return "; ".join(row[0] for row in database.execute("PRAGMA integrity_check"))
