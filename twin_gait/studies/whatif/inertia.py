@@ -22,22 +22,8 @@ from twin_gait.scenario.bench_leg import HandParameters
 from twin_gait.simulation.bench_joint import BenchRun, simulate_bench
 from twin_gait.studies.whatif.friction_joint import DEGREE, THESIS_RATIO
 from twin_gait.studies.whatif.inertia_joint import Setting, bench_of, linear_bench, loop_of, sample_deviation
-from twin_gait.studies.whatif.inertia_map import (
-    Source,
-    felt_inertia,
-    growth,
-    mean_delay,
-    torque_noise,
-)
-from twin_gait.studies.whatif.rig import (
-    HAND_AMPLITUDE,
-    HAND_FREQUENCY,
-    JOINT,
-    LEVEL,
-    MODEL,
-    inertia,
-    outcome,
-)
+from twin_gait.studies.whatif.inertia_map import Source, felt_inertia, growth, mean_delay, torque_noise
+from twin_gait.studies.whatif.rig import HAND_AMPLITUDE, HAND_FREQUENCY, JOINT, LEVEL, MODEL, inertia, outcome
 from twin_gait.studies.whatif.work import Job, Means, Row, tables_of
 
 SHARES = tuple(round(0.1 * step, 1) for step in range(1, 12))

@@ -18,17 +18,8 @@ from twin_gait.scenario.bench_joint import (
 )
 from twin_gait.scenario.bench_leg import HandParameters
 from twin_gait.studies.whatif.friction_joint import THESIS_RATIO
-from twin_gait.studies.whatif.inertia_map import (
-    InertiaLoop,
-    Source,
-)
-from twin_gait.studies.whatif.rig import (
-    JOINT,
-    MODEL,
-    controlled,
-    holding_torque,
-    rig,
-)
+from twin_gait.studies.whatif.inertia_map import InertiaLoop, Source
+from twin_gait.studies.whatif.rig import JOINT, MODEL, controlled, holding_torque, rig
 
 LOAD = 2.0  # [kg]
 

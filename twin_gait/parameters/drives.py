@@ -1,0 +1,108 @@
+"""Motors and gears, their battery, and the limits of what is asked of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from twin_gait.parameters.checks import require, require_non_negative, require_positive
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActuatorParameters:
+    """Motor and harmonic drive of one joint.
+
+    Attributes:
+        torque_constant: K_t of the motor in [N m] / [A].
+        resistance: Terminal resistance, line to line, in [Ω].
+        rotor_inertia: In [kg m²], at the motor.
+        gear_ratio: Motor turns per joint turn.
+        gear_inertia: Wave generator in [kg m²], at the motor.
+        gear_efficiency: η in (0, 1]. 1 by default, because equation (3.1) already holds the losses.
+        continuous_torque: Torque at the joint that the motor can hold in [N m].
+    """
+
+    torque_constant: float
+    resistance: float
+    rotor_inertia: float = 3.06e-4  # maxon EC 90 flat data sheet: 3060 g cm²
+    gear_ratio: float = 100.0  # CSD-25-100, thesis 2.2.1
+    gear_inertia: float = 0.282e-4  # CSD-25, catalogue value from memory (medium-high confidence)
+    gear_efficiency: float = 1.0
+    continuous_torque: float = 43.0  # nominal 6.06 A of the 24 V winding: 6.06 × 7.05 = 42.7
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_positive("torque_constant", self.torque_constant)
+        require_positive("resistance", self.resistance)
+        require_non_negative("rotor_inertia", self.rotor_inertia)
+        require_positive("gear_ratio", self.gear_ratio)
+        require_non_negative("gear_inertia", self.gear_inertia)
+        require(
+            0.0 < self.gear_efficiency <= 1.0,
+            "gear_efficiency",
+            "a number above 0 and at most 1",
+            self.gear_efficiency,
+        )
+        require_positive("continuous_torque", self.continuous_torque)
+
+    @property
+    def armature(self) -> float:
+        """Inertia of rotor and wave generator seen at the joint, in [kg m²]."""
+        return (self.rotor_inertia + self.gear_inertia) * self.gear_ratio * self.gear_ratio
+
+
+# maxon EC 90 flat, 24 V winding 323772: K_t and R from the data sheet.
+KNEE_ACTUATOR = ActuatorParameters(torque_constant=0.0705, resistance=0.343)
+# 36 V winding 429271: its sheet was not found. K_t is chosen, R follows from the same motor
+# constant K_t/sqrt(R) as the 24 V winding: 0.343 (0.109/0.0705)² = 0.82.
+HIP_ACTUATOR = ActuatorParameters(torque_constant=0.109, resistance=0.82)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BatteryParameters:
+    """Battery pack CMX820P (thesis 2.2.1).
+
+    Attributes:
+        voltage: Open-circuit voltage in [V].
+        internal_resistance: In [Ω]; typical of an 8-cell pack, not found for this one.
+        continuous_power: In [W]: 15 A at 22 V.
+        energy: In [J]: 92.2 Wh.
+    """
+
+    voltage: float = 28.8
+    internal_resistance: float = 0.2
+    continuous_power: float = 330.0
+    energy: float = 92.2 * 3600.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_positive("battery voltage", self.voltage)
+        require_non_negative("battery internal_resistance", self.internal_resistance)
+        require_positive("battery continuous_power", self.continuous_power)
+        require_positive("battery energy", self.energy)
+
+
+HARD_TORQUE_LIMIT = 100.0  # [N m]: just below the repeated peak torque of the gear (110 N m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimitParameters:
+    """Limits of the command.
+
+    Attributes:
+        torque: Limit of the motor torque at the joint in [N m], at most ``HARD_TORQUE_LIMIT``.
+        current: Limit of the motor current in [A].
+    """
+
+    torque: float = 60.0
+    current: float = 15.0  # the battery's continuous current, thesis 2.2.1
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_positive("torque limit", self.torque)
+        require(
+            self.torque <= HARD_TORQUE_LIMIT,
+            "torque limit",
+            f"at most {HARD_TORQUE_LIMIT:g} N m, what the gear stands",
+            self.torque,
+        )
+        require_positive("current limit", self.current)

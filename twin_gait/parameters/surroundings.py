@@ -1,0 +1,85 @@
+"""What pushes on the leg beside its motors: ground, stops, orthosis, support."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from twin_gait.parameters.checks import require_non_negative, require_positive, require_share
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactParameters:
+    """Foot contact at heel and toe.
+
+    Attributes:
+        stiffness: Hertz stiffness in [N] / [m]^1.5; about 1 cm under half a supported body.
+        dissipation: Of Hunt and Crossley in [s] / [m].
+        friction_coefficient: Coulomb coefficient of the sole on the belt.
+        transition_velocity: Of the regularised friction in [m] / [s].
+    """
+
+    stiffness: float = 3.0e5
+    dissipation: float = 0.5
+    friction_coefficient: float = 0.8
+    transition_velocity: float = 0.05
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_positive("contact stiffness", self.stiffness)
+        require_non_negative("contact dissipation", self.dissipation)
+        require_non_negative("friction_coefficient", self.friction_coefficient)
+        require_positive("transition_velocity", self.transition_velocity)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StopParameters:
+    """Mechanical stops of the joints; where they sit comes from the URDF limits.
+
+    Attributes:
+        stiffness: In [N m] / [rad].
+        dissipation: In [s] / [rad].
+    """
+
+    stiffness: float = 2000.0
+    dissipation: float = 0.5
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("stop stiffness", self.stiffness)
+        require_non_negative("stop dissipation", self.dissipation)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnkleParameters:
+    """Ankle-foot orthosis: a passive spring and damper about the neutral position.
+
+    Attributes:
+        stiffness: In [N m] / [rad] (an assumption).
+        damping: In [N m s] / [rad].
+    """
+
+    stiffness: float = 200.0
+    damping: float = 6.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("ankle stiffness", self.stiffness)
+        require_non_negative("ankle damping", self.damping)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SupportParameters:
+    """Body-weight support and guide of the treadmill.
+
+    Attributes:
+        share: Share of the weight of wearer and device that the support carries.
+        damping: Of the vertical guide in [N s] / [m].
+    """
+
+    share: float = 0.6
+    damping: float = 90.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_share("support share", self.share)
+        require_non_negative("support damping", self.damping)

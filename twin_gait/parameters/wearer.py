@@ -1,0 +1,112 @@
+"""The wearer."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from twin_gait.parameters.checks import require, require_non_negative, require_share
+from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointCondition:
+    """What the wearer does at one joint; see :mod:`twin_gait.core.wearer`. The default does nothing.
+
+    Attributes:
+        passive: Share of the passive moment of healthy men (Riener and Edrich 1999).
+        contracture: By which the joint resists as a sound one would, further extended, in [rad].
+        catch_speed: Beyond which a spastic muscle catches, in [rad] / [s].
+        catch_gain: Of the catch in [N m s] / [rad]; 0 without spasticity.
+        effort: Share of the normative moment that the wearer wants to give.
+        strength: Share of it that the muscles can give; less than 1 is weakness.
+    """
+
+    passive: float = 0.0
+    contracture: float = 0.0
+    catch_speed: float = 1.0
+    catch_gain: float = 0.0
+    effort: float = 0.0
+    strength: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require(math.isfinite(self.passive) and 0.0 <= self.passive <= 3.0, "passive", "0 to 3", self.passive)
+        require(
+            math.isfinite(self.contracture) and 0.0 <= self.contracture <= math.radians(60.0),
+            "contracture",
+            f"0 to {math.radians(60.0):.3f} rad (60 deg)",
+            self.contracture,
+        )
+        require(
+            self.contracture == 0.0 or self.passive > 0.0,
+            "contracture",
+            "0 without a passive moment that it could shift (passive is 0)",
+            self.contracture,
+        )
+        require_non_negative("catch_speed", self.catch_speed)
+        require_non_negative("catch_gain", self.catch_gain)
+        require_share("effort", self.effort)
+        require_share("strength", self.strength)
+
+    @property
+    def does_nothing(self) -> bool:
+        """Whether no torque comes from the wearer at this joint."""
+        return self.passive == 0.0 and self.catch_gain == 0.0 and self.effort * self.strength == 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patient:
+    """The wearer.
+
+    The shipped gaits were tuned for a wearer who is mass alone, so that is the default.
+
+    Attributes:
+        mass: In [kg]; TWIN carries at most 110 kg (thesis, table 2.1).
+        height: In [m].
+        sex: For the segment tables of de Leva (1996).
+        segment_model: Whose table of segments; that of Winter (2009) is the same for both sexes.
+        conditions: Of hips and knees; what is not named does nothing.
+        effort_delay: From phase and posture to the torque of the effort, in [s].
+        effort_noise: Standard deviation of the effort's torque from tick to tick, as a share of it.
+    """
+
+    mass: float = 70.0
+    height: float = 1.75
+    sex: Sex = Sex.MALE
+    segment_model: SegmentModel = SegmentModel.DE_LEVA
+    conditions: Mapping[tuple[Side, JointName], JointCondition] = field(default_factory=dict)
+    effort_delay: float = 0.1
+    effort_noise: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require(
+            math.isfinite(self.mass) and 30.0 <= self.mass <= 110.0,
+            "patient mass",
+            "30 to 110 kg (TWIN carries 110 kg)",
+            self.mass,
+        )
+        require(
+            math.isfinite(self.height) and 1.40 <= self.height <= 2.05,
+            "patient height",
+            "1.40 to 2.05 m",
+            self.height,
+        )
+        require(
+            math.isfinite(self.effort_delay) and 0.0 <= self.effort_delay <= 1.0,
+            "effort_delay",
+            "0 to 1 s",
+            self.effort_delay,
+        )
+        require_non_negative("effort_noise", self.effort_noise)
+        for side, joint in self.conditions:
+            require(
+                joint is not JointName.ANKLE, f"condition of the {side} {joint}", "a hip or a knee", joint
+            )
+
+    @property
+    def is_mass_alone(self) -> bool:
+        """Whether no torque comes from the wearer."""
+        return all(item.does_nothing for item in self.conditions.values())
