@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
-from twin_gait.configuration.validation import Number, Strict, one_of
+from twin_gait.configuration.validation import DEGREE, Number, Strict, one_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import AssistanceParameters, PathParameters
 from twin_gait.vocabulary import JointName
-
-_DEGREE = math.pi / 180.0
 
 
 class AssistanceEntry(Strict):
@@ -34,7 +31,7 @@ class AssistanceEntry(Strict):
             forgetting=self.forgetting,
             gain=self.gain_per_rad,
             allowance=one_of(
-                self, {"allowance_deg": _DEGREE, "allowance_rad": 1.0}, AssistanceParameters.allowance
+                self, {"allowance_deg": DEGREE, "allowance_rad": 1.0}, AssistanceParameters.allowance
             ),
             least=self.least,
         )
@@ -79,7 +76,7 @@ class PathEntry(Strict):
                 "path: expected stiffness_Nm_per_deg or stiffness_Nm_per_rad, got both; leave one out"
             )
         if self.stiffness_Nm_per_deg is not None:
-            return self.stiffness_Nm_per_deg.convert(1.0 / _DEGREE)
+            return self.stiffness_Nm_per_deg.convert(1.0 / DEGREE)
         if self.stiffness_Nm_per_rad is not None:
             return self.stiffness_Nm_per_rad.convert(1.0)
         return PathParameters().stiffness

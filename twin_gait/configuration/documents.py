@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from twin_gait.configuration.control_modes import assistance_document, path_document
-from twin_gait.configuration.experiment_file import safety_keys
+from twin_gait.configuration.control_section import safety_keys
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.people import patient_document
 from twin_gait.experiment import Experiment, Integration

@@ -5,7 +5,6 @@ What holds for both sides stands under ``both``; ``left`` and ``right`` are laid
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
@@ -14,12 +13,11 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.validation import Number, Strict, converting, one_of, read_yaml, validate
+from twin_gait.configuration.validation import DEGREE, Number, Strict, converting, one_of, read_yaml, validate
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
-_DEGREE = math.pi / 180.0
 _JOINTS = (JointName.HIP, JointName.KNEE)
 SIDES = ("both", "left", "right")
 _HEADER = ("schema_version", "name", "description")
@@ -45,8 +43,8 @@ class JointConditionEntry(Strict):
     def convert_angles(self) -> tuple[float, float]:
         """Contracture in [rad] and speed of the catch in [rad] / [s]."""
         standard = JointCondition()
-        contracture = {"contracture_deg": _DEGREE, "contracture_rad": 1.0}
-        speed = {"catch_speed_deg_per_s": _DEGREE, "catch_speed_rad_per_s": 1.0}
+        contracture = {"contracture_deg": DEGREE, "contracture_rad": 1.0}
+        speed = {"catch_speed_deg_per_s": DEGREE, "catch_speed_rad_per_s": 1.0}
         return (
             one_of(self, contracture, standard.contracture),
             one_of(self, speed, standard.catch_speed),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import reprlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -14,6 +15,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 
 MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand
+DEGREE = math.pi / 180.0  # [rad], of the keys that end in _deg
 
 
 _SHORT = reprlib.Repr()
