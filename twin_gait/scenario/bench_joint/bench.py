@@ -1,0 +1,120 @@
+"""One test on the joint bench, and the bench of each joint."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from twin_gait.parameters import (
+    HIP_ACTUATOR,
+    HIP_FRICTION,
+    KNEE_ACTUATOR,
+    KNEE_FRICTION,
+    ActuatorParameters,
+    BatteryParameters,
+    FrictionParameters,
+    LimitParameters,
+    SensorParameters,
+    require,
+    require_non_negative,
+    require_positive,
+)
+from twin_gait.scenario.bench_joint.control import DutyControl, TorqueControl
+from twin_gait.scenario.bench_joint.drive import CatalogueEfficiency, DriveParameters, Torsion
+from twin_gait.scenario.bench_joint.link import HORIZONTAL, BenchFriction, LinkParameters
+from twin_gait.scenario.bench_joint.sensing import InertialUnit
+from twin_gait.scenario.bench_leg import HandParameters
+from twin_gait.vocabulary import JointName
+
+BENCH_ACTUATORS: Mapping[JointName, ActuatorParameters] = {
+    JointName.KNEE: KNEE_ACTUATOR,
+    JointName.HIP: HIP_ACTUATOR,
+}
+BENCH_FRICTION: Mapping[JointName, FrictionParameters] = {
+    JointName.KNEE: KNEE_FRICTION,
+    JointName.HIP: HIP_FRICTION,
+}
+# L of the 24 V winding from the data sheet. That of the 36 V winding scales with the square of K_t, as its R
+# does: 0.264 (0.109/0.0705)² = 0.63 mH (computed).
+BENCH_INDUCTANCE: Mapping[JointName, float] = {
+    JointName.KNEE: 0.264e-3,
+    JointName.HIP: 0.264e-3 * (HIP_ACTUATOR.torque_constant / KNEE_ACTUATOR.torque_constant) ** 2,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchJoint:
+    """One test on the joint bench.
+
+    Attributes:
+        actuator: Motor and gear.
+        drive: Winding, inverter, current loop.
+        friction: True friction.
+        control: Controller; None leaves the winding open.
+        link: Link, weight and stops.
+        battery: Its voltage is the bus voltage at rest.
+        efficiency: Losses of the gear under load beyond the friction law; None, because equation (3.1)
+            already holds what was measured.
+        torsion: Compliance of the gear; None for a rigid one.
+        sensors: Encoder and velocity estimates.
+        inertial_unit: On the link, for the inertia compensation; None for the differentiated encoder.
+        limits: Of torque and current.
+        hand: A hand on the link, or None.
+        start_angle: In [rad].
+        start_velocity: In [rad] / [s].
+        gravity: In [m] / [s²].
+        duration: In [s].
+        rest_at_stop: The test ends so long after the upper stop was reached, in [s]; infinite for never.
+    """
+
+    actuator: ActuatorParameters
+    drive: DriveParameters
+    friction: BenchFriction
+    control: DutyControl | TorqueControl | None
+    link: LinkParameters = field(default_factory=LinkParameters)
+    battery: BatteryParameters = field(default_factory=BatteryParameters)
+    efficiency: CatalogueEfficiency | None = None
+    torsion: Torsion | None = None
+    sensors: SensorParameters = field(default_factory=lambda: SensorParameters(ideal=False))
+    inertial_unit: InertialUnit | None = None
+    limits: LimitParameters = field(default_factory=LimitParameters)
+    hand: HandParameters | None = None
+    start_angle: float = HORIZONTAL
+    start_velocity: float = 0.0
+    gravity: float = 9.81
+    duration: float = 5.0
+    rest_at_stop: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require(math.isfinite(self.start_angle), "start angle", "a finite angle", self.start_angle)
+        require(math.isfinite(self.start_velocity), "start velocity", "a finite speed", self.start_velocity)
+        require_non_negative("gravity", self.gravity)
+        require(0.001 <= self.duration <= 3600.0, "duration", "0.001 to 3600 s", self.duration)
+        require(self.rest_at_stop >= 0.0, "rest_at_stop", "0 or more", self.rest_at_stop)
+        require_positive("gear ratio", self.actuator.gear_ratio)
+
+
+def bench_joint(joint: JointName, **changes: object) -> BenchJoint:
+    """The bench with the motor and friction of a joint.
+
+    Args:
+        joint: Knee or hip.
+        changes: Attributes of :class:`BenchJoint` that differ; without ``control`` the winding is open.
+
+    Returns:
+        The test.
+
+    Raises:
+        ParameterError: If there is no such joint on the bench, or a value is out of its range.
+    """
+    require(joint in BENCH_ACTUATORS, "joint", "knee or hip", str(joint))
+    chosen: dict[str, object] = {
+        "actuator": BENCH_ACTUATORS[joint],
+        "drive": DriveParameters(inductance=BENCH_INDUCTANCE[joint]),
+        "friction": BenchFriction(law=BENCH_FRICTION[joint]),
+        "control": None,
+        **changes,
+    }
+    return BenchJoint(**chosen)  # type: ignore[arg-type]

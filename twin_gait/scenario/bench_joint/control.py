@@ -1,0 +1,172 @@
+"""What drives the joint: duty-based transparency, or a torque on the current loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from twin_gait.control import Controller
+from twin_gait.parameters import ActuatorParameters, require, require_non_negative, require_positive
+from twin_gait.vocabulary import JointName
+
+TRANSPARENCY_STEPS = 1000.0  # of the sine in a second: the firmware's ticks
+# ω_min of (2.1) in [rad] / [s], which the thesis does not print: where A = 140 to 195 counts just break the
+# joint away. A count is 0.099 N m on the standing knee and 0.064 N m on the hip; the two keep that ratio.
+LOWEST_VELOCITIES: Mapping[JointName, float] = {JointName.KNEE: 0.11, JointName.HIP: 0.07}
+
+
+class CompensationVelocity(StrEnum):
+    """At which velocity the friction is compensated."""
+
+    MEASURED = "measured"  # the slow estimate, equation (2.16)
+    REFERENCE = "reference"  # that of the path: nothing is fed back
+
+
+@dataclass(frozen=True, kw_only=True)
+class DutyControl:
+    """Duty-based transparency control, equations (2.1a) and (2.1b) of the thesis.
+
+    K, A and f are the thesis's. It prints neither p0, p1, p2 nor ω_min; they are assumptions, chosen so that
+    the falls go as its appendix B tells: with K = 1 the joint creeps and may stick, with 1.15 it runs freely
+    and stays near 0.6 rad/s. With counts of 6000, A from 140 to 195 makes up for the difference between 3 kg
+    and 1 kg: 55 counts are 5.4 N m at the knee, the weights 5.9 N m.
+
+    Attributes:
+        amplitude: A in counts.
+        frequency: f in [Hz].
+        transparency_gain: K.
+        lowest_velocity: ω_min in [rad] / [s].
+        static_voltage: p0 in [V].
+        back_emf_share: p1 over the back-EMF constant at the joint.
+        braking_torque: p2 as torque on the standing motor, in [N m s²] / [rad²].
+        duty_limit: As a share of full duty.
+    """
+
+    amplitude: float = 170.0
+    frequency: float = 3.0
+    transparency_gain: float = 1.10
+    lowest_velocity: float = LOWEST_VELOCITIES[JointName.KNEE]
+    static_voltage: float = 0.05
+    back_emf_share: float = 0.9
+    braking_torque: float = 18.0
+    duty_limit: float = 0.9
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("amplitude A", self.amplitude)
+        require_positive("frequency f", self.frequency)
+        require_non_negative("transparency gain K", self.transparency_gain)
+        require_positive("lowest_velocity", self.lowest_velocity)
+        require_non_negative("static_voltage", self.static_voltage)
+        require_non_negative("back_emf_share", self.back_emf_share)
+        require_non_negative("braking_torque", self.braking_torque)
+        require(0.0 < self.duty_limit <= 1.0, "duty_limit", "above 0 and at most 1", self.duty_limit)
+
+    def voltages(self, actuator: ActuatorParameters) -> tuple[float, float, float]:
+        """p0 in [V], p1 in [V s] / [rad] and p2 in [V s²] / [rad²] for a motor.
+
+        Args:
+            actuator: Motor and gear.
+
+        Returns:
+            The three motor parameters of equation (2.1b).
+        """
+        torque_per_current = actuator.torque_constant * actuator.gear_ratio
+        return (
+            self.static_voltage,
+            self.back_emf_share * torque_per_current,
+            self.braking_torque * actuator.resistance / torque_per_current,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class OldFrictionModel:
+    """TWIN's old friction model, equation (2.5) of the thesis.
+
+    Attributes:
+        coulomb: F_s in [N m]; an assumption, the Coulomb friction of the knee in table 3.1.
+        viscous: F_v in [N m s] / [rad]; likewise.
+        steepness: In [s] / [rad]; 40 in the thesis.
+    """
+
+    coulomb: float = 3.193
+    viscous: float = 2.06
+    steepness: float = 40.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("old model coulomb", self.coulomb)
+        require_non_negative("old model viscous", self.viscous)
+        require_positive("old model steepness", self.steepness)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CosinePath:
+    """A path of the equilibrium angle, there and back.
+
+    Attributes:
+        start_angle: In [rad].
+        amplitude: End to end in [rad].
+        frequency: In [Hz].
+    """
+
+    start_angle: float
+    amplitude: float
+    frequency: float
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require(math.isfinite(self.start_angle), "path start angle", "a finite angle", self.start_angle)
+        require(math.isfinite(self.amplitude), "path amplitude", "a finite angle", self.amplitude)
+        require_positive("path frequency", self.frequency)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TorqueControl:
+    """Torque control, equations (2.7), (2.16) and (2.18) of the thesis.
+
+    With stiffness and damping of zero it is friction compensation with a target torque (2.16); with a
+    stiffness, impedance control (2.18); with the old model and an inertia compensation of 1, (2.7).
+
+    Attributes:
+        controller: Law and friction model, the same interface as that of the gait.
+        old_model: Takes the place of the controller's friction model if given.
+        friction_compensation_gain: G.
+        compensation_velocity: At which velocity the friction is compensated.
+        dead_zone: Speed below which it is not, in [rad] / [s]; taken off the speeds above it.
+        target_torque: In [N m].
+        stiffness: k in [N m] / [rad].
+        damping: b in [N m s] / [rad].
+        equilibrium_angle: θ0 in [rad].
+        inertia_compensation: Share of the known inertia times the measured acceleration that is added.
+        path: Path of the equilibrium angle with the torque that its acceleration needs, or None.
+    """
+
+    controller: Controller
+    old_model: OldFrictionModel | None = None
+    friction_compensation_gain: float = 0.35
+    compensation_velocity: CompensationVelocity = CompensationVelocity.MEASURED
+    dead_zone: float = 0.0
+    target_torque: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
+    equilibrium_angle: float = 0.0
+    inertia_compensation: float = 0.0
+    path: CosinePath | None = None
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("friction compensation gain G", self.friction_compensation_gain)
+        require_non_negative("dead zone", self.dead_zone)
+        require(math.isfinite(self.target_torque), "target torque", "a finite torque", self.target_torque)
+        require_non_negative("stiffness", self.stiffness)
+        require_non_negative("damping", self.damping)
+        require(
+            math.isfinite(self.equilibrium_angle),
+            "equilibrium angle",
+            "a finite angle",
+            self.equilibrium_angle,
+        )
+        require_non_negative("inertia compensation", self.inertia_compensation)

@@ -1,0 +1,103 @@
+"""Friction of the joint, and the link with its weight and stops."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from twin_gait.parameters import (
+    FrictionParameters,
+    StopParameters,
+    require,
+    require_non_negative,
+    require_positive,
+)
+
+HORIZONTAL = math.pi / 2.0  # [rad]: where the fall begins (thesis 2.3.1)
+STOP_ANGLE = math.radians(125.0)  # where it ends (thesis, appendix B)
+LOWER_STOP = math.radians(-4.0)  # thesis 2.4
+
+
+class LoadAngle(StrEnum):
+    """From where the angle of the load torque is counted."""
+
+    CORRECTED = "corrected"  # F b cos(θ − 90°): the link is level where the fall begins
+    PRINTED = "printed"  # F b cos θ, equation (2.8) as printed
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchFriction:
+    """True friction of the joint: the rotational law, and what may come on top of it.
+
+    Attributes:
+        law: Equation (3.1).
+        coulomb_per_load: Coulomb friction per load torque, no unit.
+        coulomb_per_kelvin: In [N m] / [K] from 25 °C.
+        viscous_per_kelvin: In [N m s] / [rad K] from 25 °C.
+        temperature: In [°C].
+        ripple: Amplitude of a torque that repeats twice in a turn of the wave generator, in [N m].
+    """
+
+    law: FrictionParameters
+    coulomb_per_load: float = 0.0
+    coulomb_per_kelvin: float = 0.0
+    viscous_per_kelvin: float = 0.0
+    temperature: float = 25.0
+    ripple: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("coulomb_per_load", self.coulomb_per_load)
+        for name in ("coulomb_per_kelvin", "viscous_per_kelvin", "temperature"):
+            value = getattr(self, name)
+            require(math.isfinite(value), name, "a finite number", value)
+        require_non_negative("friction ripple", self.ripple)
+
+    @property
+    def depends_on_conditions(self) -> bool:
+        """Whether load or temperature matter."""
+        return any((self.coulomb_per_load, self.coulomb_per_kelvin, self.viscous_per_kelvin))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkParameters:
+    """What hangs on the joint.
+
+    Attributes:
+        mass: In [kg].
+        lever: b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
+        inertia: Of the link about the axis in [kg m²]; an assumption.
+        moment: Mass of the link times the distance of its centre in [kg m].
+        load_angle: Form of the load torque.
+        stops: Of the bench: the link hits its base, some 2e6 N/m at 0.3 m (an assumption).
+        lower_stop: In [rad].
+        upper_stop: In [rad].
+    """
+
+    mass: float = 2.0
+    lever: float = 0.30
+    inertia: float = 0.02
+    moment: float = 0.0
+    load_angle: LoadAngle = LoadAngle.CORRECTED
+    stops: StopParameters = field(default_factory=lambda: StopParameters(stiffness=2e5))
+    lower_stop: float = LOWER_STOP
+    upper_stop: float = STOP_ANGLE
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("mass", self.mass)
+        require_positive("lever", self.lever)
+        require_positive("link inertia", self.inertia)
+        require_non_negative("link moment", self.moment)
+        require(self.lower_stop < self.upper_stop, "stops", "lower < upper", self.lower_stop)
+
+    @property
+    def total_inertia(self) -> float:
+        """Link and weight about the axis, m b² and not the thesis's m b, in [kg m²]."""
+        return self.inertia + self.mass * self.lever * self.lever
+
+    @property
+    def total_moment(self) -> float:
+        """Of weight and link in [kg m]."""
+        return self.moment + self.mass * self.lever
