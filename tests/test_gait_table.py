@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from table_builder import JOINTS, guard, impedance, phase, transition, two_phase_table
 
+from twin_gait.configuration.documents import table_document
+from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.exceptions import GaitTableError, ParameterError, TwinGaitError
 from twin_gait.gait import Blending, BlendingLaw, GaitTable, Scaling
@@ -305,6 +307,47 @@ def test_speed_draws_hip_angles_towards_the_centre_and_leaves_the_knee() -> None
     assert isinstance(apart, Comparison)
     assert_allclose(apart.threshold, 10.0, rtol=1e-12)  # a distance between the legs has no centre
     assert fast == guard("hip.velocity_deg_per_s < 50")
+
+
+def test_exponents_are_those_of_powers() -> None:
+    """Twice the load with exponent 1/2, and twice the height with -1: half the hip's excursion."""
+    law = Scaling(
+        carried_mass=40.0,
+        carried_mass_exponent=0.5,
+        stance_phases=("stance",),
+        height=1.5,
+        height_exponent=-1.0,
+    )
+    table = scaling_table(law)
+    grown = scale_table(table, carried_mass=80.0, speed=None, height=3.0)
+    for joint in JOINTS:
+        assert_allclose(grown.phases["stance"].joints[joint].stiffness, 100.0 * math.sqrt(2.0), rtol=1e-12)
+        assert grown.phases["swing"].joints[joint].stiffness == 100.0
+    assert_allclose(grown.phases["swing"].joints["hip"].equilibrium_angle, 0.25, rtol=1e-12)
+    assert grown.phases["swing"].joints["knee"].equilibrium_angle == 0.7
+    apart = grown.transitions[1].guard
+    assert isinstance(apart, Comparison)
+    assert_allclose(apart.threshold, 10.0, rtol=1e-12)
+
+
+def test_a_table_for_nobody_in_particular_is_not_scaled_to_a_wearer() -> None:
+    table = scaling_table(Scaling(height=1.75, height_exponent=1.0))
+    assert scale_table(table, carried_mass=None, speed=None) == table
+
+
+def test_every_scaling_law_survives_its_file() -> None:
+    law = Scaling(
+        carried_mass=40.0,
+        carried_mass_exponent=0.8,
+        stance_phases=("stance",),
+        speed=0.4,
+        speed_exponent=0.1,
+        height=1.75,
+        height_exponent=-0.2,
+        hip_centre=0.2,
+    )
+    table = scaling_table(law)
+    assert gait_table_from_mapping(table_document(table), "the test", "two").scaling == law
 
 
 def test_damping_ratio_is_resolved_with_the_inertia_at_the_equilibrium() -> None:

@@ -41,8 +41,8 @@ def kit(name: str) -> list[TransitionTest]:
 
 
 FIVE_PHASES = tuple(str(phase) for phase in GaitPhase)
-# Published machines of prostheses have tables too; these two are walks of the device.
-WALKING = ["bench_leg", "treadmill"]
+# Published machines of prostheses have tables too; these are walks of the device.
+WALKING = ["bench_leg", "treadmill", "treadmill_normative"]
 
 each_table = pytest.mark.parametrize("name", TABLES)
 

@@ -7,6 +7,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,14 +33,21 @@ from twin_gait.simulation.problem import scaled_table
 from twin_gait.studies.batch import overridden
 from twin_gait.studies.tune import screening
 from twin_gait.studies.tune import tune as tuning
-from twin_gait.studies.tune.cases import departures, robust_cases, search_cases
+from twin_gait.studies.tune.cases import NOMINAL, departures, robust_cases, search_cases
 from twin_gait.studies.tune.outcome import verdict
 from twin_gait.studies.tune.parts import FALL, PARTS, WORST, part_costs, walk_cost
 from twin_gait.studies.tune.search import Generation, Search
-from twin_gait.studies.tune.space import Parameter, editable_document, parameters_of, table_with
+from twin_gait.studies.tune.space import (
+    Parameter,
+    editable_document,
+    parameters_of,
+    table_with,
+    with_own_sides,
+)
 from twin_gait.studies.tune.state import STATE_FILE, open_state, write_state
 from twin_gait.studies.tune.walks import Ask, WalkResult
 from twin_gait.studies.workers import StandingRunner, WorkersLost
+from twin_gait.vocabulary import Side
 
 
 @pytest.fixture(scope="module")
@@ -114,6 +122,27 @@ def test_a_side_of_its_own_has_numbers_of_its_own(shipped: GaitTable) -> None:
     assert changed.phases == _parse(editable_document(lopsided)).phases
     found = changed.side_phases["left"]["swing_flexion"].joints["knee"].equilibrium_angle  # type: ignore[index]
     assert math.degrees(found) == pytest.approx(own.upper, abs=0.05)
+
+
+def test_legs_told_apart_have_numbers_of_their_own(shipped: GaitTable) -> None:
+    apart = with_own_sides(shipped)
+    assert all(apart.phases_of(side) == shipped.phases_of(side) for side in Side)
+    parameters = parameters_of(apart, thresholds=False, blending=False)
+    assert len(parameters) == 2 * 4 * 5 * 2
+    (own,) = [item for item in parameters if item.name == "sides.right.late_stance.knee.stiffness_Nm_per_deg"]
+    changed = _parse(table_with(editable_document(apart), [own], [1.0]))
+    assert changed.phases_of(Side.LEFT) == _parse(editable_document(shipped)).phases_of(Side.LEFT)
+    stiffness = changed.phases_of(Side.RIGHT)["late_stance"].joints["knee"].stiffness
+    assert stiffness == pytest.approx(own.upper * 180.0 / math.pi)
+
+
+def test_a_shipped_table_gives_way_to_a_better_shipped_one_and_ones_own_does_not(shipped: GaitTable) -> None:
+    assert [table.name for table in tuning.start_tables(shipped)] == list(tuning.START_TABLES)
+    apart = tuning.start_tables(with_own_sides(shipped))
+    assert [table.name for table in apart] == list(tuning.START_TABLES)
+    assert all(set(table.side_phases) == set(Side) for table in apart)
+    own = replace(shipped, blending=replace(shipped.blending, duration_ticks=40))
+    assert tuning.start_tables(own) == (own,)
 
 
 def test_a_start_outside_the_usual_bounds_widens_them(shipped: GaitTable) -> None:
@@ -324,6 +353,7 @@ class Bowl:
         document: Mapping[str, Any],
         runner: object,
         *,
+        quick: bool = False,
         reference_speed: float | None = None,
         progress: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
@@ -404,12 +434,38 @@ def test_more_generations_go_on_from_a_finished_tuning(bowl: Bowl, tmp_path: Pat
     assert len(second.state.generations) == 9
 
 
+def test_the_worse_half_of_a_population_does_not_walk_the_corners(bowl: Bowl, tmp_path: Path) -> None:
+    experiment = load_experiment("treadmill").experiment
+    settings = tuning.Settings(generations=1, population=7, screening=False)
+    portions: list[list[Ask]] = []
+
+    def noted(asks: Sequence[Ask], *rest: Any, **options: Any) -> list[WalkResult] | None:
+        portions.append(list(asks))
+        return bowl(asks, *rest, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(tuning, "walk_all", noted)
+        result = tuning.tune(experiment, tmp_path / "out", settings)
+    nominal, corners = portions[1:3]
+    assert [ask.case.name for ask in nominal] == [NOMINAL] * 7
+    alone = bowl(nominal, {}, None)
+    assert alone is not None
+    leaders = sorted(range(7), key=lambda place: alone[place].cost)[:4]
+    names = [case.name for case in search_cases(experiment)[1:]]
+    assert [ask.case.name for ask in corners] == names * 4
+    assert [ask.table for ask in corners[:: len(names)]] == [nominal[place].table for place in leaders]
+    (generation,) = result.state.generations
+    assert np.argsort(generation.costs).tolist()[:4] == leaders
+    others = [generation.costs[place] for place in range(7) if place not in leaders]
+    assert min(others) > max(generation.costs[place] for place in leaders)
+
+
 def test_a_table_with_errors_is_never_a_finalist(bowl: Bowl, tmp_path: Path) -> None:
     def all_wrong(asks: Sequence[Ask], *rest: Any, **options: Any) -> list[WalkResult] | None:
         results = bowl(asks, *rest, **options)
         assert results is not None
-        start = asks[0].table == editable_document(load_experiment("treadmill").experiment.table)
-        if start and len({json.dumps(ask.table) for ask in asks}) == 1:
+        starts = tuning.start_tables(load_experiment("treadmill").experiment.table)
+        if {ask.table["name"] for ask in asks} == {item.name for item in starts}:
             return results
         return [item._replace(cost=1001.0, errors=("unstable",)) for item in results]
 

@@ -57,6 +57,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--keep-thresholds", action="store_true", help="leave the transitions as they are")
     parser.add_argument("--keep-blending", action="store_true", help="leave the blend as it is")
     parser.add_argument(
+        "--per-side", action="store_true", help="give each leg numbers of its own (hemiparesis)"
+    )
+    parser.add_argument(
         "--set",
         action="append",
         default=[],
@@ -93,6 +96,7 @@ def run(arguments: argparse.Namespace) -> int:
         screening=not arguments.no_screening,
         thresholds=not arguments.keep_thresholds,
         blending=not arguments.keep_blending,
+        per_side=arguments.per_side,
     )
     again = f"the same command with --resume goes on from there: {arguments.out}"
     folder = None

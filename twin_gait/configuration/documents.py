@@ -19,7 +19,16 @@ from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.people import patient_document
 from twin_gait.experiment import Experiment, Integration
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
-from twin_gait.gait.table import TICK, DrivenBy, GaitTable, PhaseParameters, Transition, Waiver
+from twin_gait.gait.table import (
+    SCALING_EXPONENTS,
+    TICK,
+    DrivenBy,
+    GaitTable,
+    PhaseParameters,
+    Scaling,
+    Transition,
+    Waiver,
+)
 from twin_gait.leg_model import LegJoints
 from twin_gait.parameters import FrictionParameters
 from twin_gait.scenario import BenchLegScenario, TreadmillScenario
@@ -80,12 +89,16 @@ def _scaling(table: GaitTable) -> dict[str, Any]:
     document: dict[str, Any] = {"stance_phases": list(law.stance_phases)}
     if law.carried_mass is not None:
         document["carried_mass_kg"] = law.carried_mass
+    if law.height is not None:
+        document["height_m"] = law.height
     if law.speed is not None:
-        document |= {
-            "speed_m_per_s": law.speed,
-            "speed_exponent": law.speed_exponent,
-            "hip_centre_rad": law.hip_centre,
-        }
+        document |= {"speed_m_per_s": law.speed}
+    if law.speed is not None or law.height is not None:
+        document["hip_centre_rad"] = law.hip_centre
+    usual = Scaling()
+    for name in SCALING_EXPONENTS:
+        if getattr(law, name) != getattr(usual, name):
+            document[name] = getattr(law, name)
     return document
 
 

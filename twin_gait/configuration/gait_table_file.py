@@ -15,6 +15,7 @@ from twin_gait.exceptions import GaitTableError, ParameterFileError
 from twin_gait.gait.guards import AllOf, AnyOf, Guard, parse_guard
 from twin_gait.gait.table import (
     LONGEST,
+    SCALING_EXPONENTS,
     TICK,
     Blending,
     BlendingLaw,
@@ -119,9 +120,12 @@ class ScalingEntry(Strict):
     """Scaling laws."""
 
     carried_mass_kg: Number | None = Field(default=None, ge=SMALLEST, le=LARGEST)
+    carried_mass_exponent: Number = 1.0
     stance_phases: tuple[str, ...] = ()
     speed_m_per_s: Number | None = Field(default=None, ge=SMALLEST, le=LARGEST)
     speed_exponent: Number = 0.0
+    height_m: Number | None = Field(default=None, ge=SMALLEST, le=LARGEST)
+    height_exponent: Number = 0.0
     hip_centre_deg: Number | None = Field(default=None, ge=-LARGEST, le=LARGEST)
     hip_centre_rad: Number | None = Field(default=None, ge=-LARGEST, le=LARGEST)
 
@@ -282,9 +286,10 @@ def gait_table_from_mapping(
             side_phases=side_phases,
             scaling=Scaling(
                 carried_mass=scaling.carried_mass_kg,
+                height=scaling.height_m,
                 stance_phases=scaling.stance_phases,
                 speed=scaling.speed_m_per_s,
-                speed_exponent=scaling.speed_exponent,
+                **{name: getattr(scaling, name) for name in SCALING_EXPONENTS},
                 hip_centre=_hip_centre(scaling),
             ),
             description=entry.description,

@@ -15,24 +15,23 @@ from twin_gait.vocabulary import JointName, Side
 InertiaAt = Callable[[Side, Mapping[str, float], str], float]
 
 
-def scale_table(table: GaitTable, *, carried_mass: float | None, speed: float | None) -> GaitTable:
-    """Apply the scaling laws of a table.
+def scale_table(
+    table: GaitTable, *, carried_mass: float | None, speed: float | None, height: float | None = None
+) -> GaitTable:
+    """Apply the scaling laws of a table, see :class:`twin_gait.gait.table.Scaling`.
 
     Args:
         table: The gait table.
-        carried_mass: Mass of wearer and device times (1 - support) in [kg]; None leaves stance as it is.
-        speed: Belt speed in [m] / [s]; None leaves the hip excursion as it is.
+        carried_mass: Mass of wearer and device times (1 - support) in [kg]; None switches its law off.
+        speed: Belt speed in [m] / [s]; None switches its law off.
+        height: Of the wearer in [m], as the controller knows it; None switches its law off.
 
     Returns:
         The adapted table; the same values where a law is off.
     """
     law = table.scaling
-    stiffness = 1.0
-    if law.carried_mass is not None and carried_mass is not None:
-        stiffness = carried_mass / law.carried_mass
-    excursion = 1.0
-    if law.speed is not None and speed is not None:
-        excursion = (speed / law.speed) ** law.speed_exponent
+    stiffness = _power(carried_mass, law.carried_mass, law.carried_mass_exponent)
+    excursion = _power(speed, law.speed, law.speed_exponent) * _power(height, law.height, law.height_exponent)
 
     def adapt(phases: Mapping[str, PhaseParameters]) -> dict[str, PhaseParameters]:
         return {
@@ -51,6 +50,11 @@ def scale_table(table: GaitTable, *, carried_mass: float | None, speed: float | 
             for item in table.transitions
         ),
     )
+
+
+def _power(value: float | None, reference: float | None, exponent: float) -> float:
+    """Ratio to the power of the exponent; 1 if the law is off."""
+    return 1.0 if value is None or reference is None else (value / reference) ** exponent
 
 
 def _scale_phase(

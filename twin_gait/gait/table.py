@@ -178,32 +178,52 @@ class Transition:
 
 @dataclass(frozen=True, kw_only=True)
 class Scaling:
-    """Laws that adapt a table to wearer, support and speed; each is off when its reference is None.
+    r"""Laws that adapt a table to wearer, support and speed; each is off when its reference is None.
+
+    With carried mass m (wearer and device, times 1 - support), wearer's height h, belt speed v and the
+    references with index 0:
+
+    .. math::
+
+        k_{stance} \to k \left(\frac{m}{m_0}\right)^{\alpha}, \qquad
+        \theta_{hip} \to \theta_c + (\theta_{hip} - \theta_c)
+        \left(\frac{v}{v_0}\right)^{\beta}\left(\frac{h}{h_0}\right)^{\gamma}
+
+    for the stiffness of the stance phases, hip equilibria and hip thresholds.
 
     Attributes:
-        carried_mass: Stance stiffness is multiplied by ``(mass of wearer and device) (1 - support)
-            / carried_mass``, so that the leg sinks in as far as with the reference load, in [kg].
-        stance_phases: Phases that the stiffness law applies to.
-        speed: Hip equilibria and hip thresholds are drawn towards ``hip_centre`` by
-            ``(belt speed / speed) ** speed_exponent``: a slower belt needs shorter steps, in [m] / [s].
-        speed_exponent: See ``speed``.
-        hip_centre: Angle in [rad] that the hip excursion is scaled about.
+        carried_mass: Reference in [kg].
+        carried_mass_exponent: α; with 1 the leg sinks in as far as with the reference load.
+        stance_phases: Phases whose stiffness follows the carried mass.
+        speed: Reference in [m] / [s].
+        speed_exponent: β; above 0 a slower belt gets shorter steps.
+        height: Reference in [m].
+        height_exponent: γ; with -1 longer legs make steps of the same length.
+        hip_centre: θ_c in [rad].
     """
 
     carried_mass: float | None = None
+    carried_mass_exponent: float = 1.0
     stance_phases: tuple[str, ...] = ()
     speed: float | None = None
     speed_exponent: float = 0.0
+    height: float | None = None
+    height_exponent: float = 0.0
     hip_centre: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        if self.carried_mass is not None:
-            require_positive("scaling.carried_mass_kg", self.carried_mass)
-        if self.speed is not None:
-            require_positive("scaling.speed_m_per_s", self.speed)
+        for name, unit in (("carried_mass", "kg"), ("speed", "m_per_s"), ("height", "m")):
+            value = getattr(self, name)
+            if value is not None:
+                require_positive(f"scaling.{name}_{unit}", value)
         require(math.isfinite(self.hip_centre), "scaling.hip_centre", "a finite angle", self.hip_centre)
-        require(abs(self.speed_exponent) <= 3.0, "scaling.speed_exponent", "-3 to 3", self.speed_exponent)
+        for name in SCALING_EXPONENTS:
+            value = getattr(self, name)
+            require(abs(value) <= 3.0, f"scaling.{name}", "-3 to 3", value)
+
+
+SCALING_EXPONENTS = ("carried_mass_exponent", "speed_exponent", "height_exponent")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ import sys
 import threading
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
+from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 
@@ -80,14 +81,21 @@ def read_urdf(path: Path) -> str:
         ModelError: If the file cannot be read or is not a URDF.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-        root = ElementTree.fromstring(text)
+        return _checked_text(path, path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ModelError(
             f"{path}: cannot be read ({error.strerror}); check the path and its rights"
         ) from error
-    except (ElementTree.ParseError, UnicodeDecodeError, ValueError) as error:
-        raise ModelError(f"{path}: not a URDF ({error}); expected XML with a <robot> element") from error
+    except UnicodeDecodeError as error:
+        raise _not_a_urdf(path, error) from error
+
+
+@lru_cache(maxsize=16)  # a batch asks for the same file thousands of times
+def _checked_text(path: Path, text: str) -> str:
+    try:
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise _not_a_urdf(path, error) from error
     if root.tag != "robot":
         raise ModelError(f"{path}: not a URDF: the outer element is <{root.tag}>, expected <robot>")
     for link in root.iter("link"):
@@ -102,6 +110,10 @@ def read_urdf(path: Path) -> str:
             limit.set("lower", "-1e3")
             limit.set("upper", "1e3")
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _not_a_urdf(path: Path, error: Exception) -> ModelError:
+    return ModelError(f"{path}: not a URDF ({error}); expected XML with a <robot> element")
 
 
 def _check_axis(path: Path, joint: ElementTree.Element) -> None:

@@ -162,12 +162,17 @@ def _laws(blending: Blending, scaling: Scaling) -> list[str]:
     lines = [f"Blending at a switch: {blending.law}, {blending.duration_ticks} ms."]
     if scaling.carried_mass is not None:
         phases = ", ".join(_text(name) for name in scaling.stance_phases) or "no phase"
-        lines.append(f"Stiffness of {phases} as for {number(scaling.carried_mass)} kg carried.")
-    if scaling.speed is not None:
-        lines.append(
-            f"Hip angles about {number(scaling.hip_centre * _DEGREES)}° as at {number(scaling.speed)} m/s, "
-            f"exponent {number(scaling.speed_exponent)}."
-        )
+        exponent = scaling.carried_mass_exponent
+        power = "" if exponent == 1.0 else f", exponent {number(exponent)}"
+        lines.append(f"Stiffness of {phases} as for {number(scaling.carried_mass)} kg carried{power}.")
+    centre = number(scaling.hip_centre * _DEGREES)
+    for reference, unit, exponent in (
+        (scaling.speed, "at {} m/s", scaling.speed_exponent),
+        (scaling.height, "for {} m of height", scaling.height_exponent),
+    ):
+        if reference is not None:
+            place = unit.format(number(reference))
+            lines.append(f"Hip angles about {centre}° as {place}, exponent {number(exponent)}.")
     return [*lines[:-1], f"{lines[-1]}\n"]
 
 

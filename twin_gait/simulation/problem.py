@@ -147,11 +147,17 @@ def _path(experiment: Experiment, sides: tuple[Side, ...]) -> Path | None:
 
 
 def scaled_table(experiment: Experiment, world: World) -> GaitTable:
-    """Gait table adapted to the carried mass and the belt speed of an experiment."""
+    """Gait table adapted to carried mass, belt speed and the height that the controller knows."""
     if not isinstance(experiment.scenario, TreadmillScenario):
         return experiment.table
     carried = world.model.total_mass * (1.0 - experiment.scenario.support.share)
-    return scale_table(experiment.table, carried_mass=carried, speed=experiment.scenario.belt_speed)
+    known = experiment.control.patient or experiment.patient
+    return scale_table(
+        experiment.table,
+        carried_mass=carried,
+        speed=experiment.scenario.belt_speed,
+        height=None if known is None else known.height,
+    )
 
 
 def _inertia_of(model: LegModel) -> InertiaAt:

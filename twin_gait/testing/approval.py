@@ -109,12 +109,19 @@ def _scaling(table: GaitTable) -> list[str]:
     lines = []
     if law.carried_mass is not None:
         phases = ", ".join(law.stance_phases)
-        lines.append(f"- stance stiffness follows the load: {_number(law.carried_mass)} kg, in {phases}")
-    if law.speed is not None:
+        power = "" if law.carried_mass_exponent == 1.0 else f", exponent {_number(law.carried_mass_exponent)}"
         lines.append(
-            f"- hip excursion follows the speed: {_number(law.speed)} m/s, exponent "
-            f"{_number(law.speed_exponent)}, about {_number(law.hip_centre * _DEGREES)}°"
+            f"- stance stiffness follows the load: {_number(law.carried_mass)} kg{power}, in {phases}"
         )
+    for quantity, reference, unit, exponent in (
+        ("speed", law.speed, "m/s", law.speed_exponent),
+        ("height", law.height, "m", law.height_exponent),
+    ):
+        if reference is not None:
+            lines.append(
+                f"- hip excursion follows the {quantity}: {_number(reference)} {unit}, exponent "
+                f"{_number(exponent)}, about {_number(law.hip_centre * _DEGREES)}°"
+            )
     return lines
 
 

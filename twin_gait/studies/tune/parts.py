@@ -22,7 +22,12 @@ import numpy as np
 from twin_gait.gait.table import TICK
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.reference import reference_curve
-from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error
+from twin_gait.measures.strides import (
+    PERCENT,
+    normalise_strides,
+    root_mean_square_error,
+    symmetry_index,
+)
 from twin_gait.simulation import Run
 from twin_gait.studies.summary import summarise
 from twin_gait.vocabulary import JointName
@@ -70,6 +75,7 @@ PARTS: tuple[Part, ...] = (
         goal=5.0,
         weight=0.25,
     ),
+    Part(name="asymmetry_pct", title="difference of the legs", unit="%", goal=10.0, weight=0.25),
 )
 
 
@@ -96,6 +102,7 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
         "torque_change_Nm": _largest(joint["switch_torque_change_Nm"] for joint in joints),
         "torque_jump_Nm": _largest(joint["switch_torque_jump_Nm"] for joint in joints),
         "clearance_lack_mm": _clearance_lack(sides),
+        "asymmetry_pct": _scaled(_asymmetry(sides), 100.0),
     }
     return {part.name: values[part.name] for part in PARTS}
 
@@ -166,6 +173,18 @@ def _bounces(side: Mapping[str, Any]) -> tuple[int, int]:
 
 def _per_stride(counted: Iterable[tuple[int, int]]) -> float | None:
     return _largest(count / strides if strides else None for count, strides in counted)
+
+
+def _asymmetry(sides: Sequence[Mapping[str, Any]]) -> float | None:
+    """Largest symmetry index, without its sign, of the share of swing and the ranges of hip and knee."""
+    pairs = [[side["swing_share"] for side in sides]]
+    pairs += [
+        [side["joints"][joint]["range_of_motion_deg"] for side in sides]
+        for joint in (JointName.HIP, JointName.KNEE)
+    ]
+    if any(value is None for pair in pairs for value in pair):
+        return None
+    return _largest(abs(symmetry_index(*pair)) for pair in pairs)
 
 
 def _clearance_lack(sides: Sequence[Mapping[str, Any]]) -> float | None:

@@ -33,13 +33,20 @@ class Generation(NamedTuple):
 class Search:
     """CMA-ES in the unit cube with draws of its own."""
 
-    def __init__(self, start: Sequence[float], seed: int, population: int = POPULATION) -> None:
+    def __init__(
+        self,
+        start: Sequence[float],
+        seed: int,
+        population: int = POPULATION,
+        first_step: float = FIRST_STEP,
+    ) -> None:
         """Begin.
 
         Args:
             start: Coordinates from 0 to 1.
             seed: Of all draws.
             population: Candidates of a generation.
+            first_step: Standard deviation of the first population.
 
         Raises:
             MissingOptionalDependency: If cma is not installed.
@@ -53,7 +60,7 @@ class Search:
             "verbose": -9,
             "verb_log": 0,
         }
-        self._optimiser: Any = _cma().CMAEvolutionStrategy(list(start), FIRST_STEP, options)
+        self._optimiser: Any = _cma().CMAEvolutionStrategy(list(start), first_step, options)
 
     def ask(self) -> list[list[float]]:
         """Candidates of the next generation."""

@@ -20,7 +20,7 @@ from twin_gait.configuration.overrides import assign
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
 from twin_gait.gait.table import BlendingLaw, GaitTable
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, Side
 
 _PER_DEGREE = 180.0 / math.pi
 # Bounds of the search; a start outside widens them. Stiffness in [N m] / [deg]: the least that moves a leg
@@ -97,6 +97,18 @@ def editable_document(table: GaitTable) -> dict[str, Any]:
     return document
 
 
+def with_own_sides(table: GaitTable) -> GaitTable:
+    """The same table with every phase written for each side, so that a search can tell the legs apart.
+
+    Args:
+        table: The table.
+
+    Returns:
+        A table that walks alike.
+    """
+    return replace(table, side_phases={side: table.phases_of(side) for side in Side})
+
+
 def parameters_of(
     table: GaitTable, *, thresholds: bool = True, blending: bool = True
 ) -> tuple[Parameter, ...]:
@@ -111,8 +123,15 @@ def parameters_of(
         The parameters, in the order of the table.
     """
     document = editable_document(table)
-    found = [*_impedances(document["phases"], table.joints, ("phases",))]
-    for side, phases in document.get("sides", {}).items():
+    sides = document.get("sides", {})
+    # A phase that both sides replace is nobody's.
+    shared = {
+        name: phase
+        for name, phase in document["phases"].items()
+        if not all(name in sides.get(side, {}) for side in Side)
+    }
+    found = [*_impedances(shared, table.joints, ("phases",))]
+    for side, phases in sides.items():
         found += _impedances(phases, table.joints, ("sides", side))
     if blending and table.blending.law is not BlendingLaw.NONE:
         lower, upper = BLENDING_MS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -12,8 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from twin_gait.configuration.documents import content_hash, experiment_document
+from twin_gait.configuration.gait_table_file import packaged_gait_table
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.experiment import Experiment
+from twin_gait.gait.table import GaitTable
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_covers
 from twin_gait.simulation import RunStatus
 from twin_gait.studies.sweep_spec import sources_hash
@@ -30,7 +32,13 @@ from twin_gait.studies.tune.screening import (
     plan,
 )
 from twin_gait.studies.tune.search import FIRST_STEP, POPULATION, Generation, Search
-from twin_gait.studies.tune.space import Parameter, editable_document, parameters_of, table_with
+from twin_gait.studies.tune.space import (
+    Parameter,
+    editable_document,
+    parameters_of,
+    table_with,
+    with_own_sides,
+)
 from twin_gait.studies.tune.state import State, open_state, write_state
 from twin_gait.studies.tune.walks import Ask, Walk, WalkResult, run_walk, walk_all
 from twin_gait.studies.workers import LocalRunner, Runner
@@ -39,6 +47,8 @@ from twin_gait.studies.workers import LocalRunner, Runner
 SEARCH_SHARE = 0.85
 NOMINAL_WEIGHT = 0.5  # of the nominal case in the cost of a candidate; the other cases share the rest
 FINALISTS = 5
+# Shipped tables for the same walk; a search does not come from the one to the other.
+START_TABLES = ("treadmill", "treadmill_normative")
 WARM_UP = 0.05  # [s], long enough to compile what a case needs
 
 
@@ -55,6 +65,7 @@ class Settings:
         screening: Whether the search is narrowed to the numbers that matter.
         thresholds: Whether angle thresholds count.
         blending: Whether the duration of the blend counts.
+        per_side: Whether each leg gets numbers of its own (hemiparesis).
         population: Candidates of a generation.
         trajectories: Of the screening.
         search_duration: Length of a walk in screening and search in [s].
@@ -68,9 +79,10 @@ class Settings:
     screening: bool = True
     thresholds: bool = True
     blending: bool = True
+    per_side: bool = False
     population: int = POPULATION
     trajectories: int = TRAJECTORIES
-    search_duration: float = 12.0
+    search_duration: float = 14.0
     robust_duration: float = 20.0
 
     def __post_init__(self) -> None:
@@ -184,7 +196,8 @@ def tune(
     nor on how often it was stopped and resumed.
 
     Args:
-        experiment: A treadmill with a wearer, and the table that the search begins with.
+        experiment: A treadmill with a wearer, and the table that is to be bettered. Where it is a shipped
+            one, the search begins with that shipped one that suits the person best.
         directory: The folder; see :func:`twin_gait.studies.tune.state.open_state`.
         settings: How.
         runner: Who walks; the calling process if None.
@@ -205,6 +218,8 @@ def tune(
         WorkersLost: If workers die again and again; what was done is kept.
     """
     check_walker(experiment)
+    if settings.per_side:
+        experiment = replace(experiment, table=with_own_sides(experiment.table))
     directory = directory.expanduser().absolute()
     own = identity(experiment, settings)
     state = open_state(directory, own, resume=resume, force=force)
@@ -256,6 +271,23 @@ def weighted_cost(walks: Sequence[WalkResult]) -> float:
     return NOMINAL_WEIGHT * nominal.cost + (1.0 - NOMINAL_WEIGHT) * mean
 
 
+def start_tables(table: GaitTable) -> tuple[GaitTable, ...]:
+    """Tables that a search can begin with.
+
+    Args:
+        table: The one that is to be bettered.
+
+    Returns:
+        It, and where it is one of ``START_TABLES`` the others of those; the sides told apart if it does.
+    """
+    shipped = {name: packaged_gait_table(name) for name in START_TABLES}
+    plain = replace(table, side_phases={}) if table.side_phases else table
+    if plain != shipped.get(table.name):
+        return (table,)
+    others = [other for name, other in shipped.items() if name != table.name]
+    return (table, *(with_own_sides(other) if table.side_phases else other for other in others))
+
+
 class _Work:
     """One call of :func:`tune`: what its stages share."""
 
@@ -277,11 +309,14 @@ class _Work:
         document = experiment_document(experiment)
         self._document = {**document, "seed": settings.seed, "table": None}
         self._table = editable_document(experiment.table)
-        self._parameters = parameters_of(
-            experiment.table, thresholds=settings.thresholds, blending=settings.blending
-        )
+        self._begin_with(experiment.table)
         self._effects: tuple[Effect, ...] = ()
         self._best: tuple[float, Mapping[str, float | None]] = (float("inf"), {})
+
+    def _begin_with(self, table: GaitTable) -> None:
+        settings = self._settings
+        self._origin = editable_document(table)
+        self._parameters = parameters_of(table, thresholds=settings.thresholds, blending=settings.blending)
 
     def everything(self, on_compile: Callable[[], None] | None) -> Tuning:
         self._compile(on_compile)
@@ -318,17 +353,20 @@ class _Work:
         for number, case in enumerate(cases):
             self._tell("compiling", number, len(cases))
             document = {**self._document, "duration_s": WARM_UP}
-            walk = Walk(number, document, self._table, case.changes, None, False, sources_hash())
-            result = run_walk(walk, on_compile)
-            if result.problem:
-                raise ParameterError(f"{case.name}: {result.problem}")
+            for quick in (False, True):
+                walk = Walk(number, document, self._table, case.changes, None, False, quick, sources_hash())
+                result = run_walk(walk, on_compile)
+                if result.problem:
+                    raise ParameterError(f"{case.name}: {result.problem}")
 
     def _walk(self, asks: Sequence[Ask], duration: float, stage: str) -> list[WalkResult]:
-        counted = (lambda done, total: self._tell(stage, done, total)) if stage == "robust set" else None
+        last = stage == "robust set"
+        counted = (lambda done, total: self._tell(stage, done, total)) if last else None
         results = walk_all(
             asks,
             {**self._document, "duration_s": duration},
             self._runner,
+            quick=not last,
             reference_speed=self._settings.reference_speed,
             progress=counted,
             should_stop=self._should_stop,
@@ -352,9 +390,35 @@ class _Work:
                 self._best = (cost, results[place].values)
         return costs
 
+    def _raced(self, tables: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[float]:
+        """Cost of a population, of which the worse half of the nominal walks does not walk the corners.
+
+        The optimiser looks at the order of the costs and learns from the better half; each of the others
+        costs more than all of those.
+        """
+        first, *corners = cases
+        duration = self._settings.search_duration
+        nominal = self._walk([Ask(table, first, True) for table in tables], duration, "")
+        order = sorted(range(len(tables)), key=lambda place: (nominal[place].cost, place))
+        leaders = [place for place in order[: (len(order) + 1) // 2] if not nominal[place].errors]
+        asks = [Ask(tables[place], case) for place in leaders for case in corners]
+        others = iter(self._walk(asks, duration, ""))
+        costs = {
+            place: weighted_cost([nominal[place], *(next(others) for _ in corners)]) for place in leaders
+        }
+        for place in leaders:
+            if costs[place] < self._best[0]:
+                self._best = (costs[place], nominal[place].values)
+        worst = max(costs.values(), default=0.0)
+        return [costs.get(place, worst + nominal[place].cost) for place in range(len(tables))]
+
     def _walk_start(self) -> None:
-        cost = self._costs([self._table], search_cases(self._experiment), "")[0]
-        self._state.start_cost = cost
+        """Walk the table that is to be bettered and all that the search could begin with."""
+        tables = start_tables(self._experiment.table)
+        documents = [editable_document(table) for table in tables]
+        costs = self._costs(documents, search_cases(self._experiment), "")
+        self._state.start_cost = costs[0]
+        self._begin_with(tables[int(np.argmin(costs))])
         self.keep()
 
     def _screen(self) -> tuple[Parameter, ...]:
@@ -369,7 +433,7 @@ class _Work:
             place = len(state.screening)
             self._tell("screening", place, len(points))
             tables = [
-                table_with(self._table, self._parameters, point) for point in points[place : place + size]
+                table_with(self._origin, self._parameters, point) for point in points[place : place + size]
             ]
             state.screening += self._costs(tables, cases, "screening")
             self.keep()
@@ -389,8 +453,8 @@ class _Work:
         while not self._over():
             self._tell("search", len(state.generations), settings.generations)
             points = search.ask()
-            tables = [table_with(self._table, searched, point) for point in points]
-            generation = Generation(points, self._costs(tables, cases, "search"))
+            tables = [table_with(self._origin, searched, point) for point in points]
+            generation = Generation(points, self._raced(tables, cases))
             search.tell(generation)
             state.generations.append(generation)
             self.keep()
@@ -410,7 +474,7 @@ class _Work:
             (None, start_cost, self._table)
         ]
         for cost, points in _cheapest(self._state.generations):
-            table = table_with(self._table, searched, points)
+            table = table_with(self._origin, searched, points)
             if len(chosen) <= FINALISTS and all(table != other for _, _, other in chosen):
                 chosen.append((tuple(points), cost, table))
         cases = robust_cases(self._experiment)

@@ -14,7 +14,7 @@ from twin_gait.checking.check import Rule, build_subject
 from twin_gait.checking.finding import Severity
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.exceptions import ParameterFileError, TwinGaitError
-from twin_gait.experiment import Engine, Experiment
+from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.simulation import RunStatus, simulate
 from twin_gait.studies.batch import overridden
 from twin_gait.studies.sweep_spec import sources_hash
@@ -40,6 +40,10 @@ QUICK_RULES: tuple[Rule, ...] = tuple(
     }
 )
 FORBIDDEN = 1000.0  # cost of a table with an error, far above any walk
+# For screening and search, where a quarter of the time buys four times the candidates: parts of the shipped
+# walk are within 0.01° and 0.1 percentage points of those at the default step, at which all is walked that is
+# told in the end.
+QUICK_INTEGRATION = Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
 # A cluster's worker may have several threads, which would silence the URDF parser for each other.
 _ONE_AT_A_TIME = threading.Lock()
 
@@ -54,6 +58,7 @@ class Walk(NamedTuple):
         changes: Values by keys of the experiment.
         reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
         checked: Whether the quick rules of the check come first.
+        quick: Whether ``QUICK_INTEGRATION`` will do.
         sources: Hash of the sources that the numbers must come from.
     """
 
@@ -63,6 +68,7 @@ class Walk(NamedTuple):
     changes: Mapping[str, Any]
     reference_speed: float | None
     checked: bool
+    quick: bool
     sources: str
 
     def __str__(self) -> str:
@@ -116,7 +122,7 @@ def run_walk(walk: Walk, on_compile: Callable[[], None] | None = None) -> WalkRe
         return _nothing(walk, "a worker has another version of twin_gait; install the same everywhere")
     with _ONE_AT_A_TIME:
         try:
-            experiment = experiment_of(walk.document, walk.table, walk.changes)
+            experiment = experiment_of(walk.document, walk.table, walk.changes, quick=walk.quick)
             errors = quick_errors(experiment) if walk.checked else ()
             if errors:
                 return WalkResult(walk.number, FORBIDDEN + len(errors), {}, False, 0.0, errors)
@@ -126,7 +132,7 @@ def run_walk(walk: Walk, on_compile: Callable[[], None] | None = None) -> WalkRe
 
 
 def experiment_of(
-    document: Mapping[str, Any], table: Mapping[str, Any], changes: Mapping[str, Any]
+    document: Mapping[str, Any], table: Mapping[str, Any], changes: Mapping[str, Any], *, quick: bool = False
 ) -> Experiment:
     """Experiment with another table and some changes.
 
@@ -134,6 +140,7 @@ def experiment_of(
         document: Of the experiment.
         table: Of the gait table.
         changes: Values by keys of the experiment.
+        quick: Whether ``QUICK_INTEGRATION`` will do.
 
     Returns:
         The experiment, for the compiled engine.
@@ -142,7 +149,7 @@ def experiment_of(
         ParameterFileError: If a value is wrong.
     """
     experiment = experiment_from_mapping({**document, "table": dict(table)}, "the tuning", Path())
-    experiment = replace(experiment, engine=Engine.COMPILED, integration=None)
+    experiment = replace(experiment, engine=Engine.COMPILED, integration=QUICK_INTEGRATION if quick else None)
     return overridden(experiment, changes, "the tuning") if changes else experiment
 
 
@@ -158,6 +165,7 @@ def walk_all(
     document: Mapping[str, Any],
     runner: Runner,
     *,
+    quick: bool = False,
     reference_speed: float | None = None,
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
@@ -168,6 +176,7 @@ def walk_all(
         asks: Tables and cases.
         document: Of the experiment.
         runner: Who does the work; the results do not depend on it.
+        quick: Whether ``QUICK_INTEGRATION`` will do.
         reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
         progress: Called with walks done and in all.
         should_stop: Asked before each walk.
@@ -179,8 +188,9 @@ def walk_all(
         ParameterFileError: If a walk could not be run.
         WorkersLost: If workers die again and again.
     """
+    sources = sources_hash()
     walks = [
-        Walk(index, document, ask.table, ask.case.changes, reference_speed, ask.checked, sources_hash())
+        Walk(index, document, ask.table, ask.case.changes, reference_speed, ask.checked, quick, sources)
         for index, ask in enumerate(asks)
     ]
     done: dict[int, WalkResult] = {}
