@@ -61,7 +61,7 @@ def loop_of(
     controller: ControllerFunction | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> RunTicks:
-    """The compiled loop of an episode: ``run_ticks`` of :mod:`twin_gait.simulation.episode` bound to it.
+    """The compiled loop of an episode: ``run_ticks`` of :mod:`twin_gait.simulation.episode.tick` bound to it.
 
     Args:
         flat: The episode that it runs and changes.
