@@ -1,7 +1,7 @@
 """Rigid bodies: the URDF, the wearer's segments, and the one room that knows Pinocchio."""
 
-from twin_gait.leg_model.leg_model import LegJoints, LegModel, PelvisGuide
+from twin_gait.leg_model.leg_model import Bodies, LegJoints, LegModel, PelvisGuide
 from twin_gait.leg_model.urdf import packaged_urdf
 from twin_gait.leg_model.wearer import DeviceSizes, device_sizes
 
-__all__ = ["DeviceSizes", "LegJoints", "LegModel", "PelvisGuide", "device_sizes", "packaged_urdf"]
+__all__ = ["Bodies", "DeviceSizes", "LegJoints", "LegModel", "PelvisGuide", "device_sizes", "packaged_urdf"]

@@ -44,6 +44,14 @@ class PelvisGuide(StrEnum):
     VERTICAL = "vertical"
 
 
+class Bodies(StrEnum):
+    """Whose bodies a model has."""
+
+    BOTH = "both"
+    DEVICE = "device"
+    WEARER = "wearer"
+
+
 @dataclass(frozen=True, kw_only=True)
 class LegJoints:
     """Names of the joints and contact frames of one leg in the URDF.
@@ -105,6 +113,7 @@ class LegModel:
         armature: Mapping[JointName, float] | None = None,
         gravity: float = 9.81,
         up_axis: str = "z",
+        bodies: Bodies = Bodies.BOTH,
     ) -> None:
         """Build the model.
 
@@ -117,6 +126,8 @@ class LegModel:
             armature: Rotor and gear inertia at the joint per joint name in [kg m²]; 0 if absent.
             gravity: Magnitude in [m] / [s²].
             up_axis: ``"z"`` or ``"y"``: the vertical of the URDF.
+            bodies: Those of device and wearer, or of one of them alone on the same joints, which are those
+                of the device fitted to the wearer; the wearer alone has no rotors.
 
         Raises:
             ModelError: If the URDF cannot be read or lacks a joint or frame.
@@ -142,10 +153,13 @@ class LegModel:
             if fit_device:
                 self.sizes = device_sizes(patient)
                 self._resize(self.sizes)
-            self._add_wearer(patient)
+            if bodies is Bodies.WEARER:
+                self._take_device_away()
+            if bodies is not Bodies.DEVICE:
+                self._add_wearer(patient)
         vertical = {"z": [0.0, 0.0, 1.0], "y": [0.0, 1.0, 0.0]}[up_axis]
         self.model.gravity.linear = -gravity * np.array(vertical)
-        self._set_armature(armature or {})
+        self._set_armature({} if bodies is Bodies.WEARER else armature or {})
         self.data = self.model.createData()
 
     # ------------------------------------------------------------------ construction
@@ -228,6 +242,10 @@ class LegModel:
         self.model.inertias[proximal] = pin.Inertia(
             body.mass, body.lever * ratio, body.inertia * (ratio * ratio)
         )
+
+    def _take_device_away(self) -> None:
+        for joint in range(self.model.njoints):
+            self.model.inertias[joint] = pin.Inertia.Zero()
 
     def _add_wearer(self, patient: Patient) -> None:
         segments = SEGMENTS[patient.sex]

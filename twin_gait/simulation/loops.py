@@ -38,6 +38,7 @@ STRUCTURE = (
     "FOLLOWS",
     "ASSISTS",
     "ADAPTS",
+    "WEARER_SHIFT",
 )
 _FLAT_ARRAYS, _MORE_ARGUMENTS = 2, 3  # x and k; first tick, end and the log
 

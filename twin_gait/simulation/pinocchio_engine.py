@@ -62,7 +62,7 @@ from twin_gait.core.safety import (
 from twin_gait.experiment import ControlMode
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.columns import WORK_SOURCES
+from twin_gait.simulation.columns import BRACE_COLUMNS, PELVIS_BRACE_COLUMNS
 from twin_gait.simulation.engine import (
     DIVERGED_VELOCITY,
     EngineResult,
@@ -191,8 +191,11 @@ class PinocchioEngine:
         plant, world = self.plant, self.problem.world
         if not (np.isfinite(plant.q).all() and np.abs(plant.v).max() < DIVERGED_VELOCITY):
             return RunStatus.DIVERGED, diverged_reason(tick + 1)
-        if world.fall_height is not None and plant.q[world.model.pelvis_index] < world.fall_height:
-            return RunStatus.FELL, fell_reason(tick + 1, world.fall_height)
+        pelvis, height = world.model.pelvis_index, world.fall_height
+        if pelvis is None or height is None:
+            return None
+        if plant.q[pelvis + world.wearer_shift] < height:
+            return RunStatus.FELL, fell_reason(tick + 1, height)
         return None
 
     # ------------------------------------------------------------------ one tick
@@ -496,7 +499,7 @@ class PinocchioEngine:
             row[first : first + 3] = (
                 plant.passive[joint.coordinate, FRICTION],
                 plant.passive[joint.coordinate, STOP],
-                (plant.hand if held else 0.0) + plant.wearer[joint.coordinate],
+                (plant.hand if held else 0.0) + plant.wearer[joint.coordinate + world.wearer_shift],
             )
         for side in layout.ankles:
             index = world.model.index(side, JointName.ANKLE)
@@ -519,17 +522,32 @@ class PinocchioEngine:
             row[first : first + 5] = (
                 plant.q[pelvis],
                 plant.v[pelvis],
-                plant.passive[pelvis, SPRING],
+                plant.passive[pelvis + world.wearer_shift, SPRING],
                 *plant.guide_wrench(),
             )
         first = layout.first("bus_voltage_V")
         row[first : first + 4] = (
             self._bus_voltage,
             battery_power,
-            world.model.kinetic_energy(plant.q, plant.v),
-            world.model.potential_energy(plant.q),
+            *plant.energy(),
         )
-        row[first + 4 : first + 4 + len(WORK_SOURCES)] = plant.works
+        row[first + 4 : first + 4 + len(plant.works)] = plant.works
         if self._trip is not None:
             row[layout.first("safety_state")] = SafetyState.HOLD.code
             row[layout.first("trip_cause")] = self._trip[1]
+        if world.braces is not None:
+            self._record_braces(row)
+
+    def _record_braces(self, row: np.ndarray) -> None:
+        """Write the wearer's own motion and what the device does on him."""
+        model, layout = self.problem.world.model, self.layout
+        for side, leg in model.legs.items():
+            for joint, _ in leg.items():
+                first = layout.first(f"{side}_{joint}_{BRACE_COLUMNS[0]}")
+                self._record_brace(row, first, model.index(side, joint))
+        if model.pelvis_index is not None:
+            self._record_brace(row, layout.first(PELVIS_BRACE_COLUMNS[0]), model.pelvis_index)
+
+    def _record_brace(self, row: np.ndarray, first: int, index: int) -> None:
+        plant, shift = self.plant, self.problem.world.wearer_shift
+        row[first : first + 3] = plant.q[index + shift], plant.v[index + shift], plant.brace[index]

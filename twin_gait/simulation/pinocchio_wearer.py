@@ -46,13 +46,14 @@ class WearerOfJoints:
         problem, conditions = self.problem, self.problem.wearer.conditions
         if not problem.wearer.acts:
             return
-        model = problem.world.model
+        model, shift = problem.world.model, problem.world.wearer_shift
         for leg, side in enumerate(problem.sides):
             first = leg * problem.joints_per_leg
-            hip, knee = (float(plant.q[problem.joints[first + number].coordinate]) for number in range(2))
+            places = [problem.joints[first + number].coordinate + shift for number in range(2)]
+            hip, knee = plant.q[places].tolist()
             ankle = 0.0
             if model.legs[side].ankle is not None:
-                ankle = float(plant.q[model.index(side, JointName.ANKLE)])
+                ankle = float(plant.q[model.index(side, JointName.ANKLE) + shift])
             stretched = hip - conditions[first, CONTRACTURE], knee - conditions[first + 1, CONTRACTURE]
             passive = passive_hip_torque(*stretched), passive_knee_torque(*stretched, ankle)
             for number in range(2):
@@ -69,6 +70,6 @@ class WearerOfJoints:
         self._efforts[tick % ring, joint] = condition[EFFORT] * moment
         noise = arrays.noise[tick % len(arrays.noise), joint]
         effort = self._efforts[(tick + 1) % ring, joint] * (1.0 + noise)
-        index = self.problem.joints[joint].coordinate
+        index = self.problem.joints[joint].coordinate + self.problem.world.wearer_shift
         catch = spastic_torque(float(plant.v[index]), condition[CATCH_SPEED], condition[CATCH_GAIN])
         plant.wearer[index] = condition[PASSIVE_SHARE] * passive + catch + effort

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from twin_gait.core.integrators import rk4_step, semi_implicit_euler_step
 from twin_gait.core.plant import (
+    BRACE_WORK,
     CONTACT_WORK,
     FRICTION,
     FRICTION_WORK,
@@ -13,6 +14,7 @@ from twin_gait.core.plant import (
     SPRING_WORK,
     STOP,
     STOP_WORK,
+    brace_torque,
     hand_torque,
     passive_torque,
 )
@@ -28,6 +30,7 @@ from twin_gait.simulation.episode_arrays import (
     SUBSTEPS,
     TIME,
     USE_RK4,
+    WEARER_SHIFT,
     Array,
     Episode,
 )
@@ -71,11 +74,24 @@ def acceleration(episode: Episode, offset: float, weight: float, q: Array, v: Ar
             inputs.hand[5],
         )
         state.torque[hand] += state.changing[HAND_TORQUE]
+    if inputs.integers[WEARER_SHIFT] != 0:
+        _bind(episode, q, v)
     state.changing[CONTACT_POWER] = dynamics(
         q, v, state.torque, inputs.bodies, inputs.numbers[GRAVITY], inputs.contact, out, state.points
     )
     if inputs.integers[USE_RK4] != 0 and inputs.integers[RECORD] != 0:
         _add_work(episode, weight * inputs.numbers[STEP], state.changing[CONTACT_POWER], v)
+
+
+def _bind(episode: Episode, q: Array, v: Array) -> None:
+    """Torques of the braces, equal and opposite on device and wearer."""
+    inputs, state = episode.inputs, episode.state
+    shift = inputs.integers[WEARER_SHIFT]
+    for i in range(state.brace.shape[0]):
+        brace = brace_torque(q[i], v[i], q[i + shift], v[i + shift], inputs.braces[i, 0], inputs.braces[i, 1])
+        state.brace[i] = brace
+        state.torque[i] -= brace
+        state.torque[i + shift] += brace
 
 
 def integrate(episode: Episode, tick: int) -> None:
@@ -117,6 +133,10 @@ def _add_work(episode: Episode, duration: float, contact_power: float, v: Array)
         state.works[SPRING_WORK] += duration * state.passive[i, SPRING] * v[i]
         state.works[PATIENT_WORK] += duration * state.external[i] * v[i]
     state.works[CONTACT_WORK] += duration * contact_power
+    if inputs.integers[WEARER_SHIFT] != 0:
+        for i in range(state.brace.shape[0]):
+            apart = v[i + inputs.integers[WEARER_SHIFT]] - v[i]
+            state.works[BRACE_WORK] += duration * state.brace[i] * apart
     hand = inputs.integers[HAND_INDEX]
     if hand >= 0:
         state.works[PATIENT_WORK] += duration * state.changing[HAND_TORQUE] * v[hand]

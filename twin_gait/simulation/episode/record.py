@@ -7,6 +7,7 @@ from twin_gait.simulation.episode.motion import acceleration
 from twin_gait.simulation.episode.sensors import foot_sum
 from twin_gait.simulation.episode_arrays import (
     ANKLE_WIDTH,
+    BRACE_WIDTH,
     BUS_VOLTAGE,
     FIRST_ROW,
     FOOT_WIDTH,
@@ -21,9 +22,11 @@ from twin_gait.simulation.episode_arrays import (
     PELVIS_WIDTH,
     PERIOD,
     POINTS_PER_FOOT,
+    SAFETY_WIDTH,
     TIME,
     TRIP_CAUSE,
     TRIP_TICK,
+    WEARER_SHIFT,
     Array,
     Episode,
 )
@@ -47,6 +50,8 @@ def record(episode: Episode, tick: int, battery_power: float, rows: Array) -> No
         rows[row, first + PASSIVE + 1] = state.passive[index, STOP]
         hand = state.changing[HAND_TORQUE] if inputs.integers[HAND_INDEX] == index else 0.0
         rows[row, first + PASSIVE + 2] = hand + state.external[index]
+        if inputs.integers[WEARER_SHIFT] != 0:
+            rows[row, first + PASSIVE + 2] += state.external[index + inputs.integers[WEARER_SHIFT]]
     place = inputs.integers[N_LEGS] + JOINT_WIDTH * inputs.coordinates.shape[0]
     for ankle in range(inputs.integers[N_ANKLES]):
         index = inputs.ankles[ankle]
@@ -71,7 +76,7 @@ def record(episode: Episode, tick: int, battery_power: float, rows: Array) -> No
     if pelvis >= 0:
         rows[row, place] = state.q[pelvis]
         rows[row, place + 1] = state.v[pelvis]
-        rows[row, place + 2] = state.passive[pelvis, SPRING]
+        rows[row, place + 2] = state.passive[pelvis + inputs.integers[WEARER_SHIFT], SPRING]
         rows[row, place + 3] = force
         rows[row, place + 4] = moment
         place += PELVIS_WIDTH
@@ -85,3 +90,16 @@ def record(episode: Episode, tick: int, battery_power: float, rows: Array) -> No
     place += state.works.shape[0]
     rows[row, place] = 1.0 if state.safety[TRIP_TICK] >= 0 else 0.0
     rows[row, place + 1] = state.safety[TRIP_CAUSE]
+    if inputs.integers[WEARER_SHIFT] != 0:
+        _record_braces(episode, row, place + SAFETY_WIDTH, rows)
+
+
+def _record_braces(episode: Episode, row: int, place: int, rows: Array) -> None:
+    """Write the wearer's own motion and what the device does on him."""
+    inputs, state = episode.inputs, episode.state
+    for number in range(inputs.braced.shape[0]):
+        index = inputs.braced[number]
+        rows[row, place] = state.q[index + inputs.integers[WEARER_SHIFT]]
+        rows[row, place + 1] = state.v[index + inputs.integers[WEARER_SHIFT]]
+        rows[row, place + 2] = state.brace[index]
+        place += BRACE_WIDTH

@@ -24,6 +24,7 @@ from twin_gait.simulation.episode_arrays import (
     RECORD,
     TRIP_TICK,
     WATCHING,
+    WEARER_SHIFT,
     Array,
     Episode,
 )
@@ -77,6 +78,6 @@ def _status(episode: Episode) -> int:
         if not (np.isfinite(state.q[i]) and abs(state.v[i]) < inputs.numbers[DIVERGED_VELOCITY]):
             return DIVERGED
     pelvis = inputs.integers[PELVIS_INDEX]
-    if pelvis >= 0 and state.q[pelvis] < inputs.numbers[FALL_HEIGHT]:
+    if pelvis >= 0 and state.q[pelvis + inputs.integers[WEARER_SHIFT]] < inputs.numbers[FALL_HEIGHT]:
         return FELL
     return COMPLETED

@@ -20,6 +20,7 @@ from twin_gait.simulation.episode_arrays import (
     N_LEGS,
     POSTURE_STEP,
     WEARER,
+    WEARER_SHIFT,
     Episode,
 )
 
@@ -30,13 +31,16 @@ def push(episode: Episode, tick: int) -> None:
     for joint in range(inputs.coordinates.shape[0]):
         state.external[inputs.coordinates[joint]] = inputs.push[joint]
     if inputs.integers[WEARER] != 0:
-        per_leg = inputs.integers[JOINTS_PER_LEG]
+        per_leg, shift = inputs.integers[JOINTS_PER_LEG], inputs.integers[WEARER_SHIFT]
+        if inputs.integers[WEARER_SHIFT] != 0:
+            for joint in range(inputs.coordinates.shape[0]):
+                state.external[inputs.coordinates[joint] + shift] = 0.0
         for leg in range(inputs.integers[N_LEGS]):
-            hip = state.q[inputs.coordinates[leg * per_leg]]
-            knee = state.q[inputs.coordinates[leg * per_leg + 1]]
+            hip = state.q[inputs.coordinates[leg * per_leg] + shift]
+            knee = state.q[inputs.coordinates[leg * per_leg + 1] + shift]
             ankle = 0.0
             if inputs.integers[N_ANKLES] > 0:
-                ankle = state.q[inputs.ankles[leg]]
+                ankle = state.q[inputs.ankles[leg] + shift]
             passive = passive_hip_torque(
                 hip - inputs.conditions[leg * per_leg, CONTRACTURE],
                 knee - inputs.conditions[leg * per_leg + 1, CONTRACTURE],
@@ -63,7 +67,7 @@ def _wear(episode: Episode, tick: int, joint: int, passive: float, hip: float) -
     state.efforts[tick % ring, joint] = inputs.conditions[joint, EFFORT] * moment
     effort = state.efforts[(tick + 1) % ring, joint]
     effort *= 1.0 + inputs.effort_noise[tick % inputs.effort_noise.shape[0], joint]
-    index = inputs.coordinates[joint]
+    index = inputs.coordinates[joint] + inputs.integers[WEARER_SHIFT]
     catch = spastic_torque(
         state.v[index], inputs.conditions[joint, CATCH_SPEED], inputs.conditions[joint, CATCH_GAIN]
     )
