@@ -22,8 +22,9 @@ from twin_gait import core, load_experiment, simulate
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.leg_model import LegModel, packaged_urdf
 from twin_gait.leg_model.bodies import contact_points, export_bodies
-from twin_gait.simulation import columns, episode_arrays, keeping, kernel, loops, pointers
+from twin_gait.simulation import columns, episode, episode_arrays, keeping, kernel, loops, pointers
 from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.module_text import one_module
 from twin_gait.simulation.problem import build_problem
 
 GRAVITY = 9.81
@@ -243,6 +244,27 @@ def core_modules() -> list[str]:
 
 def test_every_module_of_core_is_compiled_and_hashed():
     assert sorted(keeping.CORE_MODULES) == core_modules()
+
+
+def test_every_room_of_the_loop_is_compiled_and_hashed():
+    assert sorted(keeping.EPISODE_ROOMS) == sorted(
+        path.stem for path in Path(episode.__file__).parent.glob("[a-z]*.py")
+    )
+
+
+@pytest.mark.parametrize("room", keeping.episode_rooms())
+def test_an_edit_of_any_room_of_the_loop_changes_the_key(room, monkeypatch):
+    before, read = key_of("text"), keeping.source_of
+    monkeypatch.setattr(keeping, "source_of", lambda item: read(item) + "\n" * (item == room))
+    assert key_of("text") != before
+
+
+def test_two_rooms_may_not_give_one_name_to_two_things():
+    rooms = {"a": "def act(x):\n    return x\n", "b": "def act(x):\n    return -x\n"}
+    with pytest.raises(AssertionError, match="two things are named act"):
+        one_module(rooms)
+    with pytest.raises(AssertionError, match="two things are named act"):
+        one_module({"a": rooms["a"], "c": "from twin_gait.core.contact import act\n"})
 
 
 @pytest.mark.parametrize("name", core_modules())

@@ -423,11 +423,13 @@ def test_page_tells_who_does_not_walk_and_why(short):
     walking = short._replace(outcome="walks")
     fallen = short._replace(outcome="falls", reason="pelvis below 0.5 m")
     trials = {"healthy": [walking, walking], "stroke_left": [walking, fallen]}
-    text = people_page.page(trials, {"mass alone": [walking, fallen]})
+    text = people_page.page(trials, {"mass alone": [walking, fallen]}, {})
     assert "stroke_left at 40% support falls (pelvis below 0.5 m)" in text
     assert "All of them walk" not in text
     assert "| mass alone | 1 of 2 | 70 kg, 1.75 m falls |" in text
-    assert "All of them walk, at 60% and at 40% support." in people_page.page({"healthy": [walking] * 2}, {})
+    assert "All of them walk, at 60% and at 40% support." in people_page.page(
+        {"healthy": [walking] * 2}, {}, {}
+    )
 
 
 def test_cohort_of_the_page_keeps_the_condition_of_its_person():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from twin_gait.core.estimation import quantise
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import KNEE_ACTUATOR, SafetyParameters
 from twin_gait.scenario import FaultKind
-from twin_gait.simulation import episode
+from twin_gait.simulation.keeping import episode_rooms
 from twin_gait.simulation.module_text import ARRAY_FUNCTIONS
 
 PERIOD = 1e-3
@@ -169,8 +170,9 @@ def test_a_name_means_the_same_in_the_loop_and_in_the_laws_written_into_it():
     """The compiled module holds both, so that one of two things of the same name would win."""
     for law in ARRAY_FUNCTIONS:
         for name in law.__code__.co_names:
-            if name in law.__globals__ and hasattr(episode, name):
-                assert getattr(episode, name) == law.__globals__[name], f"{law.__name__}: {name}"
+            for room in map(import_module, episode_rooms()):
+                if name in law.__globals__ and hasattr(room, name):
+                    assert getattr(room, name) == law.__globals__[name], f"{law.__name__}: {name}"
 
 
 def test_a_missing_reading_passes_through_the_encoder():

@@ -9,7 +9,7 @@ from enum import StrEnum
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.leg_model import LegModel, PelvisGuide
+from twin_gait.leg_model import Bodies, LegModel, PelvisGuide
 from twin_gait.parameters import (
     HIP_ACTUATOR,
     HIP_FRICTION,
@@ -18,6 +18,7 @@ from twin_gait.parameters import (
     ActuatorParameters,
     AnkleParameters,
     BatteryParameters,
+    BraceParameters,
     FrictionParameters,
     LimitParameters,
     Patient,
@@ -29,6 +30,7 @@ from twin_gait.parameters import (
     require_share,
 )
 from twin_gait.scenario.bench_leg import BenchLegScenario
+from twin_gait.scenario.bracing import brace_world, carries, rk4_growth, semi_implicit_euler_growth
 from twin_gait.scenario.faults import Fault, FaultKind, check_faults
 from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.scenario.world import LegSource, World, build_leg_model
@@ -241,23 +243,24 @@ class PlantParameters:
 Scenario = TreadmillScenario | BenchLegScenario
 
 
-def default_integration(engine: Engine, scenario: Scenario) -> Integration:
+def default_integration(engine: Engine, scenario: Scenario, *, braced: bool = False) -> Integration:
     """Integrator and step where none is asked for.
 
     The compiled engine can afford what the accuracy of the solution calls for: Runge-Kutta at 1 ms, and at
-    0.1 ms where stiff contacts open and close. The Pinocchio engine steps in Python and takes the largest
-    step at which it still runs the contacts stably and faster than real time.
+    0.1 ms where stiff contacts open and close or braces bind a light foot. The Pinocchio engine steps in
+    Python and takes the largest step at which it still runs the contacts stably and faster than real time.
 
     Args:
         engine: The engine.
         scenario: The world.
+        braced: Whether braces bind the wearer to the device.
 
     Returns:
         Integrator and step.
     """
     if engine is Engine.PINOCCHIO:
         return Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
-    step = 0.1e-3 if isinstance(scenario, TreadmillScenario) else 1e-3
+    step = 0.1e-3 if braced or isinstance(scenario, TreadmillScenario) else 1e-3
     return Integration(method=IntegrationMethod.RK4, step=step)
 
 
@@ -279,6 +282,7 @@ class Experiment:
         engine: What computes the forward dynamics.
         seed: Of every random draw.
         faults: What breaks on the way.
+        interface: Braces between wearer and device, or None if he is one body with it.
     """
 
     name: str
@@ -294,6 +298,7 @@ class Experiment:
     engine: Engine = Engine.COMPILED
     seed: int = 0
     faults: tuple[Fault, ...] = ()
+    interface: BraceParameters | None = None
 
     def __post_init__(self) -> None:
         """Check the duration, the joints of the table, the seed and the faults."""
@@ -313,11 +318,14 @@ class Experiment:
         missing = [item for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
         if missing and not self.control.safety.enabled:
             raise ParameterError(f"fault {missing[0]}: no gait without angles; switch control.safety on")
+        if self.interface is not None and self.patient is None:
+            raise ParameterError("interface: braces need a wearer; give a patient, or interface: rigid")
 
     @property
     def stepping(self) -> Integration:
         """Integrator and step that are used."""
-        return self.integration or default_integration(self.engine, self.scenario)
+        braced = self.interface is not None
+        return self.integration or default_integration(self.engine, self.scenario, braced=braced)
 
     @property
     def n_ticks(self) -> int:
@@ -332,21 +340,44 @@ class Experiment:
 
         Raises:
             ModelError: If the URDF cannot be used.
-            ParameterError: If something does not fit together.
+            ParameterError: If something does not fit together, or the step does not carry the braces.
         """
-        model = build_leg_model(
+        world = self.scenario.build(
+            self._plant_model(Bodies.BOTH),
+            friction=self.plant.true_friction(),
+            stops=self.plant.stops,
+            ankle=self.plant.ankle,
+            gravity=self.plant.gravity,
+        )
+        if self.interface is None:
+            return world
+        device, wearer = self._plant_model(Bodies.DEVICE), self._plant_model(Bodies.WEARER)
+        braced = brace_world(world, device, wearer, self.interface)
+        self._require_step_for(braced)
+        return braced
+
+    def _plant_model(self, bodies: Bodies) -> LegModel:
+        return build_leg_model(
             self.leg,
             patient=self.patient,
             actuators=self.plant.actuators,
             pelvis=self.scenario.pelvis,
             gravity=self.plant.gravity,
+            bodies=bodies,
         )
-        return self.scenario.build(
-            model,
-            friction=self.plant.true_friction(),
-            stops=self.plant.stops,
-            ankle=self.plant.ankle,
-            gravity=self.plant.gravity,
+
+    def _require_step_for(self, world: World) -> None:
+        """Refuse braces whose oscillation would grow from step to step."""
+        runge_kutta = self.stepping.method is IntegrationMethod.RK4
+        growth = rk4_growth if runge_kutta else semi_implicit_euler_growth
+        if carries(world, growth, self.stepping.step):
+            return
+        finer = (TICK / self.stepping.substeps / factor for factor in (2, 5, 10, 20, 50, 100))
+        enough = next((step for step in finer if carries(world, growth, step)), None)
+        way_out = "take" if enough is None else f"set integration.step_ms to {1e3 * enough:g} or take"
+        raise ParameterError(
+            f"interface: the braces are too stiff or too strongly damped for a step of "
+            f"{1e3 * self.stepping.step:g} ms ({self.stepping.method}); {way_out} softer braces"
         )
 
     def build_control_model(self) -> LegModel:

@@ -16,6 +16,7 @@ import yaml
 from twin_gait.configuration.control_modes import assistance_document, path_document
 from twin_gait.configuration.control_section import safety_keys
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
+from twin_gait.configuration.interface import interface_document
 from twin_gait.configuration.people import patient_document
 from twin_gait.experiment import Experiment, Integration
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
@@ -161,6 +162,7 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
         "seed": experiment.seed,
         **({"faults": [str(item) for item in experiment.faults]} if experiment.faults else {}),
         "patient": None if experiment.patient is None else patient_document(experiment.patient),
+        "interface": interface_document(experiment.interface),
         "scenario": _scenario(experiment.scenario),
         "leg": _leg(experiment),
         "control": _control(experiment),

@@ -13,6 +13,7 @@ from pydantic import Field, model_validator
 
 from twin_gait.configuration.control_section import ControlEntry
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
+from twin_gait.configuration.interface import InterfaceEntry
 from twin_gait.configuration.people import PatientEntry
 from twin_gait.configuration.plant_section import PlantEntry
 from twin_gait.configuration.scenario_section import BenchLegEntry, LegEntry, TreadmillEntry
@@ -93,6 +94,7 @@ class ExperimentFile(Strict):
     scenario: Annotated[TreadmillEntry | BenchLegEntry, Field(discriminator="kind")]
     leg: LegEntry
     patient: PatientEntry | None = None
+    interface: InterfaceEntry = InterfaceEntry(kind="rigid")
     table: dict[str, Any]
     duration_s: Number = 20.0
     control: ControlEntry = ControlEntry()
@@ -150,6 +152,7 @@ def experiment_from_mapping(data: dict[str, Any], source: str, folder: Path) -> 
             engine=entry.engine,
             seed=entry.seed,
             faults=_faults(entry, source),
+            interface=converting(source, "interface", entry.interface.convert),
         ),
     )
 
@@ -157,7 +160,8 @@ def experiment_from_mapping(data: dict[str, Any], source: str, folder: Path) -> 
 def _integration(entry: ExperimentFile, scenario: Scenario) -> Integration | None:
     if entry.integration is None:
         return None
-    return entry.integration.convert(default_integration(entry.engine, scenario))
+    braced = entry.interface.kind == "brace"
+    return entry.integration.convert(default_integration(entry.engine, scenario, braced=braced))
 
 
 def _faults(entry: ExperimentFile, source: str) -> tuple[Fault, ...]:

@@ -76,9 +76,36 @@ def passive_torque(
     return friction, stop, constant_force - spring_stiffness * q - spring_damping * v
 
 
-# Sources of work on the leg.
-MOTOR_WORK, FRICTION_WORK, STOP_WORK, SPRING_WORK, CONTACT_WORK, PATIENT_WORK = range(6)
-WORK_SOURCE_COUNT = 6
+# Sources of work on the leg; the last one only where the wearer is bound to the device by braces.
+MOTOR_WORK, FRICTION_WORK, STOP_WORK, SPRING_WORK, CONTACT_WORK, PATIENT_WORK, BRACE_WORK = range(7)
+
+
+def brace_torque(
+    device: float,
+    device_velocity: float,
+    wearer: float,
+    wearer_velocity: float,
+    stiffness: float,
+    damping: float,
+) -> float:
+    r"""Torque of a brace between a coordinate of the device and the same one of the wearer.
+
+    .. math::
+
+        \tau = K\,(q_d - q_w) + B\,(\dot q_d - \dot q_w)
+
+    Args:
+        device: q_d in [rad] or [m].
+        device_velocity: Its velocity.
+        wearer: q_w in [rad] or [m].
+        wearer_velocity: Its velocity.
+        stiffness: K in [N m] / [rad] or [N] / [m].
+        damping: B in [N m s] / [rad] or [N s] / [m].
+
+    Returns:
+        What the device does on the wearer in [N m] or [N]; the wearer does the opposite on the device.
+    """
+    return stiffness * (device - wearer) + damping * (device_velocity - wearer_velocity)
 
 
 def hand_torque(

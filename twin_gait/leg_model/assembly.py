@@ -75,6 +75,11 @@ class Assembly:
             if leg.ankle is not None:
                 self._stretch(knee, self._id(leg.ankle), sizes.tibia)
 
+    def take_device_away(self) -> None:
+        """Leave the joints where they are, and the links without mass."""
+        for joint in range(self.model.njoints):
+            self.model.inertias[joint] = pin.Inertia.Zero()
+
     def put_on(self, patient: Patient) -> None:
         """Add the segments of a wearer to the links, and his trunk to a pelvis that moves.
 

@@ -17,6 +17,14 @@ class PelvisGuide(StrEnum):
     VERTICAL = "vertical"
 
 
+class Bodies(StrEnum):
+    """Whose bodies a model has."""
+
+    BOTH = "both"
+    DEVICE = "device"
+    WEARER = "wearer"
+
+
 @dataclass(frozen=True, kw_only=True)
 class LegJoints:
     """Names of the joints and contact frames of one leg in the URDF.

@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.leg_model.assembly import Assembly
-from twin_gait.leg_model.joints import PELVIS_JOINT, LegJoints, PelvisGuide
+from twin_gait.leg_model.joints import PELVIS_JOINT, Bodies, LegJoints, PelvisGuide
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters import Patient
@@ -45,6 +45,7 @@ class LegModel:
         armature: Mapping[JointName, float] | None = None,
         gravity: float = 9.81,
         up_axis: str = "z",
+        bodies: Bodies = Bodies.BOTH,
     ) -> None:
         """Build the model.
 
@@ -57,6 +58,8 @@ class LegModel:
             armature: Rotor and gear inertia at the joint per joint name in [kg m²]; 0 if absent.
             gravity: Magnitude in [m] / [s²].
             up_axis: ``"z"`` or ``"y"``: the vertical of the URDF.
+            bodies: Those of device and wearer, or of one of them alone on the same joints, which are those
+                of the device fitted to the wearer; the wearer alone has no rotors.
 
         Raises:
             ModelError: If the URDF cannot be read or lacks a joint or frame.
@@ -77,10 +80,12 @@ class LegModel:
         self.sizes = device_sizes(patient) if patient is not None and fit_device else None
         if self.sizes is not None:
             assembly.fit(self.sizes)
-        if patient is not None:
+        if patient is not None and bodies is Bodies.WEARER:
+            assembly.take_device_away()
+        if patient is not None and bodies is not Bodies.DEVICE:
             assembly.put_on(patient)
         assembly.set_gravity(gravity)
-        assembly.set_armature(armature or {})
+        assembly.set_armature({} if bodies is Bodies.WEARER else armature or {})
         self.model = assembly.model
         self.data = self.model.createData()
 

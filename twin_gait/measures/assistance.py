@@ -1,8 +1,9 @@
 r"""Who moves the leg: torque and work of the device beside those of the wearer.
 
-The leg and the device's frame are one rigid body here, so nothing is measured in a cuff. What the device does
-on the leg at a joint is what arrives behind its gear: the motor's torque less the friction of motor and gear
-and less what accelerates the rotor,
+Where braces bind the wearer to the device, their torque is what the device does on him, and the log has it.
+Without braces the leg and the device's frame are one rigid body, so nothing is measured in a cuff. What the
+device does on the leg at a joint is then what arrives behind its gear: the motor's torque less the friction
+of motor and gear and less what accelerates the rotor,
 
 .. math::
 

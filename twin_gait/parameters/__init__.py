@@ -3,6 +3,7 @@
 Every number that a user can change lives in one of these dataclasses, with its source beside it.
 """
 
+from twin_gait.parameters.braces import BraceParameters, SpringDamper
 from twin_gait.parameters.checks import (
     require,
     require_count,
@@ -38,6 +39,7 @@ __all__ = [
     "ActuatorParameters",
     "AnkleParameters",
     "BatteryParameters",
+    "BraceParameters",
     "ContactParameters",
     "FrictionParameters",
     "JointCondition",
@@ -45,6 +47,7 @@ __all__ = [
     "Patient",
     "SafetyParameters",
     "SensorParameters",
+    "SpringDamper",
     "StopParameters",
     "SupportParameters",
     "require",

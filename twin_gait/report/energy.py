@@ -10,7 +10,7 @@ from twin_gait.measures.energy import energy_balance
 from twin_gait.palette import BLACK, WORK_COLOURS
 from twin_gait.report.canvas import new_figure, put_legend, style_panel
 from twin_gait.report.window import whole_run
-from twin_gait.simulation.columns import WORK_SOURCES
+from twin_gait.simulation.columns import work_sources
 from twin_gait.simulation.run import Run
 
 
@@ -25,12 +25,12 @@ def draw_energy(run: Run) -> Figure:
     """
     window = whole_run(run)
     energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
-    works = np.array([run.log[f"{source}_work_J"].to_numpy() for source in WORK_SOURCES])
+    works = np.array([run.log[f"{source}_work_J"].to_numpy() for source in work_sources(run.log)])
     balance = energy_balance(energy, works)
     figure = new_figure(run, "Energy balance", height=7.5)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1))
     lines: list[Artist] = []
-    for source, work in zip(WORK_SOURCES, works, strict=True):
+    for source, work in zip(work_sources(run.log), works, strict=True):
         if np.any(work != 0.0):
             lines += upper.plot(
                 window.time,

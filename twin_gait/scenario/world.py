@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin_gait.core import plant
-from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
+from twin_gait.leg_model import Bodies, LegJoints, LegModel, PelvisGuide
 from twin_gait.parameters import (
     ActuatorParameters,
     AnkleParameters,
@@ -61,21 +61,39 @@ class Hand:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Braces:
+    """Device and wearer apart, each with the coordinates of the whole, and what binds them.
+
+    Attributes:
+        device: Links and rotors of the device.
+        wearer: Segments of the wearer.
+        rows: Stiffness and damping between each coordinate of the two, shape ``(nv, 2)``.
+    """
+
+    device: LegModel
+    wearer: LegModel
+    rows: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
 class World:
     """A leg model in its surroundings, ready to be integrated.
 
+    With braces the coordinates are those of the device, then those of the wearer: n is twice ``nv``.
+
     Attributes:
-        model: The plant.
-        plant_rows: Parameters of the passive torques, shape ``(nv, PLANT_COLUMNS)``.
+        model: The plant; with braces, device and wearer as if they were one.
+        plant_rows: Parameters of the passive torques, shape ``(n, PLANT_COLUMNS)``.
         belt_speed: In [m] / [s]; 0 on the bench.
         contact: Contact parameters, or None without ground.
-        start_q: Coordinates at time 0, shape ``(nv,)``.
-        start_v: Velocities at time 0, shape ``(nv,)``.
+        start_q: Coordinates at time 0, shape ``(n,)``.
+        start_v: Velocities at time 0, shape ``(n,)``.
         initial_phases: Phase of each leg at time 0.
         support_force: Constant upward force on the pelvis in [N].
         body_weight: Weight of the wearer and device in [N].
         fall_height: Pelvis height in [m] below which the wearer has fallen, or None.
-        hand: A hand, or None.
+        hand: A hand, which grips the device, or None.
+        braces: What binds the wearer to the device, or None if they are one.
     """
 
     model: LegModel
@@ -90,6 +108,17 @@ class World:
     fall_height: float | None = None
     hand: Hand | None = None
     contact_frames: Mapping[Side, tuple[str, ...]] = field(default_factory=dict)
+    braces: Braces | None = None
+
+    @property
+    def chains(self) -> tuple[LegModel, ...]:
+        """Models whose coordinates follow one another; feet and support are those of the last."""
+        return (self.model,) if self.braces is None else (self.braces.device, self.braces.wearer)
+
+    @property
+    def wearer_shift(self) -> int:
+        """How far behind a coordinate of the device that of the wearer stands; 0 if they are one."""
+        return 0 if self.braces is None else self.model.nv
 
 
 def build_leg_model(
@@ -99,6 +128,7 @@ def build_leg_model(
     actuators: Mapping[JointName, ActuatorParameters],
     pelvis: PelvisGuide,
     gravity: float,
+    bodies: Bodies = Bodies.BOTH,
 ) -> LegModel:
     """Build the rigid-body model of a world.
 
@@ -108,6 +138,7 @@ def build_leg_model(
         actuators: For the armature of hip and knee.
         pelvis: How the pelvis is held.
         gravity: In [m] / [s²].
+        bodies: Whose bodies it has.
 
     Returns:
         The model.
@@ -121,6 +152,7 @@ def build_leg_model(
         armature={joint: item.armature for joint, item in actuators.items()},
         gravity=gravity,
         up_axis=source.up_axis,
+        bodies=bodies,
     )
 
 

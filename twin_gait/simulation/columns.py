@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -45,9 +45,14 @@ PELVIS_COLUMNS = (
 POWER_COLUMNS = ("bus_voltage_V", "battery_power_W")
 # Work done on the leg since the start, by source; kinetic plus potential energy changes by their sum.
 WORK_SOURCES = ("motor", "friction", "stop", "spring", "contact", "patient")
+# One more where braces bind the wearer to the device.
+BRACED_WORK_SOURCES = (*WORK_SOURCES, "brace")
+# Where there are braces, of every joint: the wearer's motion, and what the device does on him.
+BRACE_COLUMNS = ("wearer_angle_rad", "wearer_velocity_rad_per_s", "brace_torque_Nm")
+PELVIS_BRACE_COLUMNS = ("wearer_pelvis_height_m", "wearer_pelvis_velocity_m_per_s", "pelvis_brace_force_N")
 # Of the monitor: 0 watching, 1 hold; the code of :class:`twin_gait.control.TripCause`, 0 without a trip.
 SAFETY_COLUMNS = ("safety_state", "trip_cause")
-ENERGY_COLUMNS = ("kinetic_energy_J", "potential_energy_J", *(f"{name}_work_J" for name in WORK_SOURCES))
+ENERGY_COLUMNS = ("kinetic_energy_J", "potential_energy_J")
 
 _UNITS = {
     "_rad": "rad",
@@ -68,6 +73,34 @@ _UNITS = {
     "_state": "code",
     "_cause": "code",
 }
+
+
+def work_sources(columns: Container[str]) -> tuple[str, ...]:
+    """Sources of work that a log has columns for.
+
+    Args:
+        columns: Of the log.
+
+    Returns:
+        Their names; the braces are one of them if there are any.
+    """
+    return BRACED_WORK_SOURCES if f"{BRACED_WORK_SOURCES[-1]}_work_J" in columns else WORK_SOURCES
+
+
+def wearer_column(columns: Container[str], side: Side, joint: JointName, quantity: str) -> str:
+    """Column of the wearer's own motion: where he is one body with the device, that of the joint.
+
+    Args:
+        columns: Of the log.
+        side: The leg.
+        joint: The joint.
+        quantity: ``angle_rad`` or ``velocity_rad_per_s``.
+
+    Returns:
+        Its name.
+    """
+    own = f"{side}_{joint}_wearer_{quantity}"
+    return own if own in columns else f"{side}_{joint}_{quantity}"
 
 
 def unit_of(column: str) -> str:
@@ -95,12 +128,14 @@ class LogLayout:
         ankles: Legs with an ankle.
         feet: Legs with foot contact.
         pelvis: Whether the pelvis moves.
+        braced: Whether braces bind the wearer to the device.
     """
 
     legs: Mapping[Side, Sequence[JointName]]
     ankles: tuple[Side, ...]
     feet: tuple[Side, ...]
     pelvis: bool
+    braced: bool = False
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -115,7 +150,21 @@ class LogLayout:
             names += [f"{side}_foot_{column}" for column in FOOT_COLUMNS]
         if self.pelvis:
             names += PELVIS_COLUMNS
-        return (*names, *POWER_COLUMNS, *ENERGY_COLUMNS, *SAFETY_COLUMNS)
+        works = [f"{source}_work_J" for source in self.work_sources]
+        return (*names, *POWER_COLUMNS, *ENERGY_COLUMNS, *works, *SAFETY_COLUMNS, *self._brace_names())
+
+    @property
+    def work_sources(self) -> tuple[str, ...]:
+        """Sources of work on the leg."""
+        return BRACED_WORK_SOURCES if self.braced else WORK_SOURCES
+
+    def _brace_names(self) -> list[str]:
+        if not self.braced:
+            return []
+        joints = [f"{side}_{joint}" for side, items in self.legs.items() for joint in items]
+        joints += [f"{side}_{JointName.ANKLE}" for side in self.ankles]
+        names = [f"{joint}_{column}" for joint in joints for column in BRACE_COLUMNS]
+        return names + list(PELVIS_BRACE_COLUMNS) * self.pelvis
 
     @cached_property
     def positions(self) -> dict[str, int]:

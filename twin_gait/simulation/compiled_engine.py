@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from twin_gait.control import ControllerFunction
 from twin_gait.core import safety
-from twin_gait.core.plant import WORK_SOURCE_COUNT
 from twin_gait.experiment import ControlMode, IntegrationMethod
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
+from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
 from twin_gait.simulation import episode_arrays
 from twin_gait.simulation.engine import (
@@ -72,8 +72,7 @@ class CompiledEngine:
         self.layout = log_layout(problem)
         world = problem.world
         frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
-        bodies = export_bodies(world.model.model)
-        points = contact_points(world.model.model, frames)
+        bodies, points = _forest(world.chains, frames)
         control_bodies = export_bodies(problem.control_model.model)
         kernel = write_kernel(bodies, points, control_bodies, world.model.up_axis)
         inputs = self._inputs(bodies, points, control_bodies, record)
@@ -99,6 +98,8 @@ class CompiledEngine:
             for side, leg in world.model.legs.items()
             if leg.ankle is not None
         ]
+        braced = [joint.coordinate for joint in problem.joints] + ankles
+        braced += [] if pelvis is None else [pelvis]
         integers = np.zeros(episode_arrays.INTEGER_COUNT, dtype=np.int64)
         integers[episode_arrays.N_LEGS] = legs
         integers[episode_arrays.JOINTS_PER_LEG] = problem.joints_per_leg
@@ -119,6 +120,7 @@ class CompiledEngine:
         integers[episode_arrays.ASSISTS] = not control.assistance.is_full
         integers[episode_arrays.ADAPTS] = control.assistance.adaptive
         integers[episode_arrays.CYCLE_TICKS] = 1 if path is None else path.cycle_ticks
+        integers[episode_arrays.WEARER_SHIFT] = world.wearer_shift
         faults = fault_arrays(problem)
         settings = experiment.control.safety
         integers[episode_arrays.WATCHING] = settings.enabled
@@ -140,6 +142,8 @@ class CompiledEngine:
                 [joint.control_coordinate for joint in problem.joints], dtype=np.int64
             ),
             ankles=np.array(ankles, dtype=np.int64),
+            braces=np.zeros((1, 2)) if world.braces is None else world.braces.rows,
+            braced=np.array(braced, dtype=np.int64),
             transitions=problem.program.transitions,
             nodes=problem.program.nodes,
             comparisons=problem.program.comparisons,
@@ -241,7 +245,7 @@ class CompiledEngine:
     def _state(self, n_points: int) -> episode_arrays.EpisodeState:
         problem = self.problem
         world, experiment = problem.world, problem.experiment
-        n, legs, joints = world.model.nv, len(problem.sides), len(problem.joints)
+        n, legs, joints = len(world.start_q), len(problem.sides), len(problem.joints)
         phases = np.array(
             [
                 0 if name is None else problem.table.phase_index(name)
@@ -283,7 +287,8 @@ class CompiledEngine:
             torque=np.zeros(n),
             passive=np.zeros((n, 3)),
             points=np.zeros((max(n_points, 1), 3)),
-            works=np.zeros(WORK_SOURCE_COUNT),
+            brace=np.zeros(max(world.wearer_shift, 1)),
+            works=np.zeros(len(self.layout.work_sources)),
             changing=changing,
             stage_q=np.zeros(n),
             stage_v=np.zeros(n),
@@ -371,3 +376,16 @@ class CompiledEngine:
             PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
             for tick, leg, source, target, chosen in state.switches[: state.counters[0]].tolist()
         )
+
+
+def _forest(chains: Sequence[LegModel], frames: Sequence[str]) -> tuple[list[BodyArrays], list[ContactPoint]]:
+    """Bodies of models that share nothing but the ground, one after the other; the last has the feet."""
+    bodies: list[BodyArrays] = []
+    for chain in chains:
+        first = len(bodies)
+        bodies += [
+            body._replace(parent=body.parent + first if body.parent >= 0 else body.parent)
+            for body in export_bodies(chain.model)
+        ]
+    points = [point._replace(body=point.body + first) for point in contact_points(chains[-1].model, frames)]
+    return bodies, points

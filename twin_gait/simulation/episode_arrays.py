@@ -10,7 +10,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from twin_gait.simulation.columns import ANKLE_COLUMNS, FOOT_COLUMNS, JOINT_COLUMNS, PELVIS_COLUMNS
+from twin_gait.simulation.columns import (
+    ANKLE_COLUMNS,
+    BRACE_COLUMNS,
+    FOOT_COLUMNS,
+    JOINT_COLUMNS,
+    PELVIS_COLUMNS,
+    SAFETY_COLUMNS,
+)
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -44,7 +51,8 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
     ASSISTS,
     ADAPTS,
     CYCLE_TICKS,
-) = range(26)
+    WEARER_SHIFT,
+) = range(27)
 (
     PERIOD,
     FAST_GAIN,
@@ -72,12 +80,13 @@ BUS_VOLTAGE, TIME, HAND_TORQUE, CONTACT_POWER, LAST_CONTACT_POWER = range(5)
 # Positions in the array of what the monitor has done: tick of the trip or -1, its cause and place (a joint,
 # or the number of joints plus a leg), drives that are cut off, ticks with too low a bus voltage.
 TRIP_TICK, TRIP_CAUSE, TRIP_PLACE, DRIVES_OFF, LOW_VOLTAGE_STREAK = range(5)
-INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = CYCLE_TICKS + 1, LEAST_ASSISTANCE + 1, LAST_CONTACT_POWER + 1
+INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = WEARER_SHIFT + 1, LEAST_ASSISTANCE + 1, LAST_CONTACT_POWER + 1
 SAFETY_COUNT = LOW_VOLTAGE_STREAK + 1
 
 # Blocks of the log, and where groups of columns begin in the block of a joint.
 JOINT_WIDTH, ANKLE_WIDTH = len(JOINT_COLUMNS), len(ANKLE_COLUMNS)
 FOOT_WIDTH, PELVIS_WIDTH = len(FOOT_COLUMNS), len(PELVIS_COLUMNS)
+SAFETY_WIDTH, BRACE_WIDTH = len(SAFETY_COLUMNS), len(BRACE_COLUMNS)
 MEASURED = JOINT_COLUMNS.index("measured_angle_rad")
 CONTROLLED = JOINT_COLUMNS.index("impedance_torque_Nm")
 PASSIVE = JOINT_COLUMNS.index("friction_torque_Nm")
@@ -86,6 +95,8 @@ ELECTRICAL = JOINT_COLUMNS.index("target_current_A")
 
 class EpisodeInputs(NamedTuple):
     """What does not change in an episode.
+
+    With braces the coordinates are those of the device, then those of the wearer, ``WEARER_SHIFT`` behind.
 
     Attributes:
         integers: See the positions above, shape ``(INTEGER_COUNT,)``.
@@ -97,6 +108,8 @@ class EpisodeInputs(NamedTuple):
         coordinates: Positions of the actuated joints in ``q``, shape ``(n_joints,)``.
         control_coordinates: Likewise in the controller's model.
         ankles: Positions of the ankles in ``q``.
+        braces: Stiffness and damping between device and wearer, shape ``(n_device, 2)``.
+        braced: Coordinates of the device in the order of the log's braces.
         transitions: Guard program.
         nodes: Guard program.
         comparisons: Guard program.
@@ -128,6 +141,8 @@ class EpisodeInputs(NamedTuple):
     coordinates: Array
     control_coordinates: Array
     ankles: Array
+    braces: Array
+    braced: Array
     transitions: Array
     nodes: Array
     comparisons: Array
@@ -178,7 +193,8 @@ class EpisodeState(NamedTuple):
         torque: All torques, shape ``(n,)``.
         passive: Shape ``(n, 3)``.
         points: Contact points, shape ``(n_points, 3)``.
-        works: By source, shape ``(6,)``.
+        brace: What the device does on the wearer, shape ``(n_device,)``.
+        works: By source, shape ``(n_sources,)``.
         changing: See the positions above, shape ``(5,)``.
         stage_q: Room for the integrators, shape ``(n,)``.
         stage_v: Likewise.
@@ -231,6 +247,7 @@ class EpisodeState(NamedTuple):
     torque: Array
     passive: Array
     points: Array
+    brace: Array
     works: Array
     changing: Array
     stage_q: Array

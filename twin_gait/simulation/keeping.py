@@ -46,7 +46,20 @@ CORE_MODULES = (
     "wearer",
 )
 # Modules of this package that a compiled loop is made of or made by, beside core.
-LOOP_MODULES = ("columns", "compiling", "episode", "episode_arrays", "flattening", "module_text", "pointers")
+LOOP_MODULES = ("columns", "compiling", "episode_arrays", "flattening", "module_text", "pointers")
+# The loop itself.
+EPISODE_ROOMS = (
+    "tick",
+    "sensors",
+    "monitor",
+    "phases",
+    "path",
+    "motors",
+    "wearer",
+    "motion",
+    "record",
+)
+_PACKAGE = __name__.rpartition(".")[0]
 
 
 def cache_folder() -> Path:
@@ -96,8 +109,8 @@ def source_key(what: str) -> str:
         The hash; the sources are read once in a process, so that an edit during a long batch changes nothing.
     """
     digest = hashlib.sha256(what.encode())
-    package = __name__.rpartition(".")[0]
-    names = [f"{package}.{name}" for name in LOOP_MODULES]
+    names = [f"{_PACKAGE}.{name}" for name in LOOP_MODULES]
+    names += episode_rooms()
     names += [f"{core.__name__}.{name}" for name in CORE_MODULES]
     for name in names:
         digest.update(source_of(name).encode())
@@ -105,6 +118,11 @@ def source_key(what: str) -> str:
         digest.update(f"{name} {metadata.version(name)}".encode())
     digest.update(f"{platform.python_version()} {platform.machine()} {_processor()}".encode())
     return digest.hexdigest()[:24]
+
+
+def episode_rooms() -> list[str]:
+    """Full names of the modules that the compiled loop is written in, the tick first."""
+    return [f"{_PACKAGE}.episode.{name}" for name in EPISODE_ROOMS]
 
 
 def source_of(module: str) -> str:

@@ -38,6 +38,7 @@ STRUCTURE = (
     "FOLLOWS",
     "ASSISTS",
     "ADAPTS",
+    "WEARER_SHIFT",
 )
 _FLAT_ARRAYS, _MORE_ARGUMENTS = 2, 3  # x and k; first tick, end and the log
 
@@ -61,7 +62,7 @@ def loop_of(
     controller: ControllerFunction | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> RunTicks:
-    """The compiled loop of an episode: ``run_ticks`` of :mod:`twin_gait.simulation.episode` bound to it.
+    """The compiled loop of an episode: ``run_ticks`` of :mod:`twin_gait.simulation.episode.tick` bound to it.
 
     Args:
         flat: The episode that it runs and changes.

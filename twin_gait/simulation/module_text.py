@@ -9,15 +9,15 @@ from __future__ import annotations
 import ast
 import inspect
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from types import FunctionType
 from typing import Any
 
 from twin_gait.core import control_tick, faults, guards, integrators, safety
-from twin_gait.simulation import episode
 from twin_gait.simulation.flat_episode import LOOSE_INTEGERS
 from twin_gait.simulation.flattening import BUNDLE, Place, flatten
+from twin_gait.simulation.keeping import episode_rooms, source_of
 from twin_gait.simulation.kernel import KERNEL_VERSION
 
 
@@ -38,9 +38,8 @@ def module_source(
     Returns:
         Python source.
     """
-    loop = _without_import(inspect.getsource(episode), "twin_gait.simulation.kernel_interface")
-    loop = _without_import(loop, "twin_gait.core.integrators")
-    loop = loop.replace("_step(_acceleration, episode,", "_step(episode,")
+    loop = one_module({name: source_of(name) for name in episode_rooms()})
+    loop = loop.replace("_step(acceleration, episode,", "_step(episode,")
     bound = [_bound_integrator(item) for item in (integrators.semi_implicit_euler_step, integrators.rk4_step)]
     bound += [_without_annotations(inspect.getsource(item)) for item in ARRAY_FUNCTIONS]
     text, loose = flatten(
@@ -125,12 +124,34 @@ def _imports_of(functions: Sequence[Callable[..., Any]]) -> str:
     return "".join(sorted(lines))
 
 
-def _without_import(text: str, module: str) -> str:
-    """Take one import statement out of a source text."""
-    pattern = rf"^from {re.escape(module)} import (?:\([^)]*\)|[^\n(]*)\n"
-    text, count = re.subn(pattern, "", text, flags=re.MULTILINE)
-    assert count == 1, f"the episode loop no longer imports {module} in one statement"
-    return text
+# What the rooms import and the compiled module has of its own.
+_OWN_MODULES = frozenset(
+    {"__future__", "twin_gait.core.integrators", "twin_gait.simulation.kernel_interface", *episode_rooms()}
+)
+
+
+def one_module(rooms: Mapping[str, str]) -> str:
+    """Put the rooms of the loop in one module, without what they import from each other and the kernel.
+
+    Args:
+        rooms: Their source texts by their names.
+
+    Returns:
+        Python source.
+    """
+    homes: dict[str, str] = {}
+    imports, functions = set(), []
+    for room, text in rooms.items():
+        for node in ast.parse(text).body:
+            if isinstance(node, ast.FunctionDef):
+                assert homes.setdefault(node.name, room) == room, f"two things are named {node.name}"
+                functions.append(ast.unparse(node))
+            elif isinstance(node, ast.ImportFrom) and node.module not in _OWN_MODULES:
+                for item in node.names:
+                    home = str(node.module)
+                    assert homes.setdefault(item.name, home) == home, f"two things are named {item.name}"
+                    imports.add(f"from {home} import {item.name}")
+    return "\n\n".join(["import numpy as np", "\n".join(sorted(imports)), *functions])
 
 
 def _bound_integrator(function: Callable[..., None]) -> str:
@@ -142,7 +163,7 @@ def _bound_integrator(function: Callable[..., None]) -> str:
     source = inspect.getsource(function)
     source, count = re.subn(r"acceleration: Acceleration,\s*context: Any", f"{BUNDLE}: Any", source)
     assert count == 1, "an integrator no longer takes the acceleration and its context first"
-    return _without_annotations(source.replace("acceleration(context,", f"_acceleration({BUNDLE},"))
+    return _without_annotations(source.replace("acceleration(context,", f"acceleration({BUNDLE},"))
 
 
 def _without_annotations(source: str) -> str:

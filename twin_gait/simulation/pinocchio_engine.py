@@ -14,11 +14,8 @@ from twin_gait.control import (
     SafetyState,
 )
 from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
-from twin_gait.core.assistance import adapted_assistance, cycle_place
 from twin_gait.core.control_tick import (
     COLUMNS_PER_JOINT,
-    DAMPING,
-    EQUILIBRIUM,
     blend_phase,
     controller_torques,
     drive_motor,
@@ -62,21 +59,10 @@ from twin_gait.core.safety import (
     support_share,
     watch_joint,
 )
-from twin_gait.core.wearer import (
-    CATCH_GAIN,
-    CATCH_SPEED,
-    CONTRACTURE,
-    EFFORT,
-    PASSIVE_SHARE,
-    passive_hip_torque,
-    passive_knee_torque,
-    posture_place,
-    spastic_torque,
-)
 from twin_gait.experiment import ControlMode
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.columns import WORK_SOURCES
+from twin_gait.simulation.columns import BRACE_COLUMNS, PELVIS_BRACE_COLUMNS
 from twin_gait.simulation.engine import (
     DIVERGED_VELOCITY,
     EngineResult,
@@ -85,7 +71,9 @@ from twin_gait.simulation.engine import (
     log_layout,
     stopped_reason,
 )
+from twin_gait.simulation.pinocchio_path import PathOfLegs
 from twin_gait.simulation.pinocchio_plant import PinocchioPlant
+from twin_gait.simulation.pinocchio_wearer import WearerOfJoints
 from twin_gait.simulation.problem import ActuatedJoint, Problem
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.watching import (
@@ -96,7 +84,6 @@ from twin_gait.simulation.watching import (
     trip_of,
     watch_bounds,
 )
-from twin_gait.simulation.wearing import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.vocabulary import JointName
 
 PROGRESS_TICKS = 100
@@ -161,12 +148,8 @@ class PinocchioEngine:
         self._drive_off = [False] * n_joints
         self._hold_angle = np.zeros(n_joints)
         self._trip: tuple[int, int, int] | None = None
-        cycle = 1 if problem.path is None else problem.path.cycle_ticks
-        self._assistance = problem.first_assistance()
-        self._lead = np.zeros(n_joints)
-        self._stride_start, self._stride_ticks = [0] * n_legs, [cycle] * n_legs
-        self._tracking = np.zeros(n_joints)
-        self._efforts = np.zeros((problem.wearer.delay + 1, n_joints))
+        self._path = PathOfLegs(problem)
+        self._wearer = WearerOfJoints(problem)
         self.layout = log_layout(problem)
         self.switches: list[PhaseSwitch] = []
 
@@ -208,8 +191,11 @@ class PinocchioEngine:
         plant, world = self.plant, self.problem.world
         if not (np.isfinite(plant.q).all() and np.abs(plant.v).max() < DIVERGED_VELOCITY):
             return RunStatus.DIVERGED, diverged_reason(tick + 1)
-        if world.fall_height is not None and plant.q[world.model.pelvis_index] < world.fall_height:
-            return RunStatus.FELL, fell_reason(tick + 1, world.fall_height)
+        pelvis, height = world.model.pelvis_index, world.fall_height
+        if pelvis is None or height is None:
+            return None
+        if plant.q[pelvis + world.wearer_shift] < height:
+            return RunStatus.FELL, fell_reason(tick + 1, height)
         return None
 
     # ------------------------------------------------------------------ one tick
@@ -224,14 +210,15 @@ class PinocchioEngine:
         if self._trip is None:
             self._decide(tick)
             if self.problem.experiment.control.mode is ControlMode.POSITION:
-                self._follow(tick)
+                self._path.follow(tick, self._blended)
             if self.problem.experiment.control.assistance.adaptive:
-                self._judge(tick)
+                self._path.judge(tick, list(self.machines.values()), self._measured)
         feed_forward = self._feed_forward()
         battery_power = 0.0
         for number, joint in enumerate(self.problem.joints):
             battery_power += self._control(tick, number, joint, feed_forward, row)
-        self._wear(tick)
+        phases = [machine.phase_index for machine in self.machines.values()]
+        self._wearer.act(tick, self.plant, phases)
         self._record(row, battery_power)
         self._supply(tick, battery_power)
         self._integrate()
@@ -356,54 +343,6 @@ class PinocchioEngine:
                 self._blended,
             )
 
-    def _follow(self, tick: int) -> None:
-        """Move the equilibrium angles along the path, and let the dampers move with it."""
-        path, per_leg = self.problem.path, self.problem.joints_per_leg
-        assert path is not None  # the mode asks for it
-        samples = len(path.angles)
-        spacing = path.cycle_ticks * TICK / (samples - 1)
-        for leg, began in enumerate(path.starts):
-            before, share = cycle_place(float(began) + tick / path.cycle_ticks, samples)
-            for number in range(per_leg):
-                start = path.angles[before, number]
-                change = path.angles[before + 1, number] - start
-                column = COLUMNS_PER_JOINT * number
-                self._blended[leg, column + EQUILIBRIUM] = start + share * change
-                self._lead[leg * per_leg + number] = self._blended[leg, column + DAMPING] * change / spacing
-
-    def _judge(self, tick: int) -> None:
-        """Sum up how far the joints are from the path, and adapt the help when a stride is over."""
-        path, per_leg = self.problem.path, self.problem.joints_per_leg
-        assert path is not None  # the adaptation asks for it
-        for leg, machine in enumerate(self.machines.values()):
-            if tick > 0 and machine.phase_index == 0 and machine.entry_tick == tick:
-                self._end_stride(leg, tick)
-            progress = (tick - self._stride_start[leg]) / self._stride_ticks[leg]
-            if self._stride_start[leg] == 0:
-                progress += float(path.starts[leg])
-            before, share = cycle_place(progress, len(path.angles))
-            wanted = path.angles[before] + share * (path.angles[before + 1] - path.angles[before])
-            rows = slice(leg * per_leg, (leg + 1) * per_leg)
-            self._tracking[rows] += np.abs(self._measured[rows, 0] - wanted)
-
-    def _end_stride(self, leg: int, tick: int) -> None:
-        """Adapt the help of one leg to the errors of the stride that ends with this foot contact."""
-        settings, per_leg = self.problem.experiment.control.assistance, self.problem.joints_per_leg
-        duration = tick - self._stride_start[leg]
-        for joint in range(leg * per_leg, (leg + 1) * per_leg):
-            self._assistance[joint] = adapted_assistance(
-                self._assistance[joint],
-                self._tracking[joint] / duration,
-                settings.forgetting,
-                settings.gain,
-                settings.allowance,
-                settings.least,
-            )
-            self._tracking[joint] = 0.0
-        if self._stride_start[leg] > 0:  # the first stride may have begun half-way
-            self._stride_ticks[leg] = duration
-        self._stride_start[leg] = tick
-
     def _write_signals(self, leg: int, ticks: np.ndarray, offset: int) -> None:
         leg_signals(
             leg,
@@ -479,8 +418,8 @@ class PinocchioEngine:
             leg, column : column + COLUMNS_PER_JOINT
         ].tolist()
         if not self.problem.experiment.control.assistance.is_full:
-            stiffness *= float(self._assistance[number])
-            damping *= float(self._assistance[number])
+            stiffness *= float(self._path.assistance[number])
+            damping *= float(self._path.assistance[number])
         return JointSetpoint(stiffness, damping, equilibrium, gain)
 
     def _walking_torques(
@@ -498,9 +437,8 @@ class PinocchioEngine:
         if tick >= self._faults.first_tick:
             impedance += runaway_torque(number, tick, TICK, self._faults.faults, self._faults.magnitudes)
         gravity = self._blended[leg, -1] * feed_forward[number, 0]
-        target = self.problem.experiment.control.target_torque.get(joint.joint, 0.0) + float(
-            self._lead[number]
-        )
+        target = self.problem.experiment.control.target_torque.get(joint.joint, 0.0)
+        target += float(self._path.lead[number])
         return impedance, friction, gravity, feed_forward[number, 1], target
 
     def _drive(
@@ -537,39 +475,6 @@ class PinocchioEngine:
         memory[CURRENT_DEVIATION], memory[MOTOR_SPEED] = current - expected, speed
         return target_current, current, torque
 
-    def _wear(self, tick: int) -> None:
-        """Torques of the wearer for this tick."""
-        problem, plant, conditions = self.problem, self.plant, self.problem.wearer.conditions
-        if not problem.wearer.acts:
-            return
-        world = problem.world
-        for leg, side in enumerate(problem.sides):
-            first = leg * problem.joints_per_leg
-            hip, knee = (float(plant.q[problem.joints[first + number].coordinate]) for number in range(2))
-            ankle = 0.0
-            if world.model.legs[side].ankle is not None:
-                ankle = float(plant.q[world.model.index(side, JointName.ANKLE)])
-            stretched = hip - conditions[first, CONTRACTURE], knee - conditions[first + 1, CONTRACTURE]
-            passive = passive_hip_torque(*stretched), passive_knee_torque(*stretched, ankle)
-            for number in range(2):
-                self._wear_joint(tick, first + number, passive[number], hip)
-
-    def _wear_joint(self, tick: int, joint: int, passive: float, hip: float) -> None:
-        """Torque of the wearer on one joint; his effort comes late."""
-        arrays, condition = self.problem.wearer, self.problem.wearer.conditions[joint]
-        machine = list(self.machines.values())[joint // self.problem.joints_per_leg]
-        moments = arrays.moments[joint, machine.phase_index]
-        below, share = posture_place(hip, LOWEST_POSTURE, POSTURE_STEP, len(moments))
-        moment = moments[below] + share * (moments[below + 1] - moments[below])
-        ring = len(self._efforts)
-        self._efforts[tick % ring, joint] = condition[EFFORT] * moment
-        effort = self._efforts[(tick + 1) % ring, joint] * (
-            1.0 + arrays.noise[tick % len(arrays.noise), joint]
-        )
-        index = self.problem.joints[joint].coordinate
-        catch = spastic_torque(float(self.plant.v[index]), condition[CATCH_SPEED], condition[CATCH_GAIN])
-        self.plant.wearer[index] = condition[PASSIVE_SHARE] * passive + catch + effort
-
     def _integrate(self) -> None:
         integration = self.problem.experiment.stepping
         start = self.plant.time
@@ -594,7 +499,7 @@ class PinocchioEngine:
             row[first : first + 3] = (
                 plant.passive[joint.coordinate, FRICTION],
                 plant.passive[joint.coordinate, STOP],
-                (plant.hand if held else 0.0) + plant.wearer[joint.coordinate],
+                (plant.hand if held else 0.0) + plant.wearer[joint.coordinate + world.wearer_shift],
             )
         for side in layout.ankles:
             index = world.model.index(side, JointName.ANKLE)
@@ -617,17 +522,32 @@ class PinocchioEngine:
             row[first : first + 5] = (
                 plant.q[pelvis],
                 plant.v[pelvis],
-                plant.passive[pelvis, SPRING],
+                plant.passive[pelvis + world.wearer_shift, SPRING],
                 *plant.guide_wrench(),
             )
         first = layout.first("bus_voltage_V")
         row[first : first + 4] = (
             self._bus_voltage,
             battery_power,
-            world.model.kinetic_energy(plant.q, plant.v),
-            world.model.potential_energy(plant.q),
+            *plant.energy(),
         )
-        row[first + 4 : first + 4 + len(WORK_SOURCES)] = plant.works
+        row[first + 4 : first + 4 + len(plant.works)] = plant.works
         if self._trip is not None:
             row[layout.first("safety_state")] = SafetyState.HOLD.code
             row[layout.first("trip_cause")] = self._trip[1]
+        if world.braces is not None:
+            self._record_braces(row)
+
+    def _record_braces(self, row: np.ndarray) -> None:
+        """Write the wearer's own motion and what the device does on him."""
+        model, layout = self.problem.world.model, self.layout
+        for side, leg in model.legs.items():
+            for joint, _ in leg.items():
+                first = layout.first(f"{side}_{joint}_{BRACE_COLUMNS[0]}")
+                self._record_brace(row, first, model.index(side, joint))
+        if model.pelvis_index is not None:
+            self._record_brace(row, layout.first(PELVIS_BRACE_COLUMNS[0]), model.pelvis_index)
+
+    def _record_brace(self, row: np.ndarray, first: int, index: int) -> None:
+        plant, shift = self.plant, self.problem.world.wearer_shift
+        row[first : first + 3] = plant.q[index + shift], plant.v[index + shift], plant.brace[index]

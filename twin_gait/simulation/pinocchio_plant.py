@@ -10,6 +10,7 @@ import pinocchio as pin
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.core.integrators import rk4_step, semi_implicit_euler_step
 from twin_gait.core.plant import (
+    BRACE_WORK,
     CONTACT_WORK,
     FRICTION_WORK,
     MOTOR_WORK,
@@ -17,13 +18,14 @@ from twin_gait.core.plant import (
     PATIENT_WORK,
     SPRING_WORK,
     STOP_WORK,
-    WORK_SOURCE_COUNT,
+    brace_torque,
     hand_torque,
     passive_torque,
 )
 from twin_gait.experiment import IntegrationMethod
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.scenario.world import World
+from twin_gait.simulation.columns import BRACED_WORK_SOURCES, WORK_SOURCES
 
 
 class _FootPoints(NamedTuple):
@@ -51,24 +53,26 @@ class PinocchioPlant:
             world: Plant and surroundings.
         """
         self.world = world
-        self.model, self.data = world.model.model, world.model.data
-        n = world.model.nv
+        self._chains = [(chain.model, chain.data) for chain in world.chains]
+        self.model, self.data = self._chains[-1]  # that stands on the ground
+        n, own = len(world.start_q), world.model.nv
+        self._parts = [slice(first, first + own) for first in range(0, n, own)]
+        self._airborne = _no_forces(self.model.njoints)
         self.q, self.v, self.a = world.start_q.copy(), world.start_v.copy(), np.zeros(n)
         self.motor = np.zeros(n)
         self.wearer = np.zeros(n)
+        self.brace = np.zeros(own)
         self.passive = np.zeros((n, PASSIVE_COLUMNS))
         self._rows = [tuple(row) for row in world.plant_rows.tolist()]
         self.hand = 0.0
         self.time = 0.0
         self.contact_power = 0.0
-        self.works = np.zeros(WORK_SOURCE_COUNT)
+        self.works = np.zeros(len(WORK_SOURCES if world.braces is None else BRACED_WORK_SOURCES))
         self.feet = {side: self._foot(names) for side, names in world.contact_frames.items() if names}
         self.normal_force = dict.fromkeys(self.feet, 0.0)
         self.friction_force = dict.fromkeys(self.feet, 0.0)
         self.clearance = dict.fromkeys(self.feet, 0.0)
-        self.external = pin.StdVec_Force()
-        for _ in range(self.model.njoints):
-            self.external.append(pin.Force.Zero())
+        self.external = _no_forces(self.model.njoints)
         self._work = np.zeros((5, n))
         self._work_step = 0.0
         self._last_contact_power = 0.0
@@ -95,8 +99,8 @@ class PinocchioPlant:
         """Contact forces at a state, per foot and as external forces on the joints."""
         if not self.feet or self.world.contact is None:
             return
-        contact = self.world.contact
-        pin.forwardKinematics(self.model, self.data, q, v)
+        contact, part = self.world.contact, self._parts[-1]
+        pin.forwardKinematics(self.model, self.data, q[part], v[part])
         power = 0.0
         for side, foot in self.feet.items():
             placement = self.data.oMi[foot.joint]
@@ -167,11 +171,29 @@ class PinocchioPlant:
                 hand.release_time,
             )
             torque[hand.index] += self.hand
+        if self.world.braces is not None:
+            self._bind(q, v, torque)
         if self._contacts_known:
             self._contacts_known = False
         else:
             self.update_contacts(q, v)
-        out[:] = pin.aba(self.model, self.data, q, v, torque, self.external)
+        for (model, data), part, forces in zip(self._chains, self._parts, self._forces(), strict=True):
+            out[part] = pin.aba(model, data, q[part], v[part], torque[part], forces)
+
+    def _forces(self) -> list[pin.StdVec_Force]:
+        """Forces from outside on the bodies of each chain: the ground pushes on the last."""
+        return [self._airborne] * (len(self._chains) - 1) + [self.external]
+
+    def _bind(self, q: np.ndarray, v: np.ndarray, torque: np.ndarray) -> None:
+        """Torques of the braces, equal and opposite on device and wearer."""
+        assert self.world.braces is not None  # the caller has looked
+        device, wearer = self._parts
+        for index, (stiffness, damping) in enumerate(self.world.braces.rows.tolist()):
+            self.brace[index] = brace_torque(
+                q[device][index], v[device][index], q[wearer][index], v[wearer][index], stiffness, damping
+            )
+        torque[device] -= self.brace
+        torque[wearer] += self.brace
 
     def step(self, step: float, method: IntegrationMethod) -> None:
         """One integration step, with the work that every source does in it."""
@@ -210,11 +232,35 @@ class PinocchioPlant:
         self.works[SPRING_WORK] += duration * spring
         self.works[CONTACT_WORK] += duration * contact_power
         self.works[PATIENT_WORK] += duration * (self.wearer @ v)
+        if self.world.braces is not None:
+            device, wearer = self._parts
+            self.works[BRACE_WORK] += duration * (self.brace @ (v[wearer] - v[device]))
         if self.world.hand is not None:
             self.works[PATIENT_WORK] += duration * self.hand * v[self.world.hand.index]
 
     def guide_wrench(self) -> tuple[float, float]:
-        """Horizontal force [N] and pitching moment [N m] of the pelvis guide at the present state."""
-        pin.rnea(self.model, self.data, self.q, self.v, self._recorded_a, self.external)
-        wrench = self.data.f[int(self.model.getJointId(PELVIS_JOINT))]
-        return float(wrench.linear[0]), float(wrench.angular[1])
+        """Horizontal force [N] and pitching moment [N m] of the pelvis guide at the present state.
+
+        With braces, those of both guides, each moment about its own pelvis.
+        """
+        force = moment = 0.0
+        for (model, data), part, forces in zip(self._chains, self._parts, self._forces(), strict=True):
+            pin.rnea(model, data, self.q[part], self.v[part], self._recorded_a[part], forces)
+            wrench = data.f[int(model.getJointId(PELVIS_JOINT))]
+            force, moment = force + float(wrench.linear[0]), moment + float(wrench.angular[1])
+        return force, moment
+
+    def energy(self) -> tuple[float, float]:
+        """Kinetic and potential energy of the bodies in [J]."""
+        kinetic = potential = 0.0
+        for chain, part in zip(self.world.chains, self._parts, strict=True):
+            kinetic += chain.kinetic_energy(self.q[part], self.v[part])
+            potential += chain.potential_energy(self.q[part])
+        return kinetic, potential
+
+
+def _no_forces(joints: int) -> pin.StdVec_Force:
+    forces = pin.StdVec_Force()
+    for _ in range(joints):
+        forces.append(pin.Force.Zero())
+    return forces

@@ -36,8 +36,9 @@ class InverseDynamics(NamedTuple):
     Attributes:
         torques: On the coordinates, without armature, shape ``(n,)``.
         contacts: Results of the contact law per point.
-        root_force: Force that the first joint passes on to its body, in the body's frame.
-        root_moment: Moment likewise, about the joint frame's origin.
+        root_force: Force that the joints at the world pass on to their bodies, in the first body's frame,
+            which is taken to be turned like the others.
+        root_moment: Moments likewise, each about the joint frame's own origin.
         kinetic_energy: With that of the rotors.
     """
 
@@ -231,7 +232,9 @@ def newton_euler(
                 force[parent][0], times(pose.rotation, moment), cross(pose.position, turned)
             )
             force[parent][1] = add(force[parent][1], turned)
-    return InverseDynamics(bias, results, force[0][1], force[0][0], 0.5 * twice_kinetic)
+    roots = [wrench for body, wrench in zip(bodies, force, strict=True) if body.parent < 0]
+    root_moment, root_force = (add(*vectors) for vectors in zip(*roots, strict=True))
+    return InverseDynamics(bias, results, root_force, root_moment, 0.5 * twice_kinetic)
 
 
 def _world_pose(

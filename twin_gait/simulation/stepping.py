@@ -128,8 +128,11 @@ class SteppedRun:
 
     @property
     def q(self) -> np.ndarray:
-        """Present coordinates of the rigid-body model in [rad] and [m], shape ``(n,)``; a copy."""
-        return self._state.q.copy()
+        """Present coordinates of the rigid-body model in [rad] and [m], shape ``(n,)``; a copy.
+
+        With braces, those of the device.
+        """
+        return self._state.q[: self.problem.world.model.nv].copy()
 
     def advance(self, ticks: int) -> np.ndarray:
         """Run some ticks, fewer if the wearer falls or the state diverges on the way.
@@ -273,6 +276,7 @@ class SteppedRun:
         pelvis = self.problem.world.model.pelvis_index
         if pelvis is None:
             raise ParameterError("support: the pelvis of this experiment is fixed; choose a treadmill")
+        pelvis += self.problem.world.wearer_shift
         values = self._inputs.plant_rows[pelvis, CONSTANT_FORCE : CONSTANT_FORCE + 1]
         self._fade("support", values, np.array([force]), fade_ticks)
 

@@ -9,21 +9,25 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from twin_gait.configuration.interface import interface_document
 from twin_gait.configuration.people import people
 from twin_gait.files import write_atomically
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR
+from twin_gait.parameters import BraceParameters
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.studies.batch import Flat
 from twin_gait.studies.cohort import HEAVIEST, SIZES
 from twin_gait.studies.people_trials import (
     MASS_ALONE,
     PASSIVE_ALONE,
+    BraceTrial,
     Trial,
+    brace_trial,
     cohort_trials,
     experiment_of,
     trial,
 )
-from twin_gait.vocabulary import Sex, Side
+from twin_gait.vocabulary import JointName, Sex, Side
 
 NAME = "people"
 DURATION = 30.0  # [s]
@@ -31,6 +35,15 @@ SUPPORTS = (0.6, 0.4)
 COHORT, COHORT_SEED, COHORT_DURATION = 20, 1, 10.0
 COHORT_PEOPLE = (MASS_ALONE, "complete_sci", "stroke_left")
 
+BRACE_FACTORS, BRACE_DURATION = (0.3, 0.5, 1.0, 3.0, 10.0), 20.0
+_BRACE_HEADINGS = (
+    "times as stiff",
+    "the walk",
+    "stride [s]",
+    "RMS torque, hip, knee [Nm]",
+    "most relative motion, hip, knee [°]",
+    "at the pelvis [mm]",
+)
 _FURTHER = ("further_contacts", "scuffs")
 
 _LAWS = (
@@ -107,8 +120,45 @@ support leaves; a leg on its stand carries nothing and makes none.
 What the model leaves out: reflexes other than the catch, balance, the will to do something else than the
 normative gait, fatigue, arms, and the passive moment of the ankle, which the orthosis holds. Winter's slow
 walkers go about twice as fast as the belt, so their moments are high for it. They are net moments and
-contain the passive ones: `passive: 1` with `effort: 1` is somewhat more than a healthy leg does. The wearer
-is bound rigidly to the device.
+contain the passive ones: `passive: 1` with `effort: 1` is somewhat more than a healthy leg does.
+
+## Braces
+
+Without a word on it the wearer is one rigid body with the device (`interface: rigid`). With `interface:
+brace` they are two: the links and rotors of the device, and the segments of the wearer on the same joints,
+bound coordinate by coordinate by a spring and a damper. What the device does on him at a hip, a knee, an
+ankle, and vertically at the pelvis, is then a number of its own,
+
+    τ = K (q_device − q_wearer) + B (q̇_device − q̇_wearer),
+
+and he does the opposite on the device.
+
+```yaml
+interface:
+  kind: brace                    # interface: brace takes all sizes as they are here
+{sizes_of_braces}
+```
+
+Motors, friction, stops, ankle orthosis and the hand of the bench act on the device, whose joints the
+sensors read. Passive moments, spasticity, effort, the support and the ground (the foot in its shoe) act on
+the wearer. A log has his angles, the torques of the braces (`left_hip_wearer_angle_rad`,
+`left_hip_brace_torque_Nm`, on him and positive towards flexion, `pelvis_brace_force_N`) and `brace_work_J`;
+every other column of a joint or of the pelvis stays the device's, but for `patient_torque_Nm` and
+`support_force_N`, which act on the wearer. `summary.json` has under `interaction` root mean square and peak
+of each torque and the largest relative motion. The controller knows nothing of it: gravity, ζ and the
+static checks reckon with one body.
+
+The sizes are assumptions, no measurement of this device is known to us: cuffs of 10 kN/m at 0.25 m from the
+hip and at 0.2 m from the knee, which give by some degrees at the torques of the motors, a foot strapped on
+its plate, belts around the pelvis; about a third of critical damping for a wearer of 70 kg, at the foot
+three quarters. The shipped walk of {first:.0%} support with the wearer who is mass alone,
+{brace_duration:g} s, in braces of other stiffness (dampers by the root of it):
+
+{braces}
+
+Left out: that joints of wearer and device do not lie on one another, migration of cuffs, stiffening of
+tissue under pressure and play of the straps, any motion off the sagittal plane, and forces along a limb. A
+brace that is too stiff for the integrator's step is refused with the step that carries it.
 
 ## Who ships
 
@@ -157,12 +207,17 @@ Made by `python -m twin_gait.studies.people_page docs`.
 """
 
 
-def page(trials: Mapping[str, Sequence[Trial]], drawn: Mapping[str, Sequence[Trial]]) -> str:
+def page(
+    trials: Mapping[str, Sequence[Trial]],
+    drawn: Mapping[str, Sequence[Trial]],
+    braced: Mapping[float, BraceTrial],
+) -> str:
     """Text of the page.
 
     Args:
         trials: Of each person, one for each of ``SUPPORTS``.
         drawn: Of the cohort, by the person whose condition it shares.
+        braced: In braces, by how much stiffer they were.
 
     Returns:
         Markdown.
@@ -171,6 +226,9 @@ def page(trials: Mapping[str, Sequence[Trial]], drawn: Mapping[str, Sequence[Tri
     assert isinstance(scenario, TreadmillScenario)
     return _TEXT.format(
         laws=_table(_LAWS),
+        sizes_of_braces=_brace_sizes(),
+        brace_duration=BRACE_DURATION,
+        braces=_table([_BRACE_HEADINGS, *(_brace_row(*item) for item in braced.items())]),
         who=_table([("who", "what"), *((f"`{name}`", text) for name, text in people().items())]),
         speed=KILOMETRES_PER_HOUR * scenario.belt_speed,
         duration=DURATION,
@@ -203,6 +261,33 @@ def _row(name: str, results: Sequence[Trial]) -> tuple[str, ...]:
         ", ".join(map(str, further)),
         ", ".join(f"{peak:.0f}" for peak in first.peaks),
         ", ".join(f"{power:.1f}" for power in first.powers),
+    )
+
+
+def _brace_sizes() -> str:
+    document = interface_document(BraceParameters())
+    lines = []
+    for name, sizes in document.items():
+        if isinstance(sizes, dict):
+            inner = ", ".join(f"{key}: {value:g}" for key, value in sizes.items())
+            lines.append(f"  {name}: {{{inner}}}")
+    return "\n".join(lines)
+
+
+def _brace_row(factor: float, result: BraceTrial) -> tuple[str, ...]:
+    legs = [
+        [result.interaction[f"{side}_{joint}"] for side in Side] for joint in (JointName.HIP, JointName.KNEE)
+    ]
+    torques = (max(item["torque_rms_Nm"] for item in items) for items in legs)
+    motions = (max(item["motion_peak_deg"] for item in items) for items in legs)
+    times = ("–" if value is None else f"{value:.2f}" for value in result.stride_times)
+    return (
+        f"{factor:g}",
+        result.outcome,
+        ", ".join(times),
+        ", ".join(f"{torque:.1f}" for torque in torques),
+        ", ".join(f"{motion:.1f}" for motion in motions),
+        f"{result.interaction['pelvis']['motion_peak_mm']:.0f}",
     )
 
 
@@ -254,7 +339,9 @@ def write(folder: Path) -> None:
     }
     bases = {name: experiment_of(name, SUPPORTS[0], COHORT_DURATION) for name in COHORT_PEOPLE}
     drawn = {name: cohort_trials(base, COHORT, COHORT_SEED) for name, base in bases.items()}
-    write_atomically(folder / f"{NAME}.md", page(trials, drawn))
+    alone = experiment_of(MASS_ALONE, SUPPORTS[0], BRACE_DURATION)
+    braced = {factor: brace_trial(alone, factor) for factor in BRACE_FACTORS}
+    write_atomically(folder / f"{NAME}.md", page(trials, drawn, braced))
 
 
 if __name__ == "__main__":

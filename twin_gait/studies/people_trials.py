@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment
 from twin_gait.experiment import Experiment
-from twin_gait.parameters import Patient
+from twin_gait.parameters import BraceParameters, Patient
 from twin_gait.simulation import Run, simulate
+from twin_gait.simulation.columns import wearer_column
 from twin_gait.studies.batch import Flat, flat_summary, overridden
 from twin_gait.studies.cohort import cohort, overrides
+from twin_gait.studies.interaction_summary import interaction_summary
 from twin_gait.studies.outcome_map import outcome_of
 from twin_gait.vocabulary import JointName, Side
 
@@ -89,8 +93,51 @@ def cohort_trials(base: Experiment, count: int, seed: int) -> list[Trial]:
     return [trial(overridden(base, change)) for change in overrides(cohort(count, seed, like=base.patient))]
 
 
+class BraceTrial(NamedTuple):
+    """A run of one person in braces.
+
+    Attributes:
+        braces: What binds him.
+        outcome: ``walks``, ``falls``, ``stalls`` or ``diverges``.
+        interaction: From :func:`twin_gait.studies.interaction_summary.interaction_summary`.
+        stride_times: Mean of each leg in [s]; None without strides.
+    """
+
+    braces: BraceParameters
+    outcome: str
+    interaction: Mapping[str, Mapping[str, float]]
+    stride_times: tuple[float | None, ...]
+
+
+def brace_trial(experiment: Experiment, factor: float) -> BraceTrial:
+    """Let one person walk in braces.
+
+    Args:
+        experiment: On the treadmill, with a wearer.
+        factor: By which the braces are stiffer than the default ones; their dampers by its root, which keeps
+            the share of critical damping.
+
+    Returns:
+        What came of it.
+    """
+    braces = BraceParameters().stiffened(factor)
+    run = simulate(replace(experiment, interface=braces))
+    summary = flat_summary(run)
+    return BraceTrial(
+        braces=braces,
+        outcome=outcome_of(run),
+        interaction=interaction_summary(run)["interaction"],
+        stride_times=tuple(summary[f"{side}_stride_time_mean_s"] for side in Side),  # type: ignore[misc]
+    )
+
+
 def _columns(run: Run, joint: JointName, name: str) -> np.ndarray:
     return run.log[[f"{side}_{joint}_{name}" for side in Side]].to_numpy()
+
+
+def _velocities(run: Run, joint: JointName) -> np.ndarray:
+    names = [wearer_column(run.log, side, joint, "velocity_rad_per_s") for side in Side]
+    return run.log[names].to_numpy()
 
 
 def _peak(run: Run, joint: JointName) -> float:
@@ -98,5 +145,5 @@ def _peak(run: Run, joint: JointName) -> float:
 
 
 def _power(run: Run, joint: JointName) -> float:
-    power = _columns(run, joint, "patient_torque_Nm") * _columns(run, joint, "velocity_rad_per_s")
+    power = _columns(run, joint, "patient_torque_Nm") * _velocities(run, joint)
     return float(power.sum(axis=1).mean())

@@ -19,8 +19,9 @@ from twin_gait.measures.energy import energy_balance
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.measures.switching import blend_windows, torque_jumps
 from twin_gait.report.reference import reference_stride_time
-from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, WORK_SOURCES
+from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, work_sources
 from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.studies.interaction_summary import interaction_summary
 from twin_gait.studies.safety_summary import safety_summary
 from twin_gait.studies.side_summary import blend_length, summarise_side
 from twin_gait.vocabulary import Side
@@ -81,6 +82,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "largest_torque_jump": _largest_torque_jump(run),
         "safety": safety_summary(run),
         **_guide(run),
+        **interaction_summary(run),
         **_energy(run),
     }
     plain: dict[str, Any] = _plain(summary)
@@ -173,7 +175,7 @@ def _guide(run: Run) -> dict[str, float]:
 
 def _energy(run: Run) -> dict[str, float]:
     energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
-    works = np.array([run.log[f"{source}_work_J"].to_numpy() for source in WORK_SOURCES])
+    works = np.array([run.log[f"{source}_work_J"].to_numpy() for source in work_sources(run.log)])
     balance = energy_balance(energy, works)
     return {
         "energy_residual_J": balance.largest_residual,

@@ -80,7 +80,8 @@ SHOWN = (
         1.0,
         1,
         "interaction torque: what the motor does on the leg behind its gear, less friction and the rotor's "
-        "own acceleration; root mean square. Leg and frame are one rigid body here",
+        "own acceleration; root mean square. Leg and frame are one rigid body here; where braces bind the "
+        "wearer, the torque of the brace",
     ),
     Shown(
         _TORQUE,

@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.experiment import ControlMode
@@ -35,6 +36,7 @@ from twin_gait.measures.strides import (
 from twin_gait.measures.switching import dimensionless_jerk, joint_jerk
 from twin_gait.replay.normative import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
+from twin_gait.simulation.columns import wearer_column
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.studies.compare.wearer_torque import voluntary_torque
 from twin_gait.studies.record import belt_speed_of
@@ -155,14 +157,9 @@ def _effort(run: Run, leg: _Leg, joint: JointName) -> Numbers:
     side, span = leg.record.side, leg.span
     log, actuator = run.log.iloc[span], run.experiment.plant.actuators[joint]
     name = f"{side}_{joint}"
-    velocity = log[f"{name}_velocity_rad_per_s"].to_numpy()
-    device = interaction_torque(
-        log[f"{name}_motor_torque_Nm"].to_numpy(),
-        log[f"{name}_friction_torque_Nm"].to_numpy(),
-        velocity,
-        actuator.armature,
-        TICK,
-    )
+    # What acts on the wearer works on his own motion, which with braces is not that of the device.
+    velocity = log[wearer_column(log, side, joint, "velocity_rad_per_s")].to_numpy()
+    device = _device_torque(log, name, actuator.armature)
     effort = voluntary_torque(run, side, joint)[span]
     continuous = torque_to_current(
         actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio, actuator.gear_efficiency
@@ -178,6 +175,19 @@ def _effort(run: Run, leg: _Leg, joint: JointName) -> Numbers:
         "current_rms_A": current.rms,
         "current_rms_share": current.continuous_share,
     }
+
+
+def _device_torque(log: pd.DataFrame, name: str, rotor_inertia: float) -> np.ndarray:
+    """What the device does on the wearer: the torque of the brace, or without one that behind the gear."""
+    if f"{name}_brace_torque_Nm" in log:
+        return log[f"{name}_brace_torque_Nm"].to_numpy()
+    return interaction_torque(
+        log[f"{name}_motor_torque_Nm"].to_numpy(),
+        log[f"{name}_friction_torque_Nm"].to_numpy(),
+        log[f"{name}_velocity_rad_per_s"].to_numpy(),
+        rotor_inertia,
+        TICK,
+    )
 
 
 def help_share(run: Run, side: Side, joint: JointName, since: int) -> float:

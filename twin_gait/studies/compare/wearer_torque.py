@@ -6,6 +6,7 @@ import numpy as np
 
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
 from twin_gait.parameters import JointCondition, Patient
+from twin_gait.simulation.columns import wearer_column
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 
@@ -24,7 +25,7 @@ def voluntary_torque(run: Run, side: Side, joint: JointName) -> np.ndarray:
     log, patient = run.log, run.experiment.patient or Patient()
     condition = patient.conditions.get((side, joint), JointCondition())
     whole = log[f"{side}_{joint}_patient_torque_Nm"].to_numpy()
-    speeds = log[f"{side}_{joint}_velocity_rad_per_s"]
+    speeds = log[wearer_column(log, side, joint, "velocity_rad_per_s")]
     catch = [spastic_torque(speed, condition.catch_speed, condition.catch_gain) for speed in speeds]
     return np.asarray(whole - condition.passive * _passive(run, side, joint) - np.array(catch))
 
@@ -36,7 +37,7 @@ def _passive(run: Run, side: Side, joint: JointName) -> np.ndarray:
     hip, knee = (_shifted(run, patient, side, item) for item in (JointName.HIP, JointName.KNEE))
     if joint is JointName.HIP:
         return np.array([passive_hip_torque(*pair) for pair in zip(hip, knee, strict=True)])
-    name = f"{side}_ankle_angle_rad"
+    name = wearer_column(log, side, JointName.ANKLE, "angle_rad")
     ankle = log[name].tolist() if name in log else [0.0] * len(log)
     return np.array([passive_knee_torque(*angles) for angles in zip(hip, knee, ankle, strict=True)])
 
@@ -44,5 +45,6 @@ def _passive(run: Run, side: Side, joint: JointName) -> np.ndarray:
 def _shifted(run: Run, patient: Patient, side: Side, joint: JointName) -> list[float]:
     """Angles as the tissue feels them: a contracture acts as if the joint were further extended."""
     contracture = patient.conditions.get((side, joint), JointCondition()).contracture
-    angles: list[float] = (run.log[f"{side}_{joint}_angle_rad"] - contracture).tolist()
+    name = wearer_column(run.log, side, joint, "angle_rad")
+    angles: list[float] = (run.log[name] - contracture).tolist()
     return angles

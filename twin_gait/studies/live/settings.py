@@ -191,13 +191,15 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
     walk = build_problem(settings.experiment)
     driven = walk if settings.mode is Mode.WALK else build_problem(settings.driving)
     scenario, pelvis = settings.experiment.scenario, walk.world.model.pelvis_index
-    treadmill = isinstance(scenario, TreadmillScenario)
+    treadmill, rows = isinstance(scenario, TreadmillScenario), walk.world.plant_rows
     return LoopNumbers(
         phase_rows=driven.phase_rows.tolist(),
         comparisons=walk.program.comparisons.tolist(),
         target_torque=target_torques(settings, walk),
         belt_speed=_belt_speed(settings, walk) if treadmill else None,
-        support_force=None if pelvis is None else float(walk.world.plant_rows[pelvis, CONSTANT_FORCE]),
+        support_force=None
+        if pelvis is None
+        else float(rows[pelvis + walk.world.wearer_shift, CONSTANT_FORCE]),
         held_phase=walk.table.phase_index(HELD_PHASE) if settings.manual else None,
         watching=settings.mode is Mode.WALK,
     )

@@ -1,0 +1,329 @@
+"""A wearer who is bound to the device by braces: two chains, and what they do to each other."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from twin_gait import load_experiment, simulate
+from twin_gait.configuration.documents import experiment_document
+from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.core.plant import brace_torque
+from twin_gait.exceptions import TwinGaitError
+from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
+from twin_gait.gait.table import TICK
+from twin_gait.measures.energy import energy_balance
+from twin_gait.parameters import BraceParameters, SpringDamper
+from twin_gait.scenario import World, bracing
+from twin_gait.simulation.columns import BRACED_WORK_SOURCES
+from twin_gait.simulation.pinocchio_plant import PinocchioPlant
+from twin_gait.studies.compare.numbers import numbers_of
+from twin_gait.studies.summary import summarise
+from twin_gait.vocabulary import JointName, Side
+
+FINE = Integration(method=IntegrationMethod.RK4, step=0.1e-3)
+JOINTS = [(side, joint) for side in Side for joint in JointName]
+GROWTH = {
+    IntegrationMethod.RK4: bracing.rk4_growth,
+    IntegrationMethod.SEMI_IMPLICIT_EULER: bracing.semi_implicit_euler_growth,
+}
+
+
+def bench(*settings: str, **changes: object) -> Experiment:
+    """A worn leg on its stand, stepped in Python on two Pinocchio models."""
+    wanted = ["patient.mass_kg=70", "interface=brace", "duration_s=0.4", "sensors.ideal=true", *settings]
+    experiment = load_experiment("bench_leg", wanted).experiment
+    return replace(experiment, **{"engine": Engine.PINOCCHIO, "integration": FINE, **changes})
+
+
+@pytest.fixture(scope="module")
+def bench_run():
+    return simulate(bench())
+
+
+@pytest.fixture(scope="module")
+def walk():
+    settings = ["interface=brace", "patient=stroke_left", "duration_s=10"]
+    return simulate(load_experiment("treadmill", settings).experiment)
+
+
+# ---------------------------------------------------------------------- the bodies
+
+
+@pytest.mark.parametrize("preset", ["treadmill", "bench_leg"])
+def test_device_and_wearer_apart_make_up_the_whole(preset):
+    world = load_experiment(preset, ["patient.mass_kg=62", "interface=brace"]).experiment.build_world()
+    assert world.braces is not None
+    q = np.random.default_rng(1).uniform(-0.8, 0.8, world.model.nv)
+    parts = world.braces.device, world.braces.wearer
+    assert_allclose(sum(part.mass_matrix(q) for part in parts), world.model.mass_matrix(q), atol=1e-12)
+    assert_allclose(sum(part.gravity_torque(q) for part in parts), world.model.gravity_torque(q), atol=1e-11)
+    assert sum(part.total_mass for part in parts) == pytest.approx(world.model.total_mass)
+    assert not world.braces.wearer.model.armature.any()
+    assert world.braces.device.model.armature.any()
+
+
+# ---------------------------------------------------------------------- closed form
+
+
+def test_two_inertias_swing_against_each_other_as_the_closed_form_says():
+    """The hip alone: a rotor of a million kg m² holds the device's knee, a stiff brace the wearer's."""
+    brace = BraceParameters(
+        hip=SpringDamper(stiffness=700.0, damping=11.0), knee=SpringDamper(stiffness=1e7, damping=0.0)
+    )
+    experiment = bench(interface=brace)
+    plant = experiment.plant
+    locked = replace(plant.actuators[JointName.KNEE], gear_inertia=1e6)
+    actuators = {**plant.actuators, JointName.KNEE: locked}
+    free = replace(plant, actuators=actuators, gravity=0.0, friction_ratio=dict.fromkeys(actuators, 0.0))
+    world = replace(experiment, plant=free).build_world()
+    assert world.braces is not None
+    hip = world.model.index(Side.RIGHT, JointName.HIP)
+    q, inertia = world.start_q[: world.model.nv], []
+    for chain in world.chains:
+        inertia.append(float(chain.mass_matrix(q)[hip, hip]))
+    both = 1.0 / inertia[0] + 1.0 / inertia[1]
+    decay = 0.5 * brace.hip.damping * both
+    frequency = math.sqrt(brace.hip.stiffness * both - decay * decay)
+    amplitude, leg = 1e-4, PinocchioPlant(world)
+    leg.q[hip] += amplitude
+    apart, times = [], np.arange(3000) * FINE.step
+    for _ in times:
+        apart.append(leg.q[hip] - leg.q[hip + world.wearer_shift])
+        leg.step(FINE.step, FINE.method)
+    expected = amplitude * np.exp(-decay * times)
+    expected *= np.cos(frequency * times) + decay / frequency * np.sin(frequency * times)
+    assert frequency * times[-1] > 2.0 * math.pi  # more than one whole swing
+    assert_allclose(apart, expected, atol=2e-3 * amplitude)
+
+
+def test_the_braces_pull_a_wearer_who_lags_behind_along():
+    assert brace_torque(0.2, 0.0, 0.1, 0.0, 50.0, 0.0) == pytest.approx(5.0)
+    assert brace_torque(0.0, 1.0, 0.0, 3.0, 0.0, 2.0) == pytest.approx(-4.0)
+
+
+def test_stiffer_braces_come_nearer_to_the_rigid_leg_as_one_over_their_stiffness():
+    rigid = simulate(bench("duration_s=0.3", interface=None)).log["right_hip_angle_rad"]
+    factors, errors = (1.0, 1e2, 1e4), []
+    for factor in factors:
+        braced = simulate(bench("duration_s=0.3", interface=BraceParameters().stiffened(factor)))
+        errors.append(np.abs(braced.log["right_hip_angle_rad"] - rigid).max())
+    slope = np.polyfit(np.log(factors), np.log(errors), 1)[0]
+    assert slope == pytest.approx(-1.0, abs=0.1)
+
+
+# ---------------------------------------------------------------------- forces and energy
+
+
+def derivative(values: np.ndarray) -> np.ndarray:
+    """Central differences of the fourth order, shape ``(n - 4,)``."""
+    return (values[:-4] - 8.0 * values[1:-3] + 8.0 * values[3:-1] - values[4:]) / (12.0 * TICK)
+
+
+def test_what_the_device_does_on_the_wearer_moves_him_and_is_missing_in_the_device(bench_run):
+    """Inverse dynamics of the logged motion of each by itself."""
+    log, world = bench_run.log, bench_run.experiment.build_world()
+    assert world.braces is not None
+
+    def columns(name: str) -> np.ndarray:
+        return log[[f"right_{joint}_{name}" for joint in ("hip", "knee")]].to_numpy()
+
+    brace = columns("brace_torque_Nm")
+    on_device = sum(columns(f"{name}_torque_Nm") for name in ("motor", "friction", "stop")) - brace
+    sides = (
+        (world.braces.device, "", on_device),
+        (world.braces.wearer, "wearer_", brace + columns("patient_torque_Nm")),
+    )
+    for model, prefix, torque in sides:
+        q, v = columns(f"{prefix}angle_rad"), columns(f"{prefix}velocity_rad_per_s")
+        a = np.column_stack([derivative(column) for column in v.T])
+        needed = [model.inverse_dynamics(*item) for item in zip(q[2:-2], v[2:-2], a, strict=True)]
+        # The motor holds its torque for a tick and then steps, at which the differences blur.
+        error = np.abs(np.array(needed) - torque[2:-2])
+        assert np.median(error, axis=0).max() < 1e-2 * np.abs(brace).max()
+
+
+def test_energy_that_the_braces_take_is_stored_or_dissipated(bench_run):
+    log, brace = bench_run.log, BraceParameters()
+    stored, dissipated = np.zeros(len(log)), np.zeros(len(log))
+    for joint in (JointName.HIP, JointName.KNEE):
+        name, item = f"right_{joint}", brace.of(joint)
+        apart = (log[f"{name}_angle_rad"] - log[f"{name}_wearer_angle_rad"]).to_numpy()
+        speed = (log[f"{name}_velocity_rad_per_s"] - log[f"{name}_wearer_velocity_rad_per_s"]).to_numpy()
+        stored += 0.5 * item.stiffness * apart**2
+        power = item.damping * speed**2
+        dissipated[1:] += np.cumsum(0.5 * (power[1:] + power[:-1])) * TICK
+    assert dissipated[-1] > 1e-3
+    # The trapezoids of 1 ms are the error: a twelfth of the square of some 0.05 rad a tick.
+    assert_allclose(log["brace_work_J"], -stored - dissipated, atol=1e-3 * dissipated[-1])
+
+
+@pytest.mark.parametrize("run", ["bench_run", "walk"])
+def test_energy_of_both_changes_by_all_the_work(run, request):
+    log = request.getfixturevalue(run).log
+    energy = (log["kinetic_energy_J"] + log["potential_energy_J"]).to_numpy()
+    balance = energy_balance(energy, log[[f"{name}_work_J" for name in BRACED_WORK_SOURCES]].to_numpy().T)
+    assert balance.relative_residual < 1e-7
+    without = energy_balance(
+        energy, log[[f"{name}_work_J" for name in BRACED_WORK_SOURCES[:-1]]].to_numpy().T
+    )
+    assert without.relative_residual > 1e-3
+
+
+def test_the_brace_at_the_pelvis_carries_the_weight_of_the_device(walk):
+    assert walk.status == "completed"
+    world = walk.experiment.build_world()
+    assert world.braces is not None
+    weight = world.braces.device.total_mass * walk.experiment.plant.gravity
+    settled = walk.log["pelvis_brace_force_N"].iloc[2000:].mean()
+    assert settled == pytest.approx(-weight, rel=0.01)  # 8 s, so that bobbing hardly counts
+    assert (walk.log["wearer_pelvis_height_m"] > walk.log["pelvis_height_m"]).iloc[100:].all()
+
+
+# ---------------------------------------------------------------------- engines
+
+
+def test_both_engines_walk_the_same_walk():
+    settings = ["interface=brace", "patient=stroke_left", "duration_s=0.8", "sensors.ideal=true"]
+    compiled = load_experiment("treadmill", settings).experiment
+    plain = replace(compiled, engine=Engine.PINOCCHIO, integration=compiled.stepping)
+    first, second = simulate(compiled), simulate(plain)
+    assert first.switches == second.switches and len(first.switches) > 2
+    numbers = first.log.select_dtypes("number").columns
+    for name in numbers:
+        largest = np.abs(first.log[name]).max()
+        assert_allclose(first.log[name], second.log[name], atol=1e-9 * max(largest, 1.0), err_msg=name)
+
+
+def test_logs_have_columns_of_braces_only_where_there_are_some(bench_run):
+    rigid = simulate(bench("interface=rigid", "duration_s=0.01"))
+    extra = set(bench_run.log.columns) - set(rigid.log.columns)
+    joints = {f"right_{joint}_" for joint in ("hip", "knee")}
+    names = ("wearer_angle_rad", "wearer_velocity_rad_per_s", "brace_torque_Nm")
+    assert extra == {joint + name for joint in joints for name in names} | {"brace_work_J"}
+    assert "interaction" not in summarise(rigid)
+
+
+# ---------------------------------------------------------------------- the step
+
+
+@pytest.mark.parametrize("method", list(IntegrationMethod))
+def test_a_step_carries_the_braces_up_to_the_stiffness_that_is_said(method):
+    def world(stiffness: float) -> World:
+        brace = BraceParameters(knee=SpringDamper(stiffness=stiffness, damping=0.5))
+        bent = replace(load_experiment("bench_leg").experiment.scenario, start_angles=(0.0, 1.0))
+        experiment = bench(interface=brace, scenario=bent, integration=replace(FINE, step=1e-5))
+        plant = replace(
+            experiment.plant, gravity=0.0, friction_ratio=dict.fromkeys(experiment.plant.friction, 0.0)
+        )
+        return replace(experiment, plant=plant).build_world()
+
+    def growth(stiffness: float) -> float:
+        made = world(stiffness)
+        plant, knee = PinocchioPlant(made), made.model.index(Side.RIGHT, JointName.KNEE)
+        plant.q[knee] += 1e-8
+        for _ in range(3000):
+            plant.step(step, method)
+            apart = float(abs(plant.q[knee] - plant.q[knee + made.wearer_shift])) / 1e-8
+            if apart > 1e4:
+                break  # before numbers overflow
+        return apart
+
+    step, low, high = 1e-3, 1e3, 1e7
+    for _ in range(20):
+        middle = math.sqrt(low * high)
+        if bracing.carries(world(middle), GROWTH[method], step):
+            low = middle
+        else:
+            high = middle
+    assert 1e3 < low < 9e6
+    assert growth(0.9 * low) < 2.0
+    assert growth(1.1 * low) > 1e3
+
+
+@pytest.mark.parametrize("engine", list(Engine))
+def test_the_lightest_wearer_needs_no_finer_step(engine):
+    """Of the sizes that the device is made for."""
+    settings = ["patient.mass_kg=30", "patient.height_m=1.47", "interface=brace", f"engine={engine}"]
+    for preset in ("treadmill", "bench_leg"):
+        assert load_experiment(preset, settings).experiment.build_world().braces is not None
+
+
+# ---------------------------------------------------------------------- files
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ("soft", "interface.kind: input should be 'rigid' or 'brace', got 'soft'"),
+        ("3", "expected rigid, brace or a mapping with a kind, got 3"),
+        ("{hip: {stiffness_Nm_per_rad: 5}}", "rigid has no hip"),
+        (
+            "{kind: brace, hip: {stiffness_Nm_per_rad: -5}}",
+            "hip stiffness: expected a number above 0",
+        ),
+        ("{kind: brace, knee: {stiffness_Nm_per_rad: 0}}", "knee stiffness: expected a number above 0"),
+        ("{kind: brace, knee: {damping_Nms_per_rad: .nan}}", "interface.knee.damping_Nms_per_rad"),
+        ("{kind: brace, pelvis: {damping_Ns_per_m: -1}}", "pelvis damping: expected a number of 0 or more"),
+        ("{kind: brace, thigh: {}}", "interface.thigh: unknown key"),
+        ("{kind: brace, ankle: {stiffness_Nm_per_rad: 1.0e+8}}", "set integration.step_ms to"),
+        ("{kind: brace, ankle: {stiffness_Nm_per_rad: 1.0e+300}}", "take softer braces"),
+    ],
+)
+def test_a_mistake_is_one_line_that_says_where(value, said):
+    with pytest.raises(TwinGaitError) as caught:
+        load_experiment("treadmill", [f"interface={value}"]).experiment.build_world()
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_the_step_that_is_named_carries_the_braces():
+    stiff = "interface={kind: brace, ankle: {stiffness_Nm_per_rad: 1.0e+7}}"
+    with pytest.raises(TwinGaitError, match=r"integration\.step_ms to") as caught:
+        load_experiment("treadmill", [stiff]).experiment.build_world()
+    step = str(caught.value).split("step_ms to ")[1].split()[0]
+    world = load_experiment("treadmill", [stiff, f"integration.step_ms={step}"]).experiment.build_world()
+    assert world.braces is not None
+
+
+def test_nobody_wears_braces_without_a_wearer():
+    with pytest.raises(TwinGaitError, match="braces need a wearer"):
+        load_experiment("bench_leg", ["interface=brace"])
+
+
+def test_braces_survive_their_file(tmp_path):
+    chosen = "interface={kind: brace, hip: {stiffness_Nm_per_rad: 812.5}}"
+    experiment = load_experiment("treadmill", [chosen]).experiment
+    assert experiment.interface is not None
+    assert experiment.interface.hip == replace(BraceParameters().hip, stiffness=812.5)
+    assert experiment_from_mapping(experiment_document(experiment), "made", tmp_path) == experiment
+
+
+def test_rigid_is_what_the_presets_are():
+    plain = load_experiment("treadmill").experiment
+    assert plain.interface is None
+    braced = ["interface=brace", "interface=rigid"]
+    assert load_experiment("treadmill", braced).experiment == plain
+
+
+# ---------------------------------------------------------------------- measures
+
+
+def test_summary_says_what_passes_through_the_braces(walk):
+    found = summarise(walk)["interaction"]
+    assert set(found) == {f"{side}_{joint}" for side, joint in JOINTS} | {"pelvis"}
+    torque = walk.log["left_knee_brace_torque_Nm"]
+    assert found["left_knee"]["torque_rms_Nm"] == pytest.approx(math.sqrt((torque**2).mean()))
+    assert found["left_knee"]["torque_peak_Nm"] == torque.abs().max()
+    apart = walk.log["left_knee_angle_rad"] - walk.log["left_knee_wearer_angle_rad"]
+    assert found["left_knee"]["motion_peak_deg"] == pytest.approx(math.degrees(apart.abs().max()))
+    sag = (walk.log["pelvis_height_m"] - walk.log["wearer_pelvis_height_m"]).abs().max()
+    assert found["pelvis"]["motion_peak_mm"] == pytest.approx(1e3 * sag)
+
+
+def test_the_comparison_takes_the_torque_of_the_braces(walk):
+    log = walk.log.assign(left_hip_brace_torque_Nm=7.0)
+    assert numbers_of(replace(walk, log=log))["left_hip_interaction_rms_Nm"] == pytest.approx(7.0)

@@ -1,0 +1,150 @@
+"""The wearer bound to the device by braces instead of rigidly, and the step that carries the braces."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from twin_gait.core import plant
+from twin_gait.core.integrators import RK4_STAGES
+from twin_gait.leg_model import LegModel
+from twin_gait.parameters import BraceParameters
+from twin_gait.scenario.world import Braces, World
+from twin_gait.vocabulary import JointName
+
+# Motions without a force have the eigenvalue 1 twice, which is computed to the root of the rounding only.
+_ROUNDING = 1e-6
+
+
+def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: BraceParameters) -> World:
+    """Take device and wearer of a world apart and bind them by braces.
+
+    Motors, friction, stops, orthosis and hand stay with the device; the support and the feet go with the
+    wearer. Both start in the posture of the world.
+
+    Args:
+        world: With device and wearer in one.
+        device: Its device alone.
+        wearer: Its wearer alone.
+        parameters: Of the braces.
+
+    Returns:
+        The world.
+    """
+    rows = np.zeros_like(world.plant_rows)
+    rows[:, plant.FRICTION_C] = 1.0
+    device_rows, pelvis = world.plant_rows.copy(), world.model.pelvis_index
+    if pelvis is not None:
+        device_rows[pelvis], rows[pelvis] = rows[pelvis], world.plant_rows[pelvis]
+    return replace(
+        world,
+        plant_rows=np.vstack((device_rows, rows)),
+        start_q=np.tile(world.start_q, 2),
+        start_v=np.tile(world.start_v, 2),
+        braces=Braces(device=device, wearer=wearer, rows=_brace_rows(world.model, parameters)),
+    )
+
+
+def _brace_rows(model: LegModel, parameters: BraceParameters) -> np.ndarray:
+    rows = np.zeros((model.nv, 2))
+    if model.pelvis_index is not None:
+        rows[model.pelvis_index] = parameters.pelvis.stiffness, parameters.pelvis.damping
+    for side, leg in model.legs.items():
+        for joint, _ in leg.items():
+            brace = parameters.of(joint)
+            rows[model.index(side, joint)] = brace.stiffness, brace.damping
+    return rows
+
+
+# ---------------------------------------------------------------------- the step
+
+Step = Callable[[np.ndarray, float], np.ndarray]
+
+
+def rk4_growth(system: np.ndarray, step: float) -> np.ndarray:
+    r"""What one step of the classical Runge-Kutta method makes of the state of a linear system.
+
+    .. math::
+
+        R = \sum_{i=0}^{4} \frac{(hA)^i}{i!}
+
+    Args:
+        system: A of :math:`\dot x = A x`, shape ``(m, m)``.
+        step: h in [s].
+
+    Returns:
+        R, shape ``(m, m)``.
+    """
+    term = growth = np.eye(len(system))
+    for stage in range(1, RK4_STAGES + 1):
+        term = term @ system * (step / stage)
+        growth = growth + term
+    return growth
+
+
+def semi_implicit_euler_growth(system: np.ndarray, step: float) -> np.ndarray:
+    r"""What one step of the semi-implicit Euler method makes of positions and velocities.
+
+    Args:
+        system: A of :math:`\dot x = A x` with positions first, velocities after them, shape ``(m, m)``.
+        step: h in [s].
+
+    Returns:
+        Shape ``(m, m)``.
+    """
+    half = len(system) // 2
+    velocity = np.eye(len(system))[half:] + step * system[half:]
+    position = np.eye(len(system))[:half] + step * velocity
+    return np.vstack((position, velocity))
+
+
+def carries(world: World, growth: Step, step: float) -> bool:
+    """Whether an integrator carries the braces of a world without letting their oscillation grow.
+
+    Braces, springs and viscous dampers are linear; gravity, contact and the change of the inertias on the
+    way are not looked at.
+
+    Args:
+        world: With braces.
+        growth: :func:`rk4_growth` or :func:`semi_implicit_euler_growth`.
+        step: In [s].
+
+    Returns:
+        True if no eigenvalue of a step is larger than 1, in the posture of the start and in one with bent
+        knees.
+    """
+    return all(
+        _largest_growth(growth, _linear(world, q), step) <= 1.0 + _ROUNDING
+        for q in (world.start_q[: world.model.nv], _bent(world))
+    )
+
+
+def _largest_growth(growth: Step, system: np.ndarray, step: float) -> float:
+    with np.errstate(over="ignore", invalid="ignore"):
+        once = growth(system, step)
+    return float(np.abs(np.linalg.eigvals(once)).max()) if np.isfinite(once).all() else math.inf
+
+
+def _bent(world: World) -> np.ndarray:
+    q = np.zeros(world.model.nv)
+    for side in world.model.sides:
+        q[world.model.index(side, JointName.KNEE)] = 1.0
+    return q
+
+
+def _linear(world: World, q: np.ndarray) -> np.ndarray:
+    """Device and wearer around a posture: the matrix of their positions and velocities."""
+    braces, n = world.braces, world.model.nv
+    assert braces is not None  # the caller asks for braces only
+    inertia = np.zeros((2 * n, 2 * n))
+    inertia[:n, :n], inertia[n:, n:] = braces.device.mass_matrix(q), braces.wearer.mass_matrix(q)
+    coupling = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    stiffness, damping = (np.kron(coupling, np.diag(column)) for column in braces.rows.T)
+    rows = world.plant_rows
+    stiffness += np.diag(rows[:, plant.SPRING_STIFFNESS])
+    damping += np.diag(rows[:, plant.SPRING_DAMPING] + rows[:, plant.FRICTION_D])
+    accelerations = -np.linalg.solve(inertia, np.hstack((stiffness, damping)))
+    return np.vstack((np.hstack((np.zeros_like(inertia), np.eye(2 * n))), accelerations))
