@@ -74,7 +74,8 @@ class CompiledEngine:
         frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
         bodies, points = _forest(world.chains, frames)
         control_bodies = export_bodies(problem.control_model.model)
-        kernel = write_kernel(bodies, points, control_bodies, world.model.up_axis)
+        guides = range(0, len(bodies), world.model.nv)  # the first joint of each chain
+        kernel = write_kernel(bodies, points, control_bodies, world.model.up_axis, guides)
         inputs = self._inputs(bodies, points, control_bodies, record)
         flat = lay_out(episode_arrays.Episode(inputs, self._state(len(points))))
         self.episode = flat.episode

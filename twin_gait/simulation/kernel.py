@@ -24,6 +24,12 @@ KERNEL_VERSION = 2
 STRAIGHT_LINE_LIMIT = 15
 
 
+WRENCH = (
+    (0, 1),
+    (1, 0),
+)  # of a guide: part of the joint's wrench and axis, pitching moment and forward force
+
+
 def _in_loops(bodies: Sequence[BodyArrays]) -> bool:
     return len(bodies) > STRAIGHT_LINE_LIMIT
 
@@ -189,9 +195,15 @@ def write_contact_forces(bodies: Sequence[BodyArrays], points: Sequence[ContactP
     return _function("contact_forces(q, v, bodies, contact, points)", trace, stores, [_total(powers)])
 
 
-def write_observe(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str) -> str:
-    """Source of ``observe``."""
+def write_observe(
+    bodies: Sequence[BodyArrays],
+    points: Sequence[ContactPoint],
+    up_axis: str,
+    guides: Sequence[int] = (0,),
+) -> str:
+    """Source of ``observe``; the wrench is that of all guides, each about its own origin."""
     if _in_loops(bodies):
+        assert tuple(guides) == (0,), "the loops know one guide"
         return articulated_body.write_call("observe", up_axis)
     trace = Trace()
     inputs, places = _as_inputs(trace, bodies, points)
@@ -204,7 +216,10 @@ def write_observe(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], 
 
     result = rigid_body.inverse_dynamics(inputs, q, v, a, gravity, places, known_force)
     potential = rigid_body.potential_energy(inputs, q, gravity)
-    returned = [result.kinetic_energy, potential, result.root_force[0], result.root_moment[1]]
+    moment, force = (
+        _total([result.wrenches[guide][part][axis] for guide in guides]) for part, axis in WRENCH
+    )
+    returned = [result.kinetic_energy, potential, force, moment]
     return _function("observe(q, v, a, bodies, gravity, points)", trace, [], returned)
 
 
@@ -290,6 +305,7 @@ def write_kernel(
     points: Sequence[ContactPoint],
     control_bodies: Sequence[BodyArrays],
     up_axis: str,
+    guides: Sequence[int] = (0,),
 ) -> str:
     """Source of all functions of :mod:`twin_gait.simulation.kernel_interface` for one structure.
 
@@ -298,17 +314,24 @@ def write_kernel(
         points: Points of the plant that may touch the ground.
         control_bodies: The controller's model.
         up_axis: ``"z"`` or ``"y"``.
+        guides: Bodies whose joints' wrench is observed.
 
     Returns:
         Python source; it needs ``math`` and ``ground_contact_force`` in its module.
     """
-    structure = _structure(bodies, points), _structure(control_bodies), up_axis, str(STRAIGHT_LINE_LIMIT)
+    structure = (
+        _structure(bodies, points),
+        _structure(control_bodies),
+        up_axis,
+        str(STRAIGHT_LINE_LIMIT),
+        str(tuple(guides)),
+    )
     if structure not in _written:
         _written[structure] = _joined(
             [
                 write_dynamics(bodies, points, up_axis),
                 write_contact_forces(bodies, points),
-                write_observe(bodies, points, up_axis),
+                write_observe(bodies, points, up_axis, guides),
                 write_control_gravity(control_bodies, up_axis),
                 write_control_inertia(control_bodies),
             ]

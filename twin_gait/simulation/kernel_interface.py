@@ -43,7 +43,7 @@ def contact_forces(q: Array, v: Array, bodies: Array, contact: Array, points: Ar
 def observe(
     q: Array, v: Array, a: Array, bodies: Array, gravity: float, points: Array
 ) -> tuple[float, float, float, float]:
-    """Kinetic and potential energy in [J], force [N] and moment [N m] of the pelvis guide."""
+    """Kinetic and potential energy in [J], force [N] and moment [N m] of the pelvis guides."""
     raise NotImplementedError
 
 

@@ -36,16 +36,14 @@ class InverseDynamics(NamedTuple):
     Attributes:
         torques: On the coordinates, without armature, shape ``(n,)``.
         contacts: Results of the contact law per point.
-        root_force: Force that the joints at the world pass on to their bodies, in the first body's frame,
-            which is taken to be turned like the others.
-        root_moment: Moments likewise, each about the joint frame's own origin.
+        wrenches: Moment and force that each joint passes on to its body, in the body's frame and about the
+            joint frame's origin.
         kinetic_energy: With that of the rotors.
     """
 
     torques: list[Scalar]
     contacts: list[list[Scalar]]
-    root_force: Vector
-    root_moment: Vector
+    wrenches: list[list[Vector]]
     kinetic_energy: Scalar
 
 
@@ -170,7 +168,7 @@ def newton_euler(
             and z (first two results) and anything else.
 
     Returns:
-        Torques, contact results and what the first joint carries.
+        Torques, contact results and what the joints carry.
     """
     velocity: list[tuple[Vector, Vector]] = []
     force: list[list[Vector]] = []
@@ -232,9 +230,7 @@ def newton_euler(
                 force[parent][0], times(pose.rotation, moment), cross(pose.position, turned)
             )
             force[parent][1] = add(force[parent][1], turned)
-    roots = [wrench for body, wrench in zip(bodies, force, strict=True) if body.parent < 0]
-    root_moment, root_force = (add(*vectors) for vectors in zip(*roots, strict=True))
-    return InverseDynamics(bias, results, root_force, root_moment, 0.5 * twice_kinetic)
+    return InverseDynamics(bias, results, force, 0.5 * twice_kinetic)
 
 
 def _world_pose(

@@ -124,10 +124,10 @@ contain the passive ones: `passive: 1` with `effort: 1` is somewhat more than a 
 
 ## Braces
 
-Without a word on it the wearer is one rigid body with the device (`interface: rigid`). With `interface:
-brace` they are two: the links and rotors of the device, and the segments of the wearer on the same joints,
-bound coordinate by coordinate by a spring and a damper. What the device does on him at a hip, a knee, an
-ankle, and vertically at the pelvis, is then a number of its own,
+Without a word on it the wearer is one rigid body with the device (`interface: rigid`). With
+`interface: brace` they are two: the links and rotors of the device, and the segments of the wearer on the
+same joints, bound coordinate by coordinate by a spring and a damper. What the device does on him at a hip,
+a knee, an ankle, and vertically at the pelvis, is then a number of its own,
 
     τ = K (q_device − q_wearer) + B (q̇_device − q̇_wearer),
 
@@ -139,7 +139,7 @@ interface:
 {sizes_of_braces}
 ```
 
-Motors, friction, stops, ankle orthosis and the hand of the bench act on the device, whose joints the
+Motors, friction, stops, ankle orthosis, hands and pushes act on the device, whose joints the
 sensors read. Passive moments, spasticity, effort, the support and the ground (the foot in its shoe) act on
 the wearer. A log has his angles, the torques of the braces (`left_hip_wearer_angle_rad`,
 `left_hip_brace_torque_Nm`, on him and positive towards flexion, `pelvis_brace_force_N`) and `brace_work_J`;
