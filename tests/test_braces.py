@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -18,6 +19,7 @@ from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMet
 from twin_gait.gait.table import TICK
 from twin_gait.measures.energy import energy_balance
 from twin_gait.parameters import BraceParameters, SpringDamper
+from twin_gait.report.energy import draw_energy
 from twin_gait.scenario import World, bracing
 from twin_gait.simulation.columns import BRACED_WORK_SOURCES
 from twin_gait.simulation.pinocchio_plant import PinocchioPlant
@@ -327,3 +329,10 @@ def test_summary_says_what_passes_through_the_braces(walk):
 def test_the_comparison_takes_the_torque_of_the_braces(walk):
     log = walk.log.assign(left_hip_brace_torque_Nm=7.0)
     assert numbers_of(replace(walk, log=log))["left_hip_interaction_rms_Nm"] == pytest.approx(7.0)
+
+
+def test_the_picture_of_the_energy_has_the_work_of_the_braces(walk):
+    figure = draw_energy(walk)
+    names = {line.get_label() for axes in figure.axes for line in axes.get_lines()}
+    assert "work of brace" in names
+    plt.close(figure)

@@ -49,6 +49,7 @@ WORK_COLOURS: dict[str, str] = {
     "spring": BLUISH_GREEN,
     "contact": ORANGE,
     "patient": REDDISH_PURPLE,
+    "brace": SKY_BLUE,
 }
 
 # For phases of a table that does not use the five names.
