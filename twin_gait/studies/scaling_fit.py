@@ -28,7 +28,7 @@ from twin_gait.studies.workers import LocalRunner, Runner
 SUPPORTS = (0.4, 0.7)
 SPEEDS = (0.33, 0.45)  # [m/s]
 WALK = 14.0  # [s]
-POPULATION, GENERATIONS = 8, 10
+POPULATION, GENERATIONS = 8, 6
 LARGEST_EXPONENT = 3.0  # to either side
 FIRST_STEP = 0.04  # of the unit cube: an exponent of 0.25
 
