@@ -31,6 +31,7 @@ from twin_gait.parameters import (
     ActuatorParameters,
     AnkleParameters,
     BatteryParameters,
+    BeltProfile,
     ContactParameters,
     FrictionParameters,
     LimitParameters,
@@ -112,6 +113,20 @@ class SupportEntry(Strict):
         return SupportParameters(share=self.share, damping=self.damping_Ns_per_m)
 
 
+class BeltEntry(Strict):
+    """A belt that starts and stops."""
+
+    start_s: Number
+    stop_s: Number | None = None
+    ramp_s: Number
+    delay_s: Number = BeltProfile.delay
+
+    def convert(self) -> BeltProfile:
+        """Convert."""
+        stop = math.inf if self.stop_s is None else self.stop_s
+        return BeltProfile(start=self.start_s, stop=stop, ramp=self.ramp_s, delay=self.delay_s)
+
+
 class AnglesEntry(Strict):
     """Hip and knee angle."""
 
@@ -134,6 +149,7 @@ class TreadmillEntry(Strict):
     kind: Literal["treadmill"]
     belt_speed_m_per_s: Number | None = None
     belt_speed_km_per_h: Number | None = None
+    belt: BeltEntry | None = None
     support: SupportEntry = SupportEntry()
     contact: ContactEntry = ContactEntry()
     leading: Side = Side.LEFT
@@ -148,6 +164,7 @@ class TreadmillEntry(Strict):
         leading, trailing = self.leading_start, self.trailing_start
         return TreadmillScenario(
             belt_speed=one_of(self, {"belt_speed_m_per_s": 1.0, "belt_speed_km_per_h": 1.0 / 3.6}),
+            belt=None if self.belt is None else self.belt.convert(),
             support=self.support.convert(),
             contact=self.contact.convert(),
             leading=self.leading,

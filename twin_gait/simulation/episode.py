@@ -15,6 +15,15 @@ import numpy as np
 
 from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
 from twin_gait.core.assistance import adapted_assistance, cycle_place
+from twin_gait.core.belt import (
+    BELT_CRUISE,
+    BELT_DELAY,
+    BELT_RAMP,
+    BELT_START,
+    BELT_STOP,
+    belt_speed,
+    walk_command,
+)
 from twin_gait.core.control_tick import (
     COLUMNS_PER_JOINT,
     DAMPING,
@@ -263,6 +272,24 @@ def _foot_sum(points: Array, leg: int, points_per_foot: int, column: int) -> flo
     return total
 
 
+def _command(episode: Episode, tick: int) -> None:
+    """Let the belt follow its profile, and tell the legs to walk or to stand."""
+    inputs, state = episode.inputs, episode.state
+    if inputs.belt[BELT_RAMP] > 0.0:
+        time = tick * inputs.numbers[PERIOD]
+        inputs.contact[0] = belt_speed(
+            time - inputs.belt[BELT_DELAY],
+            inputs.belt[BELT_CRUISE],
+            inputs.belt[BELT_START],
+            inputs.belt[BELT_STOP],
+            inputs.belt[BELT_RAMP],
+        )
+        walk = walk_command(time, inputs.belt[BELT_START], inputs.belt[BELT_STOP])
+        state.signals[state.signals.shape[0] - 1] = walk
+        if walk == 0.0:
+            state.counters[2] = tick
+
+
 def _measure(episode: Episode, tick: int) -> None:
     """Encoders, velocity estimates and foot loads."""
     inputs, state = episode.inputs, episode.state
@@ -340,7 +367,7 @@ def _watch(episode: Episode, tick: int) -> None:
                 state.drive_off[joint] = 1
                 state.safety[DRIVES_OFF] = 1
     for leg in range(inputs.integers[N_LEGS]):
-        if tick - state.entry_tick[leg] > inputs.integers[OVERSTAY_TICKS]:
+        if tick - max(state.entry_tick[leg], state.counters[2]) > inputs.integers[OVERSTAY_TICKS]:
             _trip(episode, tick, OVERSTAY_TRIP, joints + leg)
     if inputs.integers[POINTS_PER_FOOT] > 0:
         _watch_feet(episode, tick)
@@ -776,6 +803,7 @@ def run_ticks(episode: Episode, first: int, end: int, rows: Array) -> int:
     inputs, state = episode.inputs, episode.state
     record = inputs.integers[RECORD] != 0
     for tick in range(first, end):
+        _command(episode, tick)
         _measure(episode, tick)
         if inputs.integers[WATCHING] != 0:
             _watch(episode, tick)

@@ -27,6 +27,7 @@ CORE_MODULES = (
     "articulated_body",
     "actuator",
     "assistance",
+    "belt",
     "blending",
     "contact",
     "control_tick",
