@@ -24,7 +24,7 @@ from twin_gait.configuration import load_experiment, packaged_gait_table
 from twin_gait.exceptions import GaitTableError
 from twin_gait.experiment import Experiment
 from twin_gait.gait import TICK, DraftTable, GaitStateMachine, GaitTable, LegSignals, Transition
-from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, all_signal_names
+from twin_gait.gait.guards import WALK, AllOf, AnyOf, Comparison, Guard, PhaseMembership, all_signal_names
 from twin_gait.vocabulary import Side
 
 # Limits of urdf/twin.urdf: lowest and highest angle in [deg], speed in [deg] / [s].
@@ -54,6 +54,8 @@ class Vectors:
         if quantity in ("load_bw", TIME):
             values = generator.uniform(0.0, 2.0, self.count)
             return values if quantity == "load_bw" else np.round(values / TICK) * TICK
+        if name == WALK:
+            return generator.uniform(0.0, 1.0, self.count)
         low, high, speed = TWIN[name.rsplit(".", 2)[-2]]
         return generator.uniform(*((low, high) if quantity == "angle_deg" else (-speed, speed)), self.count)
 

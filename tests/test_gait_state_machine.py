@@ -212,15 +212,15 @@ def test_leg_said_to_be_there_must_be_measured() -> None:
         machine().step(1, leg(), None, other_phase="stance")
 
 
-@pytest.mark.parametrize("length", [0, 6, 11, 13, 24])
+@pytest.mark.parametrize("length", [0, 6, 12, 14, 24])
 def test_signal_array_of_a_wrong_length_is_refused(length: int) -> None:
     with pytest.raises(MeasurementError):
         machine().advance(1, np.zeros(length), -1)
 
 
 def test_signals_are_laid_out_as_guards_read_them() -> None:
-    own = LegSignals((1.0, 2.0), (3.0, 4.0), 5.0)
-    other = LegSignals((7.0, 8.0), (9.0, 10.0), 11.0)
+    own = LegSignals((1.0, 2.0), (3.0, 4.0), 5.0, walk=0.25)
+    other = LegSignals((7.0, 8.0), (9.0, 10.0), 11.0, walk=0.75)
     array = signal_array(two_phase_table(), 6.0, own, other, 12.0)
     named = dict(zip(all_signal_names(JOINTS), array.tolist(), strict=True))
     assert named == {
@@ -236,8 +236,9 @@ def test_signals_are_laid_out_as_guards_read_them() -> None:
         "other.knee.velocity_deg_per_s": 10.0,
         "other.foot.load_bw": 11.0,
         "other.time_in_phase_s": 12.0,
+        "walk": 0.25,  # a leg reads its own command
     }
-    assert np.isnan(signal_array(two_phase_table(), 6.0, own, None)[6:]).all()
+    assert np.isnan(signal_array(two_phase_table(), 6.0, own, None)[6:-1]).all()
 
 
 def test_unknown_phases_are_refused() -> None:

@@ -15,7 +15,11 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping, load_gait_table
+from twin_gait.configuration.gait_table_file import (
+    gait_table_from_mapping,
+    load_gait_table,
+    packaged_gait_table,
+)
 from twin_gait.configuration.validation import MAXIMUM_FILE_SIZE, parse_yaml
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.gait import BlendingLaw, DraftTable, GaitTable, Waiver
@@ -587,3 +591,67 @@ def test_any_text_ends_in_a_table_or_in_one_line(text: str) -> None:
         check_message(error, "fuzz.yaml")
     else:
         ends_well(parsed)
+
+
+# ---------------------------------------------------------------------- tables that extend others
+
+STANDING = """\
+schema_version: 1
+extends: {base}
+phases:
+  middle_stance:
+    hip: {{equilibrium_deg: 3}}
+  stand:
+    hip: {{stiffness_Nm_per_deg: 2, damping_ratio: 0.7, equilibrium_deg: 0, friction_compensation_gain: 0.35}}
+    knee: {{stiffness_Nm_per_deg: 5, damping_ratio: 1, equilibrium_deg: 5, friction_compensation_gain: 0.40}}
+transitions:
+  - {{from: early_stance, to: stand, cause: halt, all: ["walk < 0.5"]}}
+  - {{from: stand, to: early_stance, cause: go, all: ["walk > 0.5"]}}
+waive: [{{rule: cascade, reason: of the upper table}}]
+"""
+
+
+def test_a_table_extends_a_packaged_one_key_by_key(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(STANDING.format(base="treadmill"), encoding="utf-8")
+    base, table = packaged_gait_table("treadmill"), load_gait_table(path)
+    assert table.name == "mine"
+    assert table.phase_names == (*base.phase_names, "stand")
+    changed = table.phases["middle_stance"].joints["hip"]
+    assert changed.equilibrium_angle == math.radians(3.0)
+    assert changed.stiffness == base.phases["middle_stance"].joints["hip"].stiffness
+    assert table.phases["late_stance"] == base.phases["late_stance"]
+    assert table.transitions[: len(base.transitions)] == base.transitions
+    assert [item.cause for item in table.transitions[len(base.transitions) :]] == ["halt", "go"]
+    assert table.waivers == (*base.waivers, Waiver(rule="cascade", reason="of the upper table"))
+    assert (table.blending, table.scaling) == (base.blending, base.scaling)
+
+
+def test_a_table_extends_one_that_lies_beside_it(tmp_path: Path) -> None:
+    (tmp_path / "below.yaml").write_text(TABLE, encoding="utf-8")
+    path = tmp_path / "above.yaml"
+    path.write_text(STANDING.format(base="below.yaml"), encoding="utf-8")
+    assert load_gait_table(path).blending == load_gait_table(tmp_path / "below.yaml").blending
+
+
+@pytest.mark.parametrize(
+    ("base", "words"),
+    [
+        ("moonwalk", "extends: no gait table 'moonwalk': neither a file nor one of bench_leg"),
+        ("[1, 2]", r"extends: no gait table \[1, 2\]"),
+        ("above.yaml", "extends: 'above.yaml' extends this table itself"),
+    ],
+)
+def test_a_table_that_extends_nothing_or_itself_is_refused(tmp_path: Path, base: str, words: str) -> None:
+    path = tmp_path / "above.yaml"
+    path.write_text(STANDING.format(base=base), encoding="utf-8")
+    with pytest.raises(ParameterFileError, match=words) as caught:
+        load_gait_table(path)
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_transitions_that_are_no_list_are_refused_in_one_line(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("schema_version: 1\nextends: treadmill\ntransitions: 7\n", encoding="utf-8")
+    with pytest.raises(ParameterFileError, match="transitions: expected a list, got 7"):
+        load_gait_table(path)

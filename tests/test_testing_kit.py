@@ -298,7 +298,10 @@ def test_room_is_kept_from_a_limit() -> None:
     assert found == {"a": 5.0}
 
 
-@pytest.mark.parametrize("name", ["bench_leg", "treadmill", "treadmill_normative", "osl_walking", "sup_2009"])
+WALKS = ["bench_leg", "treadmill", "treadmill_normative", "treadmill_stand", "osl_walking", "sup_2009"]
+
+
+@pytest.mark.parametrize("name", WALKS)
 def test_rows_of_the_truth_table_cover_every_combination_once(name: str) -> None:
     """All 2ⁿ combinations of the conditions of a phase, evaluated exit by exit with Python's all and any."""
     table = packaged_gait_table(name)

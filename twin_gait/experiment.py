@@ -332,6 +332,11 @@ class Experiment:
         """Length of the run in ticks."""
         return round(self.duration / TICK)
 
+    @property
+    def steady(self) -> tuple[float, float]:
+        """From when to when in [s] the legs are to walk evenly."""
+        return self.scenario.steady if isinstance(self.scenario, TreadmillScenario) else (0.0, math.inf)
+
     def build_world(self) -> World:
         """Build the world with its rigid-body model.
 

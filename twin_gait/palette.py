@@ -6,7 +6,7 @@ stance phases are cold and swing phases warm. Nothing heavy is imported here.
 
 from __future__ import annotations
 
-from twin_gait.vocabulary import GaitPhase, JointName, Side
+from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, JointName, Side
 
 BLACK = "#000000"
 ORANGE = "#E69F00"
@@ -25,6 +25,8 @@ PHASE_COLOURS: dict[GaitPhase, str] = {
     GaitPhase.SWING_FLEXION: ORANGE,
     GaitPhase.SWING_EXTENSION: VERMILLION,
 }
+# Beside the five: standing is neither cold nor warm, the first swing is warm.
+_OTHER_PHASES = {STAND: GREY, FIRST_SWING: YELLOW}
 JOINT_COLOURS: dict[JointName, str] = {
     JointName.HIP: BLUE,
     JointName.KNEE: VERMILLION,
@@ -66,5 +68,5 @@ def phase_colour(phase: str, position: int = 0) -> str:
     Returns:
         Colour as ``#RRGGBB``.
     """
-    known = {str(name): colour for name, colour in PHASE_COLOURS.items()}
+    known = {str(name): colour for name, colour in PHASE_COLOURS.items()} | _OTHER_PHASES
     return known.get(phase, _FURTHER_COLOURS[position % len(_FURTHER_COLOURS)])

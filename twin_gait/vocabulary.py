@@ -23,6 +23,9 @@ class GaitPhase(StrEnum):
         return self in STANCE_PHASES
 
 
+# Phases beside the five of the cycle: standing still, and the swing that begins a walk.
+STAND, FIRST_SWING = "stand", "first_swing"
+
 STANCE_PHASES = frozenset({GaitPhase.EARLY_STANCE, GaitPhase.MIDDLE_STANCE, GaitPhase.LATE_STANCE})
 
 

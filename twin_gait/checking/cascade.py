@@ -8,11 +8,12 @@ from twin_gait.checking.finding import Finding, Severity, Subject, label
 from twin_gait.checking.polyhedra import TIME, Clause, Inequality, both, joined
 from twin_gait.checking.signals import ENTRY_TIME, Point, SignalSpace, at_entry, entered
 from twin_gait.exceptions import GaitTableError
+from twin_gait.gait.guards import WALK
 from twin_gait.gait.table import TICK
 
 # Noise of a measured signal from tick to tick, by the last word of its name: assumptions. The encoder's
 # own step is far below (0.0004° of the joint); cuffs, gears and the foot on the belt shake more.
-NOISE = {"angle_deg": 0.5, "velocity_deg_per_s": 5.0, "load_bw": 0.02}
+NOISE = {"angle_deg": 0.5, "velocity_deg_per_s": 5.0, "load_bw": 0.02, WALK: 0.0}
 NOISY = "noisy."
 _ENTRY = (TICK, TICK)
 

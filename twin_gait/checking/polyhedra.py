@@ -15,14 +15,14 @@ import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, milp
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import OTHER, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.guards import OTHER, WALK, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.gait.table import TICK
 
 MOST_CLAUSES = 256
 TIME = "time_in_phase_s"
 
 # A comfortable distance from a threshold, by the last word of a signal: the slack is counted in it.
-UNITS = {"angle_deg": 1.0, "velocity_deg_per_s": 5.0, "load_bw": 0.05, TIME: 0.01}
+UNITS = {"angle_deg": 1.0, "velocity_deg_per_s": 5.0, "load_bw": 0.05, TIME: 0.01, WALK: 0.25}
 # Guards that overlap by less than a millionth of a unit are taken to touch.
 LEAST_SLACK = 1e-6
 MOST_ROOM = 1e3  # units; only keeps the program bounded

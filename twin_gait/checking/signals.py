@@ -19,7 +19,7 @@ from twin_gait.checking.polyhedra import (
 )
 from twin_gait.core.guards import END_NODE, FIRST_NODE, NO_TRANSITION, guard_holds, next_transition
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import OTHER, all_signal_names, signal_scale
+from twin_gait.gait.guards import OTHER, WALK, all_signal_names, signal_scale
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK, Transition
 
@@ -121,6 +121,8 @@ class SignalSpace:
 
     def range(self, name: str) -> tuple[float, float]:
         """Range of a measured signal in the units of the table; either leg's."""
+        if name.rpartition(".")[2] == WALK:
+            return 0.0, 1.0
         # The variables of a program may have further words in front: other, entry, noisy, end.
         _, joint_or_foot, quantity = f".{name}".rsplit(".", 2)
         if quantity == "load_bw":
@@ -235,7 +237,9 @@ def entered(point: Point) -> Point:
 
 
 def swapped(name: str) -> str:
-    """Name that the other leg has for a signal."""
+    """Name that the other leg has for a signal; both are told the same."""
+    if name == WALK:
+        return name
     return name.removeprefix(OTHER) if name.startswith(OTHER) else OTHER + name
 
 

@@ -31,7 +31,7 @@ from twin_gait.gait.table import (
     Waiver,
 )
 from twin_gait.leg_model import LegJoints
-from twin_gait.parameters import FrictionParameters
+from twin_gait.parameters import BeltProfile, FrictionParameters
 from twin_gait.scenario import BenchLegScenario, TreadmillScenario
 
 
@@ -203,6 +203,7 @@ def _scenario(scenario: TreadmillScenario | BenchLegScenario) -> dict[str, Any]:
     return {
         "kind": "treadmill",
         "belt_speed_m_per_s": scenario.belt_speed,
+        **({} if scenario.belt is None else {"belt": _belt(scenario.belt)}),
         "support": {"share": scenario.support.share, "damping_Ns_per_m": scenario.support.damping},
         "contact": {
             "stiffness_N_per_m1p5": contact.stiffness,
@@ -216,6 +217,11 @@ def _scenario(scenario: TreadmillScenario | BenchLegScenario) -> dict[str, Any]:
         "leading_phase": scenario.initial_phases[0],
         "trailing_phase": scenario.initial_phases[1],
     }
+
+
+def _belt(belt: BeltProfile) -> dict[str, float | None]:
+    stop = None if math.isinf(belt.stop) else belt.stop
+    return {"start_s": belt.start, "stop_s": stop, "ramp_s": belt.ramp, "delay_s": belt.delay}
 
 
 def _leg(experiment: Experiment) -> dict[str, Any]:

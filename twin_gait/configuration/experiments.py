@@ -10,7 +10,11 @@ from typing import Any
 
 from twin_gait.configuration.documents import content_hash, experiment_document, integration_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.configuration.gait_table_file import packaged_gait_tables
+from twin_gait.configuration.gait_table_file import (
+    extended_table,
+    packaged_gait_tables,
+    read_gait_table,
+)
 from twin_gait.configuration.overrides import assign, merge, parse_assignment
 from twin_gait.configuration.people import SIDES, names_a_person, person_document
 from twin_gait.configuration.validation import converting, read_yaml
@@ -177,7 +181,7 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
 
 def _resolve_table(table: Any, path: Path) -> dict[str, Any]:
     if isinstance(table, dict):
-        return table
+        return extended_table(table, path)
     if not isinstance(table, str):
         raise ParameterFileError(
             path,
@@ -187,7 +191,7 @@ def _resolve_table(table: Any, path: Path) -> dict[str, Any]:
     packaged = Path(str(files("twin_gait.configuration"))) / "tables" / f"{table}.yaml"
     for candidate in (path.parent / table, Path(table).expanduser(), packaged):
         if candidate.is_file():
-            return {"name": candidate.stem, **read_yaml(candidate)}
+            return {"name": candidate.stem, **read_gait_table(candidate)}
     return converting(str(path), "table", lambda: _no_table(table))
 
 

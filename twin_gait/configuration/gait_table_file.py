@@ -185,7 +185,68 @@ def load_gait_table(path: str | Path, *, draft: bool = False) -> GaitTable:
         ParameterFileError: If the file has a mistake; the message names file, key and value.
     """
     path = Path(path)
-    return gait_table_from_mapping(read_yaml(path), str(path), path.stem, draft=draft)
+    return gait_table_from_mapping(read_gait_table(path), str(path), path.stem, draft=draft)
+
+
+def read_gait_table(path: Path) -> dict[str, Any]:
+    """Read a gait table file as a mapping, laid over the table that it extends.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The mapping, without ``extends``.
+
+    Raises:
+        ParameterFileError: If a file has a mistake, or a chain of tables comes back to where it began.
+    """
+    return extended_table(read_yaml(path), path)
+
+
+def extended_table(data: dict[str, Any], path: Path, below: tuple[Path, ...] = ()) -> dict[str, Any]:
+    """Lay a table over the one that its key ``extends`` names.
+
+    Mappings are laid over each other key by key, as presets are. Transitions and waivers follow those of the
+    table underneath, which therefore come first where two exits are due at once. The name is not taken over.
+
+    Args:
+        data: The parsed file.
+        path: Where it stands; a relative path starts from its folder.
+        below: Files of the tables that extend this one.
+
+    Returns:
+        The mapping, without ``extends``; itself where there is none.
+
+    Raises:
+        ParameterFileError: If there is no such table, or the chain comes back to where it began.
+    """
+    if "extends" not in data:
+        return data
+    found = _extended_file(data["extends"], path)
+    chain = (*below, path.resolve())
+    if found.resolve() in chain:
+        raise ParameterFileError(path, "extends", f"{data['extends']!r} extends this table itself")
+    base = extended_table(read_yaml(found), found, chain)
+    rest = {key: value for key, value in data.items() if key != "extends"}
+    for key in ("transitions", "waive"):
+        rest[key] = [*_listed(base, key, found), *_listed(rest, key, path)]
+    return merge({key: value for key, value in base.items() if key != "name"}, rest)
+
+
+def _extended_file(name: Any, path: Path) -> Path:
+    if isinstance(name, str):
+        for candidate in (path.parent / name, Path(name).expanduser(), _tables() / f"{name}.yaml"):
+            if candidate.is_file():
+                return candidate
+    known = ", ".join(packaged_gait_tables())
+    raise ParameterFileError(path, "extends", f"no gait table {name!r}: neither a file nor one of {known}")
+
+
+def _listed(data: dict[str, Any], key: str, path: Path) -> list[Any]:
+    items = data.get(key) or []
+    if not isinstance(items, list):
+        raise ParameterFileError(path, key, f"expected a list, got {short(items)}")
+    return items
 
 
 def packaged_gait_table(name: str) -> GaitTable:

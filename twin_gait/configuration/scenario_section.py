@@ -10,7 +10,7 @@ from twin_gait.configuration.validation import DEGREE, Number, Strict, one_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.leg_model import LegJoints
 from twin_gait.leg_model.urdf import find_urdf
-from twin_gait.parameters import ContactParameters, SupportParameters
+from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters
 from twin_gait.scenario import BenchLegScenario, HandParameters, LegSource, TreadmillScenario
 from twin_gait.vocabulary import JointName, Side
 
@@ -81,6 +81,20 @@ class SupportEntry(Strict):
         return SupportParameters(share=self.share, damping=self.damping_Ns_per_m)
 
 
+class BeltEntry(Strict):
+    """A belt that starts and stops."""
+
+    start_s: Number
+    stop_s: Number | None = None
+    ramp_s: Number
+    delay_s: Number = BeltProfile.delay
+
+    def convert(self) -> BeltProfile:
+        """Convert."""
+        stop = math.inf if self.stop_s is None else self.stop_s
+        return BeltProfile(start=self.start_s, stop=stop, ramp=self.ramp_s, delay=self.delay_s)
+
+
 class AnglesEntry(Strict):
     """Hip and knee angle."""
 
@@ -103,6 +117,7 @@ class TreadmillEntry(Strict):
     kind: Literal["treadmill"]
     belt_speed_m_per_s: Number | None = None
     belt_speed_km_per_h: Number | None = None
+    belt: BeltEntry | None = None
     support: SupportEntry = SupportEntry()
     contact: ContactEntry = ContactEntry()
     leading: Side = Side.LEFT
@@ -117,6 +132,7 @@ class TreadmillEntry(Strict):
         leading, trailing = self.leading_start, self.trailing_start
         return TreadmillScenario(
             belt_speed=one_of(self, {"belt_speed_m_per_s": 1.0, "belt_speed_km_per_h": 1.0 / 3.6}),
+            belt=None if self.belt is None else self.belt.convert(),
             support=self.support.convert(),
             contact=self.contact.convert(),
             leading=self.leading,

@@ -16,6 +16,7 @@ from twin_gait.exceptions import GaitTableError
 
 _DEGREE = math.pi / 180.0
 OTHER = "other."
+WALK = "walk"  # what the legs are told: 1 to walk, 0 to stand
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +123,7 @@ def signal_names(joints: Sequence[str]) -> list[str]:
 
 
 def all_signal_names(joints: Sequence[str]) -> list[str]:
-    """Signals of this leg, then those of the other leg, in the order of the signal array.
+    """Signals of this leg, those of the other leg, then the command, in the order of the signal array.
 
     Args:
         joints: Joints of the table.
@@ -131,7 +132,7 @@ def all_signal_names(joints: Sequence[str]) -> list[str]:
         Names; their positions are the indices used by the guard program.
     """
     own = signal_names(joints)
-    return own + [OTHER + name for name in own]
+    return [*own, *(OTHER + name for name in own), WALK]
 
 
 def signal_scale(name: str) -> float:
@@ -183,7 +184,7 @@ def parse_guard(text: str, joints: Sequence[str], phases: Sequence[str]) -> Guar
         if name is not None and name not in known:
             raise GaitTableError(
                 f"guard {text!r}: no signal {name!r}; there are {', '.join(signal_names(joints))}, "
-                "and the same with 'other.' in front"
+                f"the same with 'other.' in front, and {WALK}"
             )
     if minus is not None and signal_scale(signal) != signal_scale(minus):
         raise GaitTableError(f"guard {text!r}: {signal} and {minus} have different units")

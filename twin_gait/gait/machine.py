@@ -13,7 +13,7 @@ from transitions import Machine
 
 from twin_gait.core.guards import NO_TRANSITION, next_transition
 from twin_gait.exceptions import MeasurementError
-from twin_gait.gait.guards import signal_names
+from twin_gait.gait.guards import OTHER, WALK, all_signal_names, signal_names
 from twin_gait.gait.program import GuardProgram, compile_guards
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.vocabulary import Side
@@ -45,17 +45,19 @@ class PhaseSwitch(NamedTuple):
 
 
 class LegSignals(NamedTuple):
-    """Measured signals of one leg in SI units.
+    """Measured signals of one leg in SI units, and what it is told.
 
     Attributes:
         angles: Joint angles in [rad], in the order of the table's joints.
         velocities: Joint velocities in [rad] / [s].
         foot_load: Normal force of the foot over body weight.
+        walk: Command: 1 to walk, 0 to stand. A leg reads its own only.
     """
 
     angles: tuple[float, ...]
     velocities: tuple[float, ...]
     foot_load: float = 0.0
+    walk: float = 1.0
 
 
 class GaitStateMachine:
@@ -149,7 +151,7 @@ class GaitStateMachine:
 
         Args:
             tick: Present tick.
-            signals: This leg's signals, then the other's, in the order of
+            signals: This leg's signals, the other's, then the command, in the order of
                 :func:`twin_gait.gait.guards.all_signal_names`, SI units; NaN marks the signals of a
                 leg that is not there.
             other_phase: Index of the other leg's phase at the start of the tick, -1 without one.
@@ -158,7 +160,7 @@ class GaitStateMachine:
             The switch, or None if the leg stays.
 
         Raises:
-            MeasurementError: If a signal of this leg, or of a present other leg, is not finite.
+            MeasurementError: If a signal of this leg, of a present other leg, or the command is not finite.
         """
         self._refuse_non_finite(signals, other_phase)
         index = next_transition(
@@ -182,17 +184,19 @@ class GaitStateMachine:
         return PhaseSwitch(tick, self.side, source, self.phase, item.cause, index)
 
     def _refuse_non_finite(self, signals: np.ndarray, other_phase: int) -> None:
-        own = len(signal_names(self.table.joints))
-        if len(signals) != 2 * own:
-            raise MeasurementError(f"{self.side} leg: expected {2 * own} signals, got {len(signals)}")
-        checked = signals if other_phase >= 0 else signals[:own]
-        if np.isfinite(checked).all():
+        names = all_signal_names(self.table.joints)
+        if len(signals) != len(names):
+            raise MeasurementError(f"{self.side} leg: expected {len(names)} signals, got {len(signals)}")
+        broken = ~np.isfinite(signals)
+        if other_phase < 0:
+            own = len(signal_names(self.table.joints))
+            broken[own : names.index(WALK)] = False
+        if not broken.any():
             return
-        position = int(np.flatnonzero(~np.isfinite(checked))[0])
-        leg = "other leg's " if position >= own else ""
-        name = signal_names(self.table.joints)[position % own]
+        position = int(np.flatnonzero(broken)[0])
+        name = names[position].replace(OTHER, "other leg's ")
         raise MeasurementError(
-            f"{self.side} leg: the {leg}{name} is {signals[position]}; expected a finite measurement"
+            f"{self.side} leg: the {name} is {signals[position]}; expected a finite measurement"
         )
 
 
@@ -213,7 +217,7 @@ def signal_array(
         other_time_in_phase: Of the other leg in [s].
 
     Returns:
-        Shape ``(2 n,)`` with n signals a leg; NaN for an absent other leg.
+        Shape ``(2 n + 1,)`` with n signals a leg and the command; NaN for an absent other leg.
 
     Raises:
         MeasurementError: If the number of joints is not that of the table.
@@ -223,7 +227,7 @@ def signal_array(
         halves.append(np.full(len(halves[0]), np.nan))
     else:
         halves.append(_leg_array(table, other, other_time_in_phase))
-    return np.concatenate(halves)
+    return np.concatenate([*halves, [own.walk]])
 
 
 def _leg_array(table: GaitTable, leg: LegSignals, time_in_phase: float) -> np.ndarray:

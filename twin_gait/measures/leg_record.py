@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,6 +27,7 @@ class LegRecord:
         angles: Of each actuated joint in [rad], shape ``(n,)`` each.
         normal_force: Of the foot in [N], shape ``(n,)``, or None without ground.
         clearance: Of the foot in [m], shape ``(n,)``, or None without ground.
+        steady: From when to when in [s] the leg walks evenly; strides outside of it do not count.
     """
 
     side: Side
@@ -34,6 +36,7 @@ class LegRecord:
     angles: Mapping[JointName, np.ndarray]
     normal_force: np.ndarray | None
     clearance: np.ndarray | None
+    steady: tuple[float, float] = (0.0, math.inf)
 
     @cached_property
     def contacts(self) -> FootContacts | None:
@@ -61,10 +64,33 @@ class LegRecord:
         Returns:
             First tick of each stride and of the next one, shape ``(n_strides, 2)``.
         """
-        return stride_bounds(self.stride_events, skip=skip)
+        return self._steady_strides(self.stride_events)[skip:]
+
+    def strides_by_phase(self, *, skip: int = SKIPPED_STRIDES) -> np.ndarray:
+        """Strides by entry into the first phase, on ground too.
+
+        Args:
+            skip: So many strides at the start do not count.
+
+        Returns:
+            First tick of each stride and of the next one, shape ``(n_strides, 2)``.
+        """
+        return self._steady_strides(self.entries)[skip:]
+
+    def _steady_strides(self, events: np.ndarray) -> np.ndarray:
+        bounds = stride_bounds(events, skip=0)
+        first, last = (time / self.tick for time in self.steady)
+        return bounds[(bounds[:, 0] >= first) & (bounds[:, 1] <= last)]
 
 
-def leg_record(log: pd.DataFrame, side: Side, phase_names: Sequence[str], tick: float) -> LegRecord:
+def leg_record(
+    log: pd.DataFrame,
+    side: Side,
+    phase_names: Sequence[str],
+    tick: float,
+    *,
+    steady: tuple[float, float] = (0.0, math.inf),
+) -> LegRecord:
     """Take one leg out of a log.
 
     Args:
@@ -72,6 +98,7 @@ def leg_record(log: pd.DataFrame, side: Side, phase_names: Sequence[str], tick: 
         side: The leg.
         phase_names: Phases of the table in order.
         tick: Sampling period in [s].
+        steady: From when to when in [s] the leg walks evenly.
 
     Returns:
         The leg.
@@ -90,4 +117,5 @@ def leg_record(log: pd.DataFrame, side: Side, phase_names: Sequence[str], tick: 
         angles=angles,
         normal_force=log[f"{side}_foot_normal_force_N"].to_numpy() if on_ground else None,
         clearance=log[f"{side}_foot_clearance_m"].to_numpy() if on_ground else None,
+        steady=steady,
     )

@@ -24,6 +24,7 @@ from twin_gait.parameters.safety import SafetyParameters
 from twin_gait.parameters.sensors import SensorParameters
 from twin_gait.parameters.surroundings import (
     AnkleParameters,
+    BeltProfile,
     ContactParameters,
     StopParameters,
     SupportParameters,
@@ -39,6 +40,7 @@ __all__ = [
     "ActuatorParameters",
     "AnkleParameters",
     "BatteryParameters",
+    "BeltProfile",
     "BraceParameters",
     "ContactParameters",
     "FrictionParameters",

@@ -1,10 +1,36 @@
-"""What pushes on the leg beside its motors: ground, stops, orthosis, support."""
+"""What pushes on the leg beside its motors: belt, ground, stops, orthosis, support."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from twin_gait.parameters.checks import require_non_negative, require_positive, require_share
+from twin_gait.parameters.checks import require, require_non_negative, require_positive, require_share
+
+
+@dataclass(frozen=True, kw_only=True)
+class BeltProfile:
+    """A belt that starts and stops, and when its wearer is told to walk; see :mod:`twin_gait.core.belt`.
+
+    Attributes:
+        start: Command to walk in [s].
+        stop: Command to stand in [s]; infinite for a walk without end.
+        ramp: Time in which the belt comes to its speed, and to rest, in [s].
+        delay: Time from either command until the belt follows it in [s].
+    """
+
+    start: float
+    stop: float = math.inf
+    ramp: float
+    delay: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("belt start", self.start)
+        require_positive("belt ramp", self.ramp)
+        require_non_negative("belt delay", self.delay)
+        earliest = self.start + self.ramp
+        require(self.stop >= earliest, "belt stop", f"start + ramp, {earliest:g} s, or later", self.stop)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ import numpy as np
 from twin_gait.core.control_tick import VELOCITY_FAST, leg_signals, measure_joints
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import signal_names
+from twin_gait.gait.guards import all_signal_names
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK, GaitTable
@@ -108,7 +108,8 @@ class _Loop:
         self._decimated = np.zeros(n_joints)
         self._ring = np.zeros((sensors.window, n_joints))
         self._ideal = np.zeros(n_joints)
-        self._signals = np.full(2 * len(signal_names(table.joints)), np.nan)
+        self._signals = np.full(len(all_signal_names(table.joints)), np.nan)
+        self._signals[-1] = 1.0  # who is recorded walking was told to
         program = compile_guards(table)
         self._machines = [
             GaitStateMachine(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 
-from twin_gait.gait.guards import OTHER, AllOf, AnyOf, Guard, PhaseMembership
+from twin_gait.gait.guards import OTHER, WALK, AllOf, AnyOf, Guard, PhaseMembership
 from twin_gait.gait.table import TICK, JointImpedance, Transition
 
 # By the ending of a signal's name: what follows the joint, and the unit.
@@ -13,6 +13,7 @@ _QUANTITIES = {
     "velocity_deg_per_s": (" velocity", "°/s"),
     "load_bw": (" load", " BW"),
     "time_in_phase_s": ("time in phase", " s"),
+    WALK: ("told to walk", ""),
 }
 
 

@@ -38,7 +38,10 @@ def leg_records(run: Run) -> list[LegRecord]:
     Returns:
         One record a leg.
     """
-    return [leg_record(run.log, side, run.table.phase_names, TICK) for side in run.sides]
+    return [
+        leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
+        for side in run.sides
+    ]
 
 
 def last_strides(run: Run, records: list[LegRecord]) -> Window:

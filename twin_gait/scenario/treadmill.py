@@ -9,9 +9,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin_gait.core import plant
+from twin_gait.core.belt import belt_speed, belt_travel
 from twin_gait.leg_model import LegModel, PelvisGuide
 from twin_gait.parameters import (
     AnkleParameters,
+    BeltProfile,
     ContactParameters,
     FrictionParameters,
     StopParameters,
@@ -35,6 +37,8 @@ class TreadmillScenario:
 
     Attributes:
         belt_speed: In [m] / [s]; 1.5 km/h is the device's target speed (thesis, table 2.1).
+        belt: How the belt starts and stops, and when the legs are told to walk; None for a belt that runs
+            evenly under legs that always walk.
         support: Body-weight support and guide.
         contact: Of heels and toes.
         leading: Leg that starts in front.
@@ -44,6 +48,7 @@ class TreadmillScenario:
     """
 
     belt_speed: float = 1.5 / 3.6
+    belt: BeltProfile | None = None
     support: SupportParameters = field(default_factory=SupportParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
     leading: Side = Side.LEFT
@@ -60,6 +65,40 @@ class TreadmillScenario:
             "above 0 and at most 2 m/s",
             self.belt_speed,
         )
+
+    def belt_speed_at(self, time: float) -> float:
+        """Speed of the belt at a time.
+
+        Args:
+            time: In [s].
+
+        Returns:
+            Speed in [m] / [s], backwards positive.
+        """
+        if self.belt is None:
+            return self.belt_speed
+        belt = self.belt
+        return belt_speed(time - belt.delay, self.belt_speed, belt.start, belt.stop, belt.ramp)
+
+    def belt_travel(self, time: float) -> float:
+        """Way that the belt has gone since time 0.
+
+        Args:
+            time: In [s].
+
+        Returns:
+            Way in [m], backwards positive.
+        """
+        if self.belt is None:
+            return self.belt_speed * time
+        belt = self.belt
+        return belt_travel(time - belt.delay, self.belt_speed, belt.start, belt.stop, belt.ramp)
+
+    @property
+    def steady(self) -> tuple[float, float]:
+        """From when to when in [s] the belt runs evenly and the legs are told to walk."""
+        belt = self.belt
+        return (0.0, math.inf) if belt is None else (belt.start + belt.delay + belt.ramp, belt.stop)
 
     @property
     def pelvis(self) -> PelvisGuide:
@@ -114,6 +153,7 @@ class TreadmillScenario:
             start_v=np.zeros(model.nv),
             initial_phases=phases,
             belt_speed=self.belt_speed,
+            belt=self.belt,
             contact=self.contact,
             support_force=support_force,
             body_weight=weight,

@@ -12,6 +12,7 @@ from twin_gait.leg_model import Bodies, LegJoints, LegModel, PelvisGuide
 from twin_gait.parameters import (
     ActuatorParameters,
     AnkleParameters,
+    BeltProfile,
     ContactParameters,
     FrictionParameters,
     Patient,
@@ -84,7 +85,8 @@ class World:
     Attributes:
         model: The plant; with braces, device and wearer as if they were one.
         plant_rows: Parameters of the passive torques, shape ``(n, PLANT_COLUMNS)``.
-        belt_speed: In [m] / [s]; 0 on the bench.
+        belt_speed: In [m] / [s], with a profile between its ramps; 0 on the bench.
+        belt: How the belt starts and stops, or None if it runs evenly.
         contact: Contact parameters, or None without ground.
         start_q: Coordinates at time 0, shape ``(n,)``.
         start_v: Velocities at time 0, shape ``(n,)``.
@@ -102,6 +104,7 @@ class World:
     start_v: np.ndarray
     initial_phases: Mapping[Side, str | None]
     belt_speed: float = 0.0
+    belt: BeltProfile | None = None
     contact: ContactParameters | None = None
     support_force: float = 0.0
     body_weight: float = 0.0

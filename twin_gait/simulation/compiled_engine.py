@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from twin_gait.control import ControllerFunction
-from twin_gait.core import safety
+from twin_gait.core import belt, safety
 from twin_gait.experiment import ControlMode, IntegrationMethod
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
@@ -137,6 +137,7 @@ class CompiledEngine:
             bodies=np.array(body_values(bodies, points)),
             control_bodies=np.array(body_values(control_bodies)),
             contact=self._contact(),
+            belt=self._belt(),
             plant_rows=np.ascontiguousarray(world.plant_rows),
             coordinates=np.array([joint.coordinate for joint in problem.joints], dtype=np.int64),
             control_coordinates=np.array(
@@ -212,6 +213,13 @@ class CompiledEngine:
             ]
         )
 
+    def _belt(self) -> np.ndarray:
+        world = self.problem.world
+        if world.belt is None:
+            return np.zeros(belt.BELT_COUNT)
+        profile = world.belt
+        return np.array([world.belt_speed, profile.start, profile.stop, profile.ramp, profile.delay])
+
     def _friction_model(self) -> np.ndarray:
         models = self.problem.experiment.control.friction_model
         laws = [models[joint.joint] for joint in self.problem.joints]
@@ -276,7 +284,7 @@ class CompiledEngine:
             dwell=np.zeros(legs * len(problem.program.transitions), dtype=np.int64),
             blend_start=start.copy(),
             blended=start.copy(),
-            signals=np.full(2 * problem.signals_per_leg, np.nan),
+            signals=problem.first_signals(),
             motor=np.zeros(n),
             external=np.zeros(n),
             assistance=problem.first_assistance(),
@@ -308,7 +316,7 @@ class CompiledEngine:
             leg_ticks=np.zeros(legs, dtype=np.int64),
             before=np.zeros(legs, dtype=np.int64),
             switches=np.zeros((capacity, 5), dtype=np.int64),
-            counters=np.zeros(2, dtype=np.int64),
+            counters=np.zeros(3, dtype=np.int64),
             watch_memory=np.zeros((joints, safety.MEMORY_COUNT)),
             watch_streaks=np.zeros((joints, safety.STREAK_COUNT), dtype=np.int64),
             load_streaks=np.zeros(legs, dtype=np.int64),

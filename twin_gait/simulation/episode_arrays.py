@@ -103,7 +103,9 @@ class EpisodeInputs(NamedTuple):
         numbers: See the positions above, shape ``(NUMBER_COUNT,)``.
         bodies: Run-time values of the plant's kernel.
         control_bodies: Run-time values of the controller's kernel.
-        contact: Belt speed and contact parameters, shape ``(5,)``.
+        contact: Present belt speed and contact parameters, shape ``(5,)``.
+        belt: Profile of its speed as :mod:`twin_gait.core.belt` reads it, shape ``(BELT_COUNT,)``; all 0 if
+            it runs evenly.
         plant_rows: Passive torques, shape ``(n, PLANT_COLUMNS)``.
         coordinates: Positions of the actuated joints in ``q``, shape ``(n_joints,)``.
         control_coordinates: Likewise in the controller's model.
@@ -137,6 +139,7 @@ class EpisodeInputs(NamedTuple):
     bodies: Array
     control_bodies: Array
     contact: Array
+    belt: Array
     plant_rows: Array
     coordinates: Array
     control_coordinates: Array
@@ -181,7 +184,7 @@ class EpisodeState(NamedTuple):
         dwell: Shape ``(n_legs * n_transitions,)``.
         blend_start: Shape ``(n_legs, n_columns)``.
         blended: Shape ``(n_legs, n_columns)``.
-        signals: Shape ``(2 n_signals,)``.
+        signals: Of both legs, then the command, shape ``(2 n_signals + 1,)``.
         motor: Motor torques on all coordinates, shape ``(n,)``.
         external: Torques of push and wearer on all coordinates, shape ``(n,)``.
         assistance: Share of the impedance that each joint is given, shape ``(n_joints,)``.
@@ -213,7 +216,7 @@ class EpisodeState(NamedTuple):
         leg_ticks: Ticks in phase, shape ``(n_legs,)``.
         before: Phases at the start of the tick, shape ``(n_legs,)``.
         switches: Tick, leg, source, target, transition of each switch, shape ``(capacity, 5)``.
-        counters: Number of switches, status; shape ``(2,)``.
+        counters: Number of switches, status, last tick in which the legs were told to stand; shape ``(3,)``.
         watch_memory: Of the safety monitor, shape ``(n_joints, MEMORY_COUNT)``.
         watch_streaks: Of the safety monitor, shape ``(n_joints, STREAK_COUNT)``.
         load_streaks: Ticks in which a foot's load stood still, shape ``(n_legs,)``.

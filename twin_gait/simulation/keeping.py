@@ -27,6 +27,7 @@ CORE_MODULES = (
     "articulated_body",
     "actuator",
     "assistance",
+    "belt",
     "blending",
     "contact",
     "control_tick",
@@ -50,6 +51,7 @@ LOOP_MODULES = ("columns", "compiling", "episode_arrays", "flattening", "module_
 # The loop itself.
 EPISODE_ROOMS = (
     "tick",
+    "belt",
     "sensors",
     "monitor",
     "phases",

@@ -14,6 +14,7 @@ from twin_gait.control import (
     SafetyState,
 )
 from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
+from twin_gait.core.belt import belt_speed, walk_command
 from twin_gait.core.control_tick import (
     COLUMNS_PER_JOINT,
     blend_phase,
@@ -131,7 +132,8 @@ class PinocchioEngine:
             ]
         )
         self._blended = self._blend_start.copy()
-        self._signals = np.full(2 * problem.signals_per_leg, np.nan)
+        self._signals = problem.first_signals()
+        self._last_rest = 0
         self._foot_load = np.zeros(n_legs)
         self._last_load = np.zeros(n_legs)
         self._bus_voltage = experiment.plant.battery.voltage
@@ -203,6 +205,7 @@ class PinocchioEngine:
     def _tick(self, tick: int, row: np.ndarray) -> None:
         """Measure, watch, decide, control, record, integrate."""
         self.plant.time = tick * TICK
+        self._command(tick)
         self.plant.look()
         self._measure(tick)
         if self.problem.experiment.control.safety.enabled:
@@ -222,6 +225,19 @@ class PinocchioEngine:
         self._record(row, battery_power)
         self._supply(tick, battery_power)
         self._integrate()
+
+    def _command(self, tick: int) -> None:
+        """Let the belt follow its profile, and tell the legs to walk or to stand."""
+        world = self.problem.world
+        if world.belt is None:
+            return
+        belt, time = world.belt, tick * TICK
+        self.plant.belt_speed = belt_speed(
+            time - belt.delay, world.belt_speed, belt.start, belt.stop, belt.ramp
+        )
+        self._signals[-1] = walk_command(time, belt.start, belt.stop)
+        if self._signals[-1] == 0.0:
+            self._last_rest = tick
 
     def _supply(self, tick: int, battery_power: float) -> None:
         """Bus voltage of the next tick."""
@@ -286,7 +302,7 @@ class PinocchioEngine:
                 if self._streaks[number, DRIVE_STREAK] >= self._bounds[number, DRIVE_TICKS]:
                     self._drive_off[number] = True
         for leg, machine in enumerate(self.machines.values()):
-            if tick - machine.entry_tick > self._overstay_ticks:
+            if tick - max(machine.entry_tick, self._last_rest) > self._overstay_ticks:
                 self._note_trip(tick, OVERSTAY_TRIP, joints + leg)
         if self.plant.feet:
             self._watch_feet(tick)

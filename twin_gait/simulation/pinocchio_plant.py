@@ -66,6 +66,7 @@ class PinocchioPlant:
         self._rows = [tuple(row) for row in world.plant_rows.tolist()]
         self.hand = 0.0
         self.time = 0.0
+        self.belt_speed = world.belt_speed
         self.contact_power = 0.0
         self.works = np.zeros(len(WORK_SOURCES if world.braces is None else BRACED_WORK_SOURCES))
         self.feet = {side: self._foot(names) for side, names in world.contact_frames.items() if names}
@@ -126,7 +127,7 @@ class PinocchioPlant:
                     point_height,
                     forward,
                     upward,
-                    self.world.belt_speed,
+                    self.belt_speed,
                     contact.stiffness,
                     contact.dissipation,
                     contact.friction_coefficient,

@@ -10,7 +10,7 @@ import numpy as np
 
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.experiment import ControlMode, Experiment
-from twin_gait.gait.guards import signal_names
+from twin_gait.gait.guards import all_signal_names, signal_names
 from twin_gait.gait.program import GuardProgram, compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
 from twin_gait.gait.table import TICK, GaitTable
@@ -85,6 +85,12 @@ class Problem:
     def signals_per_leg(self) -> int:
         """Signals of a leg in the signal array."""
         return len(signal_names(self.table.joints))
+
+    def first_signals(self) -> np.ndarray:
+        """Signals before anything is measured, with the command to walk, shape ``(2 n + 1,)``."""
+        signals = np.full(len(all_signal_names(self.table.joints)), np.nan)
+        signals[-1] = 1.0
+        return signals
 
     def first_assistance(self) -> np.ndarray:
         """Share of the impedance that each joint is given at the start, shape ``(n_joints,)``."""

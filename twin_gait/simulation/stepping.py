@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from twin_gait.control import ControllerFunction
+from twin_gait.core.belt import BELT_RAMP
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.faults import START_TICK
 from twin_gait.core.guards import DWELL_TICKS, SOURCE
@@ -31,7 +32,7 @@ from twin_gait.simulation.watching import NEVER, fault_arrays, overstay_ticks, t
 FADE_TICKS = 300  # over which a change fades in where the caller says nothing
 MOST_FAULTS = 16  # that can be injected into one walk
 CHUNK_TICKS = 60_000  # rows of the log that are made at a time: a minute
-BELT_SPEED = 0  # position in the array of contact parameters
+BELT_SPEED = 0  # position in the array of contact parameters, and in that of a belt with a profile
 
 
 @dataclass
@@ -254,13 +255,15 @@ class SteppedRun:
         self._fade("target_torque", self._inputs.target_torque, torque, fade_ticks)
 
     def set_belt_speed(self, speed: float, *, fade_ticks: int = FADE_TICKS) -> None:
-        """Let the belt run at another speed.
+        """Let the belt run at another speed; with a profile, between its ramps.
 
         Args:
             speed: In [m] / [s]; 0 stops it.
             fade_ticks: Length of the fade.
         """
-        values = self._inputs.contact[BELT_SPEED : BELT_SPEED + 1]
+        inputs = self._inputs
+        values = inputs.belt if inputs.belt[BELT_RAMP] > 0.0 else inputs.contact
+        values = values[BELT_SPEED : BELT_SPEED + 1]
         self._fade("belt_speed", values, np.array([speed]), fade_ticks)
 
     def set_support_force(self, force: float, *, fade_ticks: int = FADE_TICKS) -> None:

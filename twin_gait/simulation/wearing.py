@@ -15,7 +15,7 @@ from twin_gait.measures.reference import FASTEST, SLOWEST, reference_curve
 from twin_gait.measures.winter1991_moments import normative_moment
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.scenario.treadmill import TreadmillScenario
-from twin_gait.vocabulary import GaitPhase, JointName, Side
+from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, JointName, Side
 
 # Spans of the phases in healthy walking in [%] of the cycle: loading response, mid stance, terminal stance
 # with pre-swing, initial swing, mid and terminal swing (J. Perry: Gait analysis, Slack, 1992).
@@ -93,11 +93,12 @@ def _row(condition: JointCondition) -> np.ndarray:
 
 
 def _require_phases(table: GaitTable) -> None:
-    unknown = [name for name in table.phase_names if name not in PHASE_SPANS]
+    known = (*PHASE_SPANS, STAND, FIRST_SWING)
+    unknown = [name for name in table.phase_names if name not in known]
     if unknown:
         raise ParameterError(
             f"patient.effort: gait table {table.name!r} has the phase {unknown[0]!r}; an effort is known for "
-            f"{', '.join(PHASE_SPANS)} only; set it to 0"
+            f"{', '.join(known)} only; set it to 0"
         )
 
 
@@ -105,7 +106,8 @@ def _moments(experiment: Experiment, patient: Patient, table: GaitTable, joint: 
     """Normative moment by phase and hip angle: that of the instant of the phase with the nearest hip angle.
 
     On a treadmill the legs carry what the support leaves, and stance moments shrink with it; a leg on its
-    stand carries nothing.
+    stand carries nothing. Who stands still leaves that to the device; in his first swing he acts as in the
+    initial swing of any stride.
     """
     scenario = experiment.scenario
     speed, carried = SLOWEST, 0.0
@@ -115,7 +117,10 @@ def _moments(experiment: Experiment, patient: Patient, table: GaitTable, joint: 
     postures = LOWEST_POSTURE + POSTURE_STEP * np.arange(POSTURES)
     rows = []
     for name in table.phase_names:
-        phase = GaitPhase(name)
+        if name == STAND:
+            rows.append(np.zeros(POSTURES))
+            continue
+        phase = GaitPhase.SWING_FLEXION if name == FIRST_SWING else GaitPhase(name)
         percent = np.linspace(*PHASE_SPANS[phase], _SAMPLES)
         hip = reference_curve(JointName.HIP, percent, speed=speed, height=patient.height)
         nearest = np.abs(hip[None, :] - postures[:, None]).argmin(axis=1)

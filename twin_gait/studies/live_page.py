@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from twin_gait.experiment import Experiment
+from twin_gait.scenario import TreadmillScenario
 from twin_gait.studies.live.protocol import (
     Action,
     DoAction,
@@ -58,6 +59,7 @@ class LivePage:
         """
         self._session, self._user = session, user
         self._belt_speed = belt_speed_of(experiment)
+        self._scenario = experiment.scenario
         self._sides = tuple(str(side) for side in experiment.leg.legs)
         self._state: State | None = None
         self._short: dict[str, Any] | None = None
@@ -100,12 +102,20 @@ class LivePage:
             frame: The moment.
         """
         if frame.log:  # empty before the first tick
-            self.figure.show(frame.time_s, frame.q, frame.log, belt_speed=self._belt_speed)
+            belt_speed = self._belt_speed * self._belt_share(frame.time_s)
+            self.figure.show(frame.time_s, frame.q, frame.log, belt_speed=belt_speed)
             self.server.show(self.figure.window.changes())
         before, self._short = self._short, self._shortened(frame)
         if before is None or before["status"] != frame.status or abs(frame.tick - self._told_at) >= READ_OUT:
             self._told_at = frame.tick
             self.server.tell(self._short, key="frame")
+
+    def _belt_share(self, time: float) -> float:
+        """Share of the speed that is set which a belt with a profile has at a time."""
+        scenario = self._scenario
+        if not isinstance(scenario, TreadmillScenario) or scenario.belt is None:
+            return 1.0
+        return scenario.belt_speed_at(time) / scenario.belt_speed
 
     async def close(self) -> None:
         """End the server."""

@@ -28,6 +28,7 @@ from twin_gait.simulation.run import Run
 from twin_gait.studies.folders import FolderKind
 from twin_gait.studies.summary import summarise, versions
 from twin_gait.viewer.animation import write_animation
+from twin_gait.viewer.surroundings import Belt
 
 EXPERIMENT_FILE = "experiment.yaml"
 LOG_FILE = "log.parquet"
@@ -154,15 +155,23 @@ def write_run_animation(experiment: Experiment, log: pd.DataFrame, path: Path) -
         experiment.build_world().model,
         title=f"twin_gait · {experiment.name}",
         subtitle=describe(experiment.patient, belt),
-        belt_speed=belt,
+        belt_speed=belt_motion_of(experiment),
         patient=experiment.patient,
     )
 
 
 def belt_speed_of(experiment: Experiment) -> float:
-    """Speed of the belt in [m] / [s]; 0 on the bench."""
+    """Speed of the belt in [m] / [s], of one that starts and stops in between; 0 on the bench."""
     scenario = experiment.scenario
     return scenario.belt_speed if isinstance(scenario, TreadmillScenario) else 0.0
+
+
+def belt_motion_of(experiment: Experiment) -> Belt:
+    """How the belt moves, as the viewer takes it."""
+    scenario = experiment.scenario
+    if isinstance(scenario, TreadmillScenario) and scenario.belt is not None:
+        return scenario.belt_travel
+    return belt_speed_of(experiment)
 
 
 def describe(patient: Patient | None, belt_speed: float) -> str:

@@ -16,7 +16,14 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.validation import read_yaml
 from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError, ViewerError
 from twin_gait.experiment import Experiment
-from twin_gait.studies.record import EXPERIMENT_FILE, LOG_FILE, belt_speed_of, describe, load_run
+from twin_gait.studies.record import (
+    EXPERIMENT_FILE,
+    LOG_FILE,
+    belt_motion_of,
+    belt_speed_of,
+    describe,
+    load_run,
+)
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, phase_changes
 from twin_gait.viewer.page import recorded_page
@@ -125,7 +132,7 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
             run.experiment.build_world().model,
             title=run.name,
             subtitle=describe(run.experiment.patient, belt),
-            belt_speed=belt,
+            belt_speed=belt_motion_of(run.experiment),
             patient=run.experiment.patient,
             frames_per_second=frames_per_second,
             moments=moments,

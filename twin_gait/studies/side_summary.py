@@ -17,7 +17,6 @@ from twin_gait.measures.strides import (
     coefficient_of_variation,
     normalise_strides,
     root_mean_square_error,
-    stride_bounds,
     stride_extremes,
     stride_times,
     swing_shares,
@@ -48,7 +47,7 @@ def summarise_side(run: Run, side: Side, skip: int) -> dict[str, Any]:
     Returns:
         Numbers by name; NaN or None where a number is not defined.
     """
-    record = leg_record(run.log, side, run.table.phase_names, TICK)
+    record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
     return {
         **_by_contact(run, record, skip),
         **_by_phase(run, record, skip),
@@ -119,8 +118,7 @@ def _by_contact(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
 
 def _by_phase(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
     """What strides from one entry into the first phase to the next tell."""
-    every = stride_bounds(record.entries, skip=0)
-    counted = every[skip:]
+    every, counted = record.strides_by_phase(skip=0), record.strides_by_phase(skip=skip)
     since = int(counted[0, 0]) if len(counted) else len(record.phases)
     names = run.table.phase_names
     durations = phase_durations(record.phases, TICK, since=since)
@@ -133,12 +131,21 @@ def _by_phase(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
             f"rmse_{joint}_by_phase_deg": _reference_error(run, record, joint, counted)
             for joint in record.angles
         },
-        "phases_in_order": phases_in_order(record.phases, len(names)),
+        "phases_in_order": _in_order(run, record),
         "phase_duration_mean_s": {
             name: _mean(durations.get(index, np.zeros(0))) for index, name in enumerate(names)
         },
         **_time_outs(run, record),
     }
+
+
+def _in_order(run: Run, record: LegRecord) -> bool:
+    """Whether the phases of the first cycle of the table followed each other while the leg walked evenly."""
+    cycle = (*run.table.cycles, run.table.phase_names)[0]
+    places = np.array([cycle.index(name) if name in cycle else -1 for name in run.table.phase_names])
+    times = np.arange(len(record.phases)) * TICK
+    steady = (times >= record.steady[0]) & (times < record.steady[1])
+    return phases_in_order(places[record.phases[steady]], len(cycle))
 
 
 def _time_outs(run: Run, record: LegRecord) -> dict[str, Any]:

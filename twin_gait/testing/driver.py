@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from twin_gait.gait.guards import OTHER
+from twin_gait.gait.guards import OTHER, WALK
 from twin_gait.gait.machine import GaitStateMachine, LegSignals, PhaseSwitch
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import GaitTable
@@ -73,6 +73,7 @@ def signals_of(table: GaitTable, vector: Vector, prefix: str = "") -> LegSignals
         angles=tuple(value(f"{joint}.angle_deg") for joint in table.joints),
         velocities=tuple(value(f"{joint}.velocity_deg_per_s") for joint in table.joints),
         foot_load=value("foot.load_bw"),
+        walk=value(WALK),
     )
 
 

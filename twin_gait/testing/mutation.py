@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 from twin_gait.gait.guards import (
     OTHER,
+    WALK,
     AllOf,
     AnyOf,
     Comparison,
@@ -187,8 +188,9 @@ def _comparison_mutants(table: GaitTable, guard: Comparison) -> Guards:
     yield "comparison", f"{guard} not strict", replace(guard, threshold=_not_strict(guard))
     for shifted in _shifted(guard):
         yield "threshold", f"{guard} at {shifted!r}", replace(guard, threshold=shifted)
-    factor = _UNIT[guard.signal.rsplit("_", 1)[-1]]
-    yield "unit", f"{guard} in another unit", replace(guard, threshold=guard.threshold * factor)
+    if guard.signal != WALK:
+        factor = _UNIT[guard.signal.rsplit("_", 1)[-1]]
+        yield "unit", f"{guard} in another unit", replace(guard, threshold=guard.threshold * factor)
     for name in _mistaken(table, guard.signal):
         if name != guard.minus:
             yield "signal", f"{guard} reads {name} for {guard.signal}", replace(guard, signal=name)

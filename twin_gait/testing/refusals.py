@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from twin_gait.exceptions import MeasurementError
-from twin_gait.gait.guards import OTHER, signal_names
+from twin_gait.gait.guards import OTHER, WALK, signal_names
 from twin_gait.gait.machine import LegSignals
 from twin_gait.gait.table import GaitTable
 from twin_gait.testing.driver import Machine, MachineFactory, other_time, signals_of
@@ -37,7 +37,7 @@ class Refusal:
         own = [name for name in signal_names(self.table.joints) if name != OWN_TIME]
         last = self.steps[-1]
         others = own if last.vector.other_phase is not None else []
-        for name in [*own, *(OTHER + name for name in others)]:
+        for name in [*own, *(OTHER + name for name in others), WALK]:
             for value in _BROKEN:
                 signals = {**last.vector.signals, name: value}
                 spoilt = replace(last, vector=replace(last.vector, signals=signals))

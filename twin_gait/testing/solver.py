@@ -11,14 +11,14 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from twin_gait.gait.guards import OTHER, AllOf, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.guards import OTHER, WALK, AllOf, AnyOf, Comparison, Guard, PhaseMembership
 from twin_gait.testing.bounds import ZERO, Bound, feasible, solve
 from twin_gait.testing.witness import OTHER_TIME, OWN_TIME, Vector, holds, own_time
 
 Phases = tuple[str | None, ...]
 
 # Comfortable distance from a threshold, in the unit at the end of a signal's name.
-_ROOM = {"angle_deg": 1.0, "velocity_deg_per_s": 5.0, "load_bw": 0.05, "time_in_phase_s": 0.01}
+_ROOM = {"angle_deg": 1.0, "velocity_deg_per_s": 5.0, "load_bw": 0.05, "time_in_phase_s": 0.01, WALK: 0.25}
 _SHARES = (1.0, 1e-2, 1e-4, 0.0)  # of that distance, the largest that is possible is kept
 
 

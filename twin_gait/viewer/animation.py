@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,10 +20,12 @@ from twin_gait.viewer.page import leg_entry, packed, packed_json, page_data, rec
 from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.surroundings import Belt
 from twin_gait.vocabulary import Side
 
 _CONTINUOUS = ("position", "quaternion", "scale")
 _SWITCH = 1e-4  # [s] in which a colour changes or the belt marks jump back
+_BELT_LOOK = 0.04  # [s] between two looks at a belt that starts and stops
 _DECIMALS = 6  # of positions in [m] and quaternions: 1 µm, and 2 µrad
 _CURVE_DECIMALS, _FORCE_DECIMALS = 4, 2  # of angles in [deg] and torques in [N m], and of forces in [N]
 
@@ -35,7 +37,7 @@ def write_animation(
     *,
     title: str,
     subtitle: str = "",
-    belt_speed: float = 0.0,
+    belt_speed: Belt = 0.0,
     patient: Patient | None = None,
     phases: Sequence[str] | None = None,
     frames_per_second: float = FRAMES_PER_SECOND,
@@ -52,7 +54,8 @@ def write_animation(
         model: The model that the log is about.
         title: Heading of the page; any text.
         subtitle: Line below it; any text.
-        belt_speed: Of the treadmill in [m] / [s]; 0 on the bench.
+        belt_speed: Of the treadmill in [m] / [s], or the way that the belt has gone by a time; 0 on the
+            bench.
         patient: The wearer to draw, or None.
         phases: Names of the phases in order; those of the log if None.
         frames_per_second: Frames recorded per second of the run; each change of a phase has one too.
@@ -81,7 +84,7 @@ def recorded_run(
     *,
     title: str,
     subtitle: str = "",
-    belt_speed: float = 0.0,
+    belt_speed: Belt = 0.0,
     patient: Patient | None = None,
     phases: Sequence[str] | None = None,
     frames_per_second: float = FRAMES_PER_SECOND,
@@ -95,7 +98,8 @@ def recorded_run(
         model: The model that the log is about.
         title: Heading; any text.
         subtitle: Line below it; any text.
-        belt_speed: Of the treadmill in [m] / [s]; 0 on the bench.
+        belt_speed: Of the treadmill in [m] / [s], or the way that the belt has gone by a time; 0 on the
+            bench.
         patient: The wearer to draw, or None.
         phases: Names of the phases in order; those of the log if None.
         frames_per_second: Frames recorded per second of the run.
@@ -154,7 +158,7 @@ def _numbers(values: np.ndarray, decimals: int) -> list[float | None]:
     return [float(value) if np.isfinite(value) else None for value in rounded]
 
 
-def _tracks(scene: Scene, motion: Motion, belt_speed: float) -> Iterator[Track]:
+def _tracks(scene: Scene, motion: Motion, belt_speed: Belt) -> Iterator[Track]:
     """Everything that moves or changes colour; what stays as it is has no track."""
     states = [scene.state_at(motion, frame, belt_speed=0.0) for frame in range(len(motion.times))]
     for place, name in states[0]:
@@ -170,7 +174,9 @@ def _tracks(scene: Scene, motion: Motion, belt_speed: float) -> Iterator[Track]:
     for side, leg in motion.legs.items():
         for cover in scene.covers.get(side, ()):
             yield from _colour_track(f"{cover}/<object>", leg, motion)
-    if belt_speed != 0.0:
+    if callable(belt_speed):
+        yield _uneven_belt_track(motion.duration, belt_speed)
+    elif belt_speed != 0.0:
         yield _belt_track(motion.duration, belt_speed)
 
 
@@ -206,3 +212,20 @@ def _belt_track(duration: float, belt_speed: float) -> Track:
     offsets.append(surroundings.belt_offset(duration, belt_speed))
     values = np.column_stack((np.round(offsets, 5), np.zeros((len(offsets), 2))))
     return Track(surroundings.BELT, "position", np.array(times), values)
+
+
+def _uneven_belt_track(duration: float, belt: Callable[[float], float]) -> Track:
+    """Marks on a belt that starts and stops; where they jump, between two looks at its way."""
+    spacing = surroundings.BELT_MARK_SPACING
+    looks = np.linspace(0.0, duration, max(2, round(duration / _BELT_LOOK)))
+    ways = np.array([belt(float(time)) for time in looks])
+    times, offsets = [0.0], [-float(ways[0] % spacing)]
+    for before, time, old, way in zip(looks[:-1], looks[1:], ways[:-1], ways[1:], strict=True):
+        if way // spacing > old // spacing:
+            jump = float(np.interp(spacing * (way // spacing), (old, way), (before, time)))
+            times += [jump, jump + _SWITCH]
+            offsets += [-spacing, 0.0]
+        times.append(max(float(time), times[-1] + _SWITCH))
+        offsets.append(-float(way % spacing))
+    values = np.column_stack((np.round(offsets, 5), np.zeros((len(offsets), 2))))
+    return _thinned(Track(surroundings.BELT, "position", np.array(times), values))

@@ -265,13 +265,13 @@ class Scene:
             (path, "scale"): [width, width, length],
         }
 
-    def state_at(self, motion: Motion, frame: int, belt_speed: float) -> State:
+    def state_at(self, motion: Motion, frame: int, belt_speed: surroundings.Belt) -> State:
         """Everything that a frame of a motion shows.
 
         Args:
             motion: The motion.
             frame: Which frame.
-            belt_speed: In [m] / [s].
+            belt_speed: In [m] / [s], or the way that the belt has gone by a time.
 
         Returns:
             Values by place and property.

@@ -20,6 +20,7 @@ from twin_gait.viewer.page import leg_entry, page_data
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.server_link import ServerWindow, end_server, read_addresses, start_server
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
+from twin_gait.viewer.surroundings import Belt
 from twin_gait.vocabulary import Side
 
 FIRST_PORT = 7000
@@ -58,7 +59,7 @@ class LiveViewer:
         self.url = addresses["web_url"]
         self._model: LegModel | None = None
         self._scene: Scene | None = None
-        self._belt_speed = 0.0
+        self._belt_speed: Belt = 0.0
         self._closed = False
 
     def show(
@@ -68,7 +69,7 @@ class LiveViewer:
         title: str = "twin_gait",
         subtitle: str = "",
         patient: Patient | None = None,
-        belt_speed: float = 0.0,
+        belt_speed: Belt = 0.0,
         phases: Sequence[str] = (),
         curves: Sequence[str] = ("hip", "knee"),
     ) -> None:
@@ -79,7 +80,7 @@ class LiveViewer:
             title: Heading of the page.
             subtitle: Line below it.
             patient: The wearer to draw, or None.
-            belt_speed: Of the treadmill in [m] / [s].
+            belt_speed: Of the treadmill in [m] / [s], or the way that its belt has gone by a time.
             phases: Names of the phases in order, or none.
             curves: What the page reads out, by the names of :class:`twin_gait.viewer.motion.LegMotion`.
 
@@ -230,7 +231,7 @@ def show_run(
     title: str = "twin_gait",
     subtitle: str = "",
     patient: Patient | None = None,
-    belt_speed: float = 0.0,
+    belt_speed: Belt = 0.0,
     speed: float = 1.0,
     repeat: bool = True,
     port: int = FIRST_PORT,
@@ -245,7 +246,7 @@ def show_run(
         title: Heading of the page.
         subtitle: Line below it.
         patient: The wearer to draw, or None.
-        belt_speed: Of the treadmill in [m] / [s].
+        belt_speed: Of the treadmill in [m] / [s], or the way that its belt has gone by a time.
         speed: Seconds of the log per second.
         repeat: Whether to start over at the end.
         port: First port to try.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from twin_gait.viewer import shapes
@@ -9,6 +11,8 @@ from twin_gait.viewer.commands import Material, Window, set_object, set_property
 from twin_gait.viewer.shapes import Shape
 
 Triple = tuple[float, float, float]
+# Speed of a belt that runs evenly in [m] / [s]; of another the way in [m] that it has gone by a time in [s].
+Belt = float | Callable[[float], float]
 
 ROOT = "/meshcat/surroundings"
 BELT = f"{ROOT}/belt"
@@ -111,17 +115,22 @@ def draw_mast(window: Window, hooks: np.ndarray) -> None:
     place(window, "mast", shapes.merged([mast, bar, hanger]), STEEL)
 
 
-def belt_offset(time: float, belt_speed: float) -> float:
+def belt_way(time: float, belt: Belt) -> float:
+    """Way that a belt has gone since time 0 in [m], backwards positive."""
+    return belt(time) if callable(belt) else belt * time
+
+
+def belt_offset(time: float, belt_speed: Belt) -> float:
     """How far the belt marks are behind where they were drawn.
 
     Args:
         time: In [s].
-        belt_speed: In [m] / [s], backwards positive.
+        belt_speed: In [m] / [s], backwards positive, or the way that the belt has gone by a time.
 
     Returns:
         Offset along x in [m], between minus one spacing and 0.
     """
-    return -((belt_speed * time) % BELT_MARK_SPACING)
+    return -(belt_way(time, belt_speed) % BELT_MARK_SPACING)
 
 
 def box(size: Triple, centre: Triple, edge: float = 0.012) -> Shape:

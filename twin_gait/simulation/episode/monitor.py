@@ -52,7 +52,7 @@ def watch(episode: Episode, tick: int) -> None:
                 state.drive_off[joint] = 1
                 state.safety[DRIVES_OFF] = 1
     for leg in range(inputs.integers[N_LEGS]):
-        if tick - state.entry_tick[leg] > inputs.integers[OVERSTAY_TICKS]:
+        if tick - max(state.entry_tick[leg], state.counters[2]) > inputs.integers[OVERSTAY_TICKS]:
             trip(episode, tick, OVERSTAY_TRIP, joints + leg)
     if inputs.integers[POINTS_PER_FOOT] > 0:
         _watch_feet(episode, tick)

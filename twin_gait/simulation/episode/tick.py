@@ -1,9 +1,10 @@
-"""A tick of the episode and its order: measure, watch, decide, control, record, integrate."""
+"""A tick of the episode and its order: command, measure, watch, decide, control, record, integrate."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from twin_gait.simulation.episode.belt import command
 from twin_gait.simulation.episode.monitor import watch
 from twin_gait.simulation.episode.motion import integrate
 from twin_gait.simulation.episode.motors import control, feed_forward, supply
@@ -46,6 +47,7 @@ def run_ticks(episode: Episode, first: int, end: int, rows: Array) -> int:
     inputs, state = episode.inputs, episode.state
     recording = inputs.integers[RECORD] != 0
     for tick in range(first, end):
+        command(episode, tick)
         measure(episode, tick)
         if inputs.integers[WATCHING] != 0:
             watch(episode, tick)

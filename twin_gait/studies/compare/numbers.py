@@ -36,6 +36,7 @@ from twin_gait.measures.strides import (
 from twin_gait.measures.switching import dimensionless_jerk, joint_jerk
 from twin_gait.replay.normative import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
+from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.columns import wearer_column
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.studies.compare.wearer_torque import voluntary_torque
@@ -85,7 +86,7 @@ def numbers_of(run: Run) -> Numbers:
 
 
 def _leg(run: Run, side: Side) -> _Leg:
-    record = leg_record(run.log, side, run.table.phase_names, TICK)
+    record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
     strides = record.strides()
     span = slice(int(strides[0, 0]), int(strides[-1, 1])) if len(strides) else slice(0, 0)
     return _Leg(record, strides, span)
@@ -112,6 +113,15 @@ def _gait(run: Run, leg: _Leg, other: _Leg) -> Numbers:
         "toe_clearance_m": float(clearance.min()) if len(clearance) else math.nan,
         "scuffs": float(len(scuffs(contacts))),
     }
+
+
+def _mean_belt_speed(run: Run) -> float:
+    """Speed of the belt in [m] / [s], over the whole run if it starts and stops."""
+    scenario = run.experiment.scenario
+    assert isinstance(scenario, TreadmillScenario)  # there is a belt
+    if scenario.belt is None:
+        return scenario.belt_speed
+    return scenario.belt_travel(len(run.log) * TICK) / (len(run.log) * TICK)
 
 
 def _mean(values: np.ndarray) -> float:
@@ -209,7 +219,7 @@ def help_share(run: Run, side: Side, joint: JointName, since: int) -> float:
     if control.mode is not ControlMode.IMPEDANCE:
         return control.assistance.share[joint]
     phases = [run.table.phases_of(side)[name] for name in run.table.phase_names]
-    codes = leg_record(run.log, side, run.table.phase_names, TICK).phases
+    codes = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady).phases
     given = run.log[f"{side}_{joint}_stiffness_Nm_per_rad"].to_numpy()
     shares = []
     for spell in phase_spells(codes)[1:-1]:
@@ -268,7 +278,7 @@ def _together(run: Run, numbers: Numbers) -> Numbers:
         "current_rms_share": max(every("current_rms_share")),
         "battery_power_W": power,
         "battery_life_h": battery_life(run.experiment.plant.battery.energy, power) / 3600.0,
-        "energy_per_metre_J": power / belt_speed_of(run.experiment),
+        "energy_per_metre_J": power / _mean_belt_speed(run),
     }
 
 

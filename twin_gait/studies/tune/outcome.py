@@ -238,7 +238,7 @@ def gait_curves(
 
 def _add_cycles(curves: dict[str, dict[str, np.ndarray]], name: str, run: Run) -> None:
     for side in run.sides:
-        record = leg_record(run.log, side, run.table.phase_names, TICK)
+        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
         for joint in JOINTS:
             cycles = normalise_strides(record.angles[joint], record.strides())
             if len(cycles):
