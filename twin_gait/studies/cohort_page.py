@@ -45,7 +45,7 @@ from twin_gait.studies.scaling_fit import (
     worth_of,
 )
 from twin_gait.studies.tune.tune import START_TABLES
-from twin_gait.studies.workers import LocalRunner, Runner
+from twin_gait.studies.workers import Runner, StandingRunner
 
 FIT_PEOPLE, FIT_SEED, TEST_SEED = 48, 3, 77
 # The second seed was never used while tables and laws were made.
@@ -280,4 +280,5 @@ if __name__ == "__main__":
     parser.add_argument("--walk", action="store_true", help="walk with the stated law instead of fitting it")
     parser.add_argument("--workers", type=int, default=2)
     chosen = parser.parse_args()
-    (write_page if chosen.walk else write_fit)(chosen.folder, LocalRunner(chosen.workers))
+    with StandingRunner(chosen.workers) as standing:
+        (write_page if chosen.walk else write_fit)(chosen.folder, standing)
