@@ -88,6 +88,7 @@ def summary(outcome: Outcome) -> list[str]:
     falls = {which: sum(row[which]["fell"] for row in robust) for which in ("before", "after")}
     cost = outcome["cost"]["robust"]
     return [
+        f"Before: the table {outcome['table_before']}. The search began with {outcome['began_with']}. "
         f"Reference: {outcome['reference']}. {_verdicts(outcome['parts'])}",
         f"Over the robust set of {len(robust)} cases the tuned table falls in {falls['after']} "
         f"(before: {falls['before']}) and costs {cost['after']:.2f} (before: {cost['before']:.2f}).",

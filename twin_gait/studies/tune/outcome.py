@@ -73,13 +73,14 @@ def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
     )
 
 
-def final_table(chosen: Chosen, experiment: Experiment, wearer: str) -> dict[str, Any]:
+def final_table(chosen: Chosen, experiment: Experiment, wearer: str, began_with: str) -> dict[str, Any]:
     """Document of the table, with a name and a description of its own.
 
     Args:
         chosen: The table.
         experiment: What it was tuned for.
         wearer: For whom, in words.
+        began_with: Name of the table that the search began with.
 
     Returns:
         The mapping, which every command takes.
@@ -88,8 +89,8 @@ def final_table(chosen: Chosen, experiment: Experiment, wearer: str) -> dict[str
     origin = (
         f"The table {start} as it was: the search found nothing better for {wearer}."
         if chosen.finalist.points is None
-        else f"Tuned by twin-gait tune from the table {start} for {wearer}. Found in simulation; nothing "
-        "here was measured on a person."
+        else f"Tuned by twin-gait tune from the table {began_with} for {wearer}. Found in simulation; "
+        "nothing here was measured on a person."
     )
     document = {**chosen.finalist.table, "name": f"{start}_tuned", "description": origin}
     gait_table_from_mapping(document, "the tuned table", start)
@@ -129,6 +130,7 @@ def outcome(
         "belt_speed_m_per_s": check_walker(experiment)[0].belt_speed,
         "reference": _reference_words(settings, experiment),
         "table_before": experiment.table.name,
+        "began_with": tuning.began_with,
         "found_better": after.points is not None,
         "parts": _parts(before.walks[0][1], after.walks[0][1]),
         "walk_s": settings.robust_duration,

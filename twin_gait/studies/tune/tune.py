@@ -161,8 +161,9 @@ class Tuning:
         searched: Those that the search changed.
         effects: From the screening; empty without.
         state: With all generations.
-        before: The table that it began with.
+        before: The table that was to be bettered.
         ranked: All finalists, the best first; ``before`` is one of them.
+        began_with: Name of the table that the search began with, see :func:`start_tables`.
     """
 
     status: RunStatus
@@ -172,6 +173,7 @@ class Tuning:
     state: State
     before: Finalist | None
     ranked: tuple[Finalist, ...]
+    began_with: str
 
 
 class Stopped(Exception):  # not an error: somebody asked for it
@@ -312,6 +314,7 @@ class _Work:
         self._begin_with(experiment.table)
         self._effects: tuple[Effect, ...] = ()
         self._best: tuple[float, Mapping[str, float | None]] = (float("inf"), {})
+        self._origin_cost = float("inf")
 
     def _begin_with(self, table: GaitTable) -> None:
         settings = self._settings
@@ -327,12 +330,28 @@ class _Work:
         before = finalists[0]
         ranked = sorted(finalists, key=lambda item: (item.falls, item.cost))
         self.keep()
-        return Tuning(
-            RunStatus.COMPLETED, self._parameters, searched, self._effects, self._state, before, tuple(ranked)
-        )
+        return self._tuning(RunStatus.COMPLETED, searched, before, tuple(ranked))
 
     def unfinished(self) -> Tuning:
-        return Tuning(RunStatus.INTERRUPTED, self._parameters, (), self._effects, self._state, None, ())
+        return self._tuning(RunStatus.INTERRUPTED, (), None, ())
+
+    def _tuning(
+        self,
+        status: RunStatus,
+        searched: tuple[Parameter, ...],
+        before: Finalist | None,
+        ranked: tuple[Finalist, ...],
+    ) -> Tuning:
+        return Tuning(
+            status=status,
+            parameters=self._parameters,
+            searched=searched,
+            effects=self._effects,
+            state=self._state,
+            before=before,
+            ranked=ranked,
+            began_with=str(self._origin["name"]),
+        )
 
     def keep(self) -> None:
         self._state.elapsed = self._elapsed()
@@ -417,8 +436,8 @@ class _Work:
         tables = start_tables(self._experiment.table)
         documents = [editable_document(table) for table in tables]
         costs = self._costs(documents, search_cases(self._experiment), "")
-        self._state.start_cost = costs[0]
-        self._begin_with(tables[int(np.argmin(costs))])
+        self._state.start_cost, self._origin_cost = costs[0], min(costs)
+        self._begin_with(tables[costs.index(min(costs))])
         self.keep()
 
     def _screen(self) -> tuple[Parameter, ...]:
@@ -467,13 +486,14 @@ class _Work:
         return done > 0 and self._elapsed() > SEARCH_SHARE * 60.0 * self._settings.minutes
 
     def _finalists(self, searched: Sequence[Parameter]) -> list[Finalist]:
-        """The start and the best candidates over the robust set."""
+        """What was to be bettered, the search's first table and its best candidates, over the robust set."""
         start_cost = self._state.start_cost
         assert start_cost is not None  # walked before
         chosen: list[tuple[tuple[float, ...] | None, float, dict[str, Any]]] = [
             (None, start_cost, self._table)
         ]
-        for cost, points in _cheapest(self._state.generations):
+        origin = [item.start_coordinate for item in searched]
+        for cost, points in [(self._origin_cost, origin), *_cheapest(self._state.generations)]:
             table = table_with(self._origin, searched, points)
             if len(chosen) <= FINALISTS and all(table != other for _, _, other in chosen):
                 chosen.append((tuple(points), cost, table))

@@ -73,7 +73,7 @@ def write_tuning(
     directory = directory.expanduser().absolute()
     assert tuning.before is not None  # a completed tuning has it
     chosen = choose(tuning, experiment)
-    table = final_table(chosen, experiment, wearer)
+    table = final_table(chosen, experiment, wearer, tuning.began_with)
     start = tuning.before.table
     departed = walk_departures(
         start,

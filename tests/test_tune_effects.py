@@ -1,0 +1,61 @@
+"""What tuning and errors do to the walk: signs and sizes of means over seeds, with intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from twin_gait.configuration import load_experiment
+from twin_gait.experiment import Experiment
+from twin_gait.simulation import RunStatus, simulate
+from twin_gait.studies.batch import overridden
+from twin_gait.studies.tune.cases import ANGLE_NOISE, Case, robust_cases
+from twin_gait.studies.tune.parts import part_values
+from twin_gait.studies.tune.walks import QUICK_INTEGRATION
+
+SEEDS = range(4)
+WALK = 14.0  # [s]
+NOISE = {"sensors.ideal": False, "sensors.angle_noise_rad": ANGLE_NOISE}
+PER_SIDE = Path(__file__).parent / "tables" / "stroke_left_per_side.yaml"
+
+
+def walked(experiment: Experiment, case: Case) -> list[dict[str, float | None]]:
+    """Parts of noisy walks, one a seed; a fall fails the test."""
+    noisy = replace(overridden(experiment, {**case.changes, **NOISE}), integration=QUICK_INTEGRATION)
+    runs = [simulate(replace(noisy, seed=seed, duration=WALK)) for seed in SEEDS]
+    assert all(run.status is RunStatus.COMPLETED for run in runs), case.name
+    return [part_values(run) for run in runs]
+
+
+def interval(values: Iterable[float | None]) -> tuple[float, float]:
+    """95 % interval of the mean."""
+    found = np.array(list(values), dtype=float)
+    reach = stats.t.ppf(0.975, len(found) - 1) * found.std(ddof=1) / math.sqrt(len(found))
+    return float(found.mean() - reach), float(found.mean() + reach)
+
+
+def test_legs_tuned_apart_walk_more_alike_after_a_stroke() -> None:
+    shares = {}
+    for name in ("treadmill", "treadmill_normative", str(PER_SIDE)):
+        experiment = load_experiment("treadmill", ["patient=stroke_left", f"table={name}"]).experiment
+        shares[name] = interval(parts["asymmetry_pct"] for parts in walked(experiment, Case("nominal", {})))
+    apart = shares.pop(str(PER_SIDE))
+    assert all(apart[1] < low for low, _ in shares.values()), (apart, shares)
+
+
+@pytest.mark.parametrize("joint", ["hip", "knee"])
+def test_errors_of_weight_and_friction_degrade_the_walk_gracefully(joint: str) -> None:
+    """Mass ±10 % that nobody tells the device, and joints as rough as the model, or a third of that."""
+    experiment = load_experiment("treadmill_normative").experiment
+    cases = {case.name: case for case in robust_cases(experiment)}
+    key = f"{joint}_error_deg"
+    _, nominal = interval(parts[key] for parts in walked(experiment, cases["nominal"]))
+    for name in ("mass −10 %", "mass +10 %", "friction ratio 0.35", "friction ratio 1"):
+        _, worst = interval(parts[key] for parts in walked(experiment, cases[name]))
+        assert worst < 1.5 * nominal, name
