@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +19,10 @@ from twin_gait import load_experiment, simulate
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model.bodies import contact_points, export_bodies
-from twin_gait.simulation import compiled_engine, episode, keeping, loops, machine_code, rigid_body
+from twin_gait.simulation import compiled_engine, keeping, loops, machine_code, rigid_body
 from twin_gait.simulation.columns import WORK_SOURCES
 from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.episode.tick import run_ticks
 from twin_gait.simulation.kernel import body_values, write_kernel
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.tracing import Trace, cosine
@@ -356,9 +358,12 @@ def test_the_loop_as_plain_python_equals_the_compiled_one(case, monkeypatch):
     functions = {"math": math, "ground_contact_force": ground_contact_force}
     exec(kernel_text[0], functions)
     for name in ("dynamics", "contact_forces", "observe", "control_gravity", "control_inertia"):
-        monkeypatch.setattr(episode, name, functions[name])
+        rooms = [room for room in map(import_module, keeping.episode_rooms()) if hasattr(room, name)]
+        assert rooms, name
+        for room in rooms:
+            monkeypatch.setattr(room, name, functions[name])
     rows = np.zeros((30, len(plain.layout.names)))
-    episode.run_ticks(plain.episode, 0, 30, rows)
+    run_ticks(plain.episode, 0, 30, rows)
     found = engine.run().rows
     assert rows.any()
     np.testing.assert_allclose(found, rows, rtol=1e-12, atol=1e-12)
