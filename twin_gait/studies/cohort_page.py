@@ -1,8 +1,8 @@
 """The page of the documentation on tables for anybody: the fit of the scaling law, and who walks with it.
 
 ``python -m twin_gait.studies.cohort_page docs`` fits (five minutes on two cores) and writes ``cohort.csv``
-there; with ``--walk`` it lets the cohorts walk with the laws that the tables state (half an hour), and writes
-``cohort.md``.
+there; with ``--walk`` it lets the cohorts walk with the laws that the tables state (ten minutes), and writes
+``cohort.md``. ``--tuned`` adds people with tables of their own (half an hour more).
 """
 
 from __future__ import annotations
@@ -53,6 +53,7 @@ COHORT, COHORT_SEEDS = 200, (11, 2027)
 TUNED, TUNED_SEED = 30, 11
 FIT_FILE, PAGE_FILE = "cohort.csv", "cohort.md"
 CONFIDENCE = 0.95
+_COHORT_HEADS = ("table", "seed", "walk", "95 % interval", "hip [°]", "knee [°]", "others")
 STATED, FITTED, NONE = "stated", "fitted", "no law"
 
 _LAWS = (
@@ -88,8 +89,9 @@ CMA-ES looked for the exponents with which {people} people (seed {seed}) walk be
 
 {fits}
 
-A table states its fitted exponents where they are worth something to the others, and keeps what it had where
-they are not.
+`treadmill_normative` states round numbers on the flat bottom that two searches came to. For `treadmill` no
+exponents were found that are worth much to the others: it keeps the law that it was made with, for staying on
+its feet over the [map of outcomes](outcome_map.txt).
 
 Range of validity: what the fit has seen, {masses} and {heights}, supports {supports} and belt speeds
 {speeds}.
@@ -103,16 +105,18 @@ before tables and laws were fixed.
 {cohorts}
 
 {failures}
-
+{tuned}
+Errors are medians of RMSE from foot contact against Koopman et al. (2014), of the larger leg. All people and
+all walks are simulated. Made by `python -m twin_gait.studies.cohort_page docs --walk`{flags}.
+"""
+_TUNED_TEXT = """
 ## Tuned one by one
 
-The first {tuned} people of seed {tuned_seed}, each with a table of his own: `twin-gait tune` without
+The first {count} people of seed {seed}, each with a table of his own: `twin-gait tune` without
 screening, {generations} generations (a whole tuning has some hundred).
 
 {tunings}
 
-Errors are medians of RMSE from foot contact against Koopman et al. (2014), of the larger leg. All people and
-all walks are simulated. Made by `python -m twin_gait.studies.cohort_page docs --walk`.
 """
 
 
@@ -159,7 +163,7 @@ def cohort_text(
     Args:
         fits: Content of ``cohort.csv``.
         cohorts: Walks by table and seed.
-        tuned: Walks with tables tuned one by one.
+        tuned: Walks with tables tuned one by one; empty if nobody was.
         plain: Walks of the same people with the shipped table.
 
     Returns:
@@ -194,20 +198,22 @@ def cohort_text(
         duration=DURATION,
         second=COHORT_SEEDS[1],
         cohorts=_markdown(
-            ("table", "seed", "walk", "95 % interval", "hip [°]", "knee [°]", "others"),
+            _COHORT_HEADS,
             (_cohort_row(table, str(seed), walks) for (table, seed), walks in cohorts.items()),
         ),
         failures=_failures(cohorts),
-        tuned=TUNED,
-        tuned_seed=TUNED_SEED,
+        tuned=_tuned_text(tuned, plain) if tuned else "",
+        flags=" and `--tuned`" if tuned else "",
+    )
+
+
+def _tuned_text(tuned: Sequence[Outcome], plain: Sequence[Outcome]) -> str:
+    rows = ((f"{START_TABLES[0]}, scaled", plain), ("tuned", tuned))
+    return _TUNED_TEXT.format(
+        count=len(tuned),
+        seed=TUNED_SEED,
         generations=GENERATIONS,
-        tunings=_markdown(
-            ("table", "seed", "walk", "95 % interval", "hip [°]", "knee [°]", "others"),
-            (
-                _cohort_row(f"{START_TABLES[0]}, scaled", str(TUNED_SEED), plain),
-                _cohort_row("tuned", str(TUNED_SEED), tuned),
-            ),
-        ),
+        tunings=_markdown(_COHORT_HEADS, (_cohort_row(name, str(TUNED_SEED), walks) for name, walks in rows)),
     )
 
 
@@ -260,25 +266,29 @@ def write_fit(folder: Path, runner: Runner) -> None:
     write_atomically(folder / FIT_FILE, text.getvalue())
 
 
-def write_page(folder: Path, runner: Runner) -> None:
-    """Let the cohorts walk and write ``cohort.md``."""
+def write_page(folder: Path, runner: Runner, tuned: bool) -> None:
+    """Let the cohorts walk, if asked for with tables tuned one by one too, and write ``cohort.md``."""
     cohorts = {
         (table, seed): walk_cohort([Work(item, table) for item in draw_walkers(COHORT, seed)], runner, _say)
         for table in START_TABLES
         for seed in COHORT_SEEDS
     }
-    people = draw_walkers(TUNED, TUNED_SEED)
-    tuned = walk_cohort([Work(item, START_TABLES[0], True) for item in people], runner, _say)
+    people = draw_walkers(TUNED, TUNED_SEED) if tuned else ()
+    apart = walk_cohort([Work(item, START_TABLES[0], True) for item in people], runner, _say)
     plain = cohorts[START_TABLES[0], TUNED_SEED][:TUNED]
     fits = pd.read_csv(folder / FIT_FILE)
-    write_atomically(folder / PAGE_FILE, cohort_text(fits, cohorts, tuned, plain))
+    write_atomically(folder / PAGE_FILE, cohort_text(fits, cohorts, apart, plain))
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, nargs="?", default=Path("docs"))
     parser.add_argument("--walk", action="store_true", help="walk with the stated law instead of fitting it")
+    parser.add_argument("--tuned", action="store_true", help="and with tables tuned one by one")
     parser.add_argument("--workers", type=int, default=2)
     chosen = parser.parse_args()
     with StandingRunner(chosen.workers) as standing:
-        (write_page if chosen.walk else write_fit)(chosen.folder, standing)
+        if chosen.walk:
+            write_page(chosen.folder, standing, chosen.tuned)
+        else:
+            write_fit(chosen.folder, standing)
