@@ -487,7 +487,7 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "note.txt").write_text("mine")
     with pytest.raises(RunDirectoryError, match="exists; go on with --resume"):
         open_state(tmp_path, {}, resume=False, force=False)
-    with pytest.raises(RunDirectoryError, match="holds no tuning"):
+    with pytest.raises(RunDirectoryError, match="is not a tuning"):
         open_state(tmp_path, {}, resume=False, force=True)
     with pytest.raises(RunDirectoryError, match="--resume goes on with a tuning that was begun"):
         open_state(tmp_path, {}, resume=True, force=False)

@@ -18,10 +18,13 @@ from twin_gait.studies.batch import overridden
 from twin_gait.studies.tune.cases import ANGLE_NOISE, Case, robust_cases
 from twin_gait.studies.tune.parts import part_values
 from twin_gait.studies.tune.walks import QUICK_INTEGRATION
+from twin_gait.vocabulary import Side
 
 SEEDS = range(4)
 WALK = 14.0  # [s]
 NOISE = {"sensors.ideal": False, "sensors.angle_noise_rad": ANGLE_NOISE}
+# Mass is off by a tenth; a loss not much larger than that is called graceful.
+LARGEST_LOSS = 0.15
 PER_SIDE = Path(__file__).parent / "tables" / "stroke_left_per_side.yaml"
 
 
@@ -41,12 +44,22 @@ def interval(values: Iterable[float | None]) -> tuple[float, float]:
 
 
 def test_legs_tuned_apart_walk_more_alike_after_a_stroke() -> None:
+    """Against the shipped tables, and against the tuned one with the numbers of one leg for both."""
     shares = {}
     for name in ("treadmill", "treadmill_normative", str(PER_SIDE)):
         experiment = load_experiment("treadmill", ["patient=stroke_left", f"table={name}"]).experiment
-        shares[name] = interval(parts["asymmetry_pct"] for parts in walked(experiment, Case("nominal", {})))
+        shares[name] = asymmetry(experiment)
+    tuned = experiment.table
+    for side in Side:
+        alike = replace(tuned, phases=tuned.phases_of(side), side_phases={})
+        shares[f"both as the {side}"] = asymmetry(replace(experiment, table=alike))
     apart = shares.pop(str(PER_SIDE))
     assert all(apart[1] < low for low, _ in shares.values()), (apart, shares)
+
+
+def asymmetry(experiment: Experiment) -> tuple[float, float]:
+    """95 % interval of the mean difference of the legs."""
+    return interval(parts["asymmetry_pct"] for parts in walked(experiment, Case("nominal", {})))
 
 
 @pytest.mark.parametrize("joint", ["hip", "knee"])
@@ -58,4 +71,4 @@ def test_errors_of_weight_and_friction_degrade_the_walk_gracefully(joint: str) -
     _, nominal = interval(parts[key] for parts in walked(experiment, cases["nominal"]))
     for name in ("mass −10 %", "mass +10 %", "friction ratio 0.35", "friction ratio 1"):
         _, worst = interval(parts[key] for parts in walked(experiment, cases[name]))
-        assert worst < 1.5 * nominal, name
+        assert worst < (1.0 + LARGEST_LOSS) * nominal, name

@@ -29,10 +29,11 @@ from twin_gait.parameters.surroundings import (
     StopParameters,
     SupportParameters,
 )
-from twin_gait.parameters.wearer import JointCondition, Patient
+from twin_gait.parameters.wearer import HEAVIEST_WEARER, JointCondition, Patient
 
 __all__ = [
     "HARD_TORQUE_LIMIT",
+    "HEAVIEST_WEARER",
     "HIP_ACTUATOR",
     "HIP_FRICTION",
     "KNEE_ACTUATOR",

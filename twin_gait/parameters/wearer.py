@@ -9,6 +9,8 @@ from dataclasses import dataclass, field
 from twin_gait.parameters.checks import require, require_non_negative, require_share
 from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
+HEAVIEST_WEARER = 110.0  # [kg] that the device carries (thesis, table 2.1)
+
 
 @dataclass(frozen=True, kw_only=True)
 class JointCondition:
@@ -63,7 +65,7 @@ class Patient:
     The shipped gaits were tuned for a wearer who is mass alone, so that is the default.
 
     Attributes:
-        mass: In [kg]; TWIN carries at most 110 kg (thesis, table 2.1).
+        mass: In [kg], at most ``HEAVIEST_WEARER``.
         height: In [m].
         sex: For the segment tables of de Leva (1996).
         segment_model: Whose table of segments; that of Winter (2009) is the same for both sexes.
@@ -83,9 +85,9 @@ class Patient:
     def __post_init__(self) -> None:
         """Check the ranges."""
         require(
-            math.isfinite(self.mass) and 30.0 <= self.mass <= 110.0,
+            math.isfinite(self.mass) and 30.0 <= self.mass <= HEAVIEST_WEARER,
             "patient mass",
-            "30 to 110 kg (TWIN carries 110 kg)",
+            f"30 to {HEAVIEST_WEARER:g} kg (what TWIN carries)",
             self.mass,
         )
         require(

@@ -152,10 +152,10 @@ def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -
         "o",
         color=BEFORE_COLOUR,
         markersize=4,
-        label="median of a generation",
+        label="median of a generation's better half",
     )
     axes.step(range(len(best)), best, where="post", color=AFTER_COLOUR, label="best so far")
-    axes.plot(0, best[0], "s", color=BLACK, markersize=5, label="table it began with")
+    axes.plot(0, best[0], "s", color=BLACK, markersize=5, label="table before")
     axes.set_ylim(bottom=0.0)
     style_panel(axes, "convergence", "cost")
     axes.set_xlabel("generation")

@@ -12,10 +12,9 @@ from statistics import NormalDist
 
 import numpy as np
 
-from twin_gait.parameters import Patient, require, require_count, require_positive
+from twin_gait.parameters import HEAVIEST_WEARER, Patient, require, require_count, require_positive
 from twin_gait.vocabulary import Sex
 
-HEAVIEST = 110.0  # [kg] that the device carries (thesis, table 2.1)
 HIGHEST_SHARE = 0.95  # 5th to 95th percentile (thesis, table 2.1)
 _REACH = NormalDist().inv_cdf(HIGHEST_SHARE)
 
@@ -85,7 +84,12 @@ def cohort(
     require(set(sizes) == set(Sex), "sizes", "those of both sexes", sorted(sizes))
     for sex, size in sizes.items():
         lightest = _lognormal(size.mass_mean, size.mass_deviation, -_REACH)
-        require(lightest < HEAVIEST, f"{sex} mass_mean", f"a 5th percentile below {HEAVIEST:g} kg", lightest)
+        require(
+            lightest < HEAVIEST_WEARER,
+            f"{sex} mass_mean",
+            f"a 5th percentile below {HEAVIEST_WEARER:g} kg",
+            lightest,
+        )
     pattern = Patient() if like is None else like
     return tuple(_person(pattern, sizes, np.random.SeedSequence(seed, spawn_key=(i,))) for i in range(count))
 
@@ -114,7 +118,7 @@ def _person(pattern: Patient, sizes: Mapping[Sex, BodySizes], seed: np.random.Se
         first, second = (float(item) for item in generator.standard_normal(2))
         second = correlation * first + math.sqrt(1.0 - correlation * correlation) * second
         mass = _lognormal(size.mass_mean, size.mass_deviation, second)
-        if max(abs(first), abs(second)) <= _REACH and mass <= HEAVIEST:
+        if max(abs(first), abs(second)) <= _REACH and mass <= HEAVIEST_WEARER:
             height = _lognormal(size.stature_mean, size.stature_deviation, first)
             return replace(pattern, sex=sex, height=height, mass=mass)
 

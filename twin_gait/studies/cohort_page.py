@@ -20,7 +20,7 @@ from scipy import stats
 from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import SCALING_EXPONENTS
-from twin_gait.studies.cohort import HEAVIEST
+from twin_gait.parameters import HEAVIEST_WEARER
 from twin_gait.studies.cohort_walks import (
     DURATION,
     GENERATIONS,
@@ -190,7 +190,7 @@ def cohort_text(
         supports=f"{SUPPORTS[0]:.0%} to {SUPPORTS[1]:.0%}",
         speeds=f"{FIT_SPEEDS[0]:.2f} to {FIT_SPEEDS[1]:.2f} m/s",
         fits=_markdown(heads, ([str(value) for value in row] for row in fits.itertuples(index=False))),
-        masses=f"{min(masses):.0f} to {max(masses):.0f} kg (the device carries {HEAVIEST:g})",
+        masses=f"{min(masses):.0f} to {max(masses):.0f} kg (the device carries {HEAVIEST_WEARER:g})",
         heights=f"{min(heights):.2f} to {max(heights):.2f} m",
         count=COHORT,
         support=f"{SUPPORT:.0%}",

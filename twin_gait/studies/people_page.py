@@ -13,17 +13,16 @@ from twin_gait.configuration.interface import interface_document
 from twin_gait.configuration.people import people
 from twin_gait.files import write_atomically
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR
-from twin_gait.parameters import BraceParameters
+from twin_gait.parameters import HEAVIEST_WEARER, BraceParameters
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.studies.batch import Flat
-from twin_gait.studies.cohort import HEAVIEST, SIZES
+from twin_gait.studies.cohort import SIZES
 from twin_gait.studies.people_trials import (
     MASS_ALONE,
     PASSIVE_ALONE,
     BraceTrial,
     Trial,
     brace_trial,
-    cohort_trials,
     experiment_of,
     trial,
 )
@@ -32,8 +31,6 @@ from twin_gait.vocabulary import JointName, Sex, Side
 NAME = "people"
 DURATION = 30.0  # [s]
 SUPPORTS = (0.6, 0.4)
-COHORT, COHORT_SEED, COHORT_DURATION = 20, 1, 10.0
-COHORT_PEOPLE = (MASS_ALONE, "complete_sci", "stroke_left")
 
 BRACE_FACTORS, BRACE_DURATION = (0.3, 0.5, 1.0, 3.0, 10.0), 20.0
 _BRACE_HEADINGS = (
@@ -199,9 +196,7 @@ Mean ± standard deviation after Heinz et al. (2003): 247 men and 260 women, you
 lighter than most patients. The correlation of the men follows from their regression slope; the deviations
 of mass and the women's correlation are assumptions. Another population can be handed in.
 
-{count} people of seed {seed}, {cohort_duration:g} s each on the shipped table at {first:.0%} support:
-
-{cohort}
+[Who of them walks](cohort.md), on another page.
 
 Made by `python -m twin_gait.studies.people_page docs`.
 """
@@ -209,14 +204,12 @@ Made by `python -m twin_gait.studies.people_page docs`.
 
 def page(
     trials: Mapping[str, Sequence[Trial]],
-    drawn: Mapping[str, Sequence[Trial]],
     braced: Mapping[float, BraceTrial],
 ) -> str:
     """Text of the page.
 
     Args:
         trials: Of each person, one for each of ``SUPPORTS``.
-        drawn: Of the cohort, by the person whose condition it shares.
         braced: In braces, by how much stiffer they were.
 
     Returns:
@@ -235,12 +228,8 @@ def page(
         first=SUPPORTS[0],
         table=_table([_HEADINGS, *(_row(name, results) for name, results in trials.items())]),
         verdict=_verdict(trials),
-        heaviest=HEAVIEST,
+        heaviest=HEAVIEST_WEARER,
         sizes=_table([("sex", "stature [m]", "mass [kg]", "correlation"), *map(_size, Sex)]),
-        count=COHORT,
-        seed=COHORT_SEED,
-        cohort_duration=COHORT_DURATION,
-        cohort=_table([("wearers", "walk", "others"), *(_cohort_row(*item) for item in drawn.items())]),
     )
 
 
@@ -314,16 +303,6 @@ def _size(sex: Sex) -> tuple[str, ...]:
     return str(sex), stature, f"{size.mass_mean:.1f} ± {size.mass_deviation:.1f}", f"{size.correlation:.2f}"
 
 
-def _cohort_row(name: str, results: Sequence[Trial]) -> tuple[str, ...]:
-    walking = sum(item.outcome == "walks" for item in results)
-    others = [
-        f"{item.patient.mass:.0f} kg, {item.patient.height:.2f} m {item.outcome}"
-        for item in results
-        if item.outcome != "walks"
-    ]
-    return name, f"{walking} of {len(results)}", "; ".join(others) or "none"
-
-
 def write(folder: Path) -> None:
     """Run everything and write the page.
 
@@ -337,11 +316,9 @@ def write(folder: Path) -> None:
         name: [trial(experiment_of(name, support, DURATION)) for support in SUPPORTS]
         for name in (MASS_ALONE, PASSIVE_ALONE, *people())
     }
-    bases = {name: experiment_of(name, SUPPORTS[0], COHORT_DURATION) for name in COHORT_PEOPLE}
-    drawn = {name: cohort_trials(base, COHORT, COHORT_SEED) for name, base in bases.items()}
     alone = experiment_of(MASS_ALONE, SUPPORTS[0], BRACE_DURATION)
     braced = {factor: brace_trial(alone, factor) for factor in BRACE_FACTORS}
-    write_atomically(folder / f"{NAME}.md", page(trials, drawn, braced))
+    write_atomically(folder / f"{NAME}.md", page(trials, braced))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Whether people walk with the shipped table: those who ship, and a cohort in their condition."""
+"""Whether the people who ship walk with the shipped table, and in what braces."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.parameters import BraceParameters, Patient
 from twin_gait.simulation import Run, simulate
 from twin_gait.simulation.columns import wearer_column
-from twin_gait.studies.batch import Flat, flat_summary, overridden
-from twin_gait.studies.cohort import cohort, overrides
+from twin_gait.studies.batch import Flat, flat_summary
 from twin_gait.studies.interaction_summary import interaction_summary
 from twin_gait.studies.outcome_map import outcome_of
 from twin_gait.vocabulary import JointName, Side
@@ -77,20 +76,6 @@ def experiment_of(name: str, support: float, duration: float) -> Experiment:
     settings = [f"scenario.support.share={support}", f"duration_s={duration}"]
     settings += _PLAIN.get(name, (f"patient={name}",))
     return load_experiment(DEFAULT_PRESET, settings).experiment
-
-
-def cohort_trials(base: Experiment, count: int, seed: int) -> list[Trial]:
-    """Let a cohort walk in the condition of one person.
-
-    Args:
-        base: His experiment.
-        count: Number of people.
-        seed: Of their draw.
-
-    Returns:
-        What came of each, in the order of the cohort.
-    """
-    return [trial(overridden(base, change)) for change in overrides(cohort(count, seed, like=base.patient))]
 
 
 class BraceTrial(NamedTuple):

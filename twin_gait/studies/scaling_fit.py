@@ -16,11 +16,11 @@ import numpy as np
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import SCALING_EXPONENTS, Scaling
 from twin_gait.parameters import Patient
-from twin_gait.simulation import RunStatus, simulate
+from twin_gait.simulation import simulate
 from twin_gait.studies.batch import overridden
 from twin_gait.studies.cohort import cohort, overrides
 from twin_gait.studies.tune.cases import check_walker
-from twin_gait.studies.tune.parts import WORST, part_values, walk_cost
+from twin_gait.studies.tune.parts import WORST, judge
 from twin_gait.studies.tune.search import Generation, Search
 from twin_gait.studies.tune.walks import QUICK_INTEGRATION
 from twin_gait.studies.workers import LocalRunner, Runner
@@ -130,9 +130,7 @@ def cost_of(trial: Trial) -> tuple[int, float]:
     """Number of the person and cost of the walk."""
     experiment = experiment_of(trial.base, trial.person)
     run = simulate(replace(experiment, table=replace(experiment.table, scaling=trial.law)))
-    fell = run.status is not RunStatus.COMPLETED
-    lasted = min(1.0, run.duration / experiment.duration)
-    return trial.person.number, walk_cost(part_values(run), lasted, fell)
+    return trial.person.number, judge(run).cost
 
 
 def worth_of(base: Experiment, people: Sequence[Person], law: Scaling, runner: Runner | None = None) -> Worth:

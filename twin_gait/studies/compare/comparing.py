@@ -13,7 +13,7 @@ from scipy.stats import t as student
 
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
-from twin_gait.parameters import JointCondition, Patient
+from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation import Run, simulate
 from twin_gait.studies.compare.controllers import Controller
@@ -23,7 +23,6 @@ from twin_gait.studies.compare.numbers import Numbers, numbers_of
 # luggage, warm or cold gears, a belt that is not quite what its display says, a good or a bad day.
 MASS_SPREAD, FRICTION_SPREAD, SPEED_SPREAD, EFFORT_SPREAD = 0.03, 0.2, 0.03, 0.1
 CONFIDENCE = 0.95
-_HEAVIEST = 110.0  # [kg], that TWIN carries
 
 
 class ComparisonInterrupted(TwinGaitError):
@@ -197,7 +196,7 @@ def _on_another_day(patient: Patient, weight: float, form: float) -> Patient:
 
     return replace(
         patient,
-        mass=min(_HEAVIEST, (1.0 + MASS_SPREAD * weight) * patient.mass),
+        mass=min(HEAVIEST_WEARER, (1.0 + MASS_SPREAD * weight) * patient.mass),
         conditions={place: condition(item) for place, item in patient.conditions.items()},
     )
 

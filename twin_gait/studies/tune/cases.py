@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.people import patient_document
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
-from twin_gait.parameters import Patient
+from twin_gait.parameters import HEAVIEST_WEARER, Patient
 from twin_gait.scenario import TreadmillScenario
 
 NOMINAL = "nominal"
-HEAVIEST = 110.0  # [kg], what the device carries (thesis, table 2.1)
 LOW_VOLTAGE, HIGH_VOLTAGE = 23.0, 33.6  # [V], an empty and a full battery
 LOW_FRICTION, HIGH_FRICTION = 0.35, 1.0  # true friction over the model's
 ANGLE_NOISE = 2e-5  # [rad], assumption: a standard deviation of some three counts of the encoder
-LOAD_FRICTION = 0.15
 
 
 class Case(NamedTuple):
@@ -85,15 +82,13 @@ def search_cases(experiment: Experiment) -> tuple[Case, ...]:
 def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
     """The robust set, which the best candidates walk.
 
-    Load-dependent friction counts where the plant has it.
-
     Args:
         experiment: What the table is tuned for.
 
     Returns:
         The nominal case first.
     """
-    cases = [
+    return (
         Case(NOMINAL, {}),
         Case("mass −10 %", _mass(experiment, 0.9)),
         Case("mass +10 %", _mass(experiment, 1.1)),
@@ -107,12 +102,7 @@ def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
         Case(f"bus {HIGH_VOLTAGE:g} V", _voltage(HIGH_VOLTAGE)),
         Case("sensor noise", _noise()),
         *search_cases(experiment)[1:],
-    ]
-    keys = [key for key in experiment_document(experiment)["plant"] if "load" in key and "friction" in key]
-    cases += [
-        Case(f"load-dependent friction {LOAD_FRICTION:g}", {f"plant.{key}": LOAD_FRICTION}) for key in keys
-    ]
-    return tuple(cases)
+    )
 
 
 def departures(experiment: Experiment) -> tuple[Departure, ...]:
@@ -126,7 +116,7 @@ def departures(experiment: Experiment) -> tuple[Departure, ...]:
     """
     scenario, patient = check_walker(experiment)
     masses = [patient.mass * factor for factor in (0.7, 0.85, 1.0, 1.15, 1.3)]
-    masses = sorted({min(HEAVIEST, mass) for mass in masses})
+    masses = sorted({min(HEAVIEST_WEARER, mass) for mass in masses})
     heights = [patient.height + step for step in (-0.1, -0.05, 0.0, 0.05, 0.1)]
     ratio = sum(experiment.plant.friction_ratio.values()) / len(experiment.plant.friction_ratio)
     ratios = sorted({0.2, LOW_FRICTION, ratio, 0.75, HIGH_FRICTION})
@@ -156,7 +146,7 @@ def _mass(experiment: Experiment, factor: float) -> dict[str, Any]:
     """The true mass changes and nobody tells the device: neither its model nor the table's scaling law."""
     _, patient = check_walker(experiment)
     told = patient if experiment.control.patient is None else experiment.control.patient
-    mass = min(HEAVIEST, factor * patient.mass)
+    mass = min(HEAVIEST_WEARER, factor * patient.mass)
     changes = {"patient.mass_kg": mass, "control.patient": patient_document(told)}
     reference = experiment.table.scaling.carried_mass
     if reference is not None:

@@ -23,6 +23,7 @@ from twin_gait.measures.strides import PERCENT, normalise_strides
 from twin_gait.simulation import Run, simulate
 from twin_gait.studies.tune.cases import check_walker, departures
 from twin_gait.studies.tune.parts import NEEDED_CLEARANCE, PARTS, WORST, part_costs
+from twin_gait.studies.tune.search import better_half
 from twin_gait.studies.tune.space import Parameter
 from twin_gait.studies.tune.tune import Finalist, Settings, Tuning, best_so_far
 from twin_gait.studies.tune.walks import Ask, WalkResult, experiment_of, walk_all
@@ -146,7 +147,7 @@ def outcome(
         "screening": [asdict(effect) for effect in tuning.effects],
         "convergence": {
             "best": curve.tolist(),
-            "median": [float(np.median(item.costs)) for item in tuning.state.generations],
+            "median": [_median_of_leaders(item.costs) for item in tuning.state.generations],
         },
         "check": {**counts(chosen.findings), "refused_before_it": chosen.refused},
         "effort": _effort(tuning, settings),
@@ -311,6 +312,11 @@ def _degradation(walks: Sequence[WalkResult]) -> dict[str, list[Any]]:
         "knee_error_deg": of("knee_error_deg"),
         "fell": [walk.fell for walk in walks],
     }
+
+
+def _median_of_leaders(costs: Sequence[float]) -> float:
+    """Median of those that have walked all cases; the others' costs only say that they are worse."""
+    return float(np.median([costs[place] for place in better_half(costs)]))
 
 
 def _parameters(tuning: Tuning, chosen: Finalist) -> list[dict[str, Any]]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from twin_gait.measures.strides import (
     root_mean_square_error,
     symmetry_index,
 )
-from twin_gait.simulation import Run
+from twin_gait.simulation import Run, RunStatus
 from twin_gait.studies.summary import summarise
 from twin_gait.vocabulary import JointName
 
@@ -105,6 +105,38 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
         "asymmetry_pct": _scaled(_asymmetry(sides), 100.0),
     }
     return {part.name: values[part.name] for part in PARTS}
+
+
+class Judgement(NamedTuple):
+    """What a walk is worth.
+
+    Attributes:
+        cost: See the module.
+        values: Of the parts.
+        fell: Whether it ended in a fall or diverged.
+        lasted: Share of the time.
+    """
+
+    cost: float
+    values: dict[str, float | None]
+    fell: bool
+    lasted: float
+
+
+def judge(run: Run, reference_speed: float | None = None) -> Judgement:
+    """Judge a walk.
+
+    Args:
+        run: A walk on the treadmill.
+        reference_speed: As in :func:`part_values`.
+
+    Returns:
+        Cost, and what it is made of.
+    """
+    values = part_values(run, reference_speed)
+    fell = run.status is not RunStatus.COMPLETED
+    lasted = min(1.0, run.duration / run.experiment.duration)
+    return Judgement(walk_cost(values, lasted, fell), values, fell, lasted)
 
 
 def walk_cost(values: Mapping[str, float | None], lasted: float, fell: bool) -> float:

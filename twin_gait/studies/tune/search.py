@@ -30,6 +30,11 @@ class Generation(NamedTuple):
     costs: list[float]
 
 
+def better_half(costs: Sequence[float]) -> list[int]:
+    """Places of the cheaper half of a population, rounded up, the cheapest first; the older of two equals."""
+    return sorted(range(len(costs)), key=lambda place: (costs[place], place))[: (len(costs) + 1) // 2]
+
+
 class Search:
     """CMA-ES in the unit cube with draws of its own."""
 

@@ -11,9 +11,11 @@ from typing import Any
 
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
+from twin_gait.studies.folders import FolderKind, check_target
 from twin_gait.studies.tune.search import Generation
 
 STATE_FILE = "state.json"
+TUNING = FolderKind("a tuning", STATE_FILE)
 SCHEMA_VERSION = 1
 
 
@@ -24,7 +26,7 @@ class State:
     Attributes:
         identity: What makes it this one: experiment, seed, settings, versions.
         elapsed: Time that it has taken over all calls in [s].
-        start_cost: Cost of the table that it begins with, or None.
+        start_cost: Cost of the table that is to be bettered, or None.
         screening: Costs of the screening's points so far, in their order.
         generations: Of the search.
     """
@@ -79,10 +81,7 @@ def check_place(directory: Path, *, force: bool) -> None:
         raise RunDirectoryError(
             f"{directory}: exists; go on with --resume, replace it with --force, or choose another --out"
         )
-    if not (directory / STATE_FILE).is_file():
-        raise RunDirectoryError(
-            f"{directory}: holds no tuning, so --force does not replace it; choose another --out"
-        )
+    check_target(directory, TUNING, force=True)
 
 
 def write_state(state: State, directory: Path) -> None:

@@ -31,7 +31,7 @@ from twin_gait.studies.tune.screening import (
     effects,
     plan,
 )
-from twin_gait.studies.tune.search import FIRST_STEP, POPULATION, Generation, Search
+from twin_gait.studies.tune.search import FIRST_STEP, POPULATION, Generation, Search, better_half
 from twin_gait.studies.tune.space import (
     Parameter,
     editable_document,
@@ -418,8 +418,8 @@ class _Work:
         first, *corners = cases
         duration = self._settings.search_duration
         nominal = self._walk([Ask(table, first, True) for table in tables], duration, "")
-        order = sorted(range(len(tables)), key=lambda place: (nominal[place].cost, place))
-        leaders = [place for place in order[: (len(order) + 1) // 2] if not nominal[place].errors]
+        order = better_half([walk.cost for walk in nominal])
+        leaders = [place for place in order if not nominal[place].errors]
         asks = [Ask(tables[place], case) for place in leaders for case in corners]
         others = iter(self._walk(asks, duration, ""))
         costs = {
@@ -508,15 +508,11 @@ class _Work:
 
 
 def _cheapest(generations: Sequence[Generation]) -> list[tuple[float, list[float]]]:
-    """Candidates that may walk, by their cost, then by their age."""
+    """Candidates that have walked all cases and may, by their cost, then by their age."""
     every = [
-        (cost, number, points)
-        for number, (cost, points) in enumerate(
-            pair for item in generations for pair in zip(item.costs, item.points, strict=True)
-        )
-        if cost < FALL
+        (item.costs[place], item.points[place]) for item in generations for place in better_half(item.costs)
     ]
-    return [(cost, points) for cost, _, points in sorted(every, key=lambda item: item[:2])]
+    return sorted((pair for pair in every if pair[0] < FALL), key=lambda pair: pair[0])
 
 
 def best_so_far(start_cost: float, generations: Sequence[Generation]) -> np.ndarray:

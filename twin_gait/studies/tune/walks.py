@@ -15,11 +15,11 @@ from twin_gait.checking.finding import Severity
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.exceptions import ParameterFileError, TwinGaitError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
-from twin_gait.simulation import RunStatus, simulate
+from twin_gait.simulation import simulate
 from twin_gait.studies.batch import overridden
 from twin_gait.studies.sweep_spec import sources_hash
 from twin_gait.studies.tune.cases import Case
-from twin_gait.studies.tune.parts import part_values, walk_cost
+from twin_gait.studies.tune.parts import judge
 from twin_gait.studies.workers import Runner
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
@@ -212,11 +212,7 @@ def _until(walks: Iterable[Walk], should_stop: Callable[[], bool] | None) -> Ite
 
 
 def _walked(walk: Walk, experiment: Experiment, on_compile: Callable[[], None] | None) -> WalkResult:
-    run = simulate(experiment, on_compile=on_compile)
-    values = part_values(run, walk.reference_speed)
-    fell = run.status is not RunStatus.COMPLETED
-    lasted = min(1.0, run.duration / experiment.duration)
-    return WalkResult(walk.number, walk_cost(values, lasted, fell), values, fell, lasted)
+    return WalkResult(walk.number, *judge(simulate(experiment, on_compile=on_compile), walk.reference_speed))
 
 
 def _nothing(walk: Walk, problem: str) -> WalkResult:
