@@ -14,6 +14,7 @@ from twin_gait.cli import benchmark as command
 from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError, RunDirectoryError
 from twin_gait.studies import benchmark as study
+from twin_gait.studies import benchmark_page
 from twin_gait.studies.benchmark_engines import BatchSession
 from twin_gait.studies.benchmark_measurement import Entry, Timing, speed_ratio, time_in_turn
 from twin_gait.studies.benchmark_ratios import GOALS, WALK_LIMIT, all_met, judge
@@ -405,3 +406,29 @@ def test_out_that_is_a_file_is_refused_before_anything_is_timed(measured, tmp_pa
     with pytest.raises(RunDirectoryError, match=r"is a file"):
         run_command("--out", str(path))
     assert not measured.asked
+
+
+# ---------------------------------------------------------------------- the page
+
+
+def test_the_page_shows_every_verdict_and_says_what_is_in_the_way_of_what_is_missed(tmp_path):
+    document = made_up(14.0)
+    (tmp_path / "measured").mkdir()
+    (tmp_path / "measured" / benchmark_page.DOCUMENT).write_text(json.dumps(document))
+    (tmp_path / "measured" / benchmark_page.PICTURE).write_bytes(b"picture")
+    benchmark_page.main([str(tmp_path / "measured"), str(tmp_path)])
+    text = (tmp_path / benchmark_page.PAGE).read_text()
+    verdicts = judge(document)
+    missed = sum(not item.passed for item in verdicts)
+    assert f"{missed} of {len(verdicts)} are missed" in text
+    assert text.count("**missed**") == missed
+    assert "| bench_leg | RK4 1 ms | mujoco_bare / compiled | 14× | at least 15× | **missed** |" in text
+    assert (tmp_path / benchmark_page.PICTURE).read_bytes() == b"picture"
+    assert "All are met." in benchmark_page.page_text(made_up(1e3))
+
+
+@pytest.mark.parametrize("contestant", ["batch", "mujoco_rollout"])
+def test_an_episode_of_a_batch_is_as_long_as_a_single_one(contestant):
+    for case in cases_of():
+        alone = study.ticks_of(case, CONTESTANTS["compiled"], study.QUICK)
+        assert study.ticks_of(case, CONTESTANTS[contestant], study.QUICK) == alone

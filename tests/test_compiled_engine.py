@@ -140,6 +140,12 @@ CASES = {
         "control.mode=transparent",
         "scenario.hand={joint: knee, amplitude_deg: 40, release_s: 1.5}",
     ),
+    "gears that rub under load": (
+        "treadmill",
+        "duration_s=2",
+        EULER,
+        "plant.load_friction={hip: 0.15, knee: 0.1}",
+    ),
     "inertia compensation and noise": (
         "bench_leg",
         "duration_s=1",

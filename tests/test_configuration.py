@@ -164,6 +164,7 @@ BAD_SETTINGS = {
     "patient.height_m=3": "1.40 to 2.05",
     "patient.segment_model=dempster": "'de_leva' or 'winter'",
     "plant.friction_ratio.knee=-1": "friction_ratio of the knee",
+    "plant.load_friction.hip=1": "load_friction of the hip",
     "table.phases.early_stance.hip.stiffness_Nm_per_deg=-2": "greater than or equal to 0",
     "table.phases.early_stance.hip.stiffness_Nm=2": "unknown key",
     "table.phases.early_stance.hip.friction_compensation_gain=1.5": "less than or equal to 1",

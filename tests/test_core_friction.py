@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
-from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.core.friction import load_friction_torque, rotational_friction_torque
+from twin_gait.core.friction_models import REFERENCE_TEMPERATURE, conditioned_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
 
@@ -190,3 +191,33 @@ def test_signs_of_a_b_and_c_must_agree() -> None:
         FrictionParameters(
             breakaway_torque=1.7, coulomb_friction=3.2, breakaway_velocity=-0.2, viscous_friction=2.0
         )
+
+
+def test_friction_under_load_by_hand() -> None:
+    """0.15 of 40 N m is 6 N m once the joint turns; at c/10 it has reached tanh 1 = 0.7616 of that."""
+    assert load_friction_torque(3.0, 40.0, 0.15, 0.2) == pytest.approx(6.0, rel=1e-12)
+    assert load_friction_torque(0.02, 40.0, 0.15, 0.2) == pytest.approx(6.0 * 0.761594, rel=1e-6)
+    assert load_friction_torque(0.0, 40.0, 0.15, 0.2) == 0.0
+
+
+@given(velocities, st.floats(-60.0, 60.0), st.floats(0.0, 0.99), st.floats(0.01, 2.0))
+def test_friction_under_load_brakes_and_knows_no_direction_of_the_load(
+    velocity: float, load: float, coefficient: float, breakaway_velocity: float
+) -> None:
+    torque = load_friction_torque(velocity, load, coefficient, breakaway_velocity)
+    assert torque * velocity >= 0.0
+    assert abs(torque) <= coefficient * abs(load)
+    assert load_friction_torque(velocity, -load, coefficient, breakaway_velocity) == torque
+    assert load_friction_torque(-velocity, load, coefficient, breakaway_velocity) == -torque
+
+
+def test_friction_under_load_is_what_an_identification_of_loaded_joints_fits() -> None:
+    """The load term of the law for identification, which is written for arrays, with ω_t = c/10."""
+    velocity, load = np.meshgrid(np.linspace(-2.0, 2.0, 41), np.linspace(-50.0, 50.0, 11))
+    cold = np.full_like(velocity, REFERENCE_TEMPERATURE)
+    term = conditioned_torque(velocity, load, cold, 0.0, 0.12, 0.0, 0.0, 0.0, 0.02)
+    ours = [
+        load_friction_torque(v, tau, 0.12, 0.2)
+        for v, tau in zip(velocity.ravel().tolist(), load.ravel().tolist(), strict=True)
+    ]
+    assert_allclose(ours, term.ravel(), rtol=1e-12, atol=1e-12)

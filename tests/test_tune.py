@@ -31,12 +31,13 @@ from twin_gait.parameters import Patient
 from twin_gait.simulation import RunStatus
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.studies.batch import overridden
-from twin_gait.studies.tune import screening
-from twin_gait.studies.tune import tune as tuning
+from twin_gait.studies.tune import screening, stages
+from twin_gait.studies.tune import settings as tune_settings
 from twin_gait.studies.tune.cases import NOMINAL, departures, robust_cases, search_cases
 from twin_gait.studies.tune.outcome import verdict
-from twin_gait.studies.tune.parts import FALL, PARTS, WORST, part_costs, walk_cost
+from twin_gait.studies.tune.parts import FALL, PARTS, WORST, excess_cost, part_costs, walk_cost
 from twin_gait.studies.tune.search import Generation, Search
+from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.space import (
     Parameter,
     editable_document,
@@ -45,6 +46,8 @@ from twin_gait.studies.tune.space import (
     with_own_sides,
 )
 from twin_gait.studies.tune.state import STATE_FILE, open_state, write_state
+from twin_gait.studies.tune.tune import tune
+from twin_gait.studies.tune.tuning import Progress, nominal_cost, weighted_cost
 from twin_gait.studies.tune.walks import Ask, WalkResult
 from twin_gait.studies.workers import StandingRunner, WorkersLost
 from twin_gait.vocabulary import Side
@@ -137,12 +140,12 @@ def test_legs_told_apart_have_numbers_of_their_own(shipped: GaitTable) -> None:
 
 
 def test_a_shipped_table_gives_way_to_a_better_shipped_one_and_ones_own_does_not(shipped: GaitTable) -> None:
-    assert [table.name for table in tuning.start_tables(shipped)] == list(tuning.START_TABLES)
-    apart = tuning.start_tables(with_own_sides(shipped))
-    assert [table.name for table in apart] == list(tuning.START_TABLES)
+    assert [table.name for table in stages.start_tables(shipped)] == list(stages.START_TABLES)
+    apart = stages.start_tables(with_own_sides(shipped))
+    assert [table.name for table in apart] == list(stages.START_TABLES)
     assert all(set(table.side_phases) == set(Side) for table in apart)
     own = replace(shipped, blending=replace(shipped.blending, duration_ticks=40))
-    assert tuning.start_tables(own) == (own,)
+    assert stages.start_tables(own) == (own,)
 
 
 def test_a_start_outside_the_usual_bounds_widens_them(shipped: GaitTable) -> None:
@@ -171,6 +174,24 @@ def test_at_all_goals_a_walk_costs_the_sum_of_the_weights() -> None:
     )
 
 
+def test_a_goal_that_is_missed_costs_more_than_one_that_is_surpassed_saves() -> None:
+    """By hand: 20 (5/4 - 0.9)^2 = 2.45 and 20 (9/8 - 0.9)^2 = 1.0125; other parts cost nothing on top."""
+    missed = {**AT_GOAL, "hip_error_deg": 5.0, "knee_error_deg": 9.0, "saturated_pct": 40.0}
+    assert excess_cost(missed) == pytest.approx(2.45 + 1.0125)
+    assert excess_cost({name: 0.9 * goal for name, goal in AT_GOAL.items()}) == 0.0
+    traded = {**AT_GOAL, "hip_error_deg": 3.0, "knee_error_deg": 9.0}
+    kept, changed = (sum(part_costs(item).values()) + excess_cost(item) for item in (AT_GOAL, traded))
+    assert changed > kept > sum(part_costs(AT_GOAL).values())
+
+
+def test_missed_goals_count_in_the_nominal_walk_only() -> None:
+    missed = {**AT_GOAL, "hip_error_deg": 5.0}
+    nominal, other = WalkResult(0, 4.0, missed, False, 1.0), WalkResult(1, 6.0, missed, False, 1.0)
+    assert weighted_cost([nominal, other]) == pytest.approx(0.75 * (4.0 + excess_cost(missed)) + 0.25 * 6.0)
+    fallen = WalkResult(0, 40.0, missed, True, 0.5)
+    assert weighted_cost([fallen]) == 40.0
+
+
 def test_a_part_that_is_not_defined_costs_its_weight() -> None:
     assert part_costs({**AT_GOAL, "stride_variation_pct": None}) == part_costs(AT_GOAL)
 
@@ -196,12 +217,21 @@ def test_a_part_is_better_traded_or_the_same(before: float | None, after: float,
     assert verdict(before, after, 4.0) == word
 
 
-def test_half_the_cost_of_a_table_is_its_nominal_walk() -> None:
+def test_finalists_come_from_all_stretches_of_the_search_the_latest_first() -> None:
+    """Of four the two cheapest have walked all cases; what costs as much as a fall is left out."""
+    costs = [[9.0, 8.0, 1.0, 7.0], [6.0, 6.5, 9.0, 9.0], [5.0, 4.0, 9.0, 9.0], [FALL, FALL, 2 * FALL, FALL]]
+    generations = [Generation([[float(i), float(j)] for j in range(4)], row) for i, row in enumerate(costs)]
+    assert stages.leaders(generations, 2) == [(4.0, [2.0, 1.0]), (1.0, [0.0, 2.0])]
+    assert stages.leaders(generations, 4) == [(4.0, [2.0, 1.0]), (6.0, [1.0, 0.0]), (1.0, [0.0, 2.0])]
+    assert stages.leaders(generations[:1], 3) == [(1.0, [0.0, 2.0])]
+
+
+def test_three_quarters_of_the_cost_of_a_table_are_its_nominal_walk() -> None:
     walks = [
         WalkResult(0, 4.0, {}, False, 1.0),
         *(WalkResult(1, cost, {}, False, 1.0) for cost in (6.0, 10.0)),
     ]
-    assert tuning.weighted_cost(walks) == pytest.approx(0.5 * 4.0 + 0.5 * 8.0)
+    assert weighted_cost(walks) == pytest.approx(0.75 * 4.0 + 0.25 * 8.0)
 
 
 # ---------------------------------------------------------------------- cases
@@ -248,7 +278,7 @@ def test_every_departure_passes_the_person_tuned_for() -> None:
 def test_a_leg_on_a_bench_cannot_be_tuned(tmp_path: Path) -> None:
     bench = load_experiment("bench_leg").experiment
     with pytest.raises(ParameterError, match="expected a treadmill with a wearer"):
-        tuning.tune(bench, tmp_path / "new", tuning.Settings())
+        tune(bench, tmp_path / "new", Settings())
     assert not (tmp_path / "new").exists()
 
 
@@ -376,19 +406,19 @@ class Bowl:
 @pytest.fixture
 def bowl(monkeypatch: pytest.MonkeyPatch) -> Bowl:
     walks = Bowl()
-    monkeypatch.setattr(tuning, "walk_all", walks)
-    monkeypatch.setattr(tuning, "run_walk", lambda walk, on_compile: WalkResult(0, 0.0, {}, False, 1.0))
+    monkeypatch.setattr(stages, "walk_all", walks)
+    monkeypatch.setattr(stages, "run_walk", lambda walk, on_compile: WalkResult(0, 0.0, {}, False, 1.0))
     return walks
 
 
-SHORT = tuning.Settings(generations=6, population=6, trajectories=2, seed=4)
+SHORT = Settings(generations=6, population=6, trajectories=2, seed=4)
 
 
 def test_the_numbers_that_matter_are_found_and_brought_down(bowl: Bowl, tmp_path: Path) -> None:
     experiment = load_experiment("treadmill").experiment
-    steps: list[tuning.Progress] = []
-    longer = tuning.Settings(generations=25, population=8, trajectories=2)
-    result = tuning.tune(experiment, tmp_path / "out", longer, progress=steps.append)
+    steps: list[Progress] = []
+    longer = Settings(generations=25, population=8, trajectories=2)
+    result = tune(experiment, tmp_path / "out", longer, progress=steps.append)
     largest = sorted(result.effects, key=lambda item: -item.mu_star)[:2]
     assert {item.name for item in largest} == {
         "swing_flexion.knee.stiffness_Nm_per_deg",
@@ -407,11 +437,11 @@ def test_the_numbers_that_matter_are_found_and_brought_down(bowl: Bowl, tmp_path
 @pytest.mark.parametrize("walks_before", [0, 2, 130, 250, 320])
 def test_a_resumed_tuning_equals_an_undisturbed_one(bowl: Bowl, tmp_path: Path, walks_before: int) -> None:
     experiment = load_experiment("treadmill").experiment
-    whole = tuning.tune(experiment, tmp_path / "whole", SHORT)
+    whole = tune(experiment, tmp_path / "whole", SHORT)
     bowl.walks = 0
-    stopped = tuning.tune(experiment, tmp_path / "cut", SHORT, should_stop=lambda: bowl.walks >= walks_before)
+    stopped = tune(experiment, tmp_path / "cut", SHORT, should_stop=lambda: bowl.walks >= walks_before)
     assert stopped.status is RunStatus.INTERRUPTED
-    resumed = tuning.tune(experiment, tmp_path / "cut", SHORT, resume=True)
+    resumed = tune(experiment, tmp_path / "cut", SHORT, resume=True)
     assert resumed.status is RunStatus.COMPLETED
     assert resumed.searched == whole.searched
     assert resumed.effects == whole.effects
@@ -424,10 +454,10 @@ def test_a_resumed_tuning_equals_an_undisturbed_one(bowl: Bowl, tmp_path: Path, 
 
 def test_more_generations_go_on_from_a_finished_tuning(bowl: Bowl, tmp_path: Path) -> None:
     experiment = load_experiment("treadmill").experiment
-    first = tuning.tune(experiment, tmp_path / "out", SHORT)
-    more = tuning.Settings(generations=9, population=6, trajectories=2, seed=4)
-    steps: list[tuning.Progress] = []
-    second = tuning.tune(experiment, tmp_path / "out", more, resume=True, progress=steps.append)
+    first = tune(experiment, tmp_path / "out", SHORT)
+    more = Settings(generations=9, population=6, trajectories=2, seed=4)
+    steps: list[Progress] = []
+    second = tune(experiment, tmp_path / "out", more, resume=True, progress=steps.append)
     found_before = min(min(item.costs) for item in first.state.generations)
     assert next(step for step in steps if step.stage == "search").best_cost <= found_before
     assert second.state.generations[:6] == first.state.generations
@@ -436,7 +466,7 @@ def test_more_generations_go_on_from_a_finished_tuning(bowl: Bowl, tmp_path: Pat
 
 def test_the_worse_half_of_a_population_does_not_walk_the_corners(bowl: Bowl, tmp_path: Path) -> None:
     experiment = load_experiment("treadmill").experiment
-    settings = tuning.Settings(generations=1, population=7, screening=False)
+    settings = Settings(generations=1, population=7, screening=False)
     portions: list[list[Ask]] = []
 
     def noted(asks: Sequence[Ask], *rest: Any, **options: Any) -> list[WalkResult] | None:
@@ -444,13 +474,13 @@ def test_the_worse_half_of_a_population_does_not_walk_the_corners(bowl: Bowl, tm
         return bowl(asks, *rest, **options)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tuning, "walk_all", noted)
-        result = tuning.tune(experiment, tmp_path / "out", settings)
+        patch.setattr(stages, "walk_all", noted)
+        result = tune(experiment, tmp_path / "out", settings)
     nominal, corners = portions[1:3]
     assert [ask.case.name for ask in nominal] == [NOMINAL] * 7
     alone = bowl(nominal, {}, None)
     assert alone is not None
-    leaders = sorted(range(7), key=lambda place: alone[place].cost)[:4]
+    leaders = sorted(range(7), key=lambda place: nominal_cost(alone[place]))[:4]
     names = [case.name for case in search_cases(experiment)[1:]]
     assert [ask.case.name for ask in corners] == names * 4
     assert [ask.table for ask in corners[:: len(names)]] == [nominal[place].table for place in leaders]
@@ -464,17 +494,17 @@ def test_a_table_with_errors_is_never_a_finalist(bowl: Bowl, tmp_path: Path) -> 
     def all_wrong(asks: Sequence[Ask], *rest: Any, **options: Any) -> list[WalkResult] | None:
         results = bowl(asks, *rest, **options)
         assert results is not None
-        starts = tuning.start_tables(load_experiment("treadmill").experiment.table)
+        starts = stages.start_tables(load_experiment("treadmill").experiment.table)
         if {ask.table["name"] for ask in asks} == {item.name for item in starts}:
             return results
         return [item._replace(cost=1001.0, errors=("unstable",)) for item in results]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tuning, "walk_all", all_wrong)
-        settings = tuning.Settings(generations=2, population=4, screening=False)
-        result = tuning.tune(load_experiment("treadmill").experiment, tmp_path / "out", settings)
+        patch.setattr(stages, "walk_all", all_wrong)
+        settings = Settings(generations=2, population=4, screening=False)
+        result = tune(load_experiment("treadmill").experiment, tmp_path / "out", settings)
     starts = [
-        editable_document(item) for item in tuning.start_tables(load_experiment("treadmill").experiment.table)
+        editable_document(item) for item in stages.start_tables(load_experiment("treadmill").experiment.table)
     ]
     assert all(item.table in starts for item in result.ranked)
     assert len(result.ranked) == len(starts)
@@ -510,10 +540,10 @@ def test_a_missing_optimiser_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch
     def lost(name: str) -> str:
         raise importlib.metadata.PackageNotFoundError(name)
 
-    monkeypatch.setattr(tuning.metadata, "version", lost)
+    monkeypatch.setattr(tune_settings.metadata, "version", lost)
     experiment = load_experiment("treadmill").experiment
     with pytest.raises(MissingOptionalDependency, match=r"pip install 'twin-gait\[tune\]'"):
-        tuning.tune(experiment, tmp_path / "out", tuning.Settings())
+        tune(experiment, tmp_path / "out", Settings())
     assert not (tmp_path / "out").exists()
 
 

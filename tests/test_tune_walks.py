@@ -24,11 +24,12 @@ from twin_gait.report import tune as pictures
 from twin_gait.report import tune_page
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.summary import summarise
-from twin_gait.studies.tune import outcome, writing
-from twin_gait.studies.tune import tune as tuning
+from twin_gait.studies.tune import outcome, stages, writing
 from twin_gait.studies.tune.cases import Case, departures
-from twin_gait.studies.tune.parts import PARTS, part_values
+from twin_gait.studies.tune.parts import FALL, PARTS, part_values
+from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.space import editable_document
+from twin_gait.studies.tune.tune import tune
 from twin_gait.studies.tune.walks import Ask, quick_errors, walk_all
 from twin_gait.studies.workers import LocalRunner, StandingRunner
 from twin_gait.vocabulary import JointName, Side
@@ -97,7 +98,7 @@ def test_a_table_with_an_error_of_the_check_is_not_walked() -> None:
     results = walk_all([Ask(table, NOMINAL, checked=True)], document, LocalRunner())
     assert results is not None
     assert results[0].errors
-    assert results[0].cost > tuning.FALL
+    assert results[0].cost > FALL
 
 
 def test_a_walk_that_cannot_be_run_is_told_with_its_case() -> None:
@@ -120,7 +121,7 @@ def test_walks_do_not_depend_on_who_walks() -> None:
 
 # ---------------------------------------------------------------------- the whole
 
-SETTINGS = tuning.Settings(
+SETTINGS = Settings(
     generations=1, population=4, screening=False, search_duration=4.0, robust_duration=12.0, seed=2
 )
 
@@ -131,13 +132,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     experiment = load_experiment("treadmill").experiment
     directory = tmp_path_factory.mktemp("tuned") / "out"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tuning, "FINALISTS", 1)
+        patch.setattr(stages, "FINALISTS", 1)
         patch.setattr(
-            tuning, "robust_cases", lambda item: (NOMINAL, Case("23 V", {"plant.battery.voltage_V": 23.0}))
+            stages, "robust_cases", lambda item: (NOMINAL, Case("23 V", {"plant.battery.voltage_V": 23.0}))
         )
-        patch.setattr(tuning, "search_cases", lambda item: (NOMINAL,))
+        patch.setattr(stages, "search_cases", lambda item: (NOMINAL,))
         patch.setattr(outcome, "departures", lambda item: departures(item)[:1])
-        result = tuning.tune(experiment, directory, SETTINGS)
+        result = tune(experiment, directory, SETTINGS)
         assert result.status is RunStatus.COMPLETED
         candidates = tuple(item for item in result.ranked if item.points is not None)
         result = replace(result, ranked=candidates or result.ranked)

@@ -34,7 +34,7 @@ from twin_gait.scenario.bracing import brace_world, carries, rk4_growth, semi_im
 from twin_gait.scenario.faults import Fault, FaultKind, check_faults
 from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.scenario.world import LegSource, World, build_leg_model
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import MOTOR_JOINTS, JointName
 
 # A log keeps about 1 kB a millisecond in memory; an hour of walking is 3 GB.
 LONGEST_RUN = 3600.0  # [s]
@@ -189,9 +189,7 @@ class ControlParameters:
         default_factory=lambda: {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
     )
     inertia_compensation: float = 0.0
-    target_torque: Mapping[JointName, float] = field(
-        default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: 0.0}
-    )
+    target_torque: Mapping[JointName, float] = field(default_factory=lambda: dict.fromkeys(MOTOR_JOINTS, 0.0))
     limits: LimitParameters = field(default_factory=LimitParameters)
     safety: SafetyParameters = field(default_factory=SafetyParameters)
     patient: Patient | None = None
@@ -208,6 +206,7 @@ class PlantParameters:
     Attributes:
         friction_ratio: True friction over the model of table 3.1, per joint.
         friction: The friction law that the ratio scales.
+        load_friction: Friction of the gear over the magnitude of the motor torque, per joint.
         actuators: Motor and gear per joint.
         battery: The pack.
         stops: Mechanical stops.
@@ -221,6 +220,7 @@ class PlantParameters:
     friction: Mapping[JointName, FrictionParameters] = field(
         default_factory=lambda: {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
     )
+    load_friction: Mapping[JointName, float] = field(default_factory=lambda: dict.fromkeys(MOTOR_JOINTS, 0.0))
     actuators: Mapping[JointName, ActuatorParameters] = field(
         default_factory=lambda: {JointName.HIP: HIP_ACTUATOR, JointName.KNEE: KNEE_ACTUATOR}
     )
@@ -233,6 +233,9 @@ class PlantParameters:
         """Check the ranges."""
         for joint, ratio in self.friction_ratio.items():
             require_non_negative(f"friction_ratio of the {joint}", ratio)
+        for joint, coefficient in self.load_friction.items():
+            name = f"load_friction of the {joint}"
+            require(0.0 <= coefficient < 1.0, name, "0 or more and below 1", coefficient)
         require_non_negative("gravity", self.gravity)
 
     def true_friction(self) -> dict[JointName, FrictionParameters]:
@@ -350,6 +353,7 @@ class Experiment:
         world = self.scenario.build(
             self._plant_model(Bodies.BOTH),
             friction=self.plant.true_friction(),
+            load_friction=self.plant.load_friction,
             stops=self.plant.stops,
             ankle=self.plant.ankle,
             gravity=self.plant.gravity,

@@ -21,7 +21,7 @@ from twin_gait.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from twin_gait.studies.tune.tune import Progress
+    from twin_gait.studies.tune.tuning import Progress
 
 _REFERENCE = re.compile(r"koopman@(\d+(?:\.\d+)?)")
 
@@ -77,7 +77,8 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.configuration import load_experiment
     from twin_gait.exceptions import ParameterError
     from twin_gait.simulation import RunStatus
-    from twin_gait.studies.tune.tune import Settings, tune
+    from twin_gait.studies.tune.settings import Settings
+    from twin_gait.studies.tune.tune import tune
     from twin_gait.studies.tune.writing import write_tuning
     from twin_gait.studies.workers import WorkersLost
 

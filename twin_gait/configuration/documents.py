@@ -270,6 +270,7 @@ def _plant(experiment: Experiment) -> dict[str, Any]:
     return {
         "friction_ratio": {str(joint): value for joint, value in plant.friction_ratio.items()},
         "friction": {str(joint): _friction(law) for joint, law in plant.friction.items()},
+        "load_friction": {str(joint): value for joint, value in plant.load_friction.items()},
         "actuators": {
             str(joint): {
                 "torque_constant_Nm_per_A": item.torque_constant,

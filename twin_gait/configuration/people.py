@@ -16,9 +16,8 @@ from twin_gait.configuration.overrides import merge
 from twin_gait.configuration.validation import DEGREE, Number, Strict, converting, one_of, read_yaml, validate
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import JointCondition, Patient
-from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
+from twin_gait.vocabulary import MOTOR_JOINTS, JointName, SegmentModel, Sex, Side
 
-_JOINTS = (JointName.HIP, JointName.KNEE)
 SIDES = ("both", "left", "right")
 _HEADER = ("schema_version", "name", "description")
 
@@ -86,7 +85,7 @@ class PatientEntry(Strict):
 
     def convert(self) -> Patient:
         """Convert to SI."""
-        conditions = {(side, joint): self._condition(side, joint) for side in Side for joint in _JOINTS}
+        conditions = {(side, joint): self._condition(side, joint) for side in Side for joint in MOTOR_JOINTS}
         return Patient(
             mass=self.mass_kg,
             height=self.height_m,
@@ -195,7 +194,7 @@ def patient_document(patient: Patient) -> dict[str, Any]:
         "effort_noise": patient.effort_noise,
     }
     sides: dict[str, dict[str, Any]] = {name: {} for name in SIDES}
-    for joint in _JOINTS:
+    for joint in MOTOR_JOINTS:
         left, right = (_condition_document(patient, side, joint) for side in Side)
         both = {key: value for key, value in left.items() if right.get(key) == value}
         sides["both"][str(joint)] = both

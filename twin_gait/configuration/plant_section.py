@@ -134,6 +134,7 @@ class PlantEntry(Strict):
 
     friction_ratio: JointNumbers | None = None
     friction: JointFrictionEntry | None = None
+    load_friction: JointNumbers | None = None
     actuators: ActuatorsEntry | None = None
     battery: BatteryEntry = BatteryEntry()
     stops: StopsEntry = StopsEntry()
@@ -148,6 +149,9 @@ class PlantEntry(Strict):
             if self.friction_ratio is None
             else self.friction_ratio.convert(),
             friction=standard.friction if self.friction is None else self.friction.convert(),
+            load_friction=standard.load_friction
+            if self.load_friction is None
+            else self.load_friction.convert(),
             actuators=standard.actuators if self.actuators is None else self.actuators.convert(),
             battery=self.battery.convert(),
             stops=self.stops.convert(),

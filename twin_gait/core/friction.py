@@ -42,3 +42,29 @@ def rotational_friction_torque(
     x = velocity / breakaway_velocity
     stribeck = _SQRT_2E * (breakaway_torque - coulomb_friction) * math.exp(-(x * x)) * x
     return stribeck + coulomb_friction * hyperbolic_tangent(10.0 * x) + viscous_friction * velocity
+
+
+def load_friction_torque(
+    velocity: float, load: float, coefficient: float, breakaway_velocity: float
+) -> float:
+    r"""Magnitude of the friction that the gear adds under load, with the sign of the velocity.
+
+    .. math::
+
+        T_l(\omega) = K_l\,|\tau|\,\tanh\frac{\omega}{c/10}
+
+    The teeth rub the more the harder they are pressed (model M3 of Duclusaud et al. 2025, who found
+    :math:`K_l = 0.148` for a geared servo, with the difference of motor and outer torque as load; here it is
+    the motor's torque at the joint, which the gear passes on but for the share that turns the rotor). It
+    turns over at the same velocity as the Coulomb term of (3.1).
+
+    Args:
+        velocity: Joint velocity :math:`\omega` in [rad] / [s].
+        load: Torque :math:`\tau` that the gear passes on in [N m], either sign.
+        coefficient: :math:`K_l`, no unit.
+        breakaway_velocity: :math:`c` in [rad] / [s], not zero.
+
+    Returns:
+        Friction torque in [N m]; odd in the velocity.
+    """
+    return coefficient * abs(load) * hyperbolic_tangent(10.0 * velocity / breakaway_velocity)

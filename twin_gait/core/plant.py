@@ -1,9 +1,10 @@
 """Passive torques of the plant, one row of parameters per coordinate.
 
 Columns of a row: friction a, b, c, d; stop lower, upper, stiffness, dissipation; spring stiffness
-and damping about zero; constant force. A coordinate without friction has a = b = d = 0 and c = 1; one
-without stops has a stop stiffness of 0. The same row serves hip and knee (friction, stops), the
-ankle orthosis (spring, stops) and the vertical pelvis guide (support force, damping).
+and damping about zero; constant force; coefficient of the load-dependent friction. A coordinate without
+friction has a = b = d = 0 and c = 1; one without stops has a stop stiffness of 0. The same row serves hip
+and knee (friction, stops), the ankle orthosis (spring, stops) and the vertical pelvis guide (support force,
+damping).
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import math
 
 from twin_gait.core.contact import mechanical_stop_torque
-from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.core.friction import load_friction_torque, rotational_friction_torque
 
 (
     FRICTION_A,
@@ -25,8 +26,9 @@ from twin_gait.core.friction import rotational_friction_torque
     SPRING_STIFFNESS,
     SPRING_DAMPING,
     CONSTANT_FORCE,
-) = range(11)
-PLANT_COLUMNS = 11
+    LOAD_FRICTION,
+) = range(12)
+PLANT_COLUMNS = 12
 
 # Columns of the torques of :func:`passive_torque`.
 FRICTION, STOP, SPRING = range(3)
@@ -36,6 +38,7 @@ PASSIVE_COLUMNS = 3
 def passive_torque(
     q: float,
     v: float,
+    load: float,
     friction_a: float,
     friction_b: float,
     friction_c: float,
@@ -47,12 +50,14 @@ def passive_torque(
     spring_stiffness: float,
     spring_damping: float,
     constant_force: float,
+    load_friction: float,
 ) -> tuple[float, float, float]:
-    """Friction, stop and spring torque on one coordinate; the arguments after v are one row.
+    """Friction, stop and spring torque on one coordinate; the arguments after the load are one row.
 
     Args:
         q: Coordinate in [rad] or [m].
         v: Its velocity.
+        load: Torque of its motor in [N m], which presses the teeth of the gear.
         friction_a: Break-away torque.
         friction_b: Coulomb friction.
         friction_c: Break-away velocity.
@@ -64,6 +69,7 @@ def passive_torque(
         spring_stiffness: Of a spring about zero.
         spring_damping: Of a damper.
         constant_force: On the coordinate.
+        load_friction: Share of the load's magnitude that becomes friction; 0 for none.
 
     Returns:
         Torques in [N m] or [N] as they act on the coordinate: friction, stop, spring with constant force.
@@ -71,6 +77,8 @@ def passive_torque(
     friction, stop = 0.0, 0.0
     if friction_a != 0.0 or friction_b != 0.0 or friction_d != 0.0:
         friction = -rotational_friction_torque(v, friction_a, friction_b, friction_c, friction_d)
+    if load_friction != 0.0:
+        friction -= load_friction_torque(v, load, load_friction, friction_c)
     if stop_stiffness != 0.0:
         stop = mechanical_stop_torque(q, v, stop_lower, stop_upper, stop_stiffness, stop_dissipation)
     return friction, stop, constant_force - spring_stiffness * q - spring_damping * v

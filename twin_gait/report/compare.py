@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import io
 from collections.abc import Mapping, Sequence
@@ -14,6 +13,7 @@ from matplotlib.figure import Figure
 
 from twin_gait.palette import BLUE, BLUISH_GREEN, GREY, ORANGE, REDDISH_PURPLE, SKY_BLUE, VERMILLION
 from twin_gait.report.canvas import RESOLUTION
+from twin_gait.report.html_page import html_page, paragraphs, picture_source
 
 COLOURS = (BLUE, VERMILLION, BLUISH_GREEN, ORANGE, REDDISH_PURPLE, SKY_BLUE, GREY)
 _INK = {False: "#222222", True: "#dddddd"}
@@ -147,17 +147,7 @@ footer { color: var(--quiet); font-size: 12px; margin-top: 1em; }
   footer { margin-top: .2em; font-size: 6pt; } }
 """
 
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{title}</title>
-<style>{style}</style>
-</head>
-<body>
-<h1>{title}</h1>
-<p class="who">{subtitle}</p>
+_BODY = """<p class="who">{subtitle}</p>
 {paragraphs}
 <div class="wide"><table>
 <thead><tr><th></th>{heads}</tr></thead>
@@ -165,15 +155,11 @@ _PAGE = """<!DOCTYPE html>
 {rows}
 </tbody>
 </table></div>
-<picture><source media="screen and (prefers-color-scheme: dark)" srcset="data:image/png;base64,{dark}">
-<img alt="Joint angles over the stride and bars" src="data:image/png;base64,{light}"></picture>
+<picture><source media="screen and (prefers-color-scheme: dark)" srcset="{dark}">
+<img alt="Joint angles over the stride and bars" src="{light}"></picture>
 <dl>
 {meanings}
-</dl>
-<footer>Simulated by twin_gait {version}; not measured on a person. Not a medical device.</footer>
-</body>
-</html>
-"""
+</dl>"""
 
 
 def comparison_page(
@@ -200,12 +186,10 @@ def comparison_page(
     Returns:
         HTML.
     """
-    light, dark = (base64.b64encode(item).decode("ascii") for item in pictures)
-    return _PAGE.format(
-        title=html.escape(title),
-        style=_STYLE,
+    light, dark = (picture_source(item) for item in pictures)
+    body = _BODY.format(
         subtitle=html.escape(subtitle),
-        paragraphs="\n".join(f"<p>{html.escape(item)}</p>" for item in text),
+        paragraphs=paragraphs(text),
         heads="".join(
             f'<th title="{html.escape(why)}">{html.escape(name)}</th>' for name, why in controllers
         ),
@@ -213,8 +197,8 @@ def comparison_page(
         light=light,
         dark=dark,
         meanings="\n".join(_meanings(controllers, rows)),
-        version=version,
     )
+    return html_page(title, body, version=version, style=_STYLE)
 
 
 def _table_lines(rows: Sequence[tuple[str, str, str, Sequence[str]]], width: int) -> list[str]:

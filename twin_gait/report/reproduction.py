@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import base64
 import math
 from collections.abc import Sequence
 from html import escape
 from typing import NamedTuple
 
 from twin_gait.palette import BLUE, BLUISH_GREEN, GREY, ORANGE, SKY_BLUE, VERMILLION
+from twin_gait.report.html_page import POLICY, picture_source
 
 TITLE = "The thesis, made again"
-# The page may show what it holds and load nothing.
-POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 _DIGITS = 4
 
 
@@ -160,12 +158,11 @@ def _look(claim: ShownClaim) -> str:
 
 
 def _section(figure: ShownFigure) -> str:
-    picture = base64.b64encode(figure.picture).decode("ascii")
     readings = "".join(f"<li>{escape(reading)}</li>" for reading in figure.readings)
     box = f"<div class='readings'><h3>Readings</h3><ul>{readings}</ul></div>" if readings else ""
     return (
         f"<section id='{_anchor(figure)}'><h2><span>{escape(figure.key)}</span> {escape(figure.title)}</h2>"
-        f"<img alt='{escape(figure.title, quote=True)}' src='data:image/png;base64,{picture}'>"
+        f"<img alt='{escape(figure.title, quote=True)}' src='{picture_source(figure.picture)}'>"
         f"<p>{escape(figure.text)}</p>{_table(figure.claims)}{box}</section>"
     )
 

@@ -15,9 +15,8 @@ from matplotlib.ticker import MaxNLocator
 from twin_gait.measures.strides import PERCENT
 from twin_gait.palette import BLACK, BLUE, GREY, JOINT_COLOURS, REFERENCE_COLOUR, VERMILLION
 from twin_gait.report.canvas import RESOLUTION, put_legend, readable, style_panel
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
 
-JOINTS = (JointName.HIP, JointName.KNEE)
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
 _SIDE_LINES: dict[str, Any] = {str(Side.LEFT): "-", str(Side.RIGHT): "--"}
 MOST_EFFECTS = 30  # bars that fit a figure; the table of the report has all
@@ -57,7 +56,7 @@ def draw_gait(curves: Curves) -> Figure:
         The figure.
     """
     figure = Figure(figsize=(11.0, 4.2), layout="constrained")
-    for place, joint in enumerate(JOINTS):
+    for place, joint in enumerate(MOTOR_JOINTS):
         axes = figure.add_subplot(1, 2, place + 1)
         for name, curve in curves[str(joint)].items():
             axes.plot(PERCENT, curve, **_line(name))
@@ -177,13 +176,13 @@ def draw_departures(departures: Mapping[str, Mapping[str, Any]]) -> Figure:
     for place, (name, item) in enumerate(departures.items()):
         axes = figure.add_subplot(2, 3, place + 1)
         for which, line in (("before", "--"), ("after", "-")):
-            for joint in JOINTS:
+            for joint in MOTOR_JOINTS:
                 _draw_degradation(axes, item, which, joint, line)
         axes.axvline(item["nominal"], color=BLACK, linewidth=0.8, linestyle=":")
         style_panel(axes, "", "error [°]")
         axes.set_xlabel(name)
         axes.set_ylim(bottom=0.0)
-    joints = [Line2D([], [], color=JOINT_COLOURS[joint], label=str(joint)) for joint in JOINTS]
+    joints = [Line2D([], [], color=JOINT_COLOURS[joint], label=str(joint)) for joint in MOTOR_JOINTS]
     lines = [
         Line2D([], [], color=GREY, linestyle="--", marker="o", markersize=3, label="before"),
         Line2D([], [], color=GREY, linestyle="-", marker="o", markersize=3, label="after"),
@@ -238,7 +237,7 @@ def _draw_degradation(axes: Axes, item: Mapping[str, Any], which: str, joint: Jo
     style: dict[str, Any] = {"linestyle": line, "linewidth": 1.4, "marker": "o", "markersize": 3}
     axes.plot(values, errors, color=JOINT_COLOURS[joint], **style)
     lost = [value for value, error in zip(values, errors, strict=True) if np.isnan(error)]
-    if joint is JOINTS[-1] and lost:
+    if joint is MOTOR_JOINTS[-1] and lost:
         height, colour = (0.06, BLACK) if which == "after" else (0.13, GREY)
         axes.plot(
             lost, [height] * len(lost), "x", color=colour, transform=axes.get_xaxis_transform(), clip_on=False

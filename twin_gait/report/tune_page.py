@@ -2,39 +2,16 @@
 
 from __future__ import annotations
 
-import base64
 import html
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from twin_gait.palette import BLUISH_GREEN, VERMILLION
+from twin_gait.report.html_page import PLAIN_STYLE, html_page, paragraphs, picture_source
 from twin_gait.report.tune import Outcome, amount, name_of
 
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<title>{title}</title>
-<style>
-body {{ font: 15px/1.5 system-ui, sans-serif; color: #222;
-  max-width: 1100px; margin: 2em auto; padding: 0 1em; }}
-img {{ max-width: 100%; }}
-p, li {{ max-width: 60em; }}
-table {{ border-collapse: collapse; font-size: 13px; margin: 0.6em 0; }}
-th, td {{ padding: 2px 10px; text-align: right; border-bottom: 1px solid #ddd; }}
-th:first-child, td:first-child {{ text-align: left; }}
-td.better {{ color: {better}; }} td.traded {{ color: {traded}; font-weight: 600; }}
-summary {{ cursor: pointer; }}
-footer {{ color: #666; font-size: 12px; margin-top: 2em; }}
-@media print {{ body {{ margin: 0; font-size: 12px; }} section {{ break-inside: avoid; }} }}
-</style>
-</head>
-<body>
-<h1>{title}</h1>
-{body}
-<footer>Simulated by twin_gait {version}, not measured on a person. Not a medical device.</footer>
-</body>
-</html>
+_STYLE = f"""{PLAIN_STYLE}
+td.better {{ color: {BLUISH_GREEN}; }} td.traded {{ color: {VERMILLION}; font-weight: 600; }}
 """
 
 
@@ -49,7 +26,7 @@ def page(outcome: Outcome, pictures: Mapping[str, bytes]) -> str:
         HTML.
     """
     sections = [
-        _paragraphs(summary(outcome)),
+        paragraphs(summary(outcome)),
         _section("Gait before and after", _gait_words(outcome), pictures["gait"]),
         _section("Named parts", _parts_words(outcome), pictures["parts"]) + _parts_table(outcome["parts"]),
         _section("The robust set", _robust_words(outcome), None) + _robust_table(outcome["robust_set"]),
@@ -61,13 +38,8 @@ def page(outcome: Outcome, pictures: Mapping[str, bytes]) -> str:
         )
     sections.append(_section("Convergence", convergence_words(outcome), pictures["convergence"]))
     sections.append(_parameter_table(outcome["parameters"]))
-    return _PAGE.format(
-        title=html.escape(f"A gait table tuned to {outcome['wearer']}"),
-        body="\n".join(sections),
-        better=BLUISH_GREEN,
-        traded=VERMILLION,
-        version=outcome["version"],
-    )
+    title = f"A gait table tuned to {outcome['wearer']}"
+    return html_page(title, "\n".join(sections), version=outcome["version"], style=_STYLE)
 
 
 def summary(outcome: Outcome) -> list[str]:
@@ -254,13 +226,8 @@ def _table(heads: Sequence[str], rows: Sequence[tuple[Sequence[str], str]]) -> s
     return "\n".join([*lines, "</table>"])
 
 
-def _paragraphs(texts: Sequence[str]) -> str:
-    return "\n".join(f"<p>{html.escape(text)}</p>" for text in texts)
-
-
 def _section(title: str, words: str, picture: bytes | None) -> str:
-    parts = [f"<section>\n<h2>{html.escape(title)}</h2>", _paragraphs([words])]
+    parts = [f"<section>\n<h2>{html.escape(title)}</h2>", paragraphs([words])]
     if picture is not None:
-        data = base64.b64encode(picture).decode("ascii")
-        parts.append(f'<img alt="{html.escape(title)}" src="data:image/png;base64,{data}">')
+        parts.append(f'<img alt="{html.escape(title)}" src="{picture_source(picture)}">')
     return "\n".join([*parts, "</section>"])

@@ -75,6 +75,7 @@ class BenchLegScenario:
         model: LegModel,
         *,
         friction: Mapping[JointName, FrictionParameters],
+        load_friction: Mapping[JointName, float],
         stops: StopParameters,
         ankle: AnkleParameters,
         gravity: float,
@@ -84,6 +85,7 @@ class BenchLegScenario:
         Args:
             model: One leg with a fixed pelvis.
             friction: True friction of hip and knee.
+            load_friction: Share of the motor torque that becomes friction, at hip and knee.
             stops: Mechanical stops.
             ankle: The orthosis, if the leg has one.
             gravity: In [m] / [s²].
@@ -110,7 +112,9 @@ class BenchLegScenario:
             )
         return World(
             model=model,
-            plant_rows=build_plant_rows(model, friction=friction, stops=stops, ankle=ankle),
+            plant_rows=build_plant_rows(
+                model, friction=friction, load_friction=load_friction, stops=stops, ankle=ankle
+            ),
             start_q=q,
             start_v=np.zeros(model.nv),
             initial_phases={side: self.initial_phase},

@@ -110,6 +110,7 @@ class TreadmillScenario:
         model: LegModel,
         *,
         friction: Mapping[JointName, FrictionParameters],
+        load_friction: Mapping[JointName, float],
         stops: StopParameters,
         ankle: AnkleParameters,
         gravity: float,
@@ -119,6 +120,7 @@ class TreadmillScenario:
         Args:
             model: Both legs with a vertical pelvis.
             friction: True friction of hip and knee.
+            load_friction: Share of the motor torque that becomes friction, at hip and knee.
             stops: Mechanical stops.
             ankle: The orthosis.
             gravity: In [m] / [s²].
@@ -132,7 +134,9 @@ class TreadmillScenario:
         require(all(frames.values()), "contact_frames", "heel and toe frames on both feet", frames)
         weight = model.total_mass * gravity
         support_force = self.support.share * weight
-        rows = build_plant_rows(model, friction=friction, stops=stops, ankle=ankle)
+        rows = build_plant_rows(
+            model, friction=friction, load_friction=load_friction, stops=stops, ankle=ankle
+        )
         pelvis = model.pelvis_index
         assert pelvis is not None  # the pelvis of this scenario is vertical
         rows[pelvis, plant.SPRING_DAMPING] = self.support.damping

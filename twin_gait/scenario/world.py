@@ -163,6 +163,7 @@ def build_plant_rows(
     model: LegModel,
     *,
     friction: Mapping[JointName, FrictionParameters],
+    load_friction: Mapping[JointName, float],
     stops: StopParameters,
     ankle: AnkleParameters,
 ) -> np.ndarray:
@@ -171,6 +172,7 @@ def build_plant_rows(
     Args:
         model: The plant.
         friction: True friction of hip and knee.
+        load_friction: Share of the motor torque that becomes friction, at hip and knee.
         stops: Of all joints; the limits come from the URDF.
         ankle: The orthosis.
 
@@ -194,4 +196,5 @@ def build_plant_rows(
                 row[plant.FRICTION_B] = law.coulomb_friction
                 row[plant.FRICTION_C] = law.breakaway_velocity
                 row[plant.FRICTION_D] = law.viscous_friction
+                row[plant.LOAD_FRICTION] = load_friction[joint]
     return rows

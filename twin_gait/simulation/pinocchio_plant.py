@@ -153,8 +153,10 @@ class PinocchioPlant:
             return
         # Python numbers are several times faster here than numpy's scalars.
         parts = [
-            passive_torque(angle, velocity, *row)
-            for angle, velocity, row in zip(q.tolist(), v.tolist(), self._rows, strict=True)
+            passive_torque(angle, velocity, load, *row)
+            for angle, velocity, load, row in zip(
+                q.tolist(), v.tolist(), self.motor.tolist(), self._rows, strict=True
+            )
         ]
         self.passive[:] = parts
         torque = self.motor + self.wearer + [friction + stop + spring for friction, stop, spring in parts]

@@ -170,13 +170,13 @@ def ticks_of(case: Case, contestant: Contestant, extent: Extent) -> int:
         extent: How much is measured.
 
     Returns:
-        Ticks; native code runs at least as long as its angles are compared.
+        Ticks, of each episode; native code runs at least as long as its angles are compared. Episodes of a
+        batch are no shorter than a single one: people run them for seconds, not for a few hundred ticks.
     """
     per_tick = STAGES[case.integration.method] * case.integration.substeps
     if not contestant.compiled:
         return max(1, extent.python_evaluations // per_tick)
-    ticks = max(case.compared_ticks, extent.evaluations // per_tick)
-    return ticks if contestant.episodes == 1 else max(1, ticks // contestant.episodes)
+    return max(case.compared_ticks, extent.evaluations // per_tick)
 
 
 def _case_document(

@@ -302,6 +302,7 @@ def native_callback(
             friction, stop, spring = passive_torque(
                 memory.q[i],
                 memory.v[i],
+                memory.motor[i],
                 row[0],
                 row[1],
                 row[2],
@@ -313,6 +314,7 @@ def native_callback(
                 row[8],
                 row[9],
                 row[10],
+                row[11],
             )
             applied[places[i]] = memory.motor[i] + (friction + stop + spring)
 

@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 from transitions import Machine
 
+from twin_gait.core.plant import LOAD_FRICTION
 from twin_gait.experiment import IntegrationMethod
 from twin_gait.gait.guards import OTHER, AnyOf, Comparison, Guard, PhaseMembership, signal_scale
 from twin_gait.gait.table import TICK, BlendingLaw
@@ -253,6 +254,7 @@ class PlainPlant:
         world = problem.world
         self.world, self.model, self.data = world, world.model.model, world.model.data
         self._columns = world.plant_rows.T.copy()
+        assert not self._columns[LOAD_FRICTION].any()  # no subject of the benchmark has any
         frames = [name for names in world.contact_frames.values() for name in names]
         self._frames = [self.model.getFrameId(name) for name in frames]
 
@@ -266,7 +268,7 @@ class PlainPlant:
         Returns:
             Torques on the coordinates, shape ``(nv,)``.
         """
-        lower, upper, stiffness, dissipation, spring, damper, constant = self._columns[4:]
+        lower, upper, stiffness, dissipation, spring, damper, constant = self._columns[4:LOAD_FRICTION]
         below = stiffness * np.maximum(lower - q, 0.0) * np.maximum(1.0 - dissipation * v, 0.0)
         above = stiffness * np.maximum(q - upper, 0.0) * np.maximum(1.0 + dissipation * v, 0.0)
         stops = below - above

@@ -31,6 +31,7 @@ class HangingScenario(TreadmillScenario):
         model: LegModel,
         *,
         friction: Mapping[JointName, FrictionParameters],
+        load_friction: Mapping[JointName, float],
         stops: StopParameters,
         ankle: AnkleParameters,
         gravity: float,
@@ -40,6 +41,7 @@ class HangingScenario(TreadmillScenario):
         Args:
             model: Both legs with a vertical pelvis.
             friction: True friction of hip and knee.
+            load_friction: Share of the motor torque that becomes friction, at hip and knee.
             stops: Mechanical stops.
             ankle: The orthosis.
             gravity: In [m] / [s²].
@@ -47,7 +49,14 @@ class HangingScenario(TreadmillScenario):
         Returns:
             The world, without ground and without a height that counts as a fall.
         """
-        world = super().build(model, friction=friction, stops=stops, ankle=ankle, gravity=gravity)
+        world = super().build(
+            model,
+            friction=friction,
+            load_friction=load_friction,
+            stops=stops,
+            ankle=ankle,
+            gravity=gravity,
+        )
         return replace(world, contact=None, contact_frames={}, fall_height=None, belt_speed=0.0)
 
 

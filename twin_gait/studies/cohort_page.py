@@ -44,7 +44,7 @@ from twin_gait.studies.scaling_fit import (
     law_of,
     worth_of,
 )
-from twin_gait.studies.tune.tune import START_TABLES
+from twin_gait.studies.tune.stages import START_TABLES
 from twin_gait.studies.workers import Runner, StandingRunner
 
 FIT_PEOPLE, FIT_SEED, TEST_SEED = 48, 3, 77

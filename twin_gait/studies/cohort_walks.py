@@ -22,7 +22,8 @@ from twin_gait.studies.outcome_map import outcome_of
 from twin_gait.studies.people_trials import MASS_ALONE
 from twin_gait.studies.tune.outcome import choose
 from twin_gait.studies.tune.parts import part_values
-from twin_gait.studies.tune.tune import Settings, tune
+from twin_gait.studies.tune.settings import Settings
+from twin_gait.studies.tune.tune import tune
 from twin_gait.studies.tune.walks import experiment_of as experiment_with
 from twin_gait.studies.workers import LocalRunner, Runner
 

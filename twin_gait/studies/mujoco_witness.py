@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -29,6 +29,8 @@ from twin_gait.parameters import FrictionParameters, Patient
 from twin_gait.scenario.world import World
 from twin_gait.simulation.pinocchio_plant import PinocchioPlant
 from twin_gait.vocabulary import JointName
+
+Item = TypeVar("Item")
 
 EXTRA = "test"  # the extra of this package that installs MuJoCo
 OLDEST = (3, 3)  # earlier ones cannot edit a model by the names of its joints
@@ -259,7 +261,8 @@ class MujocoPlant(PinocchioPlant):
         self._witness = witness_model(experiment, world.model)
         self._mujoco_data = self._mujoco.MjData(self._witness)
         self._order = coordinate_order(self._witness, world.model)
-        self._friction = _friction_laws(world.model, experiment.plant.true_friction())
+        self._friction = _per_coordinate(world.model, experiment.plant.true_friction())
+        self._load_friction = np.array(_per_coordinate(world.model, experiment.plant.load_friction))
         self._mujoco_data.qpos[self._order] = self.q
         self._mujoco_data.qvel[self._order] = self.v
 
@@ -273,13 +276,15 @@ class MujocoPlant(PinocchioPlant):
             witness_friction(velocity, law)
             for velocity, law in zip(data.qvel[self._order].tolist(), self._friction, strict=True)
         ]
-        data.qfrc_applied[self._order] = self.motor - np.array(friction)
+        turning = np.tanh(data.qvel[self._order] / [0.1 * law.breakaway_velocity for law in self._friction])
+        load = self._load_friction * np.abs(self.motor) * turning
+        data.qfrc_applied[self._order] = self.motor - np.array(friction) - load
         self._mujoco.mj_step(self._witness, data)
         self.q[:], self.v[:] = data.qpos[self._order], data.qvel[self._order]
 
 
-def _friction_laws(model: LegModel, laws: Mapping[JointName, FrictionParameters]) -> list[FrictionParameters]:
-    """Laws in the order of the coordinates of one leg of hip and knee."""
+def _per_coordinate(model: LegModel, items: Mapping[JointName, Item]) -> list[Item]:
+    """What each joint has, in the order of the coordinates of one leg of hip and knee."""
     (side,) = model.sides
-    joints = sorted(laws, key=lambda joint: model.index(side, joint))
-    return [laws[joint] for joint in joints]
+    joints = sorted(items, key=lambda joint: model.index(side, joint))
+    return [items[joint] for joint in joints]

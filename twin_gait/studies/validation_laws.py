@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -17,11 +18,13 @@ from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ContactParameters
 from twin_gait.studies.validation_check import CheckPlan, Finding
 from twin_gait.studies.validation_dynamics import Pendulum, State, pendulum_acceleration, pendulum_of
+from twin_gait.vocabulary import MOTOR_JOINTS
 
 START = (1.2, 0.3)  # hip and knee of the free leg at rest in [rad]: a swing of half a turn
 FREE_DURATION, FREE_STEP = 5.0, 1e-3  # [s]
 ORDER_DURATION = 0.5  # [s]
 ORDER_STEPS = {"semi_implicit_euler": (400, 800, 1600), "rk4": (20, 40, 80)}
+LOAD_FRICTION, MOTOR_LOAD = 0.15, 60.0  # more than a gear has, and [N m]
 ORDERS = {"semi_implicit_euler": 1, "rk4": 4}
 
 Advance = Callable[[np.ndarray, np.ndarray, float], None]
@@ -129,14 +132,19 @@ def _state_after(advance: Advance, steps: int) -> np.ndarray:
 
 def friction_power() -> Finding:
     """Largest power that the friction of hip and knee gives to a moving joint."""
-    world = load_experiment("bench_leg").experiment.build_world()
+    experiment = load_experiment("bench_leg").experiment
+    loaded = replace(experiment.plant, load_friction={joint: LOAD_FRICTION for joint in MOTOR_JOINTS})
+    world = replace(experiment, plant=loaded).build_world()
     speeds = np.concatenate([np.geomspace(1e-9, 1e-3, 200), np.linspace(1e-3, 12.0, 6000)])
     powers = [
-        passive_torque(0.0, velocity, *row)[FRICTION] * velocity
+        passive_torque(0.0, velocity, load, *row)[FRICTION] * velocity
         for row in world.plant_rows.tolist()
+        for load in (-MOTOR_LOAD, 0.0, MOTOR_LOAD)
         for velocity in [*speeds.tolist(), *(-speeds).tolist()]
     ]
-    return Finding(max(powers), f"hip and knee, {len(powers)} velocities up to {speeds[-1]:g} rad/s")
+    return Finding(
+        max(powers), f"hip and knee, {len(powers)} velocities and loads up to {speeds[-1]:g} rad/s"
+    )
 
 
 def ground_pull() -> Finding:
@@ -172,7 +180,7 @@ def stop_pull() -> Finding:
         lower, upper = row[STOP_LOWER], row[STOP_UPPER]
         angles, speeds = np.linspace(lower - 0.2, upper + 0.2, 261), np.linspace(-12.0, 12.0, 121)
         for angle, velocity in itertools.product(angles.tolist(), speeds.tolist()):
-            torque = passive_torque(angle, velocity, *row)[STOP]
+            torque = passive_torque(angle, velocity, 0.0, *row)[STOP]
             outwards = torque if angle > upper else -torque if angle < lower else abs(torque)
             worst, count = max(worst, outwards), count + 1
     return Finding(float(worst), f"hip and knee, {count} angles and velocities")

@@ -44,6 +44,7 @@ def acceleration(episode: Episode, offset: float, weight: float, q: Array, v: Ar
         friction, stop, spring = passive_torque(
             q[i],
             v[i],
+            state.motor[i],
             inputs.plant_rows[i, 0],
             inputs.plant_rows[i, 1],
             inputs.plant_rows[i, 2],
@@ -55,6 +56,7 @@ def acceleration(episode: Episode, offset: float, weight: float, q: Array, v: Ar
             inputs.plant_rows[i, 8],
             inputs.plant_rows[i, 9],
             inputs.plant_rows[i, 10],
+            inputs.plant_rows[i, 11],
         )
         state.passive[i, FRICTION] = friction
         state.passive[i, STOP] = stop

@@ -42,9 +42,8 @@ from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.studies.compare.wearer_torque import voluntary_torque
 from twin_gait.studies.record import belt_speed_of
 from twin_gait.studies.side_summary import blend_length
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
 
-JOINTS = (JointName.HIP, JointName.KNEE)
 LEAST_STRIDES = 2  # a leg that has made fewer after the first two has not walked
 
 Numbers = dict[str, float]
@@ -79,7 +78,7 @@ def numbers_of(run: Run) -> Numbers:
     for side, leg in legs.items():
         other = next(item for name, item in legs.items() if name is not side)
         numbers |= {f"{side}_{name}": value for name, value in _gait(run, leg, other).items()}
-        for joint in JOINTS:
+        for joint in MOTOR_JOINTS:
             found = {**_shape(run, leg, joint), **_effort(run, leg, joint)}
             numbers |= {f"{side}_{joint}_{name}": value for name, value in found.items()}
     return {**numbers, **_together(run, numbers)}
@@ -233,7 +232,7 @@ def help_share(run: Run, side: Side, joint: JointName, since: int) -> float:
 def _together(run: Run, numbers: Numbers) -> Numbers:
     """What the numbers of both legs come to."""
 
-    def every(name: str, joints: tuple[JointName, ...] = JOINTS) -> list[float]:
+    def every(name: str, joints: tuple[JointName, ...] = MOTOR_JOINTS) -> list[float]:
         return [numbers[f"{side}_{joint}_{name}"] for side in run.sides for joint in joints]
 
     def both(name: str) -> list[float]:
@@ -257,7 +256,7 @@ def _together(run: Run, numbers: Numbers) -> Numbers:
         "scuffs": sum(both("scuffs")),
         **{
             f"{joint}_{name}": float(np.mean(every(name, (joint,))))
-            for joint in JOINTS
+            for joint in MOTOR_JOINTS
             for name in _PER_JOINT
         },
         "gps_koopman_deg": gait_profile_score(every("gvs_koopman_deg")),
@@ -267,7 +266,10 @@ def _together(run: Run, numbers: Numbers) -> Numbers:
         "knee_range_symmetry": symmetry_index(*every("range_of_motion_deg", (JointName.KNEE,))),
         "hip_range_symmetry": symmetry_index(*every("range_of_motion_deg", (JointName.HIP,))),
         "interaction_symmetry": symmetry_index(
-            *(sum(numbers[f"{side}_{joint}_interaction_rms_Nm"] for joint in JOINTS) for side in run.sides)
+            *(
+                sum(numbers[f"{side}_{joint}_interaction_rms_Nm"] for joint in MOTOR_JOINTS)
+                for side in run.sides
+            )
         ),
         "interaction_rms_Nm": root_mean_square(np.array(every("interaction_rms_Nm"))),
         "opposing_rms_Nm": root_mean_square(np.array(every("opposing_rms_Nm"))),

@@ -21,12 +21,11 @@ from twin_gait.simulation.run import Run
 from twin_gait.studies.compare.comparing import Comparison, summary_rows
 from twin_gait.studies.compare.controllers import CONTROLLERS
 from twin_gait.studies.compare.measures_shown import table_rows
-from twin_gait.studies.compare.numbers import JOINTS
 from twin_gait.studies.compare.words import paragraphs
 from twin_gait.studies.folders import FolderKind, staged_directory
 from twin_gait.studies.record import belt_speed_of, describe
 from twin_gait.studies.summary import versions
-from twin_gait.vocabulary import Side
+from twin_gait.vocabulary import MOTOR_JOINTS, Side
 
 PAGE_FILE = "compare.html"
 COMPARISON = FolderKind("a comparison", PAGE_FILE)
@@ -97,7 +96,7 @@ def figure_of(comparison: Comparison, *, dark: bool = False) -> Figure:
         The figure.
     """
     reference: dict[str, np.ndarray] = {}
-    for joint in JOINTS:
+    for joint in MOTOR_JOINTS:
         healthy = reference_cycle(comparison.experiment, joint)
         if healthy is not None:
             reference |= {f"{side} {joint}": np.degrees(healthy) for side in Side}
@@ -118,7 +117,7 @@ def _cycles(run: Run) -> dict[str, np.ndarray]:
     cycles = {}
     for side in run.sides:
         record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
-        for joint in JOINTS:
+        for joint in MOTOR_JOINTS:
             strides = normalise_strides(record.angles[joint], record.strides())
             cycles[f"{side} {joint}"] = np.degrees(strides.mean(axis=0))
     return cycles

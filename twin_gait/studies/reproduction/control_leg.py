@@ -26,9 +26,8 @@ from twin_gait.scenario import BenchLegScenario
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.reproduction.control_bench import FRICTION_RATIO
 from twin_gait.studies.reproduction.control_limits import bisect
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
 
-JOINTS = (JointName.HIP, JointName.KNEE)
 SWINGING, FALLING = 60.0, 5.0  # [s]; of a run that looks for growth, or for a passage
 GROWN = math.radians(2.0)  # a swing smaller than this is rest
 STAYS = 0.95  # of a swing that is left after a quarter of a run, below which it dies out
@@ -77,7 +76,7 @@ def hanging_experiment(
         str(joint): JointImpedance(
             stiffness=0.0, damping=0.0, equilibrium_angle=0.0, friction_compensation_gain=gain
         )
-        for joint, gain in zip(JOINTS, gains, strict=True)
+        for joint, gain in zip(MOTOR_JOINTS, gains, strict=True)
     }
     table = GaitTable(
         name="hanging",
@@ -97,7 +96,7 @@ def hanging_experiment(
         ),
         plant=replace(
             base.plant,
-            friction_ratio=dict(zip(JOINTS, ratios, strict=True)),
+            friction_ratio=dict(zip(MOTOR_JOINTS, ratios, strict=True)),
             stops=StopParameters(stiffness=0.0, dissipation=0.0),
         ),
         duration=duration,
@@ -106,7 +105,7 @@ def hanging_experiment(
 
 def joint_angles(run: Run) -> np.ndarray:
     """Angles of hip and knee in [rad], shape ``(n_ticks, 2)``."""
-    return np.asarray(run.log[[f"{Side.RIGHT}_{joint}_angle_rad" for joint in JOINTS]].to_numpy())
+    return np.asarray(run.log[[f"{Side.RIGHT}_{joint}_angle_rad" for joint in MOTOR_JOINTS]].to_numpy())
 
 
 def leg_swing_stays(run: Run) -> bool:
@@ -191,7 +190,7 @@ def gait_damping(stiffness: float, damping_ratio: float) -> Pair:
 
 
 def _alone(joint: JointName, value: float) -> Pair:
-    return Pair(*(value if each is joint else 0.0 for each in JOINTS))
+    return Pair(*(value if each is joint else 0.0 for each in MOTOR_JOINTS))
 
 
 def weight_torque(joint: JointName, angle: float) -> float:
@@ -204,7 +203,7 @@ def weight_torque(joint: JointName, angle: float) -> float:
     Returns:
         The torque that holds it.
     """
-    return float(_hanging_leg().gravity(np.array(_alone(joint, angle)))[JOINTS.index(joint)])
+    return float(_hanging_leg().gravity(np.array(_alone(joint, angle)))[MOTOR_JOINTS.index(joint)])
 
 
 def least_gain(joint: JointName, angle: float, ratios: Pair = EQUAL) -> float:
@@ -222,6 +221,6 @@ def least_gain(joint: JointName, angle: float, ratios: Pair = EQUAL) -> float:
     def passes(gain: float) -> bool:
         gains, raised = _alone(joint, gain), _alone(joint, angle)
         run = simulate(hanging_experiment(gains, ratios, raised=raised, duration=FALLING))
-        return bool((joint_angles(run)[:, JOINTS.index(joint)] <= 0.0).any())
+        return bool((joint_angles(run)[:, MOTOR_JOINTS.index(joint)] <= 0.0).any())
 
     return 0.0 if passes(0.0) else bisect(passes, 0.0, _HIGHEST)

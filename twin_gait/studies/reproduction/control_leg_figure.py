@@ -18,7 +18,6 @@ from twin_gait.studies.reproduction.claim import Claim, Kind, Recipe, Reproducti
 from twin_gait.studies.reproduction.control_bench import FRICTION_RATIO
 from twin_gait.studies.reproduction.control_impedance import STIFFNESS
 from twin_gait.studies.reproduction.control_leg import (
-    JOINTS,
     Pair,
     gait_damping,
     hanging_experiment,
@@ -28,7 +27,7 @@ from twin_gait.studies.reproduction.control_leg import (
     swing_limit,
     weight_torque,
 )
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import MOTOR_JOINTS, JointName
 
 HIP, KNEE, BOTH = Pair(1.0, 0.0), Pair(0.0, 1.0), Pair(1.0, 1.0)
 SHOWN = (0.1, 0.3, 0.45, 0.55, 0.65, 0.75)  # gains of the map
@@ -77,7 +76,8 @@ def findings() -> LegFindings:
         highest=max(over),
         soft_hip=Pair(swing_limit(HIP, SOFT_HIP), swing_limit(KNEE, SOFT_HIP)),
         least={
-            angle: Pair(*(least_gain(joint, math.radians(angle)) for joint in JOINTS)) for angle in ANGLES
+            angle: Pair(*(least_gain(joint, math.radians(angle)) for joint in MOTOR_JOINTS))
+            for angle in ANGLES
         },
         stays=np.array(
             [
@@ -246,7 +246,7 @@ def _draw_map(axes: Axes, found: LegFindings) -> None:
 
 def _draw_least(axes: Axes, found: LegFindings) -> None:
     places = np.arange(len(ANGLES))
-    for index, joint in enumerate(JOINTS):
+    for index, joint in enumerate(MOTOR_JOINTS):
         values = [found.least[angle][index] for angle in ANGLES]
         torques = [weight_torque(joint, math.radians(angle)) for angle in ANGLES]
         bars = axes.bar(

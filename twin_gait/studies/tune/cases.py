@@ -13,6 +13,7 @@ from twin_gait.scenario import TreadmillScenario
 NOMINAL = "nominal"
 LOW_VOLTAGE, HIGH_VOLTAGE = 23.0, 33.6  # [V], an empty and a full battery
 LOW_FRICTION, HIGH_FRICTION = 0.35, 1.0  # true friction over the model's
+LOAD_FRICTION = 0.15  # friction over motor torque: that of a geared servo, Duclusaud et al. (2025)
 ANGLE_NOISE = 2e-5  # [rad], assumption: a standard deviation of some three counts of the encoder
 
 
@@ -73,8 +74,8 @@ def search_cases(experiment: Experiment) -> tuple[Case, ...]:
             {**_mass(experiment, 1.1), **_friction(HIGH_FRICTION), **_voltage(LOW_VOLTAGE), **_noise()},
         ),
         Case(
-            "light, smooth, less support",
-            {**_mass(experiment, 0.9), **_friction(LOW_FRICTION), **_support(experiment, -0.1)},
+            "light, smooth",
+            {**_mass(experiment, 0.9), **_friction(LOW_FRICTION)},
         ),
     )
 
@@ -94,6 +95,7 @@ def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
         Case("mass +10 %", _mass(experiment, 1.1)),
         Case(f"friction ratio {LOW_FRICTION:g}", _friction(LOW_FRICTION)),
         Case(f"friction ratio {HIGH_FRICTION:g}", _friction(HIGH_FRICTION)),
+        Case(f"load friction {LOAD_FRICTION:g}", _load_friction(LOAD_FRICTION)),
         Case("support −10 points", _support(experiment, -0.1)),
         Case("support +10 points", _support(experiment, 0.1)),
         Case("belt −10 %", _speed(experiment, 0.9)),
@@ -112,7 +114,7 @@ def departures(experiment: Experiment) -> tuple[Departure, ...]:
         experiment: What the table is tuned for.
 
     Returns:
-        Mass, height, friction ratio, support and belt speed.
+        Mass, height, friction ratio, load-dependent friction, support and belt speed.
     """
     scenario, patient = check_walker(experiment)
     masses = [patient.mass * factor for factor in (0.7, 0.85, 1.0, 1.15, 1.3)]
@@ -120,6 +122,8 @@ def departures(experiment: Experiment) -> tuple[Departure, ...]:
     heights = [patient.height + step for step in (-0.1, -0.05, 0.0, 0.05, 0.1)]
     ratio = sum(experiment.plant.friction_ratio.values()) / len(experiment.plant.friction_ratio)
     ratios = sorted({0.2, LOW_FRICTION, ratio, 0.75, HIGH_FRICTION})
+    load = sum(experiment.plant.load_friction.values()) / len(experiment.plant.load_friction)
+    loads = sorted({0.0, load, 0.05, 0.1, LOAD_FRICTION, 0.2})
     share = scenario.support.share
     shares = [share + step for step in (-0.2, -0.1, 0.0, 0.1, 0.2) if 0.0 <= share + step < 1.0]
     speeds = [scenario.belt_speed * factor for factor in (0.7, 0.85, 1.0, 1.1, 1.2)]
@@ -127,6 +131,7 @@ def departures(experiment: Experiment) -> tuple[Departure, ...]:
         _departure("wearer's mass [kg]", patient.mass, masses, lambda x: _mass(experiment, x / patient.mass)),
         _departure("wearer's height [m]", patient.height, heights, lambda x: {"patient.height_m": x}),
         _departure("true friction over model", ratio, ratios, _friction),
+        _departure("friction over motor torque", load, loads, _load_friction),
         _departure("supported share of weight", share, shares, lambda x: {"scenario.support.share": x}),
         _departure(
             "belt speed [m/s]",
@@ -158,6 +163,10 @@ def _mass(experiment: Experiment, factor: float) -> dict[str, Any]:
 
 def _friction(ratio: float) -> dict[str, Any]:
     return {"plant.friction_ratio.hip": ratio, "plant.friction_ratio.knee": ratio}
+
+
+def _load_friction(coefficient: float) -> dict[str, Any]:
+    return {"plant.load_friction.hip": coefficient, "plant.load_friction.knee": coefficient}
 
 
 def _voltage(volts: float) -> dict[str, Any]:

@@ -24,16 +24,16 @@ from twin_gait.simulation import Run, simulate
 from twin_gait.studies.tune.cases import check_walker, departures
 from twin_gait.studies.tune.parts import NEEDED_CLEARANCE, PARTS, WORST, part_costs
 from twin_gait.studies.tune.search import better_half
+from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.space import Parameter
-from twin_gait.studies.tune.tune import Finalist, Settings, Tuning, best_so_far
+from twin_gait.studies.tune.tuning import Finalist, Tuning, best_so_far
 from twin_gait.studies.tune.walks import Ask, WalkResult, experiment_of, walk_all
 from twin_gait.studies.workers import Runner
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import MOTOR_JOINTS
 
 OUTCOME_VERSION = 1
 # A part that changes by less than this share of its goal counts as unchanged.
 SAME = 0.05
-JOINTS = (JointName.HIP, JointName.KNEE)
 
 
 class Chosen(NamedTuple):
@@ -230,7 +230,7 @@ def gait_curves(
         str(joint): {
             "reference": np.degrees(reference_curve(joint, PERCENT, speed=speed, height=patient.height))
         }
-        for joint in JOINTS
+        for joint in MOTOR_JOINTS
     }
     document = {**experiment_document(experiment), "seed": settings.seed}
     for name, table in (("before", before), ("after", after)):
@@ -242,7 +242,7 @@ def gait_curves(
 def _add_cycles(curves: dict[str, dict[str, np.ndarray]], name: str, run: Run) -> None:
     for side in run.sides:
         record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
-        for joint in JOINTS:
+        for joint in MOTOR_JOINTS:
             cycles = normalise_strides(record.angles[joint], record.strides())
             if len(cycles):
                 curves[str(joint)][f"{name} {side}"] = np.degrees(cycles.mean(axis=0))

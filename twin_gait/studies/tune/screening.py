@@ -25,7 +25,7 @@ REACH = 0.04
 TRAJECTORIES = 4
 # The search gets the numbers that make up this share of all effects.
 KEPT_SHARE = 0.95
-FEWEST = 15
+FEWEST = 30
 
 
 @dataclass(frozen=True)

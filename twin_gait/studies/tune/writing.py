@@ -21,7 +21,8 @@ from twin_gait.studies.tune.outcome import (
     outcome,
     walk_departures,
 )
-from twin_gait.studies.tune.tune import Settings, Tuning
+from twin_gait.studies.tune.settings import Settings
+from twin_gait.studies.tune.tuning import Tuning
 from twin_gait.studies.workers import LocalRunner, Runner
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import io
 from collections.abc import Mapping
@@ -15,37 +14,12 @@ from matplotlib.figure import Figure
 from twin_gait import __version__
 from twin_gait.files import write_atomically
 from twin_gait.report.canvas import RESOLUTION
+from twin_gait.report.html_page import html_page, paragraphs, picture_source
 from twin_gait.studies.folders import FolderKind, staged_directory
 
 PAGE_FILE = "whatif.html"
 STUDY = FolderKind("a study", PAGE_FILE)
 PARAGRAPH_FILE = "paragraph.txt"
-
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<title>{title}</title>
-<style>
-body {{ font: 15px/1.5 system-ui, sans-serif; color: #222;
-  max-width: 1200px; margin: 2em auto; padding: 0 1em; }}
-img {{ max-width: 100%; }}
-p {{ max-width: 60em; }}
-table {{ border-collapse: collapse; font-size: 12px; }}
-th, td {{ padding: 1px 8px; text-align: right; border-bottom: 1px solid #ddd; }}
-summary {{ cursor: pointer; }}
-footer {{ color: #777; font-size: 12px; margin-top: 2em; }}
-</style>
-</head>
-<body>
-<h1>{title}</h1>
-{paragraphs}
-<img alt="{title}" src="data:image/png;base64,{picture}">
-{tables}
-<footer>Simulated by twin_gait {version}; not measured. Not a medical device.</footer>
-</body>
-</html>
-"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,13 +72,12 @@ def page(report: Report, picture: bytes) -> str:
     Returns:
         HTML.
     """
-    return _PAGE.format(
-        title=html.escape(report.title),
-        paragraphs="\n".join(f"<p>{html.escape(text)}</p>" for text in report.text),
-        picture=base64.b64encode(picture).decode("ascii"),
-        tables="\n".join(_folded(name, table) for name, table in report.tables.items()),
-        version=__version__,
-    )
+    body = [
+        paragraphs(report.text),
+        f'<img alt="{html.escape(report.title)}" src="{picture_source(picture)}">',
+        *(_folded(name, table) for name, table in report.tables.items()),
+    ]
+    return html_page(report.title, "\n".join(body), version=__version__)
 
 
 def _folded(name: str, table: pd.DataFrame) -> str:
