@@ -61,15 +61,12 @@ def _check_folder(folder: Path, *, force: bool) -> None:
 
 
 def _write(document: dict[str, Any], folder: Path) -> None:
-    import io
     import json
 
     from twin_gait.files import write_atomically
     from twin_gait.report.benchmark import draw_benchmark_figure
-    from twin_gait.report.canvas import RESOLUTION
+    from twin_gait.report.canvas import picture_bytes
 
     text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
     write_atomically(folder / DOCUMENT, f"{text}\n")
-    picture = io.BytesIO()
-    draw_benchmark_figure(document).savefig(picture, dpi=RESOLUTION, format="png")
-    write_atomically(folder / PICTURE, picture.getvalue())
+    write_atomically(folder / PICTURE, picture_bytes(draw_benchmark_figure(document)))

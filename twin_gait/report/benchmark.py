@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from twin_gait.palette import BLUE, BLUISH_GREEN, GREY, ORANGE, REDDISH_PURPLE, SKY_BLUE, VERMILLION
 from twin_gait.report.canvas import readable, style_panel
@@ -41,7 +42,8 @@ def draw_benchmark_figure(document: Mapping[str, Any]) -> Figure:
     """
     cases = document["cases"]
     rows = (len(cases) + 1) // 2
-    figure = Figure(figsize=(13.0, 3.2 * rows + 4.8), layout="constrained")
+    room = ConstrainedLayoutEngine(w_pad=0.12)  # for the names beside the axes
+    figure = Figure(figsize=(13.0, 3.2 * rows + 4.8), layout=room)
     before = document["machine_before"]
     figure.suptitle(
         f"twin_gait beside MuJoCo and plain Python\n{before['processor']}, {before['cores']} cores, "
@@ -109,7 +111,7 @@ def _draw_accuracy(axes: Axes, cases: Sequence[Mapping[str, Any]]) -> None:
             labelled.add(name)
     style_panel(axes, "accuracy beside speed (circle: Euler, square: RK4)", "largest error [rad]")
     axes.set_xlabel("time per 1 ms tick [ns]")
-    axes.legend(fontsize="x-small", loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=3)
+    _legend_below(axes, 3)
 
 
 def _draw_joints(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -121,7 +123,7 @@ def _draw_joints(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
     axes.set_xlabel("joints")
     axes.set_xticks(joints, [str(count) for count in joints])
     axes.minorticks_off()
-    axes.legend(fontsize="x-small")
+    _legend_below(axes, 2)
 
 
 def _draw_batch(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
@@ -137,4 +139,9 @@ def _draw_batch(axes: Axes, rows: Sequence[Mapping[str, Any]]) -> None:
             )
     style_panel(axes, "batch of bench legs", "time per tick of an episode [ns]")
     axes.set_xlabel("episodes")
-    axes.legend(fontsize="x-small")
+    _legend_below(axes, 2)
+
+
+def _legend_below(axes: Axes, columns: int) -> None:
+    """Where it covers nothing."""
+    axes.legend(fontsize="x-small", loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=columns)

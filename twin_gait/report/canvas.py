@@ -6,6 +6,7 @@ needed.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -134,6 +135,21 @@ def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist]
     # matplotlib fills a legend column by column.
     handles = [row[column] for column in range(columns) for row in padded]
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
+
+
+def picture_bytes(figure: Figure, ground: str = "auto") -> bytes:
+    """A figure as PNG.
+
+    Args:
+        figure: The figure.
+        ground: Its colour; that of the figure by default, ``none`` for a transparent one.
+
+    Returns:
+        The file's content.
+    """
+    room = io.BytesIO()
+    figure.savefig(room, format="png", dpi=RESOLUTION, facecolor=ground)
+    return room.getvalue()
 
 
 def save(figure: Figure, path: Path) -> Path:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -12,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from twin_gait.palette import BLUE, BLUISH_GREEN, GREY, ORANGE, REDDISH_PURPLE, SKY_BLUE, VERMILLION
-from twin_gait.report.canvas import RESOLUTION
 from twin_gait.report.html_page import html_page, paragraphs, picture_source
 
 COLOURS = (BLUE, VERMILLION, BLUISH_GREEN, ORANGE, REDDISH_PURPLE, SKY_BLUE, GREY)
@@ -98,21 +96,6 @@ def _style(axes: Axes, ink: str) -> None:
     axes.tick_params(colors=ink, labelsize=8)
     axes.title.set_color(ink)
     axes.xaxis.label.set_color(ink)
-
-
-def picture_bytes(figure: Figure, ground: str = "none") -> bytes:
-    """A figure as PNG.
-
-    Args:
-        figure: The figure.
-        ground: Its colour; transparent by default, for a page.
-
-    Returns:
-        The file's content.
-    """
-    room = io.BytesIO()
-    figure.savefig(room, format="png", dpi=RESOLUTION, facecolor=ground)
-    return room.getvalue()
 
 
 _STYLE = """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from twin_gait.measures.strides import PERCENT
 from twin_gait.palette import BLACK, BLUE, GREY, JOINT_COLOURS, REFERENCE_COLOUR, VERMILLION
-from twin_gait.report.canvas import RESOLUTION, put_legend, readable, style_panel
+from twin_gait.report.canvas import picture_bytes, put_legend, readable, style_panel
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
@@ -43,7 +42,7 @@ def draw_pictures(outcome: Outcome, curves: Curves) -> dict[str, bytes]:
     }
     if outcome["screening"]:
         figures["screening"] = draw_screening(outcome["screening"])
-    return {name: _png(figure) for name, figure in figures.items()}
+    return {name: picture_bytes(figure) for name, figure in figures.items()}
 
 
 def draw_gait(curves: Curves) -> Figure:
@@ -258,9 +257,3 @@ def amount(value: float | None, unit: str) -> str:
         return "–"
     text = f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.1f}" if abs(value) >= 10.0 else f"{value:.2f}"
     return f"{text} {unit}".strip()
-
-
-def _png(figure: Figure) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=RESOLUTION)
-    return buffer.getvalue()

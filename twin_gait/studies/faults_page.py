@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import io
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +22,7 @@ from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.palette import BLACK, BLUE, GREY, ORANGE, SIDE_COLOURS, SKY_BLUE, VERMILLION
 from twin_gait.parameters import SafetyParameters
-from twin_gait.report.canvas import RESOLUTION
+from twin_gait.report.canvas import picture_bytes
 from twin_gait.scenario.faults import FaultKind
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.fault_audit import stated_reaction
@@ -140,10 +139,8 @@ def write_page(campaign: FaultCampaign, folder: Path, name: str = "faults") -> N
         name: Of the files.
     """
     write_atomically(folder / f"{name}.md", page_text(campaign, name))
-    buffer = io.BytesIO()
     example = simulate(load_experiment("treadmill", ["duration_s=8", f"faults=[{EXAMPLE!r}]"]).experiment)
-    picture(campaign.table, example).savefig(buffer, format="png", dpi=RESOLUTION)
-    write_atomically(folder / f"{name}.png", buffer.getvalue())
+    write_atomically(folder / f"{name}.png", picture_bytes(picture(campaign.table, example)))
 
 
 def page_text(campaign: FaultCampaign, name: str) -> str:

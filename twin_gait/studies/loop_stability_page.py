@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 import sys
 from collections.abc import Callable, Sequence
@@ -22,7 +21,7 @@ from matplotlib.patheffects import withStroke
 
 from twin_gait.files import write_atomically
 from twin_gait.palette import BLACK, BLUE, GREY, VERMILLION
-from twin_gait.report.canvas import RESOLUTION
+from twin_gait.report.canvas import picture_bytes
 from twin_gait.studies.loop_stability import (
     DAMPINGS,
     STIFFNESSES,
@@ -275,9 +274,7 @@ def write_page(folder: Path, progress: Callable[[int, int], None] | None = None)
     """
     results = witness_all(grid(), progress)
     write_atomically(folder / f"{NAME}.csv", result_table(results).to_csv(index=False, lineterminator="\n"))
-    picture = io.BytesIO()
-    draw(results).savefig(picture, format="png", dpi=RESOLUTION)
-    write_atomically(folder / f"{NAME}.png", picture.getvalue())
+    write_atomically(folder / f"{NAME}.png", picture_bytes(draw(results)))
     write_atomically(folder / f"{NAME}.md", page(results))
 
 

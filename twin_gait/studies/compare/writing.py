@@ -15,7 +15,8 @@ from twin_gait.files import finite_or_none, write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import normalise_strides
-from twin_gait.report.compare import COLOURS, Walked, comparison_page, draw_comparison, picture_bytes
+from twin_gait.report.canvas import picture_bytes
+from twin_gait.report.compare import COLOURS, Walked, comparison_page, draw_comparison
 from twin_gait.report.reference import reference_cycle
 from twin_gait.simulation.run import Run
 from twin_gait.studies.compare.comparing import Comparison, summary_rows
@@ -46,7 +47,7 @@ def write_comparison(comparison: Comparison, who: str, target: Path, *, force: b
         RunDirectoryError: If it exists, or cannot be written.
     """
     with staged_directory(target, COMPARISON, force=force) as staging:
-        light, dark = (picture_bytes(figure_of(comparison, dark=dark)) for dark in (False, True))
+        light, dark = (picture_bytes(figure_of(comparison, dark=dark), "none") for dark in (False, True))
         write_atomically(staging / PICTURE_FILE, picture_bytes(figure_of(comparison), "white"))
         write_atomically(staging / PAGE_FILE, page_of(comparison, who, (light, dark)))
         table = comparison.table.to_csv(index=False, lineterminator="\n")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from twin_gait.report.canvas import RESOLUTION
+from twin_gait.report.canvas import picture_bytes
 from twin_gait.scenario.bench_joint import bench_joint
 from twin_gait.simulation.bench_joint import simulate_bench
 from twin_gait.simulation.run import RunStatus
@@ -109,6 +108,6 @@ def _make(folder: str, seed: int, key: str) -> Made:
     """Make one figure, in whatever process."""
     recipe = find_recipes([key])[0]
     found = recipe.make(Path(folder), seed)
-    buffer = io.BytesIO()
-    found.figure.savefig(buffer, format="png", dpi=RESOLUTION)
-    return Made(recipe.key, recipe.title, found.text, found.claims, found.readings, buffer.getvalue())
+    return Made(
+        recipe.key, recipe.title, found.text, found.claims, found.readings, picture_bytes(found.figure)
+    )

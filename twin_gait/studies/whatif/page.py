@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ from matplotlib.figure import Figure
 
 from twin_gait import __version__
 from twin_gait.files import write_atomically
-from twin_gait.report.canvas import RESOLUTION
+from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.html_page import html_page, paragraphs, picture_source
 from twin_gait.studies.folders import FolderKind, staged_directory
 
@@ -53,13 +52,12 @@ def write_report(report: Report, target: Path, *, force: bool = False) -> None:
         RunDirectoryError: If it exists, or cannot be written.
     """
     with staged_directory(target, STUDY, force=force) as staging:
-        picture = io.BytesIO()
-        report.figure.savefig(picture, format="png", dpi=RESOLUTION)
-        write_atomically(staging / f"{report.name}.png", picture.getvalue())
+        picture = picture_bytes(report.figure)
+        write_atomically(staging / f"{report.name}.png", picture)
         for name, table in report.tables.items():
             write_atomically(staging / f"{name}.csv", table.to_csv(index=False, lineterminator="\n"))
         write_atomically(staging / PARAGRAPH_FILE, "\n\n".join(report.text) + "\n")
-        write_atomically(staging / PAGE_FILE, page(report, picture.getvalue()))
+        write_atomically(staging / PAGE_FILE, page(report, picture))
 
 
 def page(report: Report, picture: bytes) -> str:
