@@ -96,10 +96,13 @@ def _gait_words(outcome: Outcome) -> str:
 
 
 def _parts_words(outcome: Outcome) -> str:
+    excess = outcome["excess"]
     return (
         "Of the two legs the larger value counts. A walk costs the sum of weight × (value / goal)² over the "
-        f"parts, {outcome['worst_cost']:g} at most; a fall costs more than any walk. An error is the root "
-        "mean square difference to the reference; a second contact is another landing of the foot right "
+        f"parts, {outcome['worst_cost']:g} at most; a fall costs more than any walk. In "
+        f"the search an error beyond {excess['aim']:.0%} of its goal costs {excess['weight']:g} × (value / "
+        f"goal − {excess['aim']:g})² more, in the walk that the table is tuned for. An error is the "
+        "root mean square difference to the reference; a second contact is another landing of the foot right "
         "after it landed; a scuff is a touch of the ground in swing."
     )
 

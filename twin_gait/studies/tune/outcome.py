@@ -22,7 +22,7 @@ from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_curve
 from twin_gait.measures.strides import PERCENT, normalise_strides
 from twin_gait.simulation import Run, simulate
 from twin_gait.studies.tune.cases import check_walker, departures
-from twin_gait.studies.tune.parts import NEEDED_CLEARANCE, PARTS, WORST, part_costs
+from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, PARTS, WORST, part_costs
 from twin_gait.studies.tune.search import better_half
 from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.space import Parameter
@@ -137,6 +137,7 @@ def outcome(
         "walk_s": settings.robust_duration,
         "needed_clearance_mm": NEEDED_CLEARANCE,
         "worst_cost": WORST,
+        "excess": {"aim": AIM, "weight": HELD_TO},
         "cost": {
             "search": {"before": tuning.state.start_cost, "after": after.search_cost},
             "robust": {"before": before.cost, "after": after.cost},
