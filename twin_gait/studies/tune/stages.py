@@ -19,11 +19,7 @@ from twin_gait.simulation import RunStatus
 from twin_gait.studies.sweep_spec import sources_hash
 from twin_gait.studies.tune.cases import NOMINAL, Case, robust_cases, search_cases
 from twin_gait.studies.tune.parts import FALL
-from twin_gait.studies.tune.screening import (
-    Effect,
-    effects,
-    plan,
-)
+from twin_gait.studies.tune.screening import Effect, effects, plan
 from twin_gait.studies.tune.search import Generation, Search, better_half
 from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.space import (

@@ -9,15 +9,10 @@ from pathlib import Path
 from twin_gait.experiment import Experiment
 from twin_gait.studies.tune.cases import check_walker
 from twin_gait.studies.tune.settings import Settings, identity
-from twin_gait.studies.tune.space import (
-    with_own_sides,
-)
+from twin_gait.studies.tune.space import with_own_sides
 from twin_gait.studies.tune.stages import Stages, Stopped
 from twin_gait.studies.tune.state import open_state, write_state
-from twin_gait.studies.tune.tuning import (
-    Progress,
-    Tuning,
-)
+from twin_gait.studies.tune.tuning import Progress, Tuning
 from twin_gait.studies.workers import LocalRunner, Runner
 
 

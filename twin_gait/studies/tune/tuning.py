@@ -10,13 +10,9 @@ import numpy as np
 
 from twin_gait.simulation import RunStatus
 from twin_gait.studies.tune.parts import excess_cost
-from twin_gait.studies.tune.screening import (
-    Effect,
-)
+from twin_gait.studies.tune.screening import Effect
 from twin_gait.studies.tune.search import Generation
-from twin_gait.studies.tune.space import (
-    Parameter,
-)
+from twin_gait.studies.tune.space import Parameter
 from twin_gait.studies.tune.state import State
 from twin_gait.studies.tune.walks import WalkResult
 
