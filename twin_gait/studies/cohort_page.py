@@ -107,7 +107,7 @@ before tables and laws were fixed.
 {failures}
 {tuned}
 Errors are medians of RMSE from foot contact against Koopman et al. (2014), of the larger leg. All people and
-all walks are simulated. Made by `python -m twin_gait.studies.cohort_page docs --walk`{flags}.
+all walks are simulated. Made by `python -m twin_gait.studies.cohort_page docs --walk{flags}`.
 """
 _TUNED_TEXT = """
 ## Tuned one by one
@@ -203,7 +203,7 @@ def cohort_text(
         ),
         failures=_failures(cohorts),
         tuned=_tuned_text(tuned, plain) if tuned else "",
-        flags=" and `--tuned`" if tuned else "",
+        flags=" --tuned" if tuned else "",
     )
 
 
