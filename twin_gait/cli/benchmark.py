@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from twin_gait.cli.terminal import DONE, FAILED, progress_bar
-
-DOCUMENT, PICTURE = "benchmark.json", "benchmark.png"
+from twin_gait.studies.benchmark_table import DOCUMENT, PICTURE
 
 
 def add_parser(commands: Any) -> None:

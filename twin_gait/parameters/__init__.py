@@ -19,7 +19,12 @@ from twin_gait.parameters.drives import (
     BatteryParameters,
     LimitParameters,
 )
-from twin_gait.parameters.friction import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
+from twin_gait.parameters.friction import (
+    HIGHEST_LOAD_FRICTION,
+    HIP_FRICTION,
+    KNEE_FRICTION,
+    FrictionParameters,
+)
 from twin_gait.parameters.safety import SafetyParameters
 from twin_gait.parameters.sensors import SensorParameters
 from twin_gait.parameters.surroundings import (
@@ -34,6 +39,7 @@ from twin_gait.parameters.wearer import HEAVIEST_WEARER, JointCondition, Patient
 __all__ = [
     "HARD_TORQUE_LIMIT",
     "HEAVIEST_WEARER",
+    "HIGHEST_LOAD_FRICTION",
     "HIP_ACTUATOR",
     "HIP_FRICTION",
     "KNEE_ACTUATOR",

@@ -8,6 +8,7 @@ from typing import Any
 
 from twin_gait.studies.benchmark_ratios import Verdict
 
+DOCUMENT, PICTURE = "benchmark.json", "benchmark.png"  # what a benchmark leaves in a folder
 QUIET_SHARE = 0.9  # less of a processor than this, and something else was running
 
 COLUMNS = (

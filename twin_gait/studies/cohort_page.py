@@ -92,9 +92,10 @@ CMA-ES looked for the exponents with which {people} people (seed {seed}) walk be
 `treadmill_normative` states round numbers on the flat bottom that two searches came to. `treadmill` still
 states the law that it was made with. By these costs it is worth nothing, and over the [map of
 outcomes](outcome_map.txt) 98 % of 320 cases walk with exponents of 0, −0.4 and 0.6 for mass, speed and
-height, and 95 % with the stated ones. But without the mass a heavy and short wearer falls when he stands up
-with [the standing table](stand.md), which extends this one, and thresholds that grow as the belt slows no
-longer find the phases of a [slower healthy walk](replay.md).
+height (`twin-gait map --set table.scaling.carried_mass_exponent=0` and so on, 2026-11-21), and 95 % with the
+stated ones. But with them a heavy and short wearer does not come to stand on both feet again on [the standing
+table](stand.md), which extends this one, and no stride of a healthy walk at half the speed is
+recognised in a [replay](replay.md): the thresholds grow as the belt slows.
 
 Range of validity: what the fit has seen, {masses} and {heights}, supports {supports} and belt speeds
 {speeds}.

@@ -15,7 +15,7 @@ from twin_gait.core.contact import ground_contact_force
 from twin_gait.core.integrators import rk4_step, semi_implicit_euler_step
 from twin_gait.core.plant import FRICTION, STOP, STOP_LOWER, STOP_UPPER, passive_torque
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import ContactParameters
+from twin_gait.parameters import HARD_TORQUE_LIMIT, HIGHEST_LOAD_FRICTION, ContactParameters
 from twin_gait.studies.validation_check import CheckPlan, Finding
 from twin_gait.studies.validation_dynamics import Pendulum, State, pendulum_acceleration, pendulum_of
 from twin_gait.vocabulary import MOTOR_JOINTS
@@ -24,7 +24,6 @@ START = (1.2, 0.3)  # hip and knee of the free leg at rest in [rad]: a swing of 
 FREE_DURATION, FREE_STEP = 5.0, 1e-3  # [s]
 ORDER_DURATION = 0.5  # [s]
 ORDER_STEPS = {"semi_implicit_euler": (400, 800, 1600), "rk4": (20, 40, 80)}
-LOAD_FRICTION, MOTOR_LOAD = 0.15, 60.0  # more than a gear has, and [N m]
 ORDERS = {"semi_implicit_euler": 1, "rk4": 4}
 
 Advance = Callable[[np.ndarray, np.ndarray, float], None]
@@ -133,13 +132,13 @@ def _state_after(advance: Advance, steps: int) -> np.ndarray:
 def friction_power() -> Finding:
     """Largest power that the friction of hip and knee gives to a moving joint."""
     experiment = load_experiment("bench_leg").experiment
-    loaded = replace(experiment.plant, load_friction={joint: LOAD_FRICTION for joint in MOTOR_JOINTS})
+    loaded = replace(experiment.plant, load_friction=dict.fromkeys(MOTOR_JOINTS, HIGHEST_LOAD_FRICTION))
     world = replace(experiment, plant=loaded).build_world()
     speeds = np.concatenate([np.geomspace(1e-9, 1e-3, 200), np.linspace(1e-3, 12.0, 6000)])
     powers = [
         passive_torque(0.0, velocity, load, *row)[FRICTION] * velocity
         for row in world.plant_rows.tolist()
-        for load in (-MOTOR_LOAD, 0.0, MOTOR_LOAD)
+        for load in (-HARD_TORQUE_LIMIT, 0.0, HARD_TORQUE_LIMIT)
         for velocity in [*speeds.tolist(), *(-speeds).tolist()]
     ]
     return Finding(

@@ -7,13 +7,12 @@ from typing import Any, NamedTuple
 from twin_gait.configuration.people import patient_document
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
-from twin_gait.parameters import HEAVIEST_WEARER, Patient
+from twin_gait.parameters import HEAVIEST_WEARER, HIGHEST_LOAD_FRICTION, Patient
 from twin_gait.scenario import TreadmillScenario
 
 NOMINAL = "nominal"
 LOW_VOLTAGE, HIGH_VOLTAGE = 23.0, 33.6  # [V], an empty and a full battery
 LOW_FRICTION, HIGH_FRICTION = 0.35, 1.0  # true friction over the model's
-LOAD_FRICTION = 0.15  # friction over motor torque: that of a geared servo, Duclusaud et al. (2025)
 ANGLE_NOISE = 2e-5  # [rad], assumption: a standard deviation of some three counts of the encoder
 
 
@@ -95,7 +94,7 @@ def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
         Case("mass +10 %", _mass(experiment, 1.1)),
         Case(f"friction ratio {LOW_FRICTION:g}", _friction(LOW_FRICTION)),
         Case(f"friction ratio {HIGH_FRICTION:g}", _friction(HIGH_FRICTION)),
-        Case(f"load friction {LOAD_FRICTION:g}", _load_friction(LOAD_FRICTION)),
+        Case(f"load friction {HIGHEST_LOAD_FRICTION:g}", _load_friction(HIGHEST_LOAD_FRICTION)),
         Case("support −10 points", _support(experiment, -0.1)),
         Case("support +10 points", _support(experiment, 0.1)),
         Case("belt −10 %", _speed(experiment, 0.9)),
@@ -123,7 +122,7 @@ def departures(experiment: Experiment) -> tuple[Departure, ...]:
     ratio = sum(experiment.plant.friction_ratio.values()) / len(experiment.plant.friction_ratio)
     ratios = sorted({0.2, LOW_FRICTION, ratio, 0.75, HIGH_FRICTION})
     load = sum(experiment.plant.load_friction.values()) / len(experiment.plant.load_friction)
-    loads = sorted({0.0, load, 0.05, 0.1, LOAD_FRICTION, 0.2})
+    loads = sorted({0.0, load, 0.05, 0.1, HIGHEST_LOAD_FRICTION, 0.2})
     share = scenario.support.share
     shares = [share + step for step in (-0.2, -0.1, 0.0, 0.1, 0.2) if 0.0 <= share + step < 1.0]
     speeds = [scenario.belt_speed * factor for factor in (0.7, 0.85, 1.0, 1.1, 1.2)]
