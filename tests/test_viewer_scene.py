@@ -18,9 +18,9 @@ from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters import Patient
 from twin_gait.viewer import arcs, shapes, surroundings, trail
 from twin_gait.viewer.commands import rgb
+from twin_gait.viewer.legend import FULL_TORQUE
 from twin_gait.viewer.meshes import read_obj
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, read_motion
-from twin_gait.viewer.page import FULL_TORQUE
 from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.shapes import Shape

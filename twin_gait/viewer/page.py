@@ -14,15 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.exceptions import ViewerError
-from twin_gait.palette import (
-    BLUE,
-    ORANGE,
-    REDDISH_PURPLE,
-    SIDE_COLOURS,
-    SKY_BLUE,
-    TORQUE_COLOURS,
-    VERMILLION,
-    phase_colour,
+from twin_gait.palette import ORANGE, SIDE_COLOURS, SKY_BLUE, TORQUE_COLOURS, phase_colour
+from twin_gait.viewer.legend import (
+    EXTENSION_COLOUR,
+    FLEXION_COLOUR,
+    FORCE_COLOUR,
+    FULL_TORQUE,
+    METRES_PER_NEWTON,
 )
 from twin_gait.vocabulary import Side
 
@@ -35,10 +33,6 @@ SCRIPTS = (
     "basics.js", "stage.js", "readout.js", "plots.js", "timeline.js", "player.js", "live.js", "start.js",
 )  # fmt: skip
 FOOTNOTE = "Simulation, not a medical device"
-FORCE_COLOUR = REDDISH_PURPLE
-METRES_PER_NEWTON = 0.001  # length of the arrow of a ground force
-FLEXION_COLOUR, EXTENSION_COLOUR = VERMILLION, BLUE  # of the arrows of motor torques
-FULL_TORQUE = 60.0  # of the longest of them [N m]: about the largest of a step of the shipped presets
 FLOOR = "/meshcat/surroundings/floor"  # what a dark page darkens
 # A recorded page may run what it holds and load nothing.
 RECORDED_POLICY = (

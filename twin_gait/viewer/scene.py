@@ -17,8 +17,8 @@ from twin_gait.viewer import ropes, shapes, surroundings, trail
 from twin_gait.viewer.arcs import TorqueArc
 from twin_gait.viewer.commands import Material, Window, rgb, set_object, set_property
 from twin_gait.viewer.figure import Figure, Motor
+from twin_gait.viewer.legend import FORCE_COLOUR, FULL_TORQUE, METRES_PER_NEWTON
 from twin_gait.viewer.motion import Motion
-from twin_gait.viewer.page import FORCE_COLOUR, FULL_TORQUE, METRES_PER_NEWTON
 from twin_gait.viewer.ropes import Rope
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.trail import StrideTrail
