@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -36,7 +39,7 @@ from twin_gait.scenario.bench_joint import (
     bench_joint,
 )
 from twin_gait.scenario.bench_leg import HandParameters
-from twin_gait.simulation.bench_joint import BenchRun, BenchVariation, loop_text, simulate_bench
+from twin_gait.simulation.bench_joint import BenchRun, BenchVariation, loop, loop_text, simulate_bench
 from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName
@@ -202,6 +205,18 @@ def test_cache_key_covers_the_loop() -> None:
     text = loop_text()
     assert "winding_current_step(" in text and text.count("@_kept") == 1
     assert source_key(text) != source_key(text.replace("0.5 * step", "0.4 * step"))
+    for room in loop.ROOMS:
+        module = importlib.import_module(f"twin_gait.simulation.bench_joint.{room}")
+        functions = re.findall(r"^def (\w+)\(", inspect.getsource(module), flags=re.MULTILINE)
+        assert functions and all(text.count(f"\ndef {name}(") == 1 for name in functions)
+
+
+def test_cache_key_covers_the_places_in_the_arrays(monkeypatch: pytest.MonkeyPatch) -> None:
+    before, read = loop_text(), loop.source_of
+    loop_text.cache_clear()
+    monkeypatch.setattr(loop, "source_of", lambda name: read(name) + "\n" * name.endswith(".arrays"))
+    assert loop_text() != before
+    loop_text.cache_clear()
 
 
 def test_same_seed_gives_the_same_log_and_another_seed_another_one() -> None:

@@ -124,9 +124,9 @@ def _imports_of(functions: Sequence[Callable[..., Any]]) -> str:
     return "".join(sorted(lines))
 
 
-# What the rooms import and the compiled module has of its own.
+# What the rooms import and the compiled module has of its own, beside the rooms.
 _OWN_MODULES = frozenset(
-    {"__future__", "twin_gait.core.integrators", "twin_gait.simulation.kernel_interface", *episode_rooms()}
+    {"__future__", "twin_gait.core.integrators", "twin_gait.simulation.kernel_interface"}
 )
 
 
@@ -146,7 +146,7 @@ def one_module(rooms: Mapping[str, str]) -> str:
             if isinstance(node, ast.FunctionDef):
                 assert homes.setdefault(node.name, room) == room, f"two things are named {node.name}"
                 functions.append(ast.unparse(node))
-            elif isinstance(node, ast.ImportFrom) and node.module not in _OWN_MODULES:
+            elif isinstance(node, ast.ImportFrom) and node.module not in _OWN_MODULES | rooms.keys():
                 for item in node.names:
                     home = str(node.module)
                     assert homes.setdefault(item.name, home) == home, f"two things are named {item.name}"
