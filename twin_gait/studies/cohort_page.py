@@ -47,8 +47,9 @@ from twin_gait.studies.scaling_fit import (
 from twin_gait.studies.tune.stages import START_TABLES
 from twin_gait.studies.workers import Runner, StandingRunner
 
-FIT_PEOPLE, FIT_SEED, TEST_SEED = 48, 3, 77
-# The second seed was never used while tables and laws were made.
+FIT_PEOPLE, FIT_SEED = 48, 3
+# The second of the cohorts' seeds, and this one, were never used while tables and laws were made.
+TEST_SEED = 2028
 COHORT, COHORT_SEEDS = 200, (11, 2027)
 TUNED, TUNED_SEED = 30, 11
 FIT_FILE, PAGE_FILE = "cohort.csv", "cohort.md"
@@ -89,13 +90,14 @@ CMA-ES looked for the exponents with which {people} people (seed {seed}) walk be
 
 {fits}
 
-`treadmill_normative` states round numbers on the flat bottom that two searches came to. `treadmill` still
-states the law that it was made with. By these costs it is worth nothing, and over the [map of
-outcomes](outcome_map.txt) 98 % of 320 cases walk with exponents of 0, −0.4 and 0.6 for mass, speed and
-height (`twin-gait map --set table.scaling.carried_mass_exponent=0` and so on, 2026-11-21), and 95 % with the
-stated ones. But with them a heavy and short wearer does not come to stand on both feet again on [the standing
-table](stand.md), which extends this one, and no stride of a healthy walk at half the speed is
-recognised in a [replay](replay.md): the thresholds grow as the belt slows.
+Fitted is how people walk with the law, not the numbers of tables tuned one by one: these keep what a search
+had no need to change. The tables state round numbers on the flat bottom that the searches come to. Seed {test_seed} had no part in
+choosing them. {worth} With larger exponents of `treadmill` (−0.4 and 0.6) the costs are the same, but a heavy
+and short wearer does not come to stand on both feet again on [the standing table](stand.md), which extends
+this one.
+
+The law is one for wearers whom the belt carries along. A healthy person takes shorter steps when he walks
+slower; in a [replay](replay.md) of his log `treadmill` needs another exponent of the speed.
 
 Range of validity: what the fit has seen, {masses} and {heights}, supports {supports} and belt speeds
 {speeds}.
@@ -193,6 +195,7 @@ def cohort_text(
         walk=WALK,
         supports=f"{SUPPORTS[0]:.0%} to {SUPPORTS[1]:.0%}",
         speeds=f"{FIT_SPEEDS[0]:.2f} to {FIT_SPEEDS[1]:.2f} m/s",
+        worth=" ".join(_worth(fits, name) for name in START_TABLES),
         fits=_markdown(heads, ([str(value) for value in row] for row in fits.itertuples(index=False))),
         masses=f"{min(masses):.0f} to {max(masses):.0f} kg (the device carries {HEAVIEST_WEARER:g})",
         heights=f"{min(heights):.2f} to {max(heights):.2f} m",
@@ -209,6 +212,13 @@ def cohort_text(
         tuned=_tuned_text(tuned, plain) if tuned else "",
         flags=" --tuned" if tuned else "",
     )
+
+
+def _worth(fits: pd.DataFrame, table: str) -> str:
+    costs = fits[fits["table"] == table].set_index("law")["mean_others"]
+    gain = 1.0 - costs[STATED] / costs[NONE]
+    word = "less" if gain >= 0.0 else "more"
+    return f"With the law of `{table}` the others cost {abs(gain):.1%} {word} than without one."
 
 
 def _tuned_text(tuned: Sequence[Outcome], plain: Sequence[Outcome]) -> str:
