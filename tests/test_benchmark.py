@@ -13,14 +13,14 @@ import pytest
 from twin_gait.cli import benchmark as command
 from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError, RunDirectoryError
-from twin_gait.studies import benchmark as study
-from twin_gait.studies import benchmark_page
-from twin_gait.studies.benchmark_engines import BatchSession
-from twin_gait.studies.benchmark_measurement import Entry, Timing, speed_ratio, time_in_turn
-from twin_gait.studies.benchmark_ratios import GOALS, WALK_LIMIT, all_met, judge
-from twin_gait.studies.benchmark_scaling import CHAINS
-from twin_gait.studies.benchmark_subjects import SUBJECTS, cases_of
-from twin_gait.studies.benchmark_table import draw_benchmark
+from twin_gait.studies.benchmark import benchmark as study
+from twin_gait.studies.benchmark import page as benchmark_page
+from twin_gait.studies.benchmark.engines import BatchSession
+from twin_gait.studies.benchmark.measurement import Entry, Timing, speed_ratio, time_in_turn
+from twin_gait.studies.benchmark.ratios import GOALS, WALK_LIMIT, all_met, judge
+from twin_gait.studies.benchmark.scaling import CHAINS
+from twin_gait.studies.benchmark.subjects import SUBJECTS, cases_of
+from twin_gait.studies.benchmark.table import draw_benchmark
 
 TICKS = 900
 # Rounding of 1e-16 rad in other orders of additions; a switch one tick late would move an angle by 1e-4.

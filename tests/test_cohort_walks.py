@@ -14,10 +14,17 @@ from twin_gait.configuration import load_experiment, packaged_gait_table
 from twin_gait.experiment import Experiment
 from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.table import SCALING_EXPONENTS, Scaling
-from twin_gait.studies import cohort_page, cohort_walks, scaling_fit
-from twin_gait.studies.cohort_walks import Outcome, Walker, Work, draw_walkers, experiment_for, walk_cohort
-from twin_gait.studies.people_trials import MASS_ALONE
-from twin_gait.studies.scaling_fit import Person, Worth, draw_people, fit_exponents, law_of
+from twin_gait.studies.people import cohort_page, cohort_walks, scaling_fit
+from twin_gait.studies.people.cohort_walks import (
+    Outcome,
+    Walker,
+    Work,
+    draw_walkers,
+    experiment_for,
+    walk_cohort,
+)
+from twin_gait.studies.people.scaling_fit import Person, Worth, draw_people, fit_exponents, law_of
+from twin_gait.studies.people.trials import MASS_ALONE
 from twin_gait.studies.tune.stages import START_TABLES
 
 DOCS = Path(__file__).parents[1] / "docs"

@@ -18,8 +18,8 @@ from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.overrides import parse_assignment
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.scenario import Fault, FaultKind, parse_fault
-from twin_gait.studies.fault_audit import audit
-from twin_gait.studies.faults import draw_faults, fault_row, outcome_table, run_campaign
+from twin_gait.studies.faults.audit import audit
+from twin_gait.studies.faults.faults import draw_faults, fault_row, outcome_table, run_campaign
 from twin_gait.vocabulary import JointName, Side
 
 

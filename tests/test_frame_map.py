@@ -26,7 +26,12 @@ from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.gait.table import TICK
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION
-from twin_gait.studies.loop_stability import UNDECIDED, Case, linear_run_grows, predicted_radius
+from twin_gait.studies.loop_stability.loop_stability import (
+    UNDECIDED,
+    Case,
+    linear_run_grows,
+    predicted_radius,
+)
 
 MASS = np.array([[4.7, -0.4], [-0.4, 3.5]])
 GRAVITY = np.array([[30.0, 4.0], [4.0, 9.0]])  # slope of the weight's torques [N m] / [rad]

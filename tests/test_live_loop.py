@@ -42,9 +42,9 @@ from twin_gait.studies.live.protocol import (
 )
 from twin_gait.studies.live.rules import judge, refusal, warnings
 from twin_gait.studies.live.session import LiveSession
+from twin_gait.studies.live.session_records import list_sessions, read_session
 from twin_gait.studies.live.settings import Mode, effect_of, loop_numbers
 from twin_gait.studies.record import load_run
-from twin_gait.studies.sessions import list_sessions, read_session
 
 DEGREE = math.pi / 180.0
 

@@ -9,8 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from twin_gait.studies import loop_stability_page
-from twin_gait.studies.loop_stability import (
+from twin_gait.studies.loop_stability import page as loop_stability_page
+from twin_gait.studies.loop_stability.loop_stability import (
     POSTURE,
     UNDECIDED,
     VELOCITIES,
@@ -24,7 +24,7 @@ from twin_gait.studies.loop_stability import (
     true_experiment,
     witness_all,
 )
-from twin_gait.studies.loop_stability_page import draw, page, result_table
+from twin_gait.studies.loop_stability.page import draw, page, result_table
 
 DOCS = Path(__file__).parents[1] / "docs"
 CALM = Case(math.degrees(2.5), 30.0, 0.4)

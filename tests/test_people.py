@@ -19,10 +19,10 @@ from twin_gait.configuration.experiments import presets, resolved_document
 from twin_gait.configuration.people import people, person_document, person_text
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
-from twin_gait.studies import people_page
 from twin_gait.studies.batch import overridden
-from twin_gait.studies.cohort import SIZES, BodySizes, cohort, overrides
-from twin_gait.studies.people_trials import Trial, experiment_of, trial
+from twin_gait.studies.people import page as people_page
+from twin_gait.studies.people.cohort import SIZES, BodySizes, cohort, overrides
+from twin_gait.studies.people.trials import Trial, experiment_of, trial
 from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
 HIP, KNEE = JointName.HIP, JointName.KNEE

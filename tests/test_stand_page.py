@@ -8,8 +8,8 @@ import pytest
 
 from twin_gait import load_experiment
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.studies import stand_page
-from twin_gait.studies.stand_page import (
+from twin_gait.studies.people import stand_page
+from twin_gait.studies.people.stand_page import (
     FALLS,
     OTHERWISE,
     ROWS,

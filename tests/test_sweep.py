@@ -18,13 +18,14 @@ from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.report.sweep import cell_means, values_of
 from twin_gait.report.sweep_axes import axis_of, label_of
-from twin_gait.studies import sweep as sweep_module
-from twin_gait.studies import sweep_spec, sweep_store
 from twin_gait.studies.batch import flat_summary, simulate_batch
-from twin_gait.studies.sweep import check_sweep, run_sweep
-from twin_gait.studies.sweep_chunk import chunk_of, run_chunk
-from twin_gait.studies.sweep_spec import load_sweep, sweep_from_mapping
-from twin_gait.studies.sweep_store import read_table
+from twin_gait.studies.sweep import spec as sweep_spec
+from twin_gait.studies.sweep import store as sweep_store
+from twin_gait.studies.sweep import sweep as sweep_module
+from twin_gait.studies.sweep.chunk import chunk_of, run_chunk
+from twin_gait.studies.sweep.spec import load_sweep, sweep_from_mapping
+from twin_gait.studies.sweep.store import read_table
+from twin_gait.studies.sweep.sweep import check_sweep, run_sweep
 from twin_gait.studies.workers import LocalRunner
 
 HIP = "scenario.start.hip_deg"

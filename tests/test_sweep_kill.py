@@ -12,9 +12,9 @@ import pandas as pd
 import pytest
 from sweep_process import kept_episodes, kill_group, start_sweep, wait_until, write_spec
 
-from twin_gait.studies.sweep import run_sweep
-from twin_gait.studies.sweep_spec import load_sweep
-from twin_gait.studies.sweep_store import read_table
+from twin_gait.studies.sweep.spec import load_sweep
+from twin_gait.studies.sweep.store import read_table
+from twin_gait.studies.sweep.sweep import run_sweep
 
 EPISODES = 150
 

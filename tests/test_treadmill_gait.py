@@ -11,7 +11,7 @@ import pytest
 
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.simulation.columns import WORK_SOURCES
-from twin_gait.studies.summary import summarise
+from twin_gait.studies.summary.summary import summarise
 
 SIDES = ("left", "right")
 

@@ -16,13 +16,12 @@ from twin_gait import load_experiment
 from twin_gait.cli import main
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.experiment import Engine
-from twin_gait.studies import (
-    mujoco_witness,
-    validation_dynamics,
-    validation_laws,
-    validation_runs,
-)
-from twin_gait.studies.validation import (
+from twin_gait.studies.validation import dynamics as validation_dynamics
+from twin_gait.studies.validation import laws as validation_laws
+from twin_gait.studies.validation import mujoco_witness
+from twin_gait.studies.validation import runs as validation_runs
+from twin_gait.studies.validation.check import Check, CheckPlan, Finding
+from twin_gait.studies.validation.validation import (
     CHECKS,
     all_passed,
     checks_document,
@@ -30,7 +29,6 @@ from twin_gait.studies.validation import (
     draw_checks,
     validate,
 )
-from twin_gait.studies.validation_check import Check, CheckPlan, Finding
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,7 @@ import pytest
 from twin_gait.cli import whatif
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.report.whatif import ENDING_COLOURS, place_of
-from twin_gait.studies.loop_stability import Ending
+from twin_gait.studies.loop_stability.loop_stability import Ending
 from twin_gait.studies.whatif import reports
 from twin_gait.studies.whatif.friction_map import study_friction_map
 from twin_gait.studies.whatif.friction_words import friction_text

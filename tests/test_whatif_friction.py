@@ -14,7 +14,7 @@ from twin_gait.parameters import FrictionParameters, SensorParameters
 from twin_gait.scenario.bench_joint import BenchFriction
 from twin_gait.scenario.bench_leg import HandParameters
 from twin_gait.simulation.bench_joint import simulate_bench
-from twin_gait.studies.loop_stability import Ending
+from twin_gait.studies.loop_stability.loop_stability import Ending
 from twin_gait.studies.whatif.friction_joint import (
     FILTERS,
     PUSH,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from twin_gait.cli.terminal import DONE, FAILED, progress_bar
-from twin_gait.studies.benchmark_table import DOCUMENT, PICTURE
+from twin_gait.studies.benchmark.table import DOCUMENT, PICTURE
 
 
 def add_parser(commands: Any) -> None:
@@ -30,9 +30,9 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the benchmark and print the tables."""
-    from twin_gait.studies.benchmark import QUICK, Extent, benchmark
-    from twin_gait.studies.benchmark_ratios import all_met, judge
-    from twin_gait.studies.benchmark_table import draw_benchmark
+    from twin_gait.studies.benchmark.benchmark import QUICK, Extent, benchmark
+    from twin_gait.studies.benchmark.ratios import all_met, judge
+    from twin_gait.studies.benchmark.table import draw_benchmark
 
     if arguments.out is not None:
         _check_folder(arguments.out, force=arguments.force)

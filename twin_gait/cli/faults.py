@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.configuration import load_experiment
     from twin_gait.files import write_atomically
     from twin_gait.simulation import RunStatus
-    from twin_gait.studies.faults import draw_faults, limit_lines, outcome_table, run_campaign
+    from twin_gait.studies.faults.faults import draw_faults, limit_lines, outcome_table, run_campaign
 
     workers = workers_of(arguments)
     if arguments.out is not None:

@@ -33,7 +33,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate the grid and print the map."""
     from twin_gait.configuration import load_experiment
     from twin_gait.files import write_atomically
-    from twin_gait.studies.outcome_map import draw_map, experiment_of, grid, map_outcomes
+    from twin_gait.studies.people.outcome_map import draw_map, experiment_of, grid, map_outcomes
 
     workers = workers_of(arguments)
     if arguments.out is not None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from twin_gait.cli.terminal import DONE
 
 if TYPE_CHECKING:
-    from twin_gait.studies.sessions import SessionEntry
+    from twin_gait.studies.live.session_records import SessionEntry
 
 
 def add_parser(commands: Any) -> None:
@@ -40,7 +40,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked for with the record."""
-    from twin_gait.studies.sessions import default_database
+    from twin_gait.studies.live.session_records import default_database
 
     database = arguments.database or default_database()
     arguments.act(arguments, database)
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _list(arguments: argparse.Namespace, database: Path) -> None:
-    from twin_gait.studies.sessions import list_sessions
+    from twin_gait.studies.live.session_records import list_sessions
 
     entries = list_sessions(database, arguments.user)
     for entry in entries:
@@ -74,7 +74,7 @@ def line_of(entry: SessionEntry) -> str:
 
 
 def _show(arguments: argparse.Namespace, database: Path) -> None:
-    from twin_gait.studies.sessions import list_sessions, read_session
+    from twin_gait.studies.live.session_records import list_sessions, read_session
 
     found = read_session(database, arguments.session)
     print(next(line_of(item) for item in list_sessions(database) if item.id == arguments.session))
@@ -86,7 +86,7 @@ def _show(arguments: argparse.Namespace, database: Path) -> None:
 
 def _export(arguments: argparse.Namespace, database: Path) -> None:
     from twin_gait.files import write_atomically
-    from twin_gait.studies.sessions import read_session
+    from twin_gait.studies.live.session_records import read_session
 
     text = json.dumps(read_session(database, arguments.session), indent=2, ensure_ascii=False) + "\n"
     if arguments.out is None:
@@ -97,7 +97,7 @@ def _export(arguments: argparse.Namespace, database: Path) -> None:
 
 
 def _delete(arguments: argparse.Namespace, database: Path) -> None:
-    from twin_gait.studies.sessions import delete_session
+    from twin_gait.studies.live.session_records import delete_session
 
     delete_session(database, arguments.session)
     print(f"session {arguments.session} deleted; its run folders stay")

@@ -19,7 +19,7 @@ from twin_gait.cli.terminal import (
 )
 
 if TYPE_CHECKING:
-    from twin_gait.studies.sweep import SweepResult
+    from twin_gait.studies.sweep.sweep import SweepResult
 
 
 def add_parser(commands: Any) -> None:
@@ -47,8 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the sweep, or go on with it."""
     from twin_gait.exceptions import ParameterError
     from twin_gait.simulation import RunStatus
-    from twin_gait.studies.sweep import run_sweep
-    from twin_gait.studies.sweep_spec import load_sweep
+    from twin_gait.studies.sweep.spec import load_sweep
+    from twin_gait.studies.sweep.sweep import run_sweep
     from twin_gait.studies.workers import WorkersLost
 
     check_runner(arguments)

@@ -31,7 +31,7 @@ def run(arguments: argparse.Namespace) -> int:
     import json
 
     from twin_gait.files import write_atomically
-    from twin_gait.studies.validation import (
+    from twin_gait.studies.validation.validation import (
         all_passed,
         checks_document,
         chosen_checks,

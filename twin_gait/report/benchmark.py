@@ -35,7 +35,7 @@ def draw_benchmark_figure(document: Mapping[str, Any]) -> Figure:
     """Draw a benchmark.
 
     Args:
-        document: From :func:`twin_gait.studies.benchmark.benchmark`.
+        document: From :func:`twin_gait.studies.benchmark.benchmark.benchmark`.
 
     Returns:
         A panel of bars per case, then accuracy and scaling where they were measured.

@@ -18,9 +18,9 @@ from twin_gait.report.blending import TorqueTrace
 from twin_gait.report.canvas import readable
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation import Run, simulate
-from twin_gait.studies.outcome_map import outcome_of
-from twin_gait.studies.side_summary import blend_length, switch_ticks
-from twin_gait.studies.summary import summarise
+from twin_gait.studies.people.outcome_map import outcome_of
+from twin_gait.studies.summary.side import blend_length, switch_ticks
+from twin_gait.studies.summary.summary import summarise
 
 DURATIONS = (25, 60, 120)  # [ticks]
 # A blend of no length is a step whatever its law, so that one case stands for all of them.

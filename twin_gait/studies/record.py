@@ -26,7 +26,7 @@ from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, unit_of
 from twin_gait.simulation.run import Run
 from twin_gait.studies.folders import FolderKind
-from twin_gait.studies.summary import summarise, versions
+from twin_gait.studies.summary.summary import summarise, versions
 from twin_gait.viewer.animation import write_animation
 from twin_gait.viewer.surroundings import Belt
 

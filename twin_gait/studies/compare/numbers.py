@@ -41,7 +41,7 @@ from twin_gait.simulation.columns import wearer_column
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.studies.compare.wearer_torque import voluntary_torque
 from twin_gait.studies.record import belt_speed_of
-from twin_gait.studies.side_summary import blend_length
+from twin_gait.studies.summary.side import blend_length
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
 
 LEAST_STRIDES = 2  # a leg that has made fewer after the first two has not walked

@@ -25,7 +25,7 @@ from twin_gait.studies.compare.measures_shown import table_rows
 from twin_gait.studies.compare.words import paragraphs
 from twin_gait.studies.folders import FolderKind, staged_directory
 from twin_gait.studies.record import belt_speed_of, describe
-from twin_gait.studies.summary import versions
+from twin_gait.studies.summary.summary import versions
 from twin_gait.vocabulary import MOTOR_JOINTS, Side
 
 PAGE_FILE = "compare.html"

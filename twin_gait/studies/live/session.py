@@ -38,9 +38,9 @@ from twin_gait.studies.live.protocol import (
     Value,
 )
 from twin_gait.studies.live.rules import Place, described, judge, refusal, warnings
+from twin_gait.studies.live.session_records import SessionRecorder
 from twin_gait.studies.live.settings import Settings, effect_of, loop_numbers
 from twin_gait.studies.record import RUN_DIRECTORY
-from twin_gait.studies.sessions import SessionRecorder
 
 MOST_EVENTS = 10_000  # that are kept for pages that come late
 # Actions that go straight to the walk, whatever is being checked meanwhile.

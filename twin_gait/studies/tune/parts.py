@@ -29,7 +29,7 @@ from twin_gait.measures.strides import (
     symmetry_index,
 )
 from twin_gait.simulation import Run, RunStatus
-from twin_gait.studies.summary import summarise
+from twin_gait.studies.summary.summary import summarise
 from twin_gait.vocabulary import JointName
 
 WORST = 30.0  # cost of the worst walk that does not fall; the shipped table costs some 6

@@ -16,7 +16,7 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.simulation import RunStatus
-from twin_gait.studies.sweep_spec import sources_hash
+from twin_gait.studies.sweep.spec import sources_hash
 from twin_gait.studies.tune.cases import NOMINAL, Case, robust_cases, search_cases
 from twin_gait.studies.tune.parts import FALL
 from twin_gait.studies.tune.screening import Effect, effects, plan

@@ -17,7 +17,7 @@ from twin_gait.exceptions import ParameterFileError, TwinGaitError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.simulation import simulate
 from twin_gait.studies.batch import overridden
-from twin_gait.studies.sweep_spec import sources_hash
+from twin_gait.studies.sweep.spec import sources_hash
 from twin_gait.studies.tune.cases import Case
 from twin_gait.studies.tune.parts import judge
 from twin_gait.studies.workers import Runner

@@ -13,7 +13,7 @@ from twin_gait.checking.frame_map import frame_map, spectral_radius
 from twin_gait.checking.stability import largest_stable
 from twin_gait.scenario.bench_joint import LinkParameters
 from twin_gait.simulation.bench_joint import simulate_bench
-from twin_gait.studies.loop_stability import Ending
+from twin_gait.studies.loop_stability.loop_stability import Ending
 from twin_gait.studies.whatif.friction_joint import (
     DEGREE,
     FILTERS,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from twin_gait.studies.loop_stability import Ending
+from twin_gait.studies.loop_stability.loop_stability import Ending
 from twin_gait.studies.whatif.friction_joint import DEAD_ZONE, Compensation, Law
 from twin_gait.studies.whatif.friction_map import FrictionMap
 from twin_gait.studies.whatif.words import count, cycles, from_to, paragraph

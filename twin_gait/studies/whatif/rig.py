@@ -36,7 +36,7 @@ from twin_gait.scenario.bench_joint import (
 from twin_gait.scenario.bench_leg import HandParameters
 from twin_gait.simulation.bench_joint import BenchRun, simulate_bench
 from twin_gait.simulation.run import RunStatus
-from twin_gait.studies.loop_stability import Ending, classify
+from twin_gait.studies.loop_stability.loop_stability import Ending, classify
 from twin_gait.vocabulary import JointName
 
 JOINT = JointName.KNEE

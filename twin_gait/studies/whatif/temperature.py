@@ -19,7 +19,7 @@ from twin_gait.core.motor_drive import drive_efficiency
 from twin_gait.parameters import FrictionParameters, SensorParameters
 from twin_gait.scenario.bench_joint import BenchFriction, BenchJoint, CatalogueEfficiency
 from twin_gait.simulation.bench_joint import simulate_bench
-from twin_gait.studies.loop_stability import Ending
+from twin_gait.studies.loop_stability.loop_stability import Ending
 from twin_gait.studies.whatif.friction_joint import DEGREE, PUSH, SPRING
 from twin_gait.studies.whatif.rig import (
     LEVEL,

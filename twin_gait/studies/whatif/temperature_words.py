@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 
-from twin_gait.studies.loop_stability import Ending
+from twin_gait.studies.loop_stability.loop_stability import Ending
 from twin_gait.studies.whatif.temperature import (
     COULOMB_LOSS_PER_KELVIN,
     COULOMB_PER_LOAD,

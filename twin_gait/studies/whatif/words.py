@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from twin_gait.studies.loop_stability import Ending
+from twin_gait.studies.loop_stability.loop_stability import Ending
 
 
 def paragraph(template: str, **values: object) -> str:

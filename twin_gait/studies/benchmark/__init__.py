@@ -1,0 +1,1 @@
+"""Speed: the compiled engine and its peers, timed in turn."""

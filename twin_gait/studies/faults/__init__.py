@@ -1,0 +1,1 @@
+"""Fault campaigns, and what must hold in every run of one."""

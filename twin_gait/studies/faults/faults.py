@@ -1,0 +1,278 @@
+"""Fault campaigns: many seeded faults on one experiment, one row each, and what must hold in every one."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.experiment import Experiment
+from twin_gait.gait.table import TICK
+from twin_gait.scenario import TreadmillScenario
+from twin_gait.scenario.faults import Fault, FaultKind
+from twin_gait.simulation import Run, RunStatus, simulate
+from twin_gait.studies.faults.audit import audit
+from twin_gait.studies.workers import LocalRunner
+from twin_gait.vocabulary import JointName
+
+_DEGREE = math.pi / 180.0
+FIRST_TIME = 1.0  # [s]: the gait is under way
+REST = 2.0  # [s] after the last fault, to see what comes of it
+
+# Smallest and largest magnitude that is drawn, in SI units; from hardly noticeable to gross.
+MAGNITUDES = {
+    FaultKind.ENCODER_JUMP: (0.5 * _DEGREE, 30.0 * _DEGREE),
+    FaultKind.ENCODER_OFFSET: (0.5 * _DEGREE, 20.0 * _DEGREE),
+    FaultKind.ENCODER_DRIFT: (2.0 * _DEGREE, 100.0 * _DEGREE),
+    FaultKind.MOTOR_STUCK: (5.0, 100.0),
+    FaultKind.CONTROLLER_RUNAWAY: (20.0, 2000.0),
+    FaultKind.SUPPLY_DIP: (2.0, 25.0),
+}
+
+
+class FaultOutcome(StrEnum):
+    """What came of a fault."""
+
+    HOLD = "hold"
+    HOLD_AND_FALL = "hold, pelvis sinks"
+    GOES_ON = "goes on"
+    FALL = "falls"
+    DIVERGED = "diverged"
+
+
+@dataclass(frozen=True)
+class FaultCampaign:
+    """A campaign.
+
+    Attributes:
+        table: One row per fault: ``fault`` in its notation, kind, side, joint, time and magnitude, outcome,
+            cause and time of the trip, detection time, and the columns of
+            :class:`~twin_gait.studies.faults.audit.Audit`.
+        status: ``COMPLETED``, or ``INTERRUPTED`` if it was stopped; then the table holds the first faults.
+    """
+
+    table: pd.DataFrame
+    status: RunStatus
+
+    @property
+    def violations(self) -> pd.DataFrame:
+        """Rows in which something that must hold did not."""
+        table = self.table
+        kept = table["within_limits"] & (table["null_values"] == 0) & (table["outcome"] != "diverged")
+        return table[~(kept & table["hold_kept"] & table["in_time"])]
+
+
+class _Task(NamedTuple):
+    number: int
+    experiment: Experiment
+
+    def __str__(self) -> str:
+        return f"fault {self.experiment.faults[0]}"
+
+
+class _Result(NamedTuple):
+    """What comes back from a worker; a problem is a text because not every exception can be pickled."""
+
+    number: int
+    row: dict[str, Any]
+    problem: str
+
+
+def draw_faults(experiment: Experiment, count: int, seed: int) -> list[Fault]:
+    """Draw faults over kind, joint, time and magnitude.
+
+    Kinds take turns, so that each is drawn equally often; side, joint and time are uniform, magnitudes
+    log-uniform between the bounds of ``MAGNITUDES`` with either sign. A fault depends on the seed and its
+    position only: a longer campaign begins with the faults of a shorter one.
+
+    Args:
+        experiment: The legs that there are, and the duration.
+        count: How many.
+        seed: Of the draws.
+
+    Returns:
+        The faults.
+
+    Raises:
+        ParameterError: If the run is too short for a fault and its end.
+    """
+    if count < 1 or seed < 0:
+        raise ParameterError(
+            f"expected 1 fault or more and a seed of 0 or more, got {count} faults, seed {seed}"
+        )
+    if experiment.duration < FIRST_TIME + REST:
+        raise ParameterError(
+            f"duration: expected {FIRST_TIME + REST:g} s or more for a fault campaign, "
+            f"got {experiment.duration:g} s"
+        )
+    feet = isinstance(experiment.scenario, TreadmillScenario)
+    kinds = [kind for kind in FaultKind if feet or kind is not FaultKind.FOOT_LOAD_STUCK]
+    return [_draw(experiment, kinds[index % len(kinds)], index, seed) for index in range(count)]
+
+
+def _draw(experiment: Experiment, kind: FaultKind, index: int, seed: int) -> Fault:
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
+    sides = list(experiment.leg.legs)
+    side = sides[int(generator.integers(len(sides)))]
+    joint = (JointName.HIP, JointName.KNEE)[int(generator.integers(2))]
+    time = round(float(generator.uniform(FIRST_TIME, experiment.duration - REST)), 3)
+    magnitude = None
+    if kind in MAGNITUDES:
+        least, most = MAGNITUDES[kind]
+        magnitude = math.exp(float(generator.uniform(math.log(least), math.log(most))))
+        if kind is not FaultKind.SUPPLY_DIP and generator.random() < 0.5:
+            magnitude = -magnitude
+    placed = kind is not FaultKind.SUPPLY_DIP
+    on_joint = placed and kind is not FaultKind.FOOT_LOAD_STUCK
+    return Fault(
+        kind=kind,
+        time=time,
+        side=side if placed else None,
+        joint=joint if on_joint else None,
+        magnitude=magnitude,
+    )
+
+
+def run_campaign(
+    experiment: Experiment,
+    faults: Sequence[Fault],
+    *,
+    workers: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    on_compile: Callable[[], None] | None = None,
+) -> FaultCampaign:
+    """Simulate an experiment once for each fault and look at what came of it.
+
+    Args:
+        experiment: The experiment; faults of its own are replaced.
+        faults: One for each run.
+        workers: Processes; 1 runs in this one.
+        progress: Called with faults done and in all.
+        should_stop: Asked before each run; True lets those that run finish and ends the campaign.
+        on_compile: Called if the engine has to be compiled first.
+
+    Returns:
+        The campaign.
+
+    Raises:
+        ParameterError: If workers or faults make no sense, or a run cannot be made.
+        WorkersLost: If worker processes die again and again with the same fault.
+    """
+    if workers < 1:
+        raise ParameterError(f"workers: expected 1 or more, got {workers}")
+    waiting = (
+        _Task(number, replace(experiment, faults=(fault,)))
+        for number, fault in enumerate(faults)
+        if should_stop is None or not should_stop()
+    )
+    rows: dict[int, dict[str, Any]] = {}
+    first = (_run_case(task, on_compile) for task in itertools.islice(waiting, 1))
+    for result in itertools.chain(first, LocalRunner(workers).run(_run_case, waiting)):
+        if result.problem:
+            raise ParameterError(result.problem)
+        rows[result.number] = result.row
+        if progress is not None:
+            progress(len(rows), len(faults))
+    status = RunStatus.COMPLETED if len(rows) == len(faults) else RunStatus.INTERRUPTED
+    return FaultCampaign(pd.DataFrame([rows[number] for number in sorted(rows)]), status)
+
+
+def _run_case(task: _Task, on_compile: Callable[[], None] | None = None) -> _Result:
+    try:
+        run = simulate(task.experiment, on_compile=on_compile)
+    except TwinGaitError as error:
+        return _Result(task.number, {}, f"{task}: {error}")
+    return _Result(task.number, fault_row(run), "")
+
+
+def fault_row(run: Run) -> dict[str, Any]:
+    """Sum up a run with one fault.
+
+    Args:
+        run: The run.
+
+    Returns:
+        One row of :attr:`FaultCampaign.table`.
+    """
+    (fault,) = run.experiment.faults
+    trip = run.trip
+    return {
+        "fault": str(fault),
+        "kind": str(fault.kind),
+        "side": None if fault.side is None else str(fault.side),
+        "joint": None if fault.joint is None else str(fault.joint),
+        "time_s": fault.time,
+        "magnitude": fault.strength if fault.kind.units else math.nan,
+        "outcome": str(outcome_of(run)),
+        "cause": "" if trip is None else str(trip.cause),
+        "trip_place": "" if trip is None else trip.place,
+        "trip_time_s": math.nan if trip is None else trip.time,
+        "detection_s": math.nan if trip is None else round((trip.time - fault.time) / TICK) * TICK,
+        **audit(run)._asdict(),
+    }
+
+
+def outcome_of(run: Run) -> FaultOutcome:
+    """What came of a run."""
+    if run.status is RunStatus.DIVERGED:
+        return FaultOutcome.DIVERGED
+    if run.status is RunStatus.FELL:
+        return FaultOutcome.FALL if run.trip is None else FaultOutcome.HOLD_AND_FALL
+    return FaultOutcome.GOES_ON if run.trip is None else FaultOutcome.HOLD
+
+
+def outcome_table(table: pd.DataFrame) -> str:
+    """Table of outcomes by kind, as Markdown.
+
+    Args:
+        table: Of a campaign.
+
+    Returns:
+        The text. Detection is the time from the fault to the trip: a frozen encoder on a joint that stands
+        still is no danger yet, and is noticed when the joint moves.
+    """
+    head = ["fault", "runs", *FaultOutcome, "detected by", "detection: median", "longest"]
+    lines = [_line(head), _line(["---", *["--:"] * (1 + len(FaultOutcome)), "---", "--:", "--:"])]
+    for kind in [item for item in FaultKind if (table["kind"] == item).any()]:
+        lines.append(_line(_kind_cells(str(kind), table[table["kind"] == kind])))
+    return "\n".join([*lines, _line(_kind_cells("all", table))])
+
+
+def _kind_cells(name: str, rows: pd.DataFrame) -> list[str]:
+    outcomes = [str(int((rows["outcome"] == item).sum())) for item in FaultOutcome]
+    tripped = rows[rows["cause"] != ""]
+    causes = ", ".join(f"{cause} {count}" for cause, count in tripped["cause"].value_counts().items())
+    if len(tripped) == 0:
+        return [name, str(len(rows)), *outcomes, "–", "–", "–"]
+    detection = tripped["detection_s"]
+    times = [f"{detection.median() * 1e3:.0f} ms", f"{detection.max() * 1e3:.0f} ms"]
+    return [name, str(len(rows)), *outcomes, causes if name != "all" else "", *times]
+
+
+def _line(cells: Sequence[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def limit_lines(campaign: FaultCampaign) -> list[str]:
+    """What must hold in every run, and in how many it did."""
+    table, count = campaign.table, len(campaign.table)
+    tripped = table[table["cause"] != ""]
+    longest = tripped["speed_after_rad_per_s"].max() if len(tripped) else math.nan
+    sinking = tripped["sinking_m_per_s"].max() if len(tripped) else math.nan
+    pelvis = [] if math.isnan(sinking) else [f"fastest sinking of the pelvis after a trip: {sinking:.2f} m/s"]
+    return [
+        f"torque and current inside limits in every tick: {int(table['within_limits'].sum())} of {count}",
+        f"no empty command or plant value: {int((table['null_values'] == 0).sum())} of {count}",
+        f"every trip ends in the hold and stays there: {int(tripped['hold_kept'].sum())} of {len(tripped)}",
+        f"hold within the stated reaction time: {int(tripped['in_time'].sum())} of {len(tripped)}",
+        f"fastest joint from half a second after a trip on: {longest:.2f} rad/s",
+        *pelvis,
+    ]

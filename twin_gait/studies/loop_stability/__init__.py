@@ -1,0 +1,1 @@
+"""The stability of the sampled loop, and the engine as its witness."""

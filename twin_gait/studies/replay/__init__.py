@@ -1,0 +1,1 @@
+"""Recorded walks through a gait table."""

@@ -1,0 +1,1 @@
+"""A run in numbers: what goes into ``summary.json``."""

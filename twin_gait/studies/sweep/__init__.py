@@ -1,0 +1,1 @@
+"""Sweeps: an experiment over any of its parameters, resumable."""

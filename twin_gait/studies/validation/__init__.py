@@ -1,0 +1,1 @@
+"""The witnesses of this package, and their verdicts."""
