@@ -9,7 +9,7 @@ import pytest
 
 from twin_gait import load_experiment
 from twin_gait.leg_model import packaged_urdf
-from twin_gait.simulation.pinocchio_engine import PinocchioEngine
+from twin_gait.simulation.pinocchio.engine import PinocchioEngine
 from twin_gait.simulation.problem import build_problem
 from twin_gait.vocabulary import JointName
 

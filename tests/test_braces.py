@@ -22,7 +22,7 @@ from twin_gait.parameters import BraceParameters, SpringDamper
 from twin_gait.report.energy import draw_energy
 from twin_gait.scenario import World, bracing
 from twin_gait.simulation.columns import BRACED_WORK_SOURCES
-from twin_gait.simulation.pinocchio_plant import PinocchioPlant
+from twin_gait.simulation.pinocchio.plant import PinocchioPlant
 from twin_gait.studies.compare.numbers import numbers_of
 from twin_gait.studies.summary.summary import summarise
 from twin_gait.vocabulary import JointName, Side

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from twin_gait.control import ControllerFunction
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.pinocchio_engine import PinocchioEngine
+from twin_gait.simulation.pinocchio.engine import PinocchioEngine
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run, log_table
 

@@ -9,7 +9,7 @@ import numpy as np
 from twin_gait.simulation import Run, simulate
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult
-from twin_gait.simulation.pinocchio_engine import PinocchioEngine
+from twin_gait.simulation.pinocchio.engine import PinocchioEngine
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.studies.benchmark.contestant import Contestant
 from twin_gait.studies.benchmark.subjects import Case

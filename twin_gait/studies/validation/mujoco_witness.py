@@ -27,7 +27,7 @@ from twin_gait.leg_model.wearer import (
 )
 from twin_gait.parameters import FrictionParameters, Patient
 from twin_gait.scenario.world import World
-from twin_gait.simulation.pinocchio_plant import PinocchioPlant
+from twin_gait.simulation.pinocchio.plant import PinocchioPlant
 from twin_gait.vocabulary import JointName
 
 Item = TypeVar("Item")

@@ -15,7 +15,7 @@ from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.measures.energy import energy_balance
 from twin_gait.simulation import RunStatus, simulate
 from twin_gait.simulation.columns import WORK_SOURCES
-from twin_gait.simulation.pinocchio_engine import PinocchioEngine
+from twin_gait.simulation.pinocchio.engine import PinocchioEngine
 from twin_gait.simulation.problem import build_problem
 from twin_gait.studies.validation.check import CheckPlan, Finding
 from twin_gait.studies.validation.mujoco_witness import MujocoPlant

@@ -11,7 +11,6 @@ from twin_gait.control import (
     ControllerFunction,
     JointMeasurement,
     JointSetpoint,
-    SafetyState,
 )
 from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
 from twin_gait.core.belt import belt_speed, walk_command
@@ -21,7 +20,6 @@ from twin_gait.core.control_tick import (
     controller_torques,
     drive_motor,
     leg_signals,
-    measure_joints,
 )
 from twin_gait.core.estimation import first_order_step
 from twin_gait.core.faults import (
@@ -30,40 +28,16 @@ from twin_gait.core.faults import (
     NO_FAULT,
     dipped_bus_voltage,
     drive_fault,
-    faulty_angle,
-    faulty_load,
     runaway_torque,
     supply_drop,
 )
-from twin_gait.core.plant import FRICTION, SPRING, STOP
 from twin_gait.core.safety import (
-    COMMAND_TRIP,
-    COMMANDED,
-    CURRENT_DEVIATION,
-    DRIVE_STREAK,
-    DRIVE_TICKS,
-    EMF_CONSTANT,
-    FROZEN_SPEED,
-    HIGHEST_COMMAND,
-    LOAD_TRIP,
-    MEMORY_COUNT,
-    MODEL_RESISTANCE,
-    MOTOR_CURRENT,
-    MOTOR_SPEED,
-    NO_TRIP,
-    OVERSTAY_TRIP,
-    STREAK_COUNT,
-    SUPPLY_TRIP,
-    command_is_plausible,
     hold_torque,
-    motor_speed,
     support_share,
-    watch_joint,
 )
 from twin_gait.experiment import ControlMode
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.columns import BRACE_COLUMNS, PELVIS_BRACE_COLUMNS
 from twin_gait.simulation.engine import (
     DIVERGED_VELOCITY,
     EngineResult,
@@ -72,20 +46,19 @@ from twin_gait.simulation.engine import (
     log_layout,
     stopped_reason,
 )
-from twin_gait.simulation.pinocchio_path import PathOfLegs
-from twin_gait.simulation.pinocchio_plant import PinocchioPlant
-from twin_gait.simulation.pinocchio_wearer import WearerOfJoints
+from twin_gait.simulation.pinocchio.monitor import MonitorOfLegs
+from twin_gait.simulation.pinocchio.path import PathOfLegs
+from twin_gait.simulation.pinocchio.plant import PinocchioPlant
+from twin_gait.simulation.pinocchio.record import RowOfTick
+from twin_gait.simulation.pinocchio.sensors import SensorsOfLegs
+from twin_gait.simulation.pinocchio.wearer import WearerOfJoints
 from twin_gait.simulation.problem import ActuatedJoint, Problem
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.watching import (
     fault_arrays,
-    overstay_ticks,
-    start_angles,
     ticks,
     trip_of,
-    watch_bounds,
 )
-from twin_gait.vocabulary import JointName
 
 PROGRESS_TICKS = 100
 
@@ -115,16 +88,10 @@ class PinocchioEngine:
             )
             for side in problem.sides
         }
-        n_joints, n_legs = len(problem.joints), len(problem.sides)
-        window = experiment.sensors.window
-        self._measured = np.zeros((n_joints, 3))
-        self._measured[:, 0] = start_angles(problem)
-        self._readings = start_angles(problem)
-        self._last_angle = np.zeros(n_joints)
-        self._decimated_angle = np.zeros(n_joints)
-        self._ring = np.zeros((window, n_joints))
-        self._acceleration_estimate = np.zeros(n_joints)
-        self._last_fast = np.zeros(n_joints)
+        self._faults = fault_arrays(problem)
+        self._sensors = SensorsOfLegs(problem, self._faults)
+        self._monitor = MonitorOfLegs(problem, self._sensors)
+        self._acceleration_estimate = np.zeros(len(problem.joints))
         self._blend_start = np.array(
             [
                 problem.phase_rows[leg, machine.phase_index]
@@ -134,25 +101,13 @@ class PinocchioEngine:
         self._blended = self._blend_start.copy()
         self._signals = problem.first_signals()
         self._last_rest = 0
-        self._foot_load = np.zeros(n_legs)
-        self._last_load = np.zeros(n_legs)
         self._bus_voltage = experiment.plant.battery.voltage
         self._index = np.array([joint.coordinate for joint in problem.joints])
         self._control_index = np.array([joint.control_coordinate for joint in problem.joints])
-        self._faults = fault_arrays(problem)
-        self._bounds = watch_bounds(problem)
-        self._bound_rows = self._bounds.tolist()  # Python numbers are faster one by one
-        self._overstay_ticks = overstay_ticks(problem)
-        self._memory = np.zeros((n_joints, MEMORY_COUNT))
-        self._streaks = np.zeros((n_joints, STREAK_COUNT), dtype=np.int64)
-        self._load_streaks = [0] * n_legs
-        self._low_voltage_streak = 0
-        self._drive_off = [False] * n_joints
-        self._hold_angle = np.zeros(n_joints)
-        self._trip: tuple[int, int, int] | None = None
         self._path = PathOfLegs(problem)
         self._wearer = WearerOfJoints(problem)
         self.layout = log_layout(problem)
+        self._row = RowOfTick(problem, self.layout, self.plant)
         self.switches: list[PhaseSwitch] = []
 
     def run(
@@ -186,7 +141,8 @@ class PinocchioEngine:
         return self._result(rows, RunStatus.COMPLETED, "")
 
     def _result(self, rows: np.ndarray, status: RunStatus, reason: str) -> EngineResult:
-        trip = None if self._trip is None else trip_of(self.problem, *self._trip)
+        noted = self._monitor.trip
+        trip = None if noted is None else trip_of(self.problem, *noted)
         return EngineResult(rows, tuple(self.switches), status, reason, trip)
 
     def _ending(self, tick: int) -> tuple[RunStatus, str] | None:
@@ -207,22 +163,25 @@ class PinocchioEngine:
         self.plant.time = tick * TICK
         self._command(tick)
         self.plant.look()
-        self._measure(tick)
+        self._sensors.measure(tick, self.plant)
         if self.problem.experiment.control.safety.enabled:
-            self._watch(tick)
-        if self._trip is None:
+            entries = [machine.entry_tick for machine in self.machines.values()]
+            stays = [tick - max(entry, self._last_rest) for entry in entries]
+            self._monitor.watch(tick, stays, bool(self.plant.feet), self._bus_voltage)
+        if self._monitor.trip is None:
             self._decide(tick)
             if self.problem.experiment.control.mode is ControlMode.POSITION:
                 self._path.follow(tick, self._blended)
             if self.problem.experiment.control.assistance.adaptive:
-                self._path.judge(tick, list(self.machines.values()), self._measured)
+                self._path.judge(tick, list(self.machines.values()), self._sensors.measured)
         feed_forward = self._feed_forward()
         battery_power = 0.0
         for number, joint in enumerate(self.problem.joints):
             battery_power += self._control(tick, number, joint, feed_forward, row)
         phases = [machine.phase_index for machine in self.machines.values()]
         self._wearer.act(tick, self.plant, phases)
-        self._record(row, battery_power)
+        self._row.write(row, phases)
+        self._row.write_surroundings(row, self._bus_voltage, battery_power, self._monitor.trip)
         self._supply(tick, battery_power)
         self._integrate()
 
@@ -247,88 +206,9 @@ class PinocchioEngine:
         )
         drop = supply_drop(tick, self._faults.faults, self._faults.magnitudes)
         if drop > 0.0:
-            back_emf = self._bounds[:, EMF_CONSTANT] * np.abs(self.plant.v[self._index])
+            back_emf = self._monitor.emf_constants * np.abs(self.plant.v[self._index])
             voltage = dipped_bus_voltage(voltage, drop, float(back_emf.max()))
         self._bus_voltage = voltage
-
-    def _measure(self, tick: int) -> None:
-        problem = self.problem
-        noise = problem.noise[tick if len(problem.noise) > 1 else 0]
-        self._read(tick, self.plant.q[self._index] + noise)
-        self._last_angle[:] = self._measured[:, 0]
-        self._last_fast[:] = self._measured[:, 1]
-        measure_joints(
-            tick,
-            self._readings,
-            problem.resolution,
-            TICK,
-            problem.fast_gain,
-            problem.experiment.sensors.decimation,
-            self._measured,
-            self._decimated_angle,
-            self._ring,
-        )
-        if self.plant.feet:
-            self._last_load[:] = self._foot_load
-            for leg, side in enumerate(problem.sides):
-                load = self.plant.normal_force[side] / problem.world.body_weight
-                self._foot_load[leg] = faulty_load(leg, tick, self._faults.faults, load, self._last_load[leg])
-
-    def _read(self, tick: int, healthy: np.ndarray) -> None:
-        """What the encoders read, noise and faults included, before they quantise."""
-        if tick < self._faults.first_tick:
-            self._readings[:] = healthy
-            return
-        for number in range(len(healthy)):
-            self._readings[number] = faulty_angle(
-                number,
-                tick,
-                TICK,
-                self._faults.faults,
-                self._faults.magnitudes,
-                float(healthy[number]),
-                float(self._readings[number]),
-            )
-
-    def _watch(self, tick: int) -> None:
-        """Let the safety monitor look at measurements, phases and the drives' last tick."""
-        problem, joints = self.problem, len(self.problem.joints)
-        for number in range(joints):
-            cause = watch_joint(
-                number, TICK, self._bounds, self._measured, self._last_angle, self._memory, self._streaks
-            )
-            if cause != NO_TRIP:
-                self._note_trip(tick, cause, number)
-                if self._streaks[number, DRIVE_STREAK] >= self._bounds[number, DRIVE_TICKS]:
-                    self._drive_off[number] = True
-        for leg, machine in enumerate(self.machines.values()):
-            if tick - max(machine.entry_tick, self._last_rest) > self._overstay_ticks:
-                self._note_trip(tick, OVERSTAY_TRIP, joints + leg)
-        if self.plant.feet:
-            self._watch_feet(tick)
-        settings = problem.experiment.control.safety
-        least = settings.least_voltage_share * problem.experiment.plant.battery.voltage
-        self._low_voltage_streak = self._low_voltage_streak + 1 if self._bus_voltage < least else 0
-        if self._low_voltage_streak >= ticks(settings.voltage_time):
-            self._note_trip(tick, SUPPLY_TRIP, -1)
-
-    def _watch_feet(self, tick: int) -> None:
-        """Trip if the load of a foot stands still while the hip above it turns."""
-        longest = ticks(self.problem.experiment.control.safety.frozen_load_time)
-        for leg, load in enumerate(self._foot_load):
-            hip = leg * self.problem.joints_per_leg
-            still = load == self._last_load[leg] and load > 0.0
-            turning = abs(self._memory[hip, MOTOR_SPEED]) > self._bounds[hip, FROZEN_SPEED]
-            self._load_streaks[leg] = self._load_streaks[leg] + 1 if still and turning else 0
-            if self._load_streaks[leg] >= longest:
-                self._note_trip(tick, LOAD_TRIP, len(self.problem.joints) + leg)
-
-    def _note_trip(self, tick: int, cause: int, place: int) -> None:
-        """Go to the safe hold; the first cause is kept."""
-        if self._trip is None:
-            self._trip = (tick, cause, place)
-            # The angles of this tick may be what the monitor tripped on.
-            self._hold_angle[:] = self._last_angle
 
     def _decide(self, tick: int) -> None:
         """Advance both legs on one snapshot, then blend their parameters."""
@@ -363,8 +243,8 @@ class PinocchioEngine:
         leg_signals(
             leg,
             self.problem.joints_per_leg,
-            self._measured,
-            self._foot_load,
+            self._sensors.measured,
+            self._sensors.foot_load,
             ticks,
             TICK,
             self._signals,
@@ -376,14 +256,14 @@ class PinocchioEngine:
         problem = self.problem
         result = np.zeros((len(problem.joints), 2))
         inertia_gain = problem.experiment.control.inertia_compensation
-        holding = self._trip is not None
+        holding = self._monitor.trip is not None
         if not holding and not self._blended[:, -1].any() and inertia_gain == 0.0:
             return result
         q = np.zeros(problem.control_model.nv)
-        q[self._control_index] = self._hold_angle if holding else self._measured[:, 0]
+        q[self._control_index] = self._monitor.hold_angle if holding else self._sensors.measured[:, 0]
         result[:, 0] = problem.control_model.gravity_torque(q)[self._control_index]
         if inertia_gain > 0.0 and not holding:
-            rate = (self._measured[:, 1] - self._last_fast) / TICK
+            rate = (self._sensors.measured[:, 1] - self._sensors.last_fast) / TICK
             for number in range(len(rate)):
                 self._acceleration_estimate[number] = first_order_step(
                     self._acceleration_estimate[number], rate[number], problem.fast_gain
@@ -398,21 +278,20 @@ class PinocchioEngine:
     ) -> float:
         """Torque of one motor for this tick; returns its electrical power in [W]."""
         problem = self.problem
-        measurement = JointMeasurement(*self._measured[number].tolist())
+        measurement = JointMeasurement(*self._sensors.measured[number].tolist())
         support, setpoint, parts = 0.0, self._setpoint(number), (0.0,) * 5
-        if self._trip is not None:
-            lowering = ticks(problem.experiment.control.safety.lowering_time)
-            support = support_share(tick - self._trip[0], lowering)
+        safety, monitor = problem.experiment.control.safety, self._monitor
+        if monitor.trip is not None:
+            support = support_share(tick - monitor.trip[0], ticks(safety.lowering_time))
         else:
             parts = self._walking_torques(tick, number, joint, measurement, setpoint, feed_forward)
-            watching = problem.experiment.control.safety.enabled
-            if watching and not command_is_plausible(sum(parts), self._bound_rows[number][HIGHEST_COMMAND]):
-                self._note_trip(tick, COMMAND_TRIP, number)
-        if self._trip is not None:
-            damping = problem.experiment.control.safety.hold_damping
-            setpoint = JointSetpoint(0.0, damping, float(self._hold_angle[number]), 0.0)
+            if safety.enabled:
+                monitor.judge_command(tick, number, sum(parts))
+        if monitor.trip is not None:
+            setpoint = JointSetpoint(0.0, safety.hold_damping, float(monitor.hold_angle[number]), 0.0)
             gravity = support * feed_forward[number, 0] if support != 0.0 else 0.0
-            parts = (hold_torque(self._memory[number, MOTOR_SPEED], damping), 0.0, gravity, 0.0, 0.0)
+            held = hold_torque(monitor.motor_speed(number), safety.hold_damping)
+            parts = (held, 0.0, gravity, 0.0, 0.0)
         impedance, friction, gravity, inertia, target = parts
         command = impedance + friction + gravity + inertia + target
         actuator = problem.actuator(joint)
@@ -477,18 +356,12 @@ class PinocchioEngine:
         expected = current
         struck = tick >= self._faults.first_tick
         fault = drive_fault(number, tick, self._faults.faults) if struck else NO_FAULT
-        if self._drive_off[number]:
+        if self._monitor.drive_off[number]:
             target_current = expected = current = torque = 0.0
         elif fault != NO_FAULT:
             stuck = self._faults.faults[fault, KIND] == MOTOR_STUCK
             _, current, torque = drive_motor(float(self._faults.magnitudes[fault]) if stuck else 0.0, *rest)
-        bounds = self._bound_rows[number]
-        speed = motor_speed(
-            current, velocity, actuator.resistance, bounds[EMF_CONSTANT], bounds[MODEL_RESISTANCE]
-        )
-        memory = self._memory[number]
-        memory[COMMANDED], memory[MOTOR_CURRENT] = command, current
-        memory[CURRENT_DEVIATION], memory[MOTOR_SPEED] = current - expected, speed
+        self._monitor.remember(number, command, current, expected, velocity, actuator.resistance)
         return target_current, current, torque
 
     def _integrate(self) -> None:
@@ -497,73 +370,3 @@ class PinocchioEngine:
         for substep in range(integration.substeps):
             self.plant.time = start + substep * integration.step
             self.plant.step(integration.step, integration.method)
-
-    # ------------------------------------------------------------------ recording
-
-    def _record(self, row: np.ndarray, battery_power: float) -> None:
-        """Write everything that is not a controller's, at the state before integration."""
-        plant, world, layout = self.plant, self.problem.world, self.layout
-        plant.evaluate()
-        for leg, machine in enumerate(self.machines.values()):
-            row[leg] = machine.phase_index
-        for joint in self.problem.joints:
-            name = f"{joint.side}_{joint.joint}"
-            first = layout.first(f"{name}_angle_rad")
-            row[first : first + 2] = plant.q[joint.coordinate], plant.v[joint.coordinate]
-            first = layout.first(f"{name}_friction_torque_Nm")
-            held = world.hand is not None and world.hand.index == joint.coordinate
-            row[first : first + 3] = (
-                plant.passive[joint.coordinate, FRICTION],
-                plant.passive[joint.coordinate, STOP],
-                (plant.hand if held else 0.0) + plant.wearer[joint.coordinate + world.wearer_shift],
-            )
-        for side in layout.ankles:
-            index = world.model.index(side, JointName.ANKLE)
-            first = layout.first(f"{side}_ankle_angle_rad")
-            row[first : first + 3] = plant.q[index], plant.v[index], plant.passive[index, SPRING]
-        self._record_surroundings(row, battery_power)
-
-    def _record_surroundings(self, row: np.ndarray, battery_power: float) -> None:
-        plant, world, layout = self.plant, self.problem.world, self.layout
-        for side in layout.feet:
-            first = layout.first(f"{side}_foot_normal_force_N")
-            row[first : first + 3] = (
-                plant.normal_force[side],
-                plant.friction_force[side],
-                plant.clearance[side],
-            )
-        pelvis = world.model.pelvis_index
-        if pelvis is not None:
-            first = layout.first("pelvis_height_m")
-            row[first : first + 5] = (
-                plant.q[pelvis],
-                plant.v[pelvis],
-                plant.passive[pelvis + world.wearer_shift, SPRING],
-                *plant.guide_wrench(),
-            )
-        first = layout.first("bus_voltage_V")
-        row[first : first + 4] = (
-            self._bus_voltage,
-            battery_power,
-            *plant.energy(),
-        )
-        row[first + 4 : first + 4 + len(plant.works)] = plant.works
-        if self._trip is not None:
-            row[layout.first("safety_state")] = SafetyState.HOLD.code
-            row[layout.first("trip_cause")] = self._trip[1]
-        if world.braces is not None:
-            self._record_braces(row)
-
-    def _record_braces(self, row: np.ndarray) -> None:
-        """Write the wearer's own motion and what the device does on him."""
-        model, layout = self.problem.world.model, self.layout
-        for side, leg in model.legs.items():
-            for joint, _ in leg.items():
-                first = layout.first(f"{side}_{joint}_{BRACE_COLUMNS[0]}")
-                self._record_brace(row, first, model.index(side, joint))
-        if model.pelvis_index is not None:
-            self._record_brace(row, layout.first(PELVIS_BRACE_COLUMNS[0]), model.pelvis_index)
-
-    def _record_brace(self, row: np.ndarray, first: int, index: int) -> None:
-        plant, shift = self.plant, self.problem.world.wearer_shift
-        row[first : first + 3] = plant.q[index + shift], plant.v[index + shift], plant.brace[index]

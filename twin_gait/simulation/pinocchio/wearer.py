@@ -17,7 +17,7 @@ from twin_gait.core.wearer import (
     posture_place,
     spastic_torque,
 )
-from twin_gait.simulation.pinocchio_plant import PinocchioPlant
+from twin_gait.simulation.pinocchio.plant import PinocchioPlant
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.wearing import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.vocabulary import JointName
