@@ -92,7 +92,8 @@ CMA-ES looked for the exponents with which {people} people (seed {seed}) walk be
 
 Fitted is how people walk with the law, not the numbers of tables tuned one by one: these keep what a search
 had no need to change. The tables state round numbers on the flat bottom that the searches come to. Seed
-{test_seed} had no part in choosing them. {worth}
+{test_seed} had no part in choosing them.
+{worth}
 With larger exponents of `treadmill` (−0.4 and 0.6) the costs are the same, but a heavy and short wearer does
 not come to stand on both feet again on [the standing table](stand.md), which extends this one.
 
@@ -195,7 +196,7 @@ def cohort_text(
         walk=WALK,
         supports=f"{SUPPORTS[0]:.0%} to {SUPPORTS[1]:.0%}",
         speeds=f"{FIT_SPEEDS[0]:.2f} to {FIT_SPEEDS[1]:.2f} m/s",
-        worth=" ".join(_worth(fits, name) for name in START_TABLES),
+        worth="\n".join(_worth(fits, name) for name in START_TABLES),
         fits=_markdown(heads, ([str(value) for value in row] for row in fits.itertuples(index=False))),
         masses=f"{min(masses):.0f} to {max(masses):.0f} kg (the device carries {HEAVIEST_WEARER:g})",
         heights=f"{min(heights):.2f} to {max(heights):.2f} m",
