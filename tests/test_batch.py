@@ -262,7 +262,7 @@ def test_the_first_episode_compiles_here_for_all(noisy, monkeypatch):
 
 def test_a_map_tells_of_every_case_what_its_run_alone_does(walk):
     walk = replace(walk, duration=9.0)
-    cases = [Case(75.0, 1.80, 0.38, 0.6), Case(55.0, 1.60, 0.30, 0.1)]
+    cases = [Case(75.0, 1.80, 0.38, 0.6), Case(95.0, 1.60, 0.30, 0.1)]
     table = map_outcomes(walk, cases, workers=1)
     for case, (_, row) in zip(cases, table.iterrows(), strict=True):
         run = simulate(experiment_of(walk, case))

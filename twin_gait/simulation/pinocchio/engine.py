@@ -107,7 +107,7 @@ class PinocchioEngine:
         self._path = PathOfLegs(problem)
         self._wearer = WearerOfJoints(problem)
         self.layout = log_layout(problem)
-        self._row = RowOfTick(problem, self.layout, self.plant)
+        self._row = RowOfTick(problem, self.layout)
         self.switches: list[PhaseSwitch] = []
 
     def run(
@@ -180,8 +180,9 @@ class PinocchioEngine:
             battery_power += self._control(tick, number, joint, feed_forward, row)
         phases = [machine.phase_index for machine in self.machines.values()]
         self._wearer.act(tick, self.plant, phases)
-        self._row.write(row, phases)
-        self._row.write_surroundings(row, self._bus_voltage, battery_power, self._monitor.trip)
+        self._row.write(row, self.plant, phases)
+        trip = self._monitor.trip
+        self._row.write_surroundings(row, self.plant, self._bus_voltage, battery_power, trip)
         self._supply(tick, battery_power)
         self._integrate()
 
@@ -290,7 +291,7 @@ class PinocchioEngine:
         if monitor.trip is not None:
             setpoint = JointSetpoint(0.0, safety.hold_damping, float(monitor.hold_angle[number]), 0.0)
             gravity = support * feed_forward[number, 0] if support != 0.0 else 0.0
-            held = hold_torque(monitor.motor_speed(number), safety.hold_damping)
+            held = hold_torque(monitor.speed_of(number), safety.hold_damping)
             parts = (held, 0.0, gravity, 0.0, 0.0)
         impedance, friction, gravity, inertia, target = parts
         command = impedance + friction + gravity + inertia + target

@@ -123,7 +123,7 @@ class MonitorOfLegs:
         if not command_is_plausible(command, self._bound_rows[number][HIGHEST_COMMAND]):
             self._note(tick, COMMAND_TRIP, number)
 
-    def motor_speed(self, number: int) -> float:
+    def speed_of(self, number: int) -> float:
         """Speed of a joint in [rad] / [s] by its motor's back-EMF in the tick before."""
         return float(self._memory[number, MOTOR_SPEED])
 

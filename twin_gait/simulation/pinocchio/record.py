@@ -17,24 +17,24 @@ from twin_gait.vocabulary import JointName
 class RowOfTick:
     """Writes rows of the log."""
 
-    def __init__(self, problem: Problem, layout: LogLayout, plant: PinocchioPlant) -> None:
+    def __init__(self, problem: Problem, layout: LogLayout) -> None:
         """Know where everything goes.
 
         Args:
             problem: The experiment as arrays.
             layout: Columns of the log.
-            plant: Whose state is written.
         """
-        self.problem, self.layout, self.plant = problem, layout, plant
+        self.problem, self.layout = problem, layout
 
-    def write(self, row: np.ndarray, phases: Sequence[int]) -> None:
+    def write(self, row: np.ndarray, plant: PinocchioPlant, phases: Sequence[int]) -> None:
         """Write phases and joints, at the state before integration.
 
         Args:
             row: Of the log; changed in place.
+            plant: Whose state is written; its torques are brought up to date.
             phases: Of the legs.
         """
-        plant, world, layout = self.plant, self.problem.world, self.layout
+        world, layout = self.problem.world, self.layout
         plant.evaluate()
         row[: len(phases)] = phases
         for joint in self.problem.joints:
@@ -56,6 +56,7 @@ class RowOfTick:
     def write_surroundings(
         self,
         row: np.ndarray,
+        plant: PinocchioPlant,
         bus_voltage: float,
         battery_power: float,
         trip: tuple[int, int, int] | None,
@@ -64,11 +65,12 @@ class RowOfTick:
 
         Args:
             row: Of the log; changed in place.
+            plant: Whose state is written.
             bus_voltage: In [V].
             battery_power: In [W].
             trip: Tick, cause and place, or None.
         """
-        plant, world, layout = self.plant, self.problem.world, self.layout
+        world, layout = self.problem.world, self.layout
         for side in layout.feet:
             first = layout.first(f"{side}_foot_normal_force_N")
             row[first : first + 3] = (
@@ -96,18 +98,19 @@ class RowOfTick:
             row[layout.first("safety_state")] = SafetyState.HOLD.code
             row[layout.first("trip_cause")] = trip[1]
         if world.braces is not None:
-            self._record_braces(row)
+            self._write_braces(row, plant)
 
-    def _record_braces(self, row: np.ndarray) -> None:
+    def _write_braces(self, row: np.ndarray, plant: PinocchioPlant) -> None:
         """Write the wearer's own motion and what the device does on him."""
         model, layout = self.problem.world.model, self.layout
         for side, leg in model.legs.items():
             for joint, _ in leg.items():
                 first = layout.first(f"{side}_{joint}_{BRACE_COLUMNS[0]}")
-                self._record_brace(row, first, model.index(side, joint))
+                self._write_brace(row, plant, first, model.index(side, joint))
         if model.pelvis_index is not None:
-            self._record_brace(row, layout.first(PELVIS_BRACE_COLUMNS[0]), model.pelvis_index)
+            first = layout.first(PELVIS_BRACE_COLUMNS[0])
+            self._write_brace(row, plant, first, model.pelvis_index)
 
-    def _record_brace(self, row: np.ndarray, first: int, index: int) -> None:
-        plant, shift = self.plant, self.problem.world.wearer_shift
+    def _write_brace(self, row: np.ndarray, plant: PinocchioPlant, first: int, index: int) -> None:
+        shift = self.problem.world.wearer_shift
         row[first : first + 3] = plant.q[index + shift], plant.v[index + shift], plant.brace[index]
