@@ -23,7 +23,7 @@ import pandas as pd
 import pinocchio as pin
 import pytest
 import umsgpack
-from tornado.websocket import websocket_connect
+from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 import twin_gait.viewer
 from twin_gait.exceptions import RunDirectoryError, ViewerError
@@ -567,10 +567,22 @@ def messages_to_a_new_page(viewer: LiveViewer) -> list[dict]:
         while True:
             messages.append(umsgpack.unpackb(await asyncio.wait_for(connection.read_message(), 5)))
             if messages[-1]["type"] == "sample":
-                connection.close()
+                await closed(connection)
                 return messages
 
     return asyncio.run(listen())
+
+
+async def closed(connection: WebSocketClientConnection) -> None:
+    """Close it, and wait until its socket is; else the collector finds it in the middle of another test."""
+    assert connection.protocol is not None
+    stream = connection.protocol.stream
+    connection.close()
+    for _ in range(1000):
+        if stream.closed():
+            return
+        await asyncio.sleep(0.005)
+    raise AssertionError("the server does not close the socket")
 
 
 def test_live_page_gets_the_last_posture_once(viewer: LiveViewer, worn_twin: LegModel) -> None:
