@@ -141,6 +141,12 @@ def test_rows_that_a_kill_left_in_table_and_parts_count_once(swept, tmp_path):
     assert_same(run_sweep(sweep, out, pictures=False).table, read_table(swept[1]))
 
 
+def test_every_source_of_a_row_is_there() -> None:
+    """A pattern that finds nothing any more would leave an edit unnoticed."""
+    root = Path(sweep_spec.twin_gait.__file__).parent
+    assert [pattern for pattern in sweep_spec.SOURCES if not list(root.glob(pattern))] == []
+
+
 def test_another_sweep_or_other_sources_are_refused(swept, tmp_path, monkeypatch):
     spec, out = swept
     with pytest.raises(RunDirectoryError, match="holds another sweep; choose another --out"):

@@ -160,7 +160,7 @@ def _impedance(joint: JointImpedance) -> tuple[str, ...]:
 
 def _laws(blending: Blending, scaling: Scaling) -> list[str]:
     lines = [f"Blending at a switch: {blending.law}, {blending.duration_ticks} ms."]
-    if scaling.carried_mass is not None and scaling.carried_mass_exponent != 0.0:
+    if scaling.carried_mass is not None:
         phases = ", ".join(_text(name) for name in scaling.stance_phases) or "no phase"
         exponent = scaling.carried_mass_exponent
         power = "" if exponent == 1.0 else f", exponent {number(exponent)}"
@@ -170,7 +170,7 @@ def _laws(blending: Blending, scaling: Scaling) -> list[str]:
         (scaling.speed, "at {} m/s", scaling.speed_exponent),
         (scaling.height, "for {} m of height", scaling.height_exponent),
     ):
-        if reference is not None and exponent != 0.0:
+        if reference is not None:
             place = unit.format(number(reference))
             lines.append(f"Hip angles about {centre}° as {place}, exponent {number(exponent)}.")
     return [*lines[:-1], f"{lines[-1]}\n"]

@@ -4,7 +4,8 @@ The rooms of the loop are plain Python over :mod:`twin_gait.core`: :mod:`.sensin
 :mod:`.winding` and :mod:`.mechanics`, which :mod:`.tick` puts in order. :mod:`.loop` compiles the same text.
 """
 
-from twin_gait.simulation.bench_joint.layout import TICK, BenchVariation
+from twin_gait.gait.table import TICK
+from twin_gait.simulation.bench_joint.layout import BenchVariation
 from twin_gait.simulation.bench_joint.loop import loop_text
 from twin_gait.simulation.bench_joint.running import LOG_COLUMNS, BenchRun, simulate_bench
 

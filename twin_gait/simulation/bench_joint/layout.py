@@ -9,6 +9,7 @@ import numpy as np
 
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.motor_drive import current_loop_gains
+from twin_gait.gait.table import TICK
 from twin_gait.parameters import require
 from twin_gait.scenario.bench_joint import (
     HORIZONTAL,
@@ -23,8 +24,6 @@ from twin_gait.scenario.bench_joint import (
 )
 from twin_gait.simulation.bench_joint import arrays as at
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
-
-TICK = 1e-3  # [s], the firmware's
 
 
 @dataclass(frozen=True, eq=False)

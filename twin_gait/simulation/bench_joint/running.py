@@ -10,9 +10,10 @@ import pandas as pd
 
 from twin_gait.core.control_tick import controller_torques
 from twin_gait.exceptions import ParameterError
+from twin_gait.gait.table import TICK
 from twin_gait.scenario.bench_joint import BenchJoint, TorqueControl
 from twin_gait.simulation.bench_joint.arrays import COLUMNS, DIVERGED
-from twin_gait.simulation.bench_joint.layout import TICK, BenchVariation, bench_arrays
+from twin_gait.simulation.bench_joint.layout import BenchVariation, bench_arrays
 from twin_gait.simulation.bench_joint.loop import compiled_loop, plain_loop
 from twin_gait.simulation.run import RunStatus
 

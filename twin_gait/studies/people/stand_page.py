@@ -24,12 +24,12 @@ from twin_gait.vocabulary import STAND
 PRESET, PAGE = "treadmill_stand", "stand.md"
 BEGIN, END = "<!-- trials: begin -->\n", "<!-- trials: end -->\n"
 WALKING = 7.0  # [s] between the two commands, at least
-STRIDE = 2.08  # [s] of the steady walk
+STRIDE = 2.08  # [s], about that of the default walk: the moments are spread over it, no more hangs on it
 STANDING = 4.0  # [s] that a wearer has to come to rest
 LEAST_FORCE = 50.0  # [N] under either foot
 MANY, FEW = 10, 5  # moments of the stride
 
-STANDS, FALLS, OTHERWISE = "stands", "falls or trips", "is not on both feet"
+STANDS, FALLS, OTHERWISE = "stand", "fall or trip", "not on both feet"
 
 
 class Row(NamedTuple):
