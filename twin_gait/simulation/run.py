@@ -12,6 +12,7 @@ from twin_gait.control import Trip
 from twin_gait.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.measures.events import RunEvent, run_events
 from twin_gait.simulation.columns import LogLayout
 from twin_gait.vocabulary import Side
 
@@ -60,6 +61,12 @@ class Run:
     def sides(self) -> tuple[Side, ...]:
         """Legs in the log."""
         return tuple(self.experiment.leg.legs)
+
+    @property
+    def events(self) -> tuple[RunEvent, ...]:
+        """Faults that struck, trip, fall and divergence in the order of time."""
+        end = (len(self.log) - 1) * TICK
+        return run_events(self.experiment.faults, self.trip, self.status, end)
 
 
 def log_table(rows: np.ndarray, layout: LogLayout, table: GaitTable) -> pd.DataFrame:
