@@ -110,13 +110,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 def report(result: Run, summary: dict[str, Any], out: Path) -> None:
     """Print what came out, in a few lines."""
+    from twin_gait.simulation import RunStatus
+
     pace = summary["realtime_factor"]
-    print(f"{result.status}: {result.duration:g} s in {result.wall_s:.1f} s ({pace:.1f} x real time)")
-    if result.reason:
-        print(f"  {result.reason}")
-    if result.trip is not None:
-        trip = result.trip
-        print(f"  tripped at {trip.time:.3f} s: {trip.cause} ({trip.place}); held from there on")
+    ended = f"{result.status}, " if result.status is RunStatus.INTERRUPTED else ""
+    word = result.verdict.outcome or result.status
+    print(f"{ended}{word}: {result.duration:g} s in {result.wall_s:.1f} s ({pace:.1f} x real time)")
+    if result.verdict.reason:
+        print(f"  {result.verdict.reason}")
     for line in summary_lines(summary):
         print(f"  {line}")
     print(f"  {out}")
@@ -124,13 +125,18 @@ def report(result: Run, summary: dict[str, Any], out: Path) -> None:
 
 def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
     """The figures that a reader wants first."""
+    from twin_gait.measures.strides import stride_count
+
     for side, values in summary["sides"].items():
-        if not values.get("strides_counted"):
+        found, counted = values.get("strides"), values.get("strides_counted")
+        if found is None:
             continue
-        line = (
-            f"{side}: {values['strides']} strides of {values['stride_time_mean_s']:.2f} s, "
-            f"swing {values['swing_share'] * 100:.0f} %"
-        )
+        if not counted:
+            yield f"{side}: {stride_count(0, found)}"
+            continue
+        line = f"{side}: {stride_count(counted, found)} of {values['stride_time_mean_s']:.2f} s"
+        if values["swing_share"] is not None:
+            line = f"{line}, swing {values['swing_share'] * 100:.0f} %"
         hip, knee = values["rmse_hip_by_contact_deg"], values["rmse_knee_by_contact_deg"]
         if hip is not None:
             line = f"{line}, off the Koopman reference by {hip:.1f}° (hip) and {knee:.1f}° (knee) RMS"

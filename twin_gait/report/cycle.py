@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.phases import usual_phases
-from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error
+from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error, stride_count
 from twin_gait.palette import BLACK, REFERENCE_COLOUR
 from twin_gait.report.canvas import new_figure, phase_handles, put_legend, readable, shade_phases, style_panel
 from twin_gait.report.reference import reference_cycle
@@ -69,8 +69,7 @@ def _draw_joint(axes: Axes, run: Run, record: LegRecord, joint: JointName) -> li
         label="range over strides",
     )
     (mean,) = axes.plot(PERCENT, angles.mean(axis=0), color=BLACK, linewidth=1.8, label="mean over strides")
-    strides = f"{len(bounds)} stride" + ("s" if len(bounds) > 1 else "")
-    title = f"{record.side} {joint}, {strides}"
+    title = f"{record.side} {joint}, {stride_count(len(bounds), len(record.strides(skip=0)))}"
     reference = reference_cycle(run.experiment, joint)
     handles: list[Artist] = [mean, spread]
     if reference is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -12,12 +13,14 @@ from twin_gait.control import Trip
 from twin_gait.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.measures.leg_record import LegRecord, leg_record
+from twin_gait.measures.verdict import Verdict, gait_verdict
 from twin_gait.simulation.columns import LogLayout
-from twin_gait.vocabulary import Side
+from twin_gait.vocabulary import Outcome, Side
 
 
 class RunStatus(StrEnum):
-    """How a run ended."""
+    """How the integration ended; what came of the wearer is :attr:`Run.verdict`."""
 
     COMPLETED = "completed"
     FELL = "fell"
@@ -60,6 +63,30 @@ class Run:
     def sides(self) -> tuple[Side, ...]:
         """Legs in the log."""
         return tuple(self.experiment.leg.legs)
+
+    def leg_records(self) -> list[LegRecord]:
+        """What gait measures read of each leg, in the order of :attr:`sides`."""
+        names, steady = self.table.phase_names, self.experiment.steady
+        return [leg_record(self.log, side, names, TICK, steady=steady) for side in self.sides]
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """What came of the wearer, in one word and one line; see :mod:`twin_gait.measures.verdict`."""
+        if self.status is RunStatus.DIVERGED:
+            return Verdict(Outcome.DIVERGED, self.reason)
+        if self.status is RunStatus.FELL:
+            after = "" if self.trip is None else f", {self._held_text}"
+            return Verdict(Outcome.FELL, f"{self.reason}{after}")
+        if self.trip is not None:
+            return Verdict(Outcome.HELD, self._held_text)
+        if not self.table.transitions:
+            return Verdict(None, "no walk was asked for: the gait table has no transitions")
+        return gait_verdict(self.leg_records())
+
+    @property
+    def _held_text(self) -> str:
+        assert self.trip is not None
+        return f"held from {self.trip.time:.3f} s on: {self.trip.cause} ({self.trip.place})"
 
 
 def log_table(rows: np.ndarray, layout: LogLayout, table: GaitTable) -> pd.DataFrame:

@@ -26,17 +26,19 @@ from twin_gait.report.canvas import picture_bytes
 from twin_gait.scenario.faults import FaultKind
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.faults.audit import stated_reaction
-from twin_gait.studies.faults.faults import FaultCampaign, FaultOutcome, limit_lines, outcome_table
+from twin_gait.studies.faults.faults import FaultCampaign, limit_lines, outcome_table
+from twin_gait.vocabulary import Outcome
 
 EXAMPLE = "encoder_freeze:left_knee@4.2s"
 _SHOWN = (3.4, 6.4)  # [s]
 _TEXTS = ("side", "joint", "cause", "trip_place")
 _COLOURS = {
-    FaultOutcome.HOLD: BLUE,
-    FaultOutcome.HOLD_AND_FALL: SKY_BLUE,
-    FaultOutcome.GOES_ON: GREY,
-    FaultOutcome.FALL: ORANGE,
-    FaultOutcome.DIVERGED: VERMILLION,
+    Outcome.WALKED: GREY,
+    Outcome.HELD: BLUE,
+    Outcome.STALLED: SKY_BLUE,
+    Outcome.HUNG: BLACK,
+    Outcome.FELL: ORANGE,
+    Outcome.DIVERGED: VERMILLION,
 }
 _WORDS = {
     TripCause.ENCODER_MISSING: "the encoder gives no number",
@@ -75,11 +77,10 @@ magnitude on the default walk.
 
 {table}
 
-- **hold**: the run ended in the hold. **hold, pelvis sinks**: it did, and the wearer's pelvis sank below the
-  height that counts as a fall: a leg that is being lowered does not carry its wearer, the support does.
-- **goes on**: no trip to the end of the run. These are faults that are too small or too short for the
+- **held**: the run ended in the hold, without a fall.
+- **walked**: no trip to the end of the run. These are faults that are too small or too short for the
   bounds below, or that the gait does not feel, such as a load sensor stuck at zero.
-- **falls**: a fall without a trip.
+- **fell**: the pelvis sank below the height that counts as a fall, with a trip or without.
 - Detection is the time from the fault to the trip. A frozen encoder on a joint that stands still, or a dead
   motor that has nothing to do, is noticed when it matters.
 
