@@ -32,6 +32,12 @@ def add_parser(commands: Any) -> None:
         choices=MODELS,
         help=f"model whose names and signs a motion has ({DEFAULT_CONVENTION})",
     )
+    parser.add_argument(
+        "--of",
+        choices=["wearer", "device"],
+        default="wearer",
+        help="whose angles a motion has where braces let the two move apart (the wearer's)",
+    )
     parser.add_argument("--out", type=Path, metavar="FILE", help="file to write (RUN/log.FORMAT)")
     parser.add_argument("--force", action="store_true", help="replace an existing file")
     parser.set_defaults(run=run)
@@ -55,6 +61,6 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         unit = DEGREES if arguments.format == "mot" else RADIANS
         convention = find_convention(arguments.convention or DEFAULT_CONVENTION)
-        columns = export_motion(stored.log, path, convention, unit=unit)
+        columns = export_motion(stored.log, path, convention, unit=unit, device=arguments.of == "device")
     print(f"{len(stored.log)} rows, {len(columns)} columns: {path}")
     return DONE

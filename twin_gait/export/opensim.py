@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,13 @@ import pandas as pd
 from twin_gait.conventions import DEGREES, RADIANS, Convention
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
+from twin_gait.measures.leg_record import wearer_column
 from twin_gait.vocabulary import JointName, Side
 
 
-def export_motion(log: pd.DataFrame, path: Path, convention: Convention, *, unit: str = DEGREES) -> list[str]:
+def export_motion(
+    log: pd.DataFrame, path: Path, convention: Convention, *, unit: str = DEGREES, device: bool = False
+) -> list[str]:
     """Write the joint angles of a log as a motion of an OpenSim model.
 
     Hip and knee, and the ankle where the log has one, under the names and signs of the model. The pelvis is
@@ -23,6 +27,7 @@ def export_motion(log: pd.DataFrame, path: Path, convention: Convention, *, unit
         log: One row per tick, with ``time_s`` and true angles.
         path: The file; OpenSim reads .mot and .sto alike.
         convention: Names and signs of the model.
+        device: Whether the angles are the device's where braces let the wearer move against it.
         unit: ``deg``, which is usual in .mot files, or ``rad``; the header says which.
 
     Returns:
@@ -34,7 +39,7 @@ def export_motion(log: pd.DataFrame, path: Path, convention: Convention, *, unit
     """
     if unit not in (DEGREES, RADIANS):
         raise ParameterError(f"unit: expected {DEGREES} or {RADIANS}, got {unit!r}")
-    columns = _columns(log, convention, unit)
+    columns = _columns(log, convention, unit, () if device else log.columns)
     rows = np.column_stack(list(columns.values()))
     header = [
         path.stem,
@@ -50,15 +55,18 @@ def export_motion(log: pd.DataFrame, path: Path, convention: Convention, *, unit
     return list(columns)
 
 
-def _columns(log: pd.DataFrame, convention: Convention, unit: str) -> dict[str, np.ndarray]:
+def _columns(
+    log: pd.DataFrame, convention: Convention, unit: str, own: Container[str]
+) -> dict[str, np.ndarray]:
     if not convention.columns:
         raise ParameterError(f"convention: {convention.name} has no column names of its own")
     columns = {"time": log["time_s"].to_numpy(dtype=float)}
     for side in Side:
         for joint in JointName:
             name = convention.columns.get((side, joint))
-            if name is None or f"{side}_{joint}_angle_rad" not in log:
+            column = wearer_column(own, side, joint, "angle_rad")
+            if name is None or column not in log:
                 continue
-            angle = convention.from_house(joint, log[f"{side}_{joint}_angle_rad"].to_numpy(dtype=float))
+            angle = convention.from_house(joint, log[column].to_numpy(dtype=float))
             columns[name] = np.degrees(angle) if unit == DEGREES else angle
     return columns

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.phases import usual_phases
 from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error, stride_count
-from twin_gait.palette import BLACK, REFERENCE_COLOUR
+from twin_gait.palette import BLACK, ORANGE, REFERENCE_COLOUR
 from twin_gait.report.canvas import new_figure, phase_handles, put_legend, readable, shade_phases, style_panel
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.window import last_seconds, leg_records, shown_strides
@@ -105,10 +105,13 @@ def draw_angles(run: Run) -> Figure:
         for column, record in enumerate(records):
             axes, name = panels[row, column], f"{record.side}_{joint}"
             shade_phases(axes, window.time, record.phases[window.rows], run.table.phase_names)
-            for values, colour, style, label in (
+            shown = [
                 (record.angles[joint], BLACK, "-", "angle"),
                 (run.log[f"{name}_equilibrium_rad"].to_numpy(), REFERENCE_COLOUR, ":", "equilibrium angle"),
-            ):
+            ]
+            if run.experiment.interface is not None:
+                shown.append((run.log[f"{name}_angle_rad"].to_numpy(), ORANGE, "--", "angle of the device"))
+            for values, colour, style, label in shown:
                 lines += axes.plot(
                     window.time, np.degrees(values[window.rows]), color=colour, linestyle=style, label=label
                 )

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from twin_gait.measures.leg_record import LegRecord
+from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells
 from twin_gait.palette import phase_colour
 from twin_gait.report.canvas import new_figure, phase_handles, put_legend, style_panel
@@ -51,7 +51,9 @@ def _shown_rows(record: LegRecord) -> slice:
 def _draw_joint(axes: Axes, run: Run, record: LegRecord, joint: JointName) -> None:
     rows = _shown_rows(record)
     angle = np.degrees(record.angles[joint][rows])
-    velocity = np.degrees(run.log[f"{record.side}_{joint}_velocity_rad_per_s"].to_numpy()[rows])
+    velocity = np.degrees(
+        run.log[wearer_column(run.log, record.side, joint, "velocity_rad_per_s")].to_numpy()[rows]
+    )
     names = run.table.phase_names
     for spell in phase_spells(record.phases[rows]):
         colour = phase_colour(names[spell.phase], spell.phase)

@@ -87,22 +87,6 @@ def work_sources(columns: Container[str]) -> tuple[str, ...]:
     return BRACED_WORK_SOURCES if f"{BRACED_WORK_SOURCES[-1]}_work_J" in columns else WORK_SOURCES
 
 
-def wearer_column(columns: Container[str], side: Side, joint: JointName, quantity: str) -> str:
-    """Column of the wearer's own motion: where he is one body with the device, that of the joint.
-
-    Args:
-        columns: Of the log.
-        side: The leg.
-        joint: The joint.
-        quantity: ``angle_rad`` or ``velocity_rad_per_s``.
-
-    Returns:
-        Its name.
-    """
-    own = f"{side}_{joint}_wearer_{quantity}"
-    return own if own in columns else f"{side}_{joint}_{quantity}"
-
-
 def unit_of(column: str) -> str:
     """Unit of a log column, from the suffix of its name.
 

@@ -13,6 +13,7 @@ from twin_gait.control import Trip
 from twin_gait.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.measures.events import RunEvent, run_events
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.verdict import Verdict, gait_verdict
 from twin_gait.simulation.columns import LogLayout
@@ -87,6 +88,12 @@ class Run:
     def _held_text(self) -> str:
         assert self.trip is not None
         return f"held from {self.trip.time:.3f} s on: {self.trip.cause} ({self.trip.place})"
+
+    @property
+    def events(self) -> tuple[RunEvent, ...]:
+        """Faults that struck, trip, fall and divergence in the order of time."""
+        end = (len(self.log) - 1) * TICK
+        return run_events(self.experiment.faults, self.trip, self.status, end)
 
 
 def log_table(rows: np.ndarray, layout: LogLayout, table: GaitTable) -> pd.DataFrame:

@@ -7,6 +7,7 @@ import io
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,19 +17,24 @@ import pyarrow.parquet as pq
 
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.experiments import load_experiment, resolved_document
+from twin_gait.control import Trip, TripCause
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
 from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.measures.events import RunEvent, run_events
 from twin_gait.parameters import Patient
 from twin_gait.report.figures import write_figures
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, unit_of
-from twin_gait.simulation.run import Run
+from twin_gait.simulation.problem import scaled_table
+from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.studies.folders import FolderKind
 from twin_gait.studies.summary.summary import summarise, versions
 from twin_gait.viewer.animation import write_animation
 from twin_gait.viewer.surroundings import Belt
+from twin_gait.vocabulary import JointName, Side
 
 EXPERIMENT_FILE = "experiment.yaml"
 LOG_FILE = "log.parquet"
@@ -54,6 +60,47 @@ class StoredRun:
     experiment: Experiment
     log: pd.DataFrame
     summary: dict[str, Any]
+
+    @property
+    def trip(self) -> Trip | None:
+        """What the safety monitor tripped on, or None."""
+        safety = self.summary["safety"]
+        if not safety["tripped"]:
+            return None
+        side, _, joint = safety["place"].partition(" ")
+        return Trip(
+            round(safety["time_s"] / TICK),
+            TripCause(safety["cause"]),
+            Side(side) if joint else None,
+            JointName(joint) if joint in list(JointName) else None,
+        )
+
+    @property
+    def events(self) -> tuple[RunEvent, ...]:
+        """Faults that struck, trip, fall and divergence in the order of time."""
+        end = float(self.log["time_s"].iloc[-1]) if len(self.log) else 0.0
+        return run_events(self.experiment.faults, self.trip, self.summary["status"], end)
+
+    @cached_property
+    def run(self) -> Run:
+        """The run as :func:`twin_gait.simulate` gave it back.
+
+        Raises:
+            RunDirectoryError: If the switches cannot be read.
+        """
+        world = self.experiment.build_world()
+        table = scaled_table(self.experiment, world)
+        return Run(
+            experiment=self.experiment,
+            table=table,
+            log=self.log,
+            switches=_read_switches(self.directory / SWITCHES_FILE, table),
+            status=RunStatus(self.summary["status"]),
+            reason=self.summary["reason"],
+            wall_s=self.summary["wall_s"],
+            body_weight=world.body_weight,
+            trip=self.trip,
+        )
 
 
 def write_run(
@@ -138,6 +185,19 @@ def switches_csv(switches: tuple[PhaseSwitch, ...], log: pd.DataFrame) -> str:
         values = [repr(float(row[f"{switch.side}_{name}"])) for name in measured]
         writer.writerow([switch.tick, f"{switch.time:.3f}", *switch[1:5], *values])
     return buffer.getvalue()
+
+
+def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
+    places = {(item.source, item.target, item.cause): k for k, item in enumerate(table.transitions)}
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = [
+                (int(row["tick"]), Side(row["side"]), row["from"], row["to"], row["cause"])
+                for row in csv.DictReader(file)
+            ]
+        return tuple(PhaseSwitch(*row, places[row[2:]]) for row in rows)
+    except (OSError, ValueError, KeyError) as error:
+        raise RunDirectoryError(f"{path}: cannot be read ({error!r})") from error
 
 
 def write_run_animation(experiment: Experiment, log: pd.DataFrame, path: Path) -> None:

@@ -22,7 +22,7 @@ from twin_gait.measures.clearance import scuffs, swing_clearances
 from twin_gait.measures.effort import battery_life, load
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.gait_score import gait_profile_score, gait_variable_score
-from twin_gait.measures.leg_record import LegRecord, leg_record
+from twin_gait.measures.leg_record import LegRecord, leg_record, wearer_column
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.spatiotemporal import cadence, double_support_share, step_times, stride_lengths
 from twin_gait.measures.strides import (
@@ -132,7 +132,7 @@ def _shape(run: Run, leg: _Leg, joint: JointName) -> Numbers:
     angle, strides = leg.record.angles[joint], leg.strides
     extremes = np.degrees(stride_extremes(angle, strides))
     cycles = np.degrees(normalise_strides(angle, strides))
-    velocity = run.log[f"{leg.record.side}_{joint}_velocity_rad_per_s"].to_numpy()
+    velocity = run.log[wearer_column(run.log, leg.record.side, joint, "velocity_rad_per_s")].to_numpy()
     jerk = dimensionless_jerk(velocity, joint_jerk(velocity, TICK), strides, TICK)
     reference = reference_cycle(run.experiment, joint)
     return {

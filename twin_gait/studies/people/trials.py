@@ -10,9 +10,9 @@ import numpy as np
 
 from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment
 from twin_gait.experiment import Experiment
+from twin_gait.measures.leg_record import wearer_column
 from twin_gait.parameters import BraceParameters, Patient
 from twin_gait.simulation import Run, simulate
-from twin_gait.simulation.columns import wearer_column
 from twin_gait.studies.batch import Flat, flat_summary
 from twin_gait.studies.summary.interaction import interaction_summary
 from twin_gait.vocabulary import JointName, Side

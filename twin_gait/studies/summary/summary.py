@@ -84,7 +84,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "largest_torque_jump": _largest_torque_jump(run),
         "safety": safety_summary(run),
         **_guide(run),
-        **interaction_summary(run),
+        **interaction_summary(run, skip_strides),
         **_energy(run),
     }
     plain: dict[str, Any] = _plain(summary)
