@@ -15,7 +15,7 @@ from twin_gait.configuration.gait_table_file import (
     packaged_gait_tables,
     read_gait_table,
 )
-from twin_gait.configuration.overrides import assign, merge, parse_assignment
+from twin_gait.configuration.overrides import assign, merge, parse_assignments
 from twin_gait.configuration.people import SIDES, names_a_person, person_document
 from twin_gait.configuration.validation import converting, read_yaml
 from twin_gait.exceptions import ParameterError, ParameterFileError
@@ -67,7 +67,7 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     path = _find(source)
     where = f"preset {path.stem}" if path.parent == _folder() else str(path)
     data = _resolve_preset(read_yaml(path), path)
-    assignments = [parse_assignment(text) for text in settings]
+    assignments = parse_assignments(settings)
     for keys, value in assignments:
         if keys == ["table"]:
             data["table"] = value
