@@ -14,12 +14,9 @@ from twin_gait import load_experiment, presets, simulate
 from twin_gait.configuration.documents import dump_yaml, experiment_document, table_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.experiments import resolved_document
-from twin_gait.configuration.gait_table_file import (
-    gait_table_from_mapping,
-    packaged_gait_table,
-    packaged_gait_tables,
-)
+from twin_gait.configuration.gait_table_file import gait_table_from_mapping, packaged_gait_table
 from twin_gait.configuration.overrides import assign, merge, parse_assignment
+from twin_gait.configuration.table_inheritance import packaged_gait_tables
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 
 
