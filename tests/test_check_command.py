@@ -13,7 +13,7 @@ from twin_gait.checking.finding import Finding, Severity
 from twin_gait.cli import check as command
 from twin_gait.cli.check import draw
 from twin_gait.cli.terminal import DONE, FAILED
-from twin_gait.configuration.gait_table_file import packaged_table_path
+from twin_gait.configuration.table_inheritance import packaged_table_path
 from twin_gait.exceptions import TwinGaitError
 
 

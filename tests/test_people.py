@@ -86,8 +86,7 @@ def test_setting_in_another_unit_replaces_the_old_one():
         "patient.both.knee={passive: 1, contracture_deg: 10, catch_speed_deg_per_s: 50}",
         "patient.both.knee.contracture_rad=0.2",
         "patient.both.knee.catch_speed_rad_per_s=2",
-        "patient.effort_delay_ms=30",
-        "patient.effort_delay_s=0.2",
+        "patient.effort_delay_ms=200",  # the complete document below has it in seconds
     )
     condition = found.conditions[Side.LEFT, KNEE]
     assert (condition.contracture, condition.catch_speed, found.effort_delay) == (0.2, 2.0, 0.2)
@@ -220,7 +219,7 @@ def test_named_person_takes_the_place_of_another_with_nothing_left_of_him(file):
         ("both: {knee: {pasive: 1}}", "mine.yaml: both.knee.pasive: unknown key; did you mean 'passive'"),
         ("mass_kg: 200", "mine.yaml: patient mass: expected 30 to 110 kg"),
         ("left: {hip: {effort: 3}}", "mine.yaml: left.hip.effort: expected a number from 0 to 1"),
-        ("{effort_delay_ms: 5, effort_delay_s: 1}", "mine.yaml: expected exactly one of effort_delay_s or"),
+        ("{effort_delay_ms: 5, effort_delay_s: 1}", "mine.yaml: expected exactly one of effort_delay_ms or"),
         ("[1, 2]", "mine.yaml: expected keys and values"),
         ("preset: healthy", "mine.yaml: preset: unknown key"),
     ],

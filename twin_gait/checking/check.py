@@ -25,7 +25,7 @@ from twin_gait.checking.signals import ANY_ANGLE, HIGHEST_VELOCITY, JOINT_RANGES
 from twin_gait.checking.waiving import unknown_rule, unused_waiver, waive
 from twin_gait.configuration import load_experiment, load_gait_table, packaged_gait_tables
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
-from twin_gait.configuration.gait_table_file import packaged_table_path
+from twin_gait.configuration.table_inheritance import packaged_table_path
 from twin_gait.exceptions import GaitTableError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
