@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
-import importlib.util
-import sys
-from collections.abc import Callable
+import importlib
 from functools import lru_cache
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
@@ -23,8 +21,7 @@ from numba.extending import register_jitable
 
 from twin_gait import core
 from twin_gait.control import ControllerFunction
-from twin_gait.files import write_atomically
-from twin_gait.simulation.keeping import CORE_MODULES, cache_folder, usable_folder
+from twin_gait.simulation.keeping import CORE_MODULES
 from twin_gait.simulation.machine_code import MachineCode, NativeFunction, function_at
 
 
@@ -119,42 +116,3 @@ def compiles(function: ControllerFunction) -> bool:
     except (NumbaError, TypeError, AttributeError):
         return False
     return True
-
-
-# ------------------------------------------------------------------ modules that numba keeps itself
-
-
-def load_module(key: str, write: Callable[[], str]) -> ModuleType:
-    """Import the generated module of a key from the cache folder, writing it there first if needed.
-
-    Two processes may do this at once: the file is put in place in one step and both write the same.
-
-    Args:
-        key: From :func:`twin_gait.simulation.keeping.source_key`.
-        write: Gives the text of the module; its functions are kept by numba, beside it.
-
-    Returns:
-        The module.
-    """
-    register_core()
-    name = _module_name(key)
-    if name in sys.modules:
-        return sys.modules[name]
-    path = usable_folder(cache_folder()) / f"{name}.py"
-    if not path.is_file():
-        write_atomically(path, write())
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None  # a .py file always has a loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    sys.modules[name] = module
-    return module
-
-
-def _module_name(key: str) -> str:
-    return f"twin_gait_module_{key}"
-
-
-def compiled_before(key: str) -> bool:
-    """Whether numba has kept ``run_ticks`` of a generated module."""
-    return any((cache_folder() / "__pycache__").glob(f"{_module_name(key)}.run_ticks-*.nbi"))

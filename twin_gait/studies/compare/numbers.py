@@ -37,7 +37,6 @@ from twin_gait.measures.switching import dimensionless_jerk, joint_jerk
 from twin_gait.replay.normative import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.simulation.columns import wearer_column
 from twin_gait.simulation.run import Run
 from twin_gait.studies.compare.wearer_torque import voluntary_torque
 from twin_gait.studies.record import belt_speed_of
