@@ -25,6 +25,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.simulation.stepping import FADE_TICKS
 from twin_gait.studies.live.process import CHANGES_FILE
 from twin_gait.studies.record import LOG_FILE, load_run
+from twin_gait.viewer.curves import EXTREMES_TICKS
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.recorder import Recorder
 from twin_gait.vocabulary import Side
@@ -503,6 +504,11 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     page.page.click("#panel-body [data-action=save]")
     until(lambda: page.page.locator("#panel-saved").inner_text() != "", "the name of the saved table")
     until(lambda: page.clock() > changed + MEAN_OVER + 1.0, "some strides after the change", 60.0)
+    # The page does nothing for a while, as one that is slow; afterwards it has what it missed.
+    page.page.evaluate("() => { const end = performance.now() + 2000; while (performance.now() < end); }")
+    stalled = page.clock()
+    until(lambda: page.clock() > stalled + 2.0, "the page to go on")
+    curves = page.page.evaluate("twinGait.plots.runs[0].legs.map((leg) => [leg.side, leg.series])")
     page.page.click("#revert-all")
     until(lambda: page.page.locator("[data-difference]").count() == 0, "the way back")
     page.tab("disturb")
@@ -532,7 +538,7 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     first = load_run(treadmill.folder)
     changes = read_changes(treadmill)
     return {"seen": seen, "status": status, "log": first.log, "changes": changes, "events": events,
-            "again": load_run(second).log, "summary": first.summary}  # fmt: skip
+            "again": load_run(second).log, "summary": first.summary, "curves": curves}  # fmt: skip
 
 
 def test_joints_on_the_page_are_where_pinocchio_puts_them(session, joint_paths: dict[str, str]) -> None:
@@ -562,6 +568,23 @@ def test_numbers_on_the_page_are_those_of_the_log(session) -> None:
             for side, text in zip(("left", "right"), shown, strict=True):
                 degrees = np.degrees(row[f"{side}_{joint}_angle_rad"])
                 assert float(text.replace("\u2212", "-").rstrip("°")) == pytest.approx(degrees, abs=0.051)
+
+
+def test_curves_of_a_page_that_was_slow_have_the_peaks_of_the_log(session) -> None:
+    columns = {"knee": "knee_angle_rad", "hip_torque": "hip_motor_torque_Nm",
+               "knee_impedance": "knee_impedance_torque_Nm", "force": "foot_normal_force_N"}  # fmt: skip
+    assert [side for side, _ in session["curves"]] == ["left", "right"]
+    for side, series in session["curves"]:
+        for key, column in columns.items():
+            times, values = (np.array(series[key][name], dtype=float) for name in ("times", "values"))
+            ticks = np.round(1000.0 * times).astype(int)
+            assert times[-1] - times[0] > 6.0 and np.isfinite(values).all()
+            assert np.diff(ticks).max() < 2 * EXTREMES_TICKS  # nothing is missing
+            truth = session["log"][f"{side}_{column}"].to_numpy() * (180 / np.pi if key == "knee" else 1.0)
+            np.testing.assert_allclose(values, truth[ticks], atol=1e-6 * np.abs(truth).max())
+            span = truth[ticks[0] : ticks[-1] + 1]
+            for peak in (np.max, np.min):
+                assert peak(values) == pytest.approx(peak(span), rel=1e-6)
 
 
 def change(session: dict[str, Any], subject: str, text: str = "") -> int:

@@ -432,6 +432,26 @@ def test_frames_come_fifty_times_a_second_with_the_row_and_the_coordinates_of_on
             assert frame["log"][name] == rows[frame["tick"], rig.run.layout.positions[name]]
 
 
+def test_traces_have_the_extremes_of_every_five_ticks_of_the_log_without_a_gap(bench_problem):
+    rig = Rig(bench_problem, [(0.4, {"serial": 1, "command": "restart"})])
+    rig.loop.run()
+    traces = [item for item in rig.sent if item["kind"] == "trace"]
+    begin = [0, *(number for number, item in enumerate(traces) if number and item["first"] == 0)]
+    assert len(begin) == len(rig.takes) == 2
+    for take, own in zip(rig.takes, (traces[: begin[1]], traces[begin[1] :]), strict=True):
+        assert [item["end"] for item in own[:-1]] == [item["first"] for item in own[1:]]
+        assert own[-1]["end"] == len(take.result.rows)
+        for name in ("right_knee_angle_rad", "right_hip_impedance_torque_Nm"):
+            truth = take.result.rows[:, rig.run.layout.positions[name]]
+            ticks = np.concatenate([item["columns"][name][0] for item in own])
+            values = np.concatenate([item["columns"][name][1] for item in own])
+            np.testing.assert_array_equal(values, truth[ticks])
+            for start in range(0, len(truth), 5):
+                inside = (ticks >= start) & (ticks < start + 5)
+                span = truth[start : start + 5]
+                assert (values[inside].min(), values[inside].max()) == (span.min(), span.max())
+
+
 def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_way_but_one(bench_problem):
     script = [
         (0.203, {"serial": 1, "command": "pause"}),

@@ -357,6 +357,36 @@ def test_curves_zoom_pan_seek_and_reset(opened, pages) -> None:
     assert one("player.time") == pytest.approx(under, abs=1 / 60 + 2e-3)
 
 
+@pytest.mark.parametrize("span", [2.0, 0.7, 0.05])
+def test_what_is_drawn_has_the_peaks_of_the_log_at_every_zoom(
+    walk: OpenPage, log: pd.DataFrame, span: float
+) -> None:
+    width = 300  # pixels, as the curves have beside the scene
+    for begin in np.arange(0.0, 2.0 - span + 1e-9, span):
+        lines = walk(
+            """([from, to, width]) => plots.panels.flatMap((panel) => panel.lines).map((line) => {
+              const points = [], note = (x, y) => points.push([x, y]), nothing = () => {};
+              const paper = { moveTo: note, lineTo: note, beginPath: nothing, stroke: nothing,
+                              setLineDash: nothing };
+              const x = (time) => (width * (time - from)) / (to - from);
+              plots.line(paper, line, [], x, (value) => value, from, to);
+              return [`${line.leg.side}_${line.key}`, points]; })""",
+            [float(begin), float(begin + span), width],
+        )
+        rows = log.iloc[round(1000 * begin) : round(1000 * (begin + span)) + 1]
+        assert len(lines) == 8
+        for name, points in lines:
+            side, joint, *torque = name.split("_")
+            column = f"{side}_{joint}_{'motor_torque_Nm' if torque else 'angle_rad'}"
+            truth = rows[column].to_numpy() * (1.0 if torque else 180.0 / math.pi)
+            whole = log[column].to_numpy() * (1.0 if torque else 180.0 / math.pi)
+            x, y = np.array(points).T
+            assert len(points) <= 2 * width * 4 + 4  # no more than show
+            drawn = np.interp(np.linspace(0.0, width, len(truth)), x, y)
+            for peak in (np.max, np.min):
+                assert abs(peak(drawn) - peak(truth)) <= 0.01 * np.abs(whole).max(), (name, begin)
+
+
 # ---------------------------------------------------------------------------------- network, shapes, shades
 
 
@@ -440,13 +470,16 @@ def test_two_runs_share_a_clock_and_their_difference_is_that_of_the_logs(opened,
     panel = one("""(() => {
         const panel = plots.panels.find((p) => p.below && p.label.includes("knee flexion"));
         const line = panel.lines.find((l) => l.leg.side === "left");
-        return { label: panel.label, times: line.run.times, values: line.values }; })()""")
+        return { label: panel.label, ...line.series, frames: player.runs.map((run) => run.times) }; })()""")
     rows = np.round(1000.0 * np.array(panel["times"])).astype(int)
-    shown = np.array(panel["values"], dtype=float)  # nothing where only one run has a row
-    both = rows < 1199
-    first, second = (np.degrees(log["left_knee_angle_rad"].to_numpy()[rows[both]]) for log in logs)
-    np.testing.assert_allclose(shown[both], second - first, atol=1.1e-4)
-    assert np.isnan(shown[rows > 1199]).all()
+    shown = np.array(panel["values"], dtype=float)
+    assert rows[0] == 0 and rows[-1] == 1199  # as long as both last
+    knees = [np.degrees(log["left_knee_angle_rad"].to_numpy()) for log in logs]
+    first, second = (knee[rows] for knee in knees)
+    frames = [np.round(1000.0 * np.array(times)).astype(int) for times in panel["frames"]]
+    both = np.isin(rows, np.intersect1d(*frames))  # there both are as logged
+    np.testing.assert_allclose(shown[both], (second - first)[both], atol=1.1e-4)
+    np.testing.assert_allclose(shown, second - first, atol=0.002 * sum(np.ptp(knee) for knee in knees))
     assert np.abs(second - first).max() > 0.1  # the runs do differ
     assert panel["label"].startswith("B − A")
     assert one("document.querySelectorAll('#bands canvas').length") == 4

@@ -22,7 +22,8 @@ from twin_gait.leg_model import LegModel
 from twin_gait.palette import PHASE_COLOURS, phase_colour
 from twin_gait.studies.record import load_run, write_run
 from twin_gait.studies.shown_run import page_of, read_shown_run
-from twin_gait.viewer.motion import frame_rate, phase_changes, read_motion
+from twin_gait.viewer.curves import extremes, faithful_curve
+from twin_gait.viewer.motion import frame_rate, leg_values, phase_changes, read_motion
 from twin_gait.viewer.page import FLOOR, SCRIPTS, live_page, packed, page_data
 from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.picture import BROWSER_VARIABLE, PictureSize, find_browser, take_picture
@@ -52,6 +53,12 @@ def frames_of(entry: dict) -> dict:
     return json.loads(zlib.decompress(b64decode(entry["frames"])))
 
 
+def curve_of(frames: dict, key: str, leg: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Ticks and values of a curve, as the script of the page unfolds them."""
+    series = frames["legs"][leg]["series"][key]
+    return np.cumsum(series["steps"]), np.array(series["values"], dtype=float)
+
+
 def entries(phases: list[str]) -> list[dict]:
     view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
     data = page_data(mode="live", title="", subtitle="", missing_meshes=[], view=view, phases=phases,
@@ -71,15 +78,45 @@ def test_a_page_has_a_frame_at_every_transition_and_its_numbers_are_the_logs(run
     assert set(transitions["tick"]) <= set(frames["times"])
     assert 1235 in frames["times"]  # the first row that is not before the moment asked for
     assert frames["times"][0] == 0 and frames["times"][-1] == len(shown.log) - 1
-    leg = frames["legs"][0]["series"]
-    rows = shown.log.iloc[frames["times"]]
     for key, column in (("hip", "angle_rad"), ("hip_torque", "motor_torque_Nm"),
                         ("hip_impedance", "impedance_torque_Nm"),
                         ("hip_friction_compensation", "friction_compensation_torque_Nm"),
                         ("hip_gravity_compensation", "gravity_compensation_torque_Nm")):  # fmt: skip
-        values = rows[f"right_hip_{column}"].to_numpy()
+        ticks, seen = curve_of(frames, key)
+        assert set(frames["times"]) <= set(ticks.tolist())
+        values = shown.log[f"right_hip_{column}"].to_numpy()[ticks]
         expected = np.degrees(values) if key == "hip" else values
-        np.testing.assert_allclose(leg[key], expected, rtol=0.0, atol=5.1e-5)
+        np.testing.assert_allclose(seen, expected, rtol=0.0, atol=5.1e-5)
+
+
+@pytest.mark.parametrize("frames_per_second", [30.0, 10.0, 1.0])
+def test_curves_have_the_peaks_of_the_log_however_few_frames_there_are(
+    run_folder: Path, frames_per_second: float
+) -> None:
+    log = read_shown_run(run_folder).log
+    model = read_shown_run(run_folder).experiment.build_world().model
+    curves = read_motion(log, model, frames_per_second=frames_per_second).legs[Side.RIGHT].curves
+    values = leg_values(log, Side.RIGHT)
+    assert set(curves) == set(values) and len(values) >= 8
+    clock = log["time_s"].to_numpy()
+    for key, truth in values.items():
+        drawn = np.interp(clock, *curves[key])
+        # Within 0.2 % of its range everywhere, so every peak above a fifth of it within 1 %.
+        assert np.abs(drawn - truth).max() <= 0.002 * np.ptp(truth) + 1e-9, key
+        assert len(curves[key].times) < len(clock) / 2
+
+
+def test_a_curve_ends_where_the_log_has_no_number() -> None:
+    values = np.array([0.0, 1.0, 2.0, np.nan, np.nan, 5.0, 5.0, 9.0, 5.0])
+    curve = faithful_curve(np.arange(9.0), values, np.array([0, 8]))
+    assert curve.times.tolist() == [0, 2, 3, 4, 5, 6, 7, 8]
+    np.testing.assert_array_equal(np.isnan(curve.values), [False, False, True, True, *4 * [False]])
+
+
+def test_extremes_of_a_span_come_in_their_order() -> None:
+    rows, found = extremes(np.array([[0.0], [7.0], [-2.0], [1.0], [1.0], [3.0], [3.5]]))
+    assert rows.ravel().tolist() == [1, 2, 5, 6]
+    assert found.ravel().tolist() == [7.0, -2.0, 3.0, 3.5]
 
 
 def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:
@@ -90,8 +127,8 @@ def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:
             log[f"right_{joint}_{part}_torque_Nm"] = 0.0 if joint == "hip" or part != "target" else 2.0
     leg = read_motion(log, bench).legs[Side.RIGHT]
     assert "hip_target" not in leg.curves  # zero all the time
-    np.testing.assert_array_equal(leg.curves["knee_target"], 2.0)
-    np.testing.assert_array_equal(leg.curves["hip_impedance"], 0.0)
+    np.testing.assert_array_equal(leg.curves["knee_target"].values, 2.0)
+    np.testing.assert_array_equal(leg.curves["hip_impedance"].values, 0.0)
     assert set(leg.torques) == {"hip", "knee"}
     assert read_motion(log[["time_s", "right_hip_angle_rad", "right_knee_angle_rad"]], bench).legs[
         Side.RIGHT

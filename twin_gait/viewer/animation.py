@@ -146,11 +146,18 @@ def _frames(motion: Motion) -> dict[str, Any]:
         spells = leg.phases
         phases = spells and {"starts": np.round(spells.starts, 3).tolist(), "codes": spells.codes.tolist()}
         series = {
-            name: _numbers(values, _FORCE_DECIMALS if name == "force" else _CURVE_DECIMALS)
-            for name, values in leg.curves.items()
+            name: {
+                "steps": np.diff(_milliseconds(curve.times), prepend=0).tolist(),
+                "values": _numbers(curve.values, _FORCE_DECIMALS if name == "force" else _CURVE_DECIMALS),
+            }
+            for name, curve in leg.curves.items()
         }
         legs.append({"series": series, "phases": phases})
-    return {"times": np.round(1000.0 * motion.times).astype(int).tolist(), "legs": legs}
+    return {"times": _milliseconds(motion.times).tolist(), "legs": legs}
+
+
+def _milliseconds(times: np.ndarray) -> np.ndarray:
+    return np.round(1000.0 * times).astype(int)
 
 
 def _numbers(values: np.ndarray, decimals: int) -> list[float | None]:

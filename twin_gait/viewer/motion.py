@@ -12,6 +12,7 @@ import pandas as pd
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegModel
+from twin_gait.viewer.curves import Curve, faithful_curve
 from twin_gait.vocabulary import JointName, Side
 
 FRAMES_PER_SECOND = 30.0
@@ -58,14 +59,15 @@ class LegMotion:
         phases: Its phases, or None if the log has none.
         curves: Angles in [deg] as ``hip`` and ``knee``, motor torques in [N m] as ``hip_torque`` and
             ``knee_torque``, the parts of the commanded torque in [N m] as ``hip_impedance`` and so on, and
-            the normal force of the foot in [N] as ``force``; shape ``(n,)`` each.
+            the normal force of the foot in [N] as ``force``; each with the frames and the points between
+            them that its shape takes.
         footing: Ground force, or None off the ground.
         torques: Torque of each motor in [N m] by the name of its joint, positive in increasing angle;
             shape ``(n,)`` each, empty where the log has none.
     """
 
     phases: PhaseSpells | None
-    curves: Mapping[str, np.ndarray]
+    curves: Mapping[str, Curve]
     footing: Footing | None
     torques: Mapping[str, np.ndarray] = field(default_factory=dict)
 
@@ -134,7 +136,10 @@ def read_motion(
     legs = {
         side: LegMotion(
             phases=spells[side],
-            curves=_curves(log, side, rows),
+            curves={
+                name: faithful_curve(clock - clock[0], values[:n_rows], rows)
+                for name, values in leg_values(log, side).items()
+            },
             footing=_footing(log, model, side, rows, q[rows]),
             torques=_torques(log, model, side, rows),
         )
@@ -235,19 +240,33 @@ def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[st
     return PhaseSpells(clock[first] - clock[0], codes[first])
 
 
-def _curves(log: pd.DataFrame, side: Side, rows: np.ndarray) -> dict[str, np.ndarray]:
-    curves = {}
+def leg_values(log: pd.DataFrame, side: Side) -> dict[str, np.ndarray]:
+    """What a page reads out of a leg, one value per row.
+
+    Args:
+        log: One row per tick.
+        side: Which leg.
+
+    Returns:
+        Values by the names of :class:`LegMotion`, in the unit that is shown; parts of the torque that
+        are never used are left out.
+    """
+    values = {}
+    for name, column in leg_columns(side).items():
+        if column in log.columns and not (name.endswith(_RARE_PARTS) and not log[column].any()):
+            found = log[column].to_numpy(dtype=float)
+            values[name] = np.degrees(found) if name in _CURVES else found
+    return values
+
+
+def leg_columns(side: Side) -> dict[str, str]:
+    """Columns of the log that a page reads out of a leg, by the names of :class:`LegMotion`."""
+    columns = {}
     for name, joint in _CURVES.items():
-        curves[name] = np.degrees(log[f"{side}_{joint}_angle_rad"].to_numpy(dtype=float)[rows])
-        for key in ("motor", *_PARTS):
-            column = log.get(f"{side}_{joint}_{key}_torque_Nm")
-            if column is None or (key in _RARE_PARTS and not column.any()):
-                continue
-            curves[f"{name}_{'torque' if key == 'motor' else key}"] = column.to_numpy(dtype=float)[rows]
-    force = f"{side}_foot_normal_force_N"
-    if force in log.columns:
-        curves["force"] = log[force].to_numpy(dtype=float)[rows]
-    return curves
+        columns[name] = f"{side}_{joint}_angle_rad"
+        columns[f"{name}_torque"] = f"{side}_{joint}_motor_torque_Nm"
+        columns |= {f"{name}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in _PARTS}
+    return columns | {"force": f"{side}_foot_normal_force_N"}
 
 
 def _torques(log: pd.DataFrame, model: LegModel, side: Side, rows: np.ndarray) -> dict[str, np.ndarray]:

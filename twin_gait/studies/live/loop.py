@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation.engine import EngineResult
@@ -21,8 +22,11 @@ from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.live.deadlines import BLOCK_TICKS, PERIOD, BlockClock
 from twin_gait.studies.live.protocol import Frame
+from twin_gait.viewer.curves import extremes
+from twin_gait.viewer.motion import leg_columns
 
 FRAME_BLOCKS = 2  # a frame every 20 ms: 50 a second
+MOST_TRACES = 400  # kept for who does not read: eight seconds, which is what a page remembers
 STILL_FRAME = 10 * PERIOD  # [s] between two frames while nothing moves
 BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
 
@@ -119,6 +123,14 @@ class LiveLoop:
         self._belt_waits = False
         self._began = now()
         self._last_frame = -np.inf
+        self._traced = 0
+        layout = run.layout
+        self._columns = {
+            name: layout.positions[name]
+            for side in layout.legs
+            for name in leg_columns(side).values()
+            if name in layout.positions
+        }
         self.clock = BlockClock()
 
     # ------------------------------------------------------------------ the loop
@@ -200,7 +212,22 @@ class LiveLoop:
             log=self._named(rows[-1].tolist()) if len(rows) else {},
             deadlines=self.clock.statistics(),
         )
+        self._send_trace()
         self._send(frame.to_dict())
+
+    def _send_trace(self) -> None:
+        """Send what the curves of a page did since the last frame."""
+        first, self._traced = self._traced, self._run.tick
+        if first == self._run.tick:
+            return
+        values = self._run.rows(first)[:, list(self._columns.values())]
+        rows, found = extremes(values)
+        ticks, shown = (first + rows).T.tolist(), found.T.tolist()
+        columns = {
+            name: [ticks[k], [finite_or_none(value) for value in shown[k]]]
+            for k, name in enumerate(self._columns)
+        }
+        self._send({"kind": "trace", "first": first, "end": self._run.tick, "columns": columns})
 
     def _named(self, row: list[float]) -> dict[str, float | str]:
         layout, names = self._run.layout, self._run.problem.table.phase_names
@@ -271,6 +298,7 @@ class LiveLoop:
     def _restart(self) -> None:
         self._close_take()
         self._run.restart()
+        self._traced = 0
         self._belt_waits = False
         if self._present.belt_speed is not None:
             self._run.set_belt_speed(self._present.belt_speed, fade_ticks=0)

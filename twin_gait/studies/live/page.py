@@ -103,7 +103,9 @@ class LivePage:
         """
         if frame.log:  # empty before the first tick
             belt_speed = self._belt_speed * self._belt_share(frame.time_s)
-            self.figure.show(frame.time_s, frame.q, frame.log, belt_speed=belt_speed)
+            self.figure.show(
+                frame.time_s, frame.q, frame.log, belt_speed=belt_speed, traces=self._session.traces()
+            )
             self.server.show(self.figure.window.changes())
         before, self._short = self._short, self._shortened(frame)
         if before is None or before["status"] != frame.status or abs(frame.tick - self._told_at) >= READ_OUT:

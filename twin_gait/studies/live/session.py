@@ -26,6 +26,7 @@ from twin_gait.studies.folders import check_target
 from twin_gait.studies.live.actions import EVERYTHING, Actions
 from twin_gait.studies.live.controls import KM_PER_H, Panel
 from twin_gait.studies.live.handle import LoopProcess
+from twin_gait.studies.live.loop import MOST_TRACES
 from twin_gait.studies.live.protocol import (
     Action,
     DoAction,
@@ -41,6 +42,7 @@ from twin_gait.studies.live.rules import Place, described, judge, refusal, warni
 from twin_gait.studies.live.session_records import SessionRecorder
 from twin_gait.studies.live.settings import Settings, effect_of, loop_numbers
 from twin_gait.studies.record import RUN_DIRECTORY
+from twin_gait.viewer.live.figure import Trace
 
 MOST_EVENTS = 10_000  # that are kept for pages that come late
 # Actions that go straight to the walk, whatever is being checked meanwhile.
@@ -116,6 +118,7 @@ class LiveSession:
         self._loop = LoopProcess(on_frame=self._note_frame, on_message=self._hear, on_end=self._note_end)
         self._recorder: SessionRecorder | None = None
         self._frame = LatestFrame(0, "")
+        self._traces: deque[Trace] = deque(maxlen=MOST_TRACES)
         self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self._serial = 0
         self._state: State | None = None
@@ -241,6 +244,10 @@ class LiveSession:
     def newest_frame(self) -> LatestFrame:
         """The newest frame; its number tells whether it is a new one."""
         return self._frame
+
+    def traces(self) -> list[Trace]:
+        """What the curves did since the last call, in order; of a long time the last eight seconds."""
+        return [self._traces.popleft() for _ in range(len(self._traces))]
 
     def events(self, after: int = 0) -> list[Event]:
         """Events since one of them.
@@ -452,6 +459,8 @@ class LiveSession:
             self._ready.set()
         elif kind == "folder":
             self._note_folder(message)
+        elif kind == "trace":
+            self._traces.append(Trace(message["first"], message["end"], message["columns"]))
 
     def _note_folder(self, message: Mapping[str, Any]) -> None:
         if message["failed"]:

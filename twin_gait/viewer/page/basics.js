@@ -14,14 +14,16 @@
 //    parts: [{key, label, colour}], arrow: {label, colour} or null,
 //    arcs: [{label, colour}], floor: path, duration: s or null, footnote}
 // A recorded RUN also holds `frames` and `scene`, deflated, as base64 text: JSON of
-//   {times: [ms], legs: [{series: {key: [value]}, phases: {starts: [s], codes: [n]} or null}]}
+//   {times: [ms], legs: [{series: {key: {steps: [ms], values: [value]}}, phases: {starts: [s], codes: [n]} or null}]}
+// where times are those of frames, and a series has the frames and what lies between them (steps from point to point),
 // and the commands of meshcat's viewer, each after its length in four bytes, lowest first.
 //
 // Live messages, binary: one command of meshcat's viewer in msgpack, or several of them each after its length
 // as above. Beside meshcat's own kinds there are two:
 //   {type: "page", path: "", page: DESCRIPTION}      what is shown from now on; starts the curves anew
 //   {type: "sample", path: "", sample: SAMPLE}       one moment
-// SAMPLE: {time: s, legs: [{phase: code or -1, KEY: value, ...}]}, legs in the order of the description.
+// SAMPLE: {time: s, legs: [{phase: code or -1, KEY: value, ...}], curves: [{KEY: {times: [s], values: [value]}, ...}]},
+// legs in the order of the description; curves, if they are there, are all that has been since the last sample.
 // Keys of values: hip, knee [deg]; hip_torque, knee_torque [N m]; hip_ and knee_ before impedance,
 // friction_compensation, gravity_compensation, inertia_compensation, target [N m]; force [N].
 // A key that `shows` does not name is not read out; one that is not sent shows as a dash.
@@ -59,6 +61,13 @@ function last_before(sorted, value) {
     if (sorted[middle] <= value + 1e-9) low = middle; else high = middle - 1;
   }
   return low;
+}
+
+// Value of a series {times, values} at a time between its points.
+function value_at({ times, values }, time) {
+  const low = last_before(times, time), high = Math.min(low + 1, times.length - 1);
+  if (times[high] <= times[low] || time <= times[low] + 1e-9) return values[low];
+  return values[low] + ((values[high] - values[low]) * (time - times[low])) / (times[high] - times[low]);
 }
 
 // ---- light and dark ---------------------------------------------------------------------------------
