@@ -26,6 +26,7 @@ from twin_gait.experiment import IntegrationMethod
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.scenario.world import World
 from twin_gait.simulation.columns import BRACED_WORK_SOURCES, WORK_SOURCES
+from twin_gait.vocabulary import Side
 
 
 class _FootPoints(NamedTuple):
@@ -143,6 +144,18 @@ class PinocchioPlant:
             if normal > 0.0 or loaded:
                 self.external[foot.joint] = pin.Force(np.array([fx, fy, fz, mx, my, mz]))
         self.contact_power = power
+
+    def ground_wrench(self, side: Side) -> np.ndarray:
+        """What the ground does on a foot at the last evaluation of the contacts.
+
+        Args:
+            side: Leg.
+
+        Returns:
+            Force in [N] and moment about the origin of the world in [N m], shape ``(6,)``.
+        """
+        joint = self.feet[side].joint
+        return np.array(self.data.oMi[joint].act(self.external[joint]).vector)
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
         """Accelerations of a state; keeps the torques and forces of this evaluation."""
