@@ -1,13 +1,21 @@
-"""What the commands share: exit statuses, progress bars, Ctrl-C."""
+"""What the commands share: exit statuses, the terminal, progress bars, Ctrl-C."""
 
 from __future__ import annotations
 
+import io
 import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
+
+
+def write_on_any_terminal() -> None:
+    """Print on terminals that know no ° or σ too: what they cannot show becomes a question mark."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 @contextmanager

@@ -47,6 +47,7 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
     return merged
 
 
+_DIGITS, _SHOWN = 9, 100  # of a list position, no list is longer; of a text in a message
 _STEP = re.compile(r"([A-Za-z_][\w]*)((?:\[\d+\])*)")
 
 
@@ -71,11 +72,12 @@ def parse_assignment(text: str) -> tuple[list[str | int], Any]:
         if not match:
             raise ParameterError(f"--set {text!r}: {part!r} is not a key; write names joined by dots")
         path.append(match.group(1))
-        path += [int(number) for number in re.findall(r"\d+", match.group(2))]
+        path += [int(number[:_DIGITS]) for number in re.findall(r"\d+", match.group(2))]
     try:
         return path, yaml.safe_load(value)
-    except yaml.YAMLError as error:
-        raise ParameterError(f"--set {text!r}: the value is not valid YAML") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        shown = text if len(text) < _SHOWN else f"{text[:_SHOWN]}…"
+        raise ParameterError(f"--set {shown!r}: the value is not valid YAML") from error
 
 
 def assign(mapping: Mapping[str, Any], path: Sequence[str | int], value: Any) -> dict[str, Any]:
