@@ -11,9 +11,7 @@ import pytest
 
 from twin_gait.cli import main, presets
 
-DEFECT = re.compile(
-    r"twin-gait: this should not have happened \(KeyError: 'lost'\); the report is in (\S+); .*\n"
-)
+DEFECT = re.compile(r"twin-gait: this should not .* \(KeyError: 'lost'\); the report is in (\S+); .*\n")
 
 
 @pytest.fixture
@@ -78,11 +76,11 @@ def bare(monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
 @pytest.mark.parametrize("encoding", ["ascii", "latin-1", "utf-8"])
 def test_any_terminal_can_be_printed_on(bare: dict[str, str], tmp_path: Path, encoding: str) -> None:
     out = str(tmp_path / "run")
-    arguments = ["simulate", "--duration", "6", "--no-pictures", "--out", out]
+    arguments = ["simulate", "--duration", "12", "--no-pictures", "--out", out]
     done = in_a_process(*arguments, **bare, HOME=str(Path.home()), PYTHONIOENCODING=encoding)
     assert done.returncode == 0, done.stderr
     text = done.stdout.decode(encoding)
-    assert "6.7°" in text or "6.7?" in text or re.search(r"by \d\.\d[°?] \(hip\)", text), text
+    assert re.search(r"\d\?" if encoding == "ascii" else r"\d°", text), text
     assert done.stderr == b""
 
 

@@ -20,7 +20,7 @@ from twin_gait.configuration.experiments import load_experiment, resolved_docume
 from twin_gait.control import Trip, TripCause
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment
-from twin_gait.files import write_atomically
+from twin_gait.files import read_parquet, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.events import RunEvent, run_events
@@ -266,7 +266,7 @@ def load_run(directory: Path) -> StoredRun:
             raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")
     experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
     try:
-        log: pd.DataFrame = pq.read_table(directory / LOG_FILE).to_pandas()
+        log = read_parquet(directory / LOG_FILE)
         summary = json.loads((directory / SUMMARY_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError, pa.ArrowException) as error:
         raise RunDirectoryError(f"{directory}: cannot be read ({error})".replace("\n", " ")) from error

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.validation import read_yaml
 from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError, ViewerError
 from twin_gait.experiment import Experiment
+from twin_gait.files import read_parquet
 from twin_gait.studies.record import (
     EXPERIMENT_FILE,
     LOG_FILE,
@@ -92,10 +92,9 @@ def _as_it_is_now(directory: Path) -> Experiment:
 
 def _read_log(directory: Path) -> pd.DataFrame:
     try:
-        log: pd.DataFrame = pq.read_table(directory / LOG_FILE).to_pandas()
+        return read_parquet(directory / LOG_FILE)
     except (OSError, ValueError, pa.ArrowException) as error:
         raise RunDirectoryError(f"{directory}: cannot be read ({error})") from error
-    return log
 
 
 def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
