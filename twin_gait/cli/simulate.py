@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +24,7 @@ from twin_gait.cli.terminal import (
 )
 
 if TYPE_CHECKING:
+    from twin_gait.experiment import Experiment
     from twin_gait.simulation import Run
 
 
@@ -54,6 +57,9 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="run again at a tenth of the step and report the difference (takes ten times as long)",
     )
+    parser.add_argument(
+        "--unchecked", action="store_true", help="run a gait table in which the check finds errors"
+    )
     parser.set_defaults(run=run)
 
 
@@ -74,6 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
         settings.append(f"faults={json.dumps(arguments.faults)}")
     loaded = load_experiment(arguments.experiment, settings)
     loaded.experiment.build_world()
+    if not arguments.unchecked:
+        check_table(loaded.experiment, arguments.experiment, arguments.settings)
     out = arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{loaded.experiment.name}"
     with (
         stop_on_interrupt() as should_stop,
@@ -106,6 +114,39 @@ def run(arguments: argparse.Namespace) -> int:
     if result.status is RunStatus.DIVERGED:
         return FAILED
     return FAILED if result.status is RunStatus.FELL and arguments.fail_on_fall else DONE
+
+
+def check_table(experiment: Experiment, source: str, settings: Sequence[str]) -> None:
+    """Stop at errors of the gait table, and say on one line how many warnings there are.
+
+    Args:
+        experiment: What is going to run.
+        source: How the user named it.
+        settings: What they laid over it.
+
+    Raises:
+        GaitTableError: If there is an error.
+    """
+    from twin_gait.checking.check import check_before_run, counts
+    from twin_gait.cli.check import counted, heading
+    from twin_gait.exceptions import GaitTableError
+
+    note_step("nothing yet: checking the gait table")
+    note_step("the gait table", "checking")
+    findings = check_before_run(experiment)
+    clear_line()
+    if not findings:
+        return
+    numbers = {name: number for name, number in counts(findings).items() if number}
+    words = [word for text in settings for word in ("--set", text)]
+    table = f"gait table {experiment.table.name}: {counted(numbers)}"
+    see = f"see {shlex.join(['twin-gait', 'check', '--experiment', source, *words])}"
+    if "errors" in numbers:
+        worst = findings[0]
+        raise GaitTableError(
+            f"{table}; {heading(worst)}: {worst.reason}; {see}; --unchecked runs it as it is"
+        )
+    print(f"{table}; {see}", file=sys.stderr)
 
 
 def report(result: Run, summary: dict[str, Any], out: Path) -> None:

@@ -50,10 +50,10 @@ def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
         yield update
 
 
-def note_step(name: str) -> None:
-    """Say on a terminal which file is being written."""
+def note_step(name: str, doing: str = "writing") -> None:
+    """Say on a terminal what is being done, such as which file is being written."""
     if sys.stderr.isatty():
-        print(f"\r\033[Kwriting {name}", end="", file=sys.stderr, flush=True)
+        print(f"\r\033[K{doing} {name}", end="", file=sys.stderr, flush=True)
 
 
 def note_compilation() -> None:
