@@ -6,6 +6,7 @@ import contextlib
 import math
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,6 +32,30 @@ def finite_or_none(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
 
 
+def permitted(mode: int) -> int:
+    """What a mode comes to under the mask of the user, which temporary files and folders do not ask.
+
+    Args:
+        mode: Of a file or a folder, such as ``0o644``.
+
+    Returns:
+        The mode without what the mask takes away.
+    """
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mode & ~mask
+
+
+@contextlib.contextmanager
+def private_files() -> Iterator[None]:
+    """Make new files and folders, also those of processes started here, for the user alone."""
+    mask = os.umask(0o077)
+    try:
+        yield
+    finally:
+        os.umask(mask)
+
+
 def write_atomically(path: Path, content: str | bytes) -> None:
     """Write a file through a temporary one beside it.
 
@@ -49,7 +74,7 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     try:
         with os.fdopen(descriptor, "wb") as file:
             file.write(data)
-        os.chmod(name, 0o644)
+        os.chmod(name, permitted(0o644))
         os.replace(name, path)
     except OSError as error:
         with contextlib.suppress(OSError):

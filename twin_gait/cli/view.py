@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import atexit
+import html
 import math
 import os
 import re
+import shutil
 import sys
+import tempfile
 import time
 import webbrowser
 from pathlib import Path
@@ -227,4 +231,16 @@ def announce(url: str) -> None:
     print(f"open {url} in a browser; Ctrl-C ends", flush=True)
     # Without a screen Python would start a text browser in this terminal.
     if sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        webbrowser.open(url)
+        webbrowser.open(_signpost(url).as_uri())
+
+
+def _signpost(url: str) -> Path:
+    """A page of the user's own that leads to the address, until the program ends.
+
+    Every user of the machine can read what a browser is started with, and the address holds the token.
+    """
+    folder = tempfile.mkdtemp(prefix="twin_gait_")  # nobody else may look into it
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    path = Path(folder) / "open.html"
+    path.write_text(f'<meta http-equiv="refresh" content="0;url={html.escape(url)}">', encoding="utf-8")
+    return path

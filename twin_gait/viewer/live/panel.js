@@ -62,7 +62,7 @@
     waiting: new Map(), // id: what to do with the answer
 
     open() {
-      this.socket = new WebSocket(`ws://${location.host}/panel`);
+      this.socket = new WebSocket(`ws://${location.host}/panel${location.search}`);
       this.socket.onmessage = (message) => { for (const item of JSON.parse(message.data)) hear(item); };
       this.socket.onopen = () => get("panel").classList.remove("offline");
       this.socket.onclose = () => {
@@ -99,7 +99,7 @@
     },
 
     connect() {
-      const socket = new WebSocket(`ws://${location.host}/socket`);
+      const socket = new WebSocket(`ws://${location.host}/socket${location.search}`);
       socket.binaryType = "arraybuffer";
       socket.onmessage = (message) => {
         twinGait.take(new Uint8Array(message.data));
@@ -192,7 +192,7 @@
 
   // The socket first; without it, or without an answer at once, the other way.
   function stop() {
-    const otherWay = () => fetch("/stop", { method: "POST" }).catch(() => head.tell("The simulation cannot be reached."));
+    const otherWay = () => fetch(`/stop${location.search}`, { method: "POST" }).catch(() => head.tell("The simulation cannot be reached."));
     const timer = setTimeout(otherWay, 400);
     get("stop").classList.add("pressed");
     setTimeout(() => get("stop").classList.remove("pressed"), 600);
