@@ -118,7 +118,7 @@ class Judgement(NamedTuple):
     Attributes:
         cost: See the module.
         values: Of the parts.
-        fell: Whether it ended in a fall or diverged.
+        fell: Whether it ended in a fall, a trip of the safety monitor or diverged.
         lasted: Share of the time.
     """
 
@@ -139,8 +139,9 @@ def judge(run: Run, reference_speed: float | None = None) -> Judgement:
         Cost, and what it is made of.
     """
     values = part_values(run, reference_speed)
-    fell = run.status is not RunStatus.COMPLETED
-    lasted = min(1.0, run.duration / run.experiment.duration)
+    fell = run.status is not RunStatus.COMPLETED or run.trip is not None
+    end = run.duration if run.trip is None else run.trip.time
+    lasted = min(1.0, end / run.experiment.duration)
     return Judgement(walk_cost(values, lasted, fell), values, fell, lasted)
 
 
