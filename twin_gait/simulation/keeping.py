@@ -55,7 +55,7 @@ LOOP_MODULES = ("columns", "compiling", "episode_arrays", "flattening", "module_
 # The loop itself.
 EPISODE_ROOMS = (
     "tick",
-    "belt",
+    "surroundings",
     "sensors",
     "monitor",
     "phases",

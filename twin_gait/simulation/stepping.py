@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from twin_gait.control import ControllerFunction
-from twin_gait.core.belt import BELT_RAMP
+from twin_gait.core.belt import BELT_CRUISE
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.faults import START_TICK
 from twin_gait.core.guards import DWELL_TICKS, SOURCE
-from twin_gait.core.plant import CONSTANT_FORCE
+from twin_gait.core.plant import CONSTANT_FORCE, STOP_STIFFNESS
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
 from twin_gait.scenario.faults import Fault, FaultKind
@@ -32,7 +32,6 @@ from twin_gait.simulation.watching import NEVER, fault_arrays, overstay_ticks, t
 FADE_TICKS = 300  # over which a change fades in where the caller says nothing
 MOST_FAULTS = 16  # that can be injected into one walk
 CHUNK_TICKS = 60_000  # rows of the log that are made at a time: a minute
-BELT_SPEED = 0  # position in the array of contact parameters, and in that of a belt with a profile
 
 
 @dataclass
@@ -261,9 +260,7 @@ class SteppedRun:
             speed: In [m] / [s]; 0 stops it.
             fade_ticks: Length of the fade.
         """
-        inputs = self._inputs
-        values = inputs.belt if inputs.belt[BELT_RAMP] > 0.0 else inputs.contact
-        values = values[BELT_SPEED : BELT_SPEED + 1]
+        values = self._inputs.belt[BELT_CRUISE : BELT_CRUISE + 1]
         self._fade("belt_speed", values, np.array([speed]), fade_ticks)
 
     def set_support_force(self, force: float, *, fade_ticks: int = FADE_TICKS) -> None:
@@ -276,12 +273,17 @@ class SteppedRun:
         Raises:
             ParameterError: If the pelvis hangs in no support.
         """
-        pelvis = self.problem.world.model.pelvis_index
+        pelvis = self._hung
         if pelvis is None:
             raise ParameterError("support: the pelvis of this experiment is fixed; choose a treadmill")
-        pelvis += self.problem.world.wearer_shift
         values = self._inputs.plant_rows[pelvis, CONSTANT_FORCE : CONSTANT_FORCE + 1]
         self._fade("support", values, np.array([force]), fade_ticks)
+
+    @property
+    def _hung(self) -> int | None:
+        """The pelvis that hangs in the support, the wearer's, or None on a stand."""
+        world = self.problem.world
+        return None if world.model.pelvis_index is None else world.model.pelvis_index + world.wearer_shift
 
     def push(self, joint: int, torque: float, ticks: int) -> None:
         """Push a joint from outside, as a hand does, with a torque that is held.
@@ -398,6 +400,8 @@ class SteppedRun:
     def stop(self) -> None:
         """Trip the monitor by hand: from the next tick on the legs are held and lowered.
 
+        The belt comes to rest and the harness locks, as after any trip.
+
         Nothing but :meth:`restart` takes it back.
         """
         if self.tripped:
@@ -414,6 +418,9 @@ class SteppedRun:
         self._apply_fades()
         for array, start in zip(self._state, self._start, strict=True):
             array[...] = start
+        pelvis = self._hung
+        if pelvis is not None:
+            self._inputs.plant_rows[pelvis, STOP_STIFFNESS] = 0.0  # the harness lets go
         for leg in range(len(self.problem.sides)):
             self._state.blended[leg] = self._inputs.phase_rows[leg, self._state.phase[leg]]
         self._state.blend_start[...] = self._state.blended

@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -215,7 +217,7 @@ def write_run_animation(experiment: Experiment, log: pd.DataFrame, path: Path) -
         experiment.build_world().model,
         title=f"twin_gait · {experiment.name}",
         subtitle=describe(experiment.patient, belt),
-        belt_speed=belt_motion_of(experiment),
+        belt_speed=belt_motion_of(experiment, log),
         patient=experiment.patient,
     )
 
@@ -226,12 +228,18 @@ def belt_speed_of(experiment: Experiment) -> float:
     return scenario.belt_speed if isinstance(scenario, TreadmillScenario) else 0.0
 
 
-def belt_motion_of(experiment: Experiment) -> Belt:
-    """How the belt moves, as the viewer takes it."""
-    scenario = experiment.scenario
-    if isinstance(scenario, TreadmillScenario) and scenario.belt is not None:
-        return scenario.belt_travel
+def belt_motion_of(experiment: Experiment, log: pd.DataFrame) -> Belt:
+    """How the belt moved in a run, as the viewer takes it."""
+    scenario, tripped = experiment.scenario, trip_time_of(log)
+    if isinstance(scenario, TreadmillScenario) and (scenario.belt is not None or math.isfinite(tripped)):
+        return partial(scenario.belt_travel, trip_time=tripped)
     return belt_speed_of(experiment)
+
+
+def trip_time_of(log: pd.DataFrame) -> float:
+    """Time of the trip in a log in [s]; infinite without one."""
+    held = np.flatnonzero(log["safety_state"].to_numpy())
+    return float(log["time_s"].iloc[held[0]]) if len(held) else math.inf
 
 
 def describe(patient: Patient | None, belt_speed: float) -> str:

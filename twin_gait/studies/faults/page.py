@@ -23,6 +23,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.palette import BLACK, BLUE, GREY, ORANGE, SIDE_COLOURS, SKY_BLUE, VERMILLION
 from twin_gait.parameters import SafetyParameters
 from twin_gait.report.canvas import picture_bytes
+from twin_gait.scenario import TreadmillScenario
 from twin_gait.scenario.faults import FaultKind
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.faults.audit import stated_reaction
@@ -71,6 +72,15 @@ A monitor stands between controller and motor. After a trip both legs are in a h
 leg's weight, fading out over {lowering:g} s: the leg is lowered. The hold never ends by itself. Cause, place
 and time are in the summary and in the log (`safety_state`, `trip_cause`).
 
+A trip, or the operator's Stop, also stops the treadmill. The belt comes to rest in {ramp:g} s
+(`scenario.stop_ramp_s`), without a jump of its speed or acceleration. The harness locks at the present
+height of the pelvis: beside the {share:.0%} of the weight that the support always carries, it carries what
+sinks below, as a spring that only pulls upwards. Its stiffness (`scenario.support.catch_stiffness_N_per_m`,
+{stiffness:g} kN/m) is that of a metre of rope that stretches by 5 % under 100 kg, the most that EN 1891
+allows a low-stretch rope; its dissipation (`catch_dissipation_s_per_m`, {dissipation:g} s/m) is an
+assumption. The force is part of `support_force_N`, the work of `stop_work_J`. `stop_ramp_s: null` is a belt
+that runs on, a stiffness of 0 a harness that does not lock; with both, a Stop ends in a fall within seconds.
+
 `twin-gait simulate --fault {example}` strikes one fault; the campaign below is
 `twin-gait faults --count {count} --out docs/{name}.csv`: seeded faults over kind, joint, time and
 magnitude on the default walk.
@@ -106,9 +116,12 @@ from them.
 
 ## What the model leaves out
 
-The belt runs on after a trip. A drop of the supply leaves the bus at the highest back-EMF of the motors,
-because nothing but its capacitors takes what they feed back. An encoder that drifts more slowly than
-{drift:.0f}°/s, or a load sensor that is stuck at zero, is not told from a healthy one. Not a medical device.
+That belt and support stop with the device is an assumption: all three are on one stop circuit. The harness
+has no slack, and the wearer does nothing to save themselves. Where the drive of a knee is cut off in swing,
+nothing brakes the shank: this foot may land a second later and slide, with some 50 N on it, while it is put
+down. A drop of the supply leaves the bus at the highest back-EMF of the motors, because nothing but its
+capacitors takes what they feed back. An encoder that drifts more slowly than {drift:.0f}°/s, or a load
+sensor that is stuck at zero, is not told from a healthy one. Not a medical device.
 """
 
 
@@ -148,11 +161,17 @@ def page_text(campaign: FaultCampaign, name: str) -> str:
     """Text of the page."""
     experiment = load_experiment("treadmill").experiment
     settings, limits = experiment.control.safety, experiment.control.limits
+    scenario = experiment.scenario
+    assert isinstance(scenario, TreadmillScenario)  # the default walk
     return _TEXT.format(
         name=name,
         example=EXAMPLE,
         count=len(campaign.table),
         damping=settings.hold_damping,
+        ramp=scenario.stop_ramp,
+        share=scenario.support.share,
+        stiffness=scenario.support.catch_stiffness * 1e-3,
+        dissipation=scenario.support.catch_dissipation,
         lowering=settings.lowering_time,
         table=outcome_table(campaign.table),
         limits="\n".join(f"- {line}" for line in limit_lines(campaign)),

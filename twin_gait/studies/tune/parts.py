@@ -118,7 +118,7 @@ class Judgement(NamedTuple):
     Attributes:
         cost: See the module.
         values: Of the parts.
-        fell: Whether it ended in a fall or diverged.
+        fell: Whether it ended in a fall, a trip of the safety monitor or diverged.
         lasted: Share of the time.
     """
 
