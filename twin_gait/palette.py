@@ -35,6 +35,9 @@ JOINT_COLOURS: dict[JointName, str] = {
 SIDE_COLOURS: dict[Side, str] = {Side.LEFT: BLUE, Side.RIGHT: VERMILLION}
 REFERENCE_COLOUR = REDDISH_PURPLE
 LIMIT_COLOUR = GREY
+# Faults, trips and falls, and nothing else.
+EVENT_COLOUR = "#C1121F"
+HELD_COLOUR = "#BFBFBF"
 # Parts of the commanded torque, by the words of the log columns.
 TORQUE_COLOURS: dict[str, str] = {
     "impedance": REDDISH_PURPLE,

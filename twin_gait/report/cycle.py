@@ -14,8 +14,9 @@ from twin_gait.measures.phases import usual_phases
 from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error, stride_count
 from twin_gait.palette import BLACK, ORANGE, REFERENCE_COLOUR
 from twin_gait.report.canvas import new_figure, phase_handles, put_legend, readable, shade_phases, style_panel
+from twin_gait.report.marks import mark_events, shown_phases
 from twin_gait.report.reference import reference_cycle
-from twin_gait.report.window import last_seconds, leg_records, shown_strides
+from twin_gait.report.window import end_or_events, leg_records, shown_strides
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
@@ -96,7 +97,7 @@ def draw_angles(run: Run) -> Figure:
         The figure.
     """
     records = leg_records(run)
-    window = last_seconds(run, SHOWN_SECONDS)
+    window = end_or_events(run, SHOWN_SECONDS)
     joints = list(records[0].angles)
     figure = new_figure(run, "Joint angles", height=7.5)
     panels = figure.subplots(len(joints), len(records), sharex=True, sharey="row", squeeze=False)
@@ -104,7 +105,7 @@ def draw_angles(run: Run) -> Figure:
     for row, joint in enumerate(joints):
         for column, record in enumerate(records):
             axes, name = panels[row, column], f"{record.side}_{joint}"
-            shade_phases(axes, window.time, record.phases[window.rows], run.table.phase_names)
+            shade_phases(axes, window.time, shown_phases(run, record, window), run.table.phase_names)
             shown = [
                 (record.angles[joint], BLACK, "-", "angle"),
                 (run.log[f"{name}_equilibrium_rad"].to_numpy(), REFERENCE_COLOUR, ":", "equilibrium angle"),
@@ -115,9 +116,10 @@ def draw_angles(run: Run) -> Figure:
                 lines += axes.plot(
                     window.time, np.degrees(values[window.rows]), color=colour, linestyle=style, label=label
                 )
+            lines += mark_events(axes, run, window)
             style_panel(axes, f"{record.side} {joint}", f"{joint} flexion [°]" if column == 0 else "")
     for axes in panels[-1]:
         axes.set_xlabel("time [s]")
-    phases = np.concatenate([record.phases for record in records])
+    phases = np.concatenate([shown_phases(run, record, window) for record in records])
     put_legend(figure, lines, phase_handles(run.table.phase_names, phases))
     return figure

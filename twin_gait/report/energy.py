@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from twin_gait.measures.energy import energy_balance
 from twin_gait.palette import BLACK, WORK_COLOURS
 from twin_gait.report.canvas import new_figure, put_legend, style_panel
+from twin_gait.report.marks import mark_events
 from twin_gait.report.window import whole_run
 from twin_gait.simulation.columns import work_sources
 from twin_gait.simulation.run import Run
@@ -41,6 +42,7 @@ def draw_energy(run: Run) -> Figure:
             )
     change = (energy - energy[0])[window.rows]
     lines += upper.plot(window.time, change, color=BLACK, linewidth=1.8, label="kinetic and potential energy")
+    lines += mark_events(upper, run, window)
     style_panel(upper, "work since the start, and change of energy", "energy [J]")
     lower.plot(window.time, balance.residual[window.rows], color=BLACK, linewidth=1.2)
     share = 100.0 * balance.relative_residual

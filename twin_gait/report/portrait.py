@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells
-from twin_gait.palette import phase_colour
-from twin_gait.report.canvas import new_figure, phase_handles, put_legend, style_panel
-from twin_gait.report.window import leg_records, shown_strides
+from twin_gait.report.canvas import colour_of, new_figure, phase_handles, put_legend, style_panel
+from twin_gait.report.marks import shown_phases
+from twin_gait.report.window import Window, leg_records, shown_strides
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
@@ -36,7 +36,7 @@ def draw_portrait(run: Run) -> Figure:
             _draw_joint(axes, run, record, joint)
             style_panel(axes, f"{record.side} {joint}", f"{joint} velocity [°/s]" if column == 0 else "")
             axes.set_xlabel(f"{joint} flexion [°]")
-    phases = np.concatenate([record.phases[_shown_rows(record)] for record in records])
+    phases = np.concatenate([_shown_phases(run, record) for record in records])
     put_legend(figure, [], phase_handles(run.table.phase_names, phases))
     return figure
 
@@ -48,6 +48,11 @@ def _shown_rows(record: LegRecord) -> slice:
     return slice(int(bounds[0, 0]), int(bounds[-1, 1]))
 
 
+def _shown_phases(run: Run, record: LegRecord) -> np.ndarray:
+    rows = _shown_rows(record)
+    return shown_phases(run, record, Window(rows, run.log["time_s"].to_numpy()[rows]))
+
+
 def _draw_joint(axes: Axes, run: Run, record: LegRecord, joint: JointName) -> None:
     rows = _shown_rows(record)
     angle = np.degrees(record.angles[joint][rows])
@@ -55,8 +60,8 @@ def _draw_joint(axes: Axes, run: Run, record: LegRecord, joint: JointName) -> No
         run.log[wearer_column(run.log, record.side, joint, "velocity_rad_per_s")].to_numpy()[rows]
     )
     names = run.table.phase_names
-    for spell in phase_spells(record.phases[rows]):
-        colour = phase_colour(names[spell.phase], spell.phase)
+    for spell in phase_spells(_shown_phases(run, record)):
+        colour = colour_of(spell.phase, names)
         span = slice(spell.start, spell.end + 1)
         axes.plot(angle[span], velocity[span], color=colour, linewidth=1.3)
         if spell.start > 0:

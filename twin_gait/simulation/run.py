@@ -90,6 +90,12 @@ class Run:
         return f"held from {self.trip.time:.3f} s on: {self.trip.cause} ({self.trip.place})"
 
     @property
+    def steady(self) -> tuple[float, float]:
+        """From when to when in [s] the legs walk evenly: as the experiment has it, and not in a safe hold."""
+        first, last = self.experiment.steady
+        return first, last if self.trip is None else min(last, self.trip.time)
+
+    @property
     def events(self) -> tuple[RunEvent, ...]:
         """Faults that struck, trip, fall and divergence in the order of time."""
         end = (len(self.log) - 1) * TICK

@@ -83,7 +83,7 @@ def numbers_of(run: Run) -> Numbers:
 
 
 def _leg(run: Run, side: Side) -> _Leg:
-    record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
+    record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
     strides = record.strides()
     span = slice(int(strides[0, 0]), int(strides[-1, 1])) if len(strides) else slice(0, 0)
     return _Leg(record, strides, span)
@@ -217,7 +217,7 @@ def help_share(run: Run, side: Side, joint: JointName, since: int) -> float:
     if control.mode is not ControlMode.IMPEDANCE:
         return control.assistance.share[joint]
     phases = [run.table.phases_of(side)[name] for name in run.table.phase_names]
-    codes = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady).phases
+    codes = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady).phases
     given = run.log[f"{side}_{joint}_stiffness_Nm_per_rad"].to_numpy()
     shares = []
     for spell in phase_spells(codes)[1:-1]:

@@ -37,9 +37,7 @@ def interaction_summary(
     joints = [name.removesuffix(f"_{BRACE_COLUMNS[-1]}") for name in columns if name in run.log]
     found = {name: _joint(run.log, name) for name in joints}
     for side in run.sides:
-        device = leg_record(
-            run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady, device=True
-        )
+        device = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady, device=True)
         for joint in device.angles:
             error = reference_error(run, device, joint, device.strides(skip=skip_strides))
             found[f"{side}_{joint}"]["rmse_of_device_deg"] = error

@@ -47,7 +47,7 @@ def summarise_side(run: Run, side: Side, skip: int) -> dict[str, Any]:
     Returns:
         Numbers by name; NaN or None where a number is not defined.
     """
-    record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
+    record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
     return {
         **_by_contact(run, record, skip),
         **_by_phase(run, record, skip),

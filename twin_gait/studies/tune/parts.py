@@ -216,7 +216,7 @@ def _error(
     reference = reference_curve(joint, PERCENT, speed=reference_speed, height=height)
     errors = []
     for side in run.sides:
-        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
+        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
         cycles = normalise_strides(record.angles[joint], record.strides())
         error = math.degrees(root_mean_square_error(cycles, reference)) if len(cycles) else math.nan
         errors.append(error if math.isfinite(error) else None)
