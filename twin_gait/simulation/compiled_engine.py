@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from twin_gait.control import ControllerFunction
+from twin_gait.control import ControllerFunction, Trip
 from twin_gait.core import safety
 from twin_gait.experiment import ControlMode, IntegrationMethod
 from twin_gait.gait.machine import PhaseSwitch
@@ -353,14 +353,14 @@ class CompiledEngine:
             status, reason = self.ending(done)
         if progress is not None:
             progress(done, total)
+        rows = rows[:done] if self._record else rows[:0]
+        return EngineResult(rows, self.switches(), status, reason, self.trip())
+
+    def trip(self) -> Trip | None:
+        """What the safety monitor has tripped on, or None."""
         watched = self.episode.state.safety
-        trip = trip_of(
-            self.problem,
-            int(watched[episode_arrays.TRIP_TICK]),
-            int(watched[episode_arrays.TRIP_CAUSE]),
-            int(watched[episode_arrays.TRIP_PLACE]),
-        )
-        return EngineResult(rows[:done] if self._record else rows[:0], self.switches(), status, reason, trip)
+        places = [episode_arrays.TRIP_TICK, episode_arrays.TRIP_CAUSE, episode_arrays.TRIP_PLACE]
+        return trip_of(self.problem, *watched[places].tolist())
 
     def ending(self, done: int) -> tuple[RunStatus, str]:
         """How the run stands after some ticks, and why; completed as long as nothing has ended it."""
@@ -371,14 +371,14 @@ class CompiledEngine:
             return RunStatus.FELL, fell_reason(done, self.problem.world.fall_height)
         return RunStatus.COMPLETED, ""
 
-    def switches(self) -> tuple[PhaseSwitch, ...]:
-        """Switches of the phases so far."""
+    def switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
+        """Switches of the phases so far, from one of them on."""
         names, sides = self.problem.table.phase_names, self.problem.sides
         state = self.episode.state
         causes = [item.cause for item in self.problem.table.transitions]
         return tuple(
             PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
-            for tick, leg, source, target, chosen in state.switches[: state.counters[0]].tolist()
+            for tick, leg, source, target, chosen in state.switches[first : state.counters[0]].tolist()
         )
 
 

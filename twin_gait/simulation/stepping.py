@@ -1,8 +1,8 @@
 """A run that is advanced piece by piece and changed in between, in compiled code.
 
 :func:`twin_gait.simulation.simulate` runs an experiment from start to end. Here the caller holds the clock:
-he advances the walk by some ticks, looks at the rows of the log, changes the parameters of the phases, the
-belt or the support, pushes the leg or breaks something, and goes on. Without a change the rows are those of
+they advance the walk by some ticks, look at the rows of the log, change the parameters of the phases, the
+belt or the support, push the leg or break something, and go on. Without a change the rows are those of
 ``simulate``, bit for bit.
 """
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin_gait.control import ControllerFunction
+from twin_gait.control import ControllerFunction, Trip
 from twin_gait.core.belt import BELT_CRUISE
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.faults import START_TICK
@@ -21,17 +21,18 @@ from twin_gait.core.guards import DWELL_TICKS, SOURCE
 from twin_gait.core.plant import CONSTANT_FORCE, STOP_STIFFNESS
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
+from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.scenario.faults import Fault, FaultKind
 from twin_gait.simulation import episode_arrays
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.watching import NEVER, fault_arrays, overstay_ticks, trip_of
+from twin_gait.simulation.watching import NEVER, fault_arrays, overstay_ticks
 
 FADE_TICKS = 300  # over which a change fades in where the caller says nothing
 MOST_FAULTS = 16  # that can be injected into one walk
-CHUNK_TICKS = 60_000  # rows of the log that are made at a time: a minute
+CHUNK_TICKS = 2000  # rows of the log that are made at a time
 
 
 @dataclass
@@ -107,7 +108,7 @@ class SteppedRun:
         self._watching = True
         self._held: int | None = None
         self._released_at: int | None = None
-        self._chunks: list[np.ndarray] = []
+        self._chunks: dict[int, np.ndarray] = {}
 
     # ------------------------------------------------------------------ advancing
 
@@ -153,8 +154,8 @@ class SteppedRun:
 
     def _run_to(self, end: int) -> None:
         chunk, row = divmod(self.tick, CHUNK_TICKS)
-        if chunk == len(self._chunks):
-            self._chunks.append(np.zeros((CHUNK_TICKS, len(self.layout.names))))
+        if chunk not in self._chunks:
+            self._chunks[chunk] = np.zeros((CHUNK_TICKS, len(self.layout.names)))
         self._inputs.integers[episode_arrays.FIRST_ROW] = chunk * CHUNK_TICKS
         end = min(end, self.tick + CHUNK_TICKS - row)
         self.tick = self._engine.run_ticks(self.tick, end, self._chunks[chunk])
@@ -188,17 +189,26 @@ class SteppedRun:
         """The log from a tick on.
 
         Args:
-            first: The tick.
+            first: The tick; not one whose row has been forgotten.
 
         Returns:
             Shape ``(tick - first, n_columns)``.
         """
         chunk = first // CHUNK_TICKS
         begin, end = first - chunk * CHUNK_TICKS, self.tick - chunk * CHUNK_TICKS
-        if end <= CHUNK_TICKS and chunk < len(self._chunks):
-            return self._chunks[chunk][begin:end]
-        parts = self._chunks[chunk:] or [np.zeros((0, len(self.layout.names)))]
-        return np.concatenate(parts)[begin:end]
+        parts = [self._chunks[number] for number in range(chunk, -(-self.tick // CHUNK_TICKS))]
+        if len(parts) == 1:
+            return parts[0][begin:end]
+        return np.concatenate([*parts, np.zeros((0, len(self.layout.names)))])[begin:end]
+
+    def forget_rows(self, before: int) -> None:
+        """Let the memory of old rows go; a walk of an hour then needs no more of it than one of seconds.
+
+        Args:
+            before: First tick whose row is still wanted.
+        """
+        for number in [item for item in self._chunks if (item + 1) * CHUNK_TICKS <= before]:
+            del self._chunks[number]
 
     def result(self, *, interrupted: bool = False) -> EngineResult:
         """The walk so far as an engine hands it back.
@@ -212,11 +222,23 @@ class SteppedRun:
         status, reason = self._engine.ending(self.tick)
         if interrupted and status is RunStatus.COMPLETED:
             status, reason = RunStatus.INTERRUPTED, stopped_reason(self.tick)
-        watched = self._state.safety[
-            [episode_arrays.TRIP_TICK, episode_arrays.TRIP_CAUSE, episode_arrays.TRIP_PLACE]
-        ]
-        trip = trip_of(self.problem, *watched.tolist())
-        return EngineResult(self.rows(), self._engine.switches(), status, reason, trip)
+        return EngineResult(self.rows(), self._engine.switches(), status, reason, self._engine.trip())
+
+    def switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
+        """Switches of the phases so far.
+
+        Args:
+            first: How many of them to leave out at the start.
+
+        Returns:
+            The switches in order.
+        """
+        return self._engine.switches(first)
+
+    @property
+    def trip(self) -> Trip | None:
+        """What the safety monitor tripped on, or None."""
+        return self._engine.trip()
 
     # ------------------------------------------------------------------ changes
 
@@ -425,7 +447,7 @@ class SteppedRun:
             self._state.blended[leg] = self._inputs.phase_rows[leg, self._state.phase[leg]]
         self._state.blend_start[...] = self._state.blended
         self._push_ends[:] = 0
-        self.tick, self._chunks = 0, []
+        self.tick, self._chunks = 0, {}
         self._end_pushes()
         self._forget_faults()
         self.hold_phase(self._held)

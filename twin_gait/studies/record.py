@@ -33,6 +33,7 @@ from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, unit_of
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.studies.folders import FolderKind
+from twin_gait.studies.live.journal import journal_of
 from twin_gait.studies.summary.summary import summarise, versions
 from twin_gait.viewer.animation import write_animation
 from twin_gait.viewer.surroundings import Belt
@@ -269,6 +270,10 @@ def load_run(directory: Path) -> StoredRun:
         RunDirectoryError: If it is not a complete run directory.
     """
     directory = Path(directory).expanduser()
+    if journal_of(directory.absolute()).is_file():
+        raise RunDirectoryError(
+            f"{directory}: its walk is going on, or was killed; twin-gait sessions complete {directory}"
+        )
     for name in (EXPERIMENT_FILE, LOG_FILE, SUMMARY_FILE):
         if not (directory / name).is_file():
             raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")

@@ -11,7 +11,7 @@
   const QUICK = ["walk", "pause", "step", "restart"]; // actions without a tab: always in sight
   const STATES = {
     walking: "Walking", paused: "Paused", waiting: "Waiting for a step", holding: "Stopped: holding",
-    fell: "Fell", diverged: "Diverged", ended: "Ended",
+    fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Died: its process is gone",
   };
   // The three controls of the monitor, each with its quantities.
   const MONITOR = [
@@ -67,7 +67,7 @@
       this.socket.onopen = () => get("panel").classList.remove("offline");
       this.socket.onclose = () => {
         get("panel").classList.add("offline");
-        head.state("offline");
+        if (!["ended", "died"].includes(head.status)) head.state("offline");
         for (const answer of this.waiting.values()) answer(null);
         this.waiting.clear();
         setTimeout(() => this.open(), 1000);
@@ -156,6 +156,10 @@
     state(status) {
       if (this.status === status) return;
       this.status = status;
+      if (status === "died") {
+        this.tell("The process of the walk died. What was walked is kept up to the last second; the terminal says where.");
+        clearTimeout(this.timer);
+      }
       get("panel-state").dataset.state = status;
       get("panel-state").querySelector("span").textContent =
         status === "offline" ? "Not connected" : STATES[status] ?? title(status);
