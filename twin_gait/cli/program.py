@@ -55,6 +55,7 @@ def build_parser() -> argparse.ArgumentParser:
         identify,
         live,
         outcomes,
+        plot,
         presets,
         replay,
         reproduce,
@@ -67,7 +68,7 @@ def build_parser() -> argparse.ArgumentParser:
         whatif,
     )
 
-    runs = (simulate, live, sessions, view, export, presets)
+    runs = (simulate, live, sessions, view, plot, export, presets)
     tables = (check, diagram, replay)
     studies = (compare, tune, reproduce, whatif, sweep, faults, outcomes, validate, benchmark)
     for module in (*runs, *tables, bench, identify, *studies):
