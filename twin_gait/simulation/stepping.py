@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin_gait.control import ControllerFunction
+from twin_gait.control import ControllerFunction, Trip
 from twin_gait.core.belt import BELT_RAMP
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.faults import START_TICK
@@ -21,6 +21,8 @@ from twin_gait.core.guards import DWELL_TICKS, SOURCE
 from twin_gait.core.plant import CONSTANT_FORCE
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
+from twin_gait.gait.table import TICK
+from twin_gait.measures.events import RunEvent, run_events
 from twin_gait.scenario.faults import Fault, FaultKind
 from twin_gait.simulation import episode_arrays
 from twin_gait.simulation.compiled_engine import CompiledEngine
@@ -128,6 +130,20 @@ class SteppedRun:
         return bool(self._state.safety[episode_arrays.TRIP_TICK] >= 0)
 
     @property
+    def trip(self) -> Trip | None:
+        """What the safety monitor tripped on, or None."""
+        watched = self._state.safety[
+            [episode_arrays.TRIP_TICK, episode_arrays.TRIP_CAUSE, episode_arrays.TRIP_PLACE]
+        ]
+        return trip_of(self.problem, *watched.tolist())
+
+    @property
+    def events(self) -> tuple[RunEvent, ...]:
+        """Faults that struck, trip, fall and divergence so far, in the order of time."""
+        faults = (*self.problem.experiment.faults, *self._struck)
+        return run_events(faults, self.trip, self.status, max(self.tick - 1, 0) * TICK)
+
+    @property
     def q(self) -> np.ndarray:
         """Present coordinates of the rigid-body model in [rad] and [m], shape ``(n,)``; a copy.
 
@@ -213,11 +229,7 @@ class SteppedRun:
         status, reason = self._engine.ending(self.tick)
         if interrupted and status is RunStatus.COMPLETED:
             status, reason = RunStatus.INTERRUPTED, stopped_reason(self.tick)
-        watched = self._state.safety[
-            [episode_arrays.TRIP_TICK, episode_arrays.TRIP_CAUSE, episode_arrays.TRIP_PLACE]
-        ]
-        trip = trip_of(self.problem, *watched.tolist())
-        return EngineResult(self.rows(), self._engine.switches(), status, reason, trip)
+        return EngineResult(self.rows(), self._engine.switches(), status, reason, self.trip)
 
     # ------------------------------------------------------------------ changes
 
@@ -313,6 +325,7 @@ class SteppedRun:
         self._inputs.faults[spare[0]] = arrays.faults[0]
         self._inputs.faults[spare[0], START_TICK] = self.tick
         self._inputs.magnitudes[spare[0]] = arrays.magnitudes[0]
+        self._struck.append(replace(fault, time=self.tick * TICK))
         self._note_first_fault()
 
     def _note_first_fault(self) -> None:
@@ -321,6 +334,7 @@ class SteppedRun:
     def _forget_faults(self) -> None:
         """Leave the faults of the experiment alone; all others have not happened yet."""
         self._inputs.faults[len(self.problem.experiment.faults) :, START_TICK] = NEVER
+        self._struck: list[Fault] = []
         self._note_first_fault()
 
     # ------------------------------------------------------------------ steps by hand
