@@ -529,6 +529,9 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     page.page.keyboard.press("Escape")
     until(lambda: page.status() == "holding", "the hold")
     page.wait(0.3)
+    shown = ("#panel-state", ".alarm", "#panel-log")
+    hold = [page.page.locator(name).text_content() for name in shown]
+    hold += [page.page.locator(".read .pill").all_text_contents()]
     page.page.click("[data-action=restart]")
     until(lambda: page.status() == "walking" and page.clock() > 0.2, "a new walk", 120.0)
     events = page.log()
@@ -540,7 +543,8 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     first = load_run(treadmill.folder)
     changes = read_changes(treadmill)
     return {"seen": seen, "status": status, "log": first.log, "changes": changes, "events": events,
-            "again": load_run(second).log, "summary": first.summary, "curves": curves}  # fmt: skip
+            "again": load_run(second).log, "summary": first.summary, "curves": curves,
+            "hold": hold}  # fmt: skip
 
 
 def test_joints_on_the_page_are_where_pinocchio_puts_them(session, joint_paths: dict[str, str]) -> None:
@@ -587,6 +591,19 @@ def test_curves_of_a_page_that_was_slow_have_the_peaks_of_the_log(session) -> No
             span = truth[ticks[0] : ticks[-1] + 1]
             for peak in (np.max, np.min):
                 assert peak(values) == pytest.approx(peak(span), rel=1e-6)
+
+
+def test_hold_shows_its_cause_and_its_joint(session) -> None:
+    safety = session["summary"]["safety"]
+    assert safety["tripped"]
+    because = f"{safety['cause'].replace('_', ' ')}, {safety['place']}"
+    state, card, log, pills = session["hold"]
+    assert state == f"HOLD: {because}"
+    assert (
+        f"HOLD: {because} ({safety['time_s']:.3f} s)" in card and "Fault: encoder freeze, left knee" in card
+    )
+    assert f"trip: {because}" in log
+    assert len(pills) == 2 and all(text.endswith("Hold") for text in pills)
 
 
 def change(session: dict[str, Any], subject: str, text: str = "") -> int:

@@ -464,6 +464,19 @@ def test_traces_have_the_extremes_of_every_five_ticks_of_the_log_without_a_gap(b
                 assert (values[inside].min(), values[inside].max()) == (span.min(), span.max())
 
 
+def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem):
+    fault = {"serial": 1, "command": "fault", "fault": "encoder_freeze:right_knee@0s"}
+    rig = Rig(bench_problem, [(0.3, fault), (0.8, {"serial": 2, "command": "restart"})])
+    rig.loop.run()
+    assert rig.answers()[1]["refused"] == ""
+    told = next(item["events"] for item in rig.frames() if item["status"] == "holding")
+    trip = rig.takes[0].result.trip
+    assert [item["kind"] for item in told] == ["fault", "trip"] and told[1]["time"] == trip.time
+    assert told[0]["text"] == "fault: encoder freeze, right knee"
+    assert told[1]["text"] == "trip: encoder frozen, right knee"
+    assert rig.frames()[0]["events"] == rig.frames()[-1]["events"] == []
+
+
 def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_way_but_one(bench_problem):
     script = [
         (0.203, {"serial": 1, "command": "pause"}),

@@ -17,7 +17,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.studies.record import write_run
-from twin_gait.studies.shown_run import page_of, read_shown_run
+from twin_gait.studies.shown_run import ShownRun, page_of, read_shown_run
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.session import LiveViewer
@@ -69,6 +69,11 @@ def pages(runs: dict[str, Path], tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     for name, chosen in (("one", [shown["more"]]), ("two", [shown["more"], shown["less"]])):
         (folder / f"{name}.html").write_text(page_of(chosen), encoding="utf-8")
+    settings = ["duration_s=1.6", "faults=[encoder_freeze:left_knee@1.0s]"]
+    tripped = simulate(load_experiment("treadmill", settings).experiment)
+    assert tripped.trip is not None
+    held = ShownRun("held", tripped.experiment, tripped.log, (), tripped.events, tripped.status)
+    (folder / "held.html").write_text(page_of([held]), encoding="utf-8")
     return {path.stem: path for path in folder.iterdir()}
 
 
@@ -255,6 +260,47 @@ def test_a_motor_changes_its_colour_with_the_phase(walk: OpenPage, runs) -> None
         code = PHASE_COLOURS[GaitPhase(phase)]
         expected = [int(code[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
         np.testing.assert_allclose(shown, expected, atol=1e-4)
+
+
+@pytest.mark.parametrize("shade", ["light", "dark"])
+def test_a_trip_is_a_red_hold_on_card_curves_and_timeline_from_its_moment_on(opened, pages, shade) -> None:
+    one = opened(f"{pages['held'].as_uri()}#t=0.5&theme={shade}", size=(1200, 700))
+    alarm, pills = (
+        'document.querySelector(".alarm").innerText',
+        '[...document.querySelectorAll(".read .pill")].map((pill) => pill.textContent)',
+    )
+    assert one(alarm) == "" and not any("Hold" in text for text in one(pills))
+    one.page.keyboard.press("End")
+    assert [line.split(" (")[0] for line in one(alarm).split("\n")] == [
+        "Fault: encoder freeze, left knee", "HOLD: encoder frozen, left knee"]  # fmt: skip
+    assert all(text.endswith("Hold") for text in one(pills))
+    # Back by the transitions: to the trip, which a screen reader is told of, and to the fault.
+    one.page.keyboard.press(",")
+    trip = clock_of(one)
+    assert 1.0 < trip < 1.2 and "trip: encoder frozen, left knee" in one(
+        'document.getElementById("spoken").textContent'
+    )
+    # Both drawings have the colour of an alarm at that moment; before the fault neither has.
+    red = one("""(time) => {
+        const ink = document.createElement("canvas").getContext("2d");
+        ink.fillStyle = theme.inks.alarm;
+        ink.fillRect(0, 0, 1, 1);
+        const wanted = ink.getImageData(0, 0, 1, 1).data;
+        const count = (canvas, x) => {
+            const scale = canvas.width / canvas.clientWidth;
+            const at = Math.round(scale * x) - 2;
+            const { data } = canvas.getContext("2d").getImageData(at, 0, 5, canvas.height);
+            let found = 0;
+            for (let i = 0; i < data.length; i += 4) {
+                if ([0, 1, 2].every((k) => Math.abs(data[i + k] - wanted[k]) < 12)) found += 1;
+            }
+            return found / scale;
+        };
+        const curves = document.getElementById("curves"), band = document.querySelector("#bands canvas");
+        const [from, to] = plots.shown(), wide = curves.clientWidth - MARGIN.left - MARGIN.right;
+        return [count(curves, MARGIN.left + (wide * (time - from)) / (to - from)),
+                count(band, (band.clientWidth * time) / player.end)]; }""", trip)  # fmt: skip
+    assert red[0] > 100 and red[1] >= 14, red
 
 
 # ---------------------------------------------------------------------------------- keys and pointer

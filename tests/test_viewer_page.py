@@ -23,7 +23,7 @@ from twin_gait.exceptions import ParameterFileError, ViewerError
 from twin_gait.leg_model import LegModel
 from twin_gait.palette import PHASE_COLOURS, phase_colour
 from twin_gait.studies.record import load_run, write_run
-from twin_gait.studies.shown_run import page_of, read_shown_run
+from twin_gait.studies.shown_run import ShownRun, page_of, read_shown_run
 from twin_gait.viewer.curves import extremes, faithful_curve
 from twin_gait.viewer.motion import frame_rate, leg_values, phase_changes, read_motion
 from twin_gait.viewer.page import FLOOR, SCRIPTS, live_page, packed, page_data
@@ -119,6 +119,35 @@ def test_extremes_of_a_span_come_in_their_order() -> None:
     rows, found = extremes(np.array([[0.0], [7.0], [-2.0], [1.0], [1.0], [3.0], [3.5]]))
     assert rows.ravel().tolist() == [1, 2, 5, 6]
     assert found.ravel().tolist() == [7.0, -2.0, 3.0, 3.5]
+
+
+@pytest.fixture(scope="module")
+def tripped(tmp_path_factory) -> Path:
+    """A walk whose left knee encoder freezes."""
+    folder = tmp_path_factory.mktemp("runs") / "tripped"
+    folder.mkdir()
+    settings = ["duration_s=1.6", "faults=[encoder_freeze:left_knee@1.0s]"]
+    write_run(simulate(load_experiment("treadmill", settings).experiment), folder, pictures=False)
+    return folder
+
+
+def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the_run(tripped: Path) -> None:
+    stored = load_run(tripped)
+    trip = stored.trip
+    assert trip is not None and 1.0 <= trip.time < 1.2
+    (entry,) = embedded(page_of([read_shown_run(tripped)]))["runs"]
+    assert [(one["kind"], one["time"]) for one in entry["events"]] == [("fault", 1.0), ("trip", trip.time)]
+    assert entry["events"][1]["text"] == "trip: encoder frozen, left knee"
+    assert entry["outcome"] == stored.summary["status"]
+    assert [one["label"] for one in entry["phases"]][-1] == "Hold"
+    frames = frames_of(entry)
+    assert {1000, trip.tick} <= set(frames["times"])
+    for leg in frames["legs"]:
+        assert leg["phases"]["codes"][-1] == len(entry["phases"]) - 1
+        assert leg["phases"]["starts"][-1] == trip.time
+    # A run without a trip has neither.
+    (calm,) = embedded(page_of([ShownRun("calm", stored.experiment, stored.log.iloc[:900])]))["runs"]
+    assert calm["events"] == [] and "Hold" not in [one["label"] for one in calm["phases"]]
 
 
 def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:

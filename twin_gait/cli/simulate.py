@@ -108,9 +108,9 @@ def run(arguments: argparse.Namespace) -> int:
     if result.status is RunStatus.INTERRUPTED:
         return INTERRUPTED
     if arguments.view:
-        from twin_gait.cli.view import show_log
+        from twin_gait.cli.view import show_run
 
-        show_log(loaded.experiment, result.log)
+        show_run(result)
     if result.status is RunStatus.DIVERGED:
         return FAILED
     return FAILED if result.status is RunStatus.FELL and arguments.fail_on_fall else DONE

@@ -72,7 +72,8 @@ class Run:
         """One line: what was run and how it ended."""
         events = "".join(f", {event.text} at {event.time:.2f} s" for event in self.events)
         size = f"{len(self.log)} ticks x {self.log.shape[1]} columns, {len(self.switches)} switches"
-        return f"<Run {self.experiment.name}: {self.status}, {self.duration:g} s ({size}){events}>"
+        word = self.verdict.outcome or self.status
+        return f"<Run {self.experiment.name}: {word}, {self.duration:g} s ({size}){events}>"
 
     def save(self, folder: str | Path, *, force: bool = False) -> Path:
         """Write the run directory; see :func:`twin_gait.save_run`."""
@@ -97,8 +98,8 @@ class Run:
 
     def leg_records(self) -> list[LegRecord]:
         """What gait measures read of each leg, in the order of :attr:`sides`."""
-        names, steady = self.table.phase_names, self.experiment.steady
-        return [leg_record(self.log, side, names, TICK, steady=steady) for side in self.sides]
+        names = self.table.phase_names
+        return [leg_record(self.log, side, names, TICK, steady=self.steady) for side in self.sides]
 
     @cached_property
     def verdict(self) -> Verdict:

@@ -22,6 +22,8 @@ from twin_gait.core.plant import CONSTANT_FORCE, STOP_STIFFNESS
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.gait.table import TICK
+from twin_gait.measures.events import RunEvent, run_events
 from twin_gait.scenario.faults import Fault, FaultKind
 from twin_gait.simulation import episode_arrays
 from twin_gait.simulation.compiled_engine import CompiledEngine
@@ -126,6 +128,17 @@ class SteppedRun:
     def tripped(self) -> bool:
         """Whether the legs are in the safe hold."""
         return bool(self._state.safety[episode_arrays.TRIP_TICK] >= 0)
+
+    @property
+    def trip(self) -> Trip | None:
+        """What the safety monitor tripped on, or None."""
+        return self._engine.trip()
+
+    @property
+    def events(self) -> tuple[RunEvent, ...]:
+        """Faults that struck, trip, fall and divergence so far, in the order of time."""
+        faults = (*self.problem.experiment.faults, *self._struck)
+        return run_events(faults, self.trip, self.status, max(self.tick - 1, 0) * TICK)
 
     @property
     def q(self) -> np.ndarray:
@@ -235,11 +248,6 @@ class SteppedRun:
         """
         return self._engine.switches(first)
 
-    @property
-    def trip(self) -> Trip | None:
-        """What the safety monitor tripped on, or None."""
-        return self._engine.trip()
-
     # ------------------------------------------------------------------ changes
 
     def _fade(self, name: str, values: np.ndarray, target: np.ndarray, ticks: int) -> None:
@@ -337,6 +345,7 @@ class SteppedRun:
         self._inputs.faults[spare[0]] = arrays.faults[0]
         self._inputs.faults[spare[0], START_TICK] = self.tick
         self._inputs.magnitudes[spare[0]] = arrays.magnitudes[0]
+        self._struck.append(replace(fault, time=self.tick * TICK))
         self._note_first_fault()
 
     def _note_first_fault(self) -> None:
@@ -345,6 +354,7 @@ class SteppedRun:
     def _forget_faults(self) -> None:
         """Leave the faults of the experiment alone; all others have not happened yet."""
         self._inputs.faults[len(self.problem.experiment.faults) :, START_TICK] = NEVER
+        self._struck: list[Fault] = []
         self._note_first_fault()
 
     # ------------------------------------------------------------------ steps by hand

@@ -24,6 +24,7 @@ from twin_gait.studies.live.pieces import AppliedChange, Piece
 from twin_gait.studies.live.protocol import Frame
 from twin_gait.viewer.curves import extremes
 from twin_gait.viewer.motion import leg_columns
+from twin_gait.viewer.page import event_entries
 
 FRAME_BLOCKS = 2  # a frame every 20 ms: 50 a second
 MOST_TRACES = 400  # kept for who does not read: eight seconds, which is what a page remembers
@@ -217,6 +218,7 @@ class LiveLoop:
             status=str(self.status),
             q=tuple((run.q if q is None else q).tolist()),
             log=self._named(rows[-1].tolist()) if len(rows) else {},
+            events=tuple(event_entries(run.events)),
             deadlines=self.clock.statistics(),
         )
         self._send_trace()

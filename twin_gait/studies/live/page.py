@@ -105,8 +105,9 @@ class LivePage:
         if frame.log:  # empty before the first tick
             belt_speed = self._belt_speed * self._belt_share(frame)
             self.figure.show(
-                frame.time_s, frame.q, frame.log, belt_speed=belt_speed, traces=self._session.traces()
-            )
+                frame.time_s, frame.q, frame.log, belt_speed=belt_speed, traces=self._session.traces(),
+                events=frame.events,
+            )  # fmt: skip
             self.server.show(self.figure.window.changes())
         before, self._short = self._short, self._shortened(frame)
         if before is None or before["status"] != frame.status or abs(frame.tick - self._told_at) >= READ_OUT:
@@ -129,8 +130,10 @@ class LivePage:
     def _shortened(self, frame: Frame) -> dict[str, Any]:
         """What a panel reads out of a frame; the scene has the rest."""
         entries = frame.to_dict()
-        short = {key: entries[key] for key in ("kind", "tick", "time_s", "status", "deadlines")}
-        return short | {"phases": {side: frame.log.get(f"{side}_phase") for side in self._sides}}
+        short = {key: entries[key] for key in ("kind", "tick", "time_s", "status", "events", "deadlines")}
+        held = bool(frame.log.get("safety_state"))
+        phases = {side: None if held else frame.log.get(f"{side}_phase") for side in self._sides}
+        return short | {"phases": phases}
 
     def _tell_events(self) -> None:
         for event in self._session.events(self._serial):

@@ -453,7 +453,8 @@ class LiveSession:
         if status != self._status:
             before, self._status = self._status, status
             if status in ("holding", "fell", "diverged") and before not in ("starting", "ended"):
-                self._emit(Outcome.NOTE, _ENDINGS[status], tick=self._tick)
+                told = "; ".join([*(event["text"] for event in head["events"]), _ENDINGS[status]])
+                self._emit(Outcome.NOTE, told, tick=self._tick)
         if self._recorder is not None:
             self._recorder.progress(self._tick, status)
             if self._recorder.failure:

@@ -10,7 +10,7 @@
   const PLACES = { push: "disturb", fault: "disturb", save: "table" }; // tab of an action
   const QUICK = ["walk", "pause", "step", "restart"]; // actions without a tab: always in sight
   const STATES = {
-    walking: "Walking", paused: "Paused", waiting: "Waiting for a step", holding: "Stopped: holding",
+    walking: "Walking", paused: "Paused", waiting: "Waiting for a step", holding: "HOLD",
     fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Died: its process is gone",
   };
   // The three controls of the monitor, each with its quantities.
@@ -153,16 +153,19 @@
   const head = {
     status: "",
 
-    state(status) {
-      if (this.status === status) return;
-      this.status = status;
+    // With the cause and the place of a trip, which follows the colon of its text.
+    state(status, events = []) {
+      const trip = events.find((event) => event.kind === "trip")?.text.split(": ")[1];
+      const because = trip && ["holding", "fell"].includes(status) ? `: ${status === "fell" ? "after a hold, " : ""}${trip}` : "";
+      if (this.status === status && this.because === because) return;
+      Object.assign(this, { status, because });
       if (status === "died") {
         this.tell("The process of the walk died. What was walked is kept up to the last second; the terminal says where.");
         clearTimeout(this.timer);
       }
       get("panel-state").dataset.state = status;
       get("panel-state").querySelector("span").textContent =
-        status === "offline" ? "Not connected" : STATES[status] ?? title(status);
+        status === "offline" ? "Not connected" : (STATES[status] ?? title(status)) + because;
       for (const button of get("panel-quick").querySelectorAll("button")) {
         button.setAttribute("aria-pressed", String(
           (button.dataset.action === "walk" && (status === "walking" || status === "waiting"))
@@ -172,7 +175,7 @@
     },
 
     frame(frame) {
-      this.state(frame.status);
+      this.state(frame.status, frame.events);
       get("panel-clock").textContent = `${frame.time_s.toFixed(1)} s`;
       this.deadlines(frame.deadlines);
       board.phases(frame.phases);
