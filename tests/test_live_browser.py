@@ -360,6 +360,26 @@ def test_unsafe_value_is_refused_with_the_reason_of_the_check(page: Page) -> Non
     assert any(reason in line for line in page.log())
 
 
+def test_a_page_that_outlives_its_session_shows_the_log_of_the_next(page: Page) -> None:
+    texts = '[...document.querySelectorAll("#panel-log .what")].map((one) => one.textContent)'
+    session = page.page.evaluate("livePanel.log.session")
+    assert re.fullmatch("[0-9a-f]{16}", session)
+    hear = "(batch) => livePanel.link.socket.onmessage({data: JSON.stringify(batch)})"
+    phases = page.page.evaluate("[...livePanel.board.colours.values()]")
+    greeting = {"kind": "page", "session": session, "phases": phases}
+
+    def event(serial: int, text: str) -> dict[str, Any]:
+        return {"kind": "event", "serial": serial, "outcome": "note", "text": text, "tick": 1, "id": ""}
+
+    page.page.evaluate(hear, [greeting, event(90001, "of the first"), event(90001, "of the first")])
+    assert page.page.evaluate(texts).count("of the first") == 1
+    # As after a restart of the program: its serial numbers begin at 1 again.
+    page.page.evaluate(
+        hear, [{**greeting, "session": "another"}, event(1, "begins"), event(90001, "goes on")]
+    )
+    assert page.page.evaluate(texts) == ["goes on", "begins"]
+
+
 def test_malformed_unknown_and_oversized_messages_are_refused_and_the_walk_goes_on(page: Page) -> None:
     begun = page.clock()
     wrong = {

@@ -7,6 +7,7 @@ says becomes a message of the session, or is refused if it is none.
 from __future__ import annotations
 
 import json
+import secrets
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -65,6 +66,7 @@ class LivePage:
         self._state: State | None = None
         self._short: dict[str, Any] | None = None
         self._number = self._serial = self._told_at = 0
+        self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
         self.figure = LiveFigure(
             experiment.build_world().model,
             title=f"twin_gait live · {experiment.name}",
@@ -152,7 +154,7 @@ class LivePage:
         self.server.tell(state.to_dict(), key="state")
 
     def _greeting(self) -> Iterator[dict[str, Any]]:
-        yield {"kind": "page", "phases": self.figure.page["phases"]}
+        yield {"kind": "page", "session": self._id, "phases": self.figure.page["phases"]}
         if self._state is not None:
             yield self._state.to_dict()
         for event in self._session.events()[-EVENTS_SHOWN:]:

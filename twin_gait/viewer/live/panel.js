@@ -137,6 +137,7 @@
   const NO_ANSWER = { outcome: "refused", text: "no answer from the simulation" };
 
   function hear(message) {
+    if (message.kind === "page") log.open(message.session);
     if (message.kind === "page") board.colours = new Map(message.phases.map((phase) => [phase.name, phase]));
     else if (message.kind === "state") board.take(message);
     else if (message.kind === "frame") head.frame(message);
@@ -594,6 +595,15 @@
 
   const log = {
     seen: new Set(),
+    session: null,
+
+    // Another session begins its serial numbers anew: it has a log of its own.
+    open(session) {
+      if (this.session === session) return;
+      this.session = session;
+      this.seen.clear();
+      get("body-log").replaceChildren();
+    },
 
     add(event) {
       if (event.serial) { if (this.seen.has(event.serial)) return; this.seen.add(event.serial); }
