@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import NoReturn
 
 from twin_gait import __version__
-from twin_gait.cli.terminal import BAD_INPUT, DONE, INTERRUPTED
+from twin_gait.cli.terminal import BAD_INPUT, DONE, INTERRUPTED, warn_on_one_line
 from twin_gait.exceptions import TwinGaitError
 
 
@@ -72,6 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         Exit status: 0 done, 1 failed or diverged, 2 bad input, 130 interrupted.
     """
+    warn_on_one_line()
     arguments = build_parser().parse_args(argv)
     command: Callable[[argparse.Namespace], int] = arguments.run
     try:
