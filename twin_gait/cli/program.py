@@ -11,7 +11,14 @@ from typing import Any, NoReturn
 
 from twin_gait import __version__
 from twin_gait.cli.defect import describe_defect
-from twin_gait.cli.terminal import BAD_INPUT, DEFECT, DONE, INTERRUPTED, write_on_any_terminal
+from twin_gait.cli.terminal import (
+    BAD_INPUT,
+    DEFECT,
+    DONE,
+    INTERRUPTED,
+    warn_on_one_line,
+    write_on_any_terminal,
+)
 from twin_gait.exceptions import TwinGaitError
 
 NO_HOME = "Could not determine home directory."  # pathlib's words, which raises nothing more special
@@ -87,6 +94,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         130 interrupted.
     """
     write_on_any_terminal()
+    warn_on_one_line()
     arguments = build_parser().parse_args(argv)
     command: Callable[[argparse.Namespace], int] = arguments.run
     try:

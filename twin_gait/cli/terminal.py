@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -54,6 +55,20 @@ def note_step(name: str, doing: str = "writing") -> None:
     """Say on a terminal what is being done, such as which file is being written."""
     if sys.stderr.isatty():
         print(f"\r\033[K{doing} {name}", end="", file=sys.stderr, flush=True)
+
+
+def warn_on_one_line() -> None:
+    """Print warnings of Python on one line, each once, however often a model is built."""
+    shown: set[str] = set()
+
+    def line(message: Warning | str, *_: object, **__: object) -> str:
+        text = f"twin-gait: warning: {' '.join(str(message).split())}\n"
+        if text in shown:
+            return ""
+        shown.add(text)
+        return text
+
+    warnings.formatwarning = line
 
 
 def note_compilation() -> None:
