@@ -5,6 +5,7 @@ import json
 import re
 import socket
 import stat
+import webbrowser
 import zlib
 from base64 import b64decode
 from itertools import combinations
@@ -17,12 +18,14 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
+from twin_gait.cli.view import announce
 from twin_gait.exceptions import ParameterFileError, ViewerError
 from twin_gait.leg_model import LegModel
 from twin_gait.palette import PHASE_COLOURS, phase_colour
 from twin_gait.studies.record import load_run, write_run
-from twin_gait.studies.shown_run import page_of, read_shown_run
-from twin_gait.viewer.motion import frame_rate, phase_changes, read_motion
+from twin_gait.studies.shown_run import ShownRun, page_of, read_shown_run
+from twin_gait.viewer.curves import extremes, faithful_curve
+from twin_gait.viewer.motion import frame_rate, leg_values, phase_changes, read_motion
 from twin_gait.viewer.page import FLOOR, SCRIPTS, live_page, packed, page_data
 from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.picture import BROWSER_VARIABLE, PictureSize, find_browser, take_picture
@@ -52,6 +55,12 @@ def frames_of(entry: dict) -> dict:
     return json.loads(zlib.decompress(b64decode(entry["frames"])))
 
 
+def curve_of(frames: dict, key: str, leg: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Ticks and values of a curve, as the script of the page unfolds them."""
+    series = frames["legs"][leg]["series"][key]
+    return np.cumsum(series["steps"]), np.array(series["values"], dtype=float)
+
+
 def entries(phases: list[str]) -> list[dict]:
     view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
     data = page_data(mode="live", title="", subtitle="", missing_meshes=[], view=view, phases=phases,
@@ -71,15 +80,74 @@ def test_a_page_has_a_frame_at_every_transition_and_its_numbers_are_the_logs(run
     assert set(transitions["tick"]) <= set(frames["times"])
     assert 1235 in frames["times"]  # the first row that is not before the moment asked for
     assert frames["times"][0] == 0 and frames["times"][-1] == len(shown.log) - 1
-    leg = frames["legs"][0]["series"]
-    rows = shown.log.iloc[frames["times"]]
     for key, column in (("hip", "angle_rad"), ("hip_torque", "motor_torque_Nm"),
                         ("hip_impedance", "impedance_torque_Nm"),
                         ("hip_friction_compensation", "friction_compensation_torque_Nm"),
                         ("hip_gravity_compensation", "gravity_compensation_torque_Nm")):  # fmt: skip
-        values = rows[f"right_hip_{column}"].to_numpy()
+        ticks, seen = curve_of(frames, key)
+        assert set(frames["times"]) <= set(ticks.tolist())
+        values = shown.log[f"right_hip_{column}"].to_numpy()[ticks]
         expected = np.degrees(values) if key == "hip" else values
-        np.testing.assert_allclose(leg[key], expected, rtol=0.0, atol=5.1e-5)
+        np.testing.assert_allclose(seen, expected, rtol=0.0, atol=5.1e-5)
+
+
+@pytest.mark.parametrize("frames_per_second", [30.0, 10.0, 1.0])
+def test_curves_have_the_peaks_of_the_log_however_few_frames_there_are(
+    run_folder: Path, frames_per_second: float
+) -> None:
+    log = read_shown_run(run_folder).log
+    model = read_shown_run(run_folder).experiment.build_world().model
+    curves = read_motion(log, model, frames_per_second=frames_per_second).legs[Side.RIGHT].curves
+    values = leg_values(log, Side.RIGHT)
+    assert set(curves) == set(values) and len(values) >= 8
+    clock = log["time_s"].to_numpy()
+    for key, truth in values.items():
+        drawn = np.interp(clock, *curves[key])
+        # Within 0.2 % of its range everywhere, so every peak above a fifth of it within 1 %.
+        assert np.abs(drawn - truth).max() <= 0.002 * np.ptp(truth) + 1e-9, key
+        assert len(curves[key].times) < len(clock) / 2
+
+
+def test_a_curve_ends_where_the_log_has_no_number() -> None:
+    values = np.array([0.0, 1.0, 2.0, np.nan, np.nan, 5.0, 5.0, 9.0, 5.0])
+    curve = faithful_curve(np.arange(9.0), values, np.array([0, 8]))
+    assert curve.times.tolist() == [0, 2, 3, 4, 5, 6, 7, 8]
+    np.testing.assert_array_equal(np.isnan(curve.values), [False, False, True, True, *4 * [False]])
+
+
+def test_extremes_of_a_span_come_in_their_order() -> None:
+    rows, found = extremes(np.array([[0.0], [7.0], [-2.0], [1.0], [1.0], [3.0], [3.5]]))
+    assert rows.ravel().tolist() == [1, 2, 5, 6]
+    assert found.ravel().tolist() == [7.0, -2.0, 3.0, 3.5]
+
+
+@pytest.fixture(scope="module")
+def tripped(tmp_path_factory) -> Path:
+    """A walk whose left knee encoder freezes."""
+    folder = tmp_path_factory.mktemp("runs") / "tripped"
+    folder.mkdir()
+    settings = ["duration_s=1.6", "faults=[encoder_freeze:left_knee@1.0s]"]
+    write_run(simulate(load_experiment("treadmill", settings).experiment), folder, pictures=False)
+    return folder
+
+
+def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the_run(tripped: Path) -> None:
+    stored = load_run(tripped)
+    trip = stored.trip
+    assert trip is not None and 1.0 <= trip.time < 1.2
+    (entry,) = embedded(page_of([read_shown_run(tripped)]))["runs"]
+    assert [(one["kind"], one["time"]) for one in entry["events"]] == [("fault", 1.0), ("trip", trip.time)]
+    assert entry["events"][1]["text"] == "trip: encoder frozen, left knee"
+    assert entry["outcome"] == stored.summary["status"]
+    assert [one["label"] for one in entry["phases"]][-1] == "Hold"
+    frames = frames_of(entry)
+    assert {1000, trip.tick} <= set(frames["times"])
+    for leg in frames["legs"]:
+        assert leg["phases"]["codes"][-1] == len(entry["phases"]) - 1
+        assert leg["phases"]["starts"][-1] == trip.time
+    # A run without a trip has neither.
+    (calm,) = embedded(page_of([ShownRun("calm", stored.experiment, stored.log.iloc[:900])]))["runs"]
+    assert calm["events"] == [] and "Hold" not in [one["label"] for one in calm["phases"]]
 
 
 def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:
@@ -90,8 +158,8 @@ def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:
             log[f"right_{joint}_{part}_torque_Nm"] = 0.0 if joint == "hip" or part != "target" else 2.0
     leg = read_motion(log, bench).legs[Side.RIGHT]
     assert "hip_target" not in leg.curves  # zero all the time
-    np.testing.assert_array_equal(leg.curves["knee_target"], 2.0)
-    np.testing.assert_array_equal(leg.curves["hip_impedance"], 0.0)
+    np.testing.assert_array_equal(leg.curves["knee_target"].values, 2.0)
+    np.testing.assert_array_equal(leg.curves["hip_impedance"].values, 0.0)
     assert set(leg.torques) == {"hip", "knee"}
     assert read_motion(log[["time_s", "right_hip_angle_rad", "right_knee_angle_rad"]], bench).legs[
         Side.RIGHT
@@ -327,7 +395,7 @@ def answer(url: str, host: str | None = None, path: str = "/") -> tuple[int, byt
     parts = urlsplit(url)
     connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=5)
     try:
-        connection.request("GET", path, headers={} if host is None else {"Host": host})
+        connection.request("GET", f"{path}?{parts.query}", headers={} if host is None else {"Host": host})
         reply = connection.getresponse()
         return reply.status, reply.read()
     finally:
@@ -338,12 +406,38 @@ def test_a_page_is_served_to_this_machine_only_and_gone_afterwards() -> None:
     with PageServer("<p>é</p>", port=0) as server:
         parts = urlsplit(server.url)
         assert parts.hostname == "127.0.0.1"
-        assert server._server.socket.getsockname() == ("127.0.0.1", parts.port)
         assert answer(server.url) == (200, "<p>é</p>".encode())
-        assert answer(server.url, host=f"elsewhere.example:{parts.port}")[0] == 404
+        assert answer(server.url, host=f"elsewhere.example:{parts.port}")[0] == 403
         assert answer(server.url, path="/etc/passwd")[0] == 404
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", parts.port), timeout=1)
+
+
+def test_a_page_is_for_whoever_has_the_address_with_its_token() -> None:
+    with PageServer("<p>a wearer's walk</p>", port=0) as server, PageServer("b", port=0) as other:
+        bare, foreign = server.url.partition("?")[0], urlsplit(other.url).query
+        for url in (bare, f"{bare}?{foreign}", server.url[:-1], f"{server.url}0"):
+            status, content = answer(url)
+            assert status == 403 and b"walk" not in content, url
+        assert answer(server.url)[0] == 200
+
+
+@pytest.mark.parametrize("screen", ["DISPLAY", "WAYLAND_DISPLAY"])
+def test_the_token_is_in_no_command_line(
+    screen: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a browser is started with can be read by every user of the machine."""
+    opened: list[str] = []
+    monkeypatch.setenv(screen, ":0")
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    url = "http://127.0.0.1:7000/?token=0123456789abcdef#t=1&theme=dark"
+    announce(url)
+    assert url in capsys.readouterr().out
+    (given,) = opened
+    assert "0123456789abcdef" not in given
+    page = Path(urlsplit(given).path)
+    assert page.parent.stat().st_mode & 0o077 == 0
+    assert url.replace("&", "&amp;") in page.read_text()
 
 
 def test_a_taken_port_gives_the_next_one() -> None:

@@ -6,7 +6,7 @@ stance phases are cold and swing phases warm. Nothing heavy is imported here.
 
 from __future__ import annotations
 
-from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, JointName, Side
+from twin_gait.vocabulary import FIRST_SWING, HOLD, STAND, GaitPhase, JointName, Side
 
 BLACK = "#000000"
 ORANGE = "#E69F00"
@@ -17,6 +17,7 @@ BLUE = "#0072B2"
 VERMILLION = "#D55E00"
 REDDISH_PURPLE = "#CC79A7"
 GREY = "#7F7F7F"
+ALARM_COLOUR, ALARM_ON_DARK = "#B3002D", "#FF6B7F"  # of a hold, and of what led to it
 
 PHASE_COLOURS: dict[GaitPhase, str] = {
     GaitPhase.EARLY_STANCE: BLUE,
@@ -26,7 +27,7 @@ PHASE_COLOURS: dict[GaitPhase, str] = {
     GaitPhase.SWING_EXTENSION: VERMILLION,
 }
 # Beside the five: standing is neither cold nor warm, the first swing is warm.
-_OTHER_PHASES = {STAND: GREY, FIRST_SWING: YELLOW}
+_OTHER_PHASES = {STAND: GREY, FIRST_SWING: YELLOW, HOLD: ALARM_COLOUR}
 JOINT_COLOURS: dict[JointName, str] = {
     JointName.HIP: BLUE,
     JointName.KNEE: VERMILLION,

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import atexit
+import html
 import math
 import os
 import re
+import shutil
 import sys
+import tempfile
 import time
 import webbrowser
 from pathlib import Path
@@ -19,9 +23,7 @@ from twin_gait.exceptions import ParameterError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import pandas as pd
-
-    from twin_gait.experiment import Experiment
+    from twin_gait.simulation.run import Run
     from twin_gait.studies.shown_run import ShownRun
     from twin_gait.viewer.picture import PictureSize
 
@@ -182,15 +184,12 @@ def _fragment(at: float | None, speed: float, dark: bool) -> str:
     return f"#{'&'.join(words)}" if words else ""
 
 
-def show_log(
-    experiment: Experiment, log: pd.DataFrame, *, speed: float = 1.0, repeat: bool = True, port: int = 7000
-) -> int:
-    """Show a log in the browser until Ctrl-C, or for as long as it lasts.
+def show_run(run: Run, *, speed: float = 1.0, repeat: bool = True, port: int = 7000) -> int:
+    """Show a run in the browser until Ctrl-C, or for as long as it lasts.
 
     Args:
-        experiment: What was run.
-        log: One row per tick.
-        speed: Seconds of the log per second.
+        run: The run.
+        speed: Seconds of the run per second.
         repeat: Whether to go on after that.
         port: First port to try.
 
@@ -199,7 +198,8 @@ def show_log(
     """
     from twin_gait.studies.shown_run import ShownRun
 
-    shown = ShownRun(f"twin_gait · {experiment.name}", experiment, log)
+    name = f"twin_gait · {run.experiment.name}"
+    shown = ShownRun(name, run.experiment, run.log, (), run.events, run.status)
     return _serve([shown], speed=speed, repeat=repeat, port=port)
 
 
@@ -227,4 +227,16 @@ def announce(url: str) -> None:
     print(f"open {url} in a browser; Ctrl-C ends", flush=True)
     # Without a screen Python would start a text browser in this terminal.
     if sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        webbrowser.open(url)
+        webbrowser.open(_signpost(url).as_uri())
+
+
+def _signpost(url: str) -> Path:
+    """A page of the user's own that leads to the address, until the program ends.
+
+    Every user of the machine can read what a browser is started with, and the address holds the token.
+    """
+    folder = tempfile.mkdtemp(prefix="twin_gait_")  # nobody else may look into it
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    path = Path(folder) / "open.html"
+    path.write_text(f'<meta http-equiv="refresh" content="0;url={html.escape(url)}">', encoding="utf-8")
+    return path

@@ -18,6 +18,7 @@ then what the guide does.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -159,8 +160,9 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
         positions, velocities = positions + own[0], velocities + own[1]
     q, v = run.log[positions].to_numpy(dtype=float), run.log[velocities].to_numpy(dtype=float)
     found = {side: np.zeros((len(q), 6)) for side in plant.feet}
+    tripped = math.inf if run.trip is None else run.trip.time
     for tick in range(len(q)):
-        plant.belt_speed = scenario.belt_speed_at(tick * TICK)
+        plant.belt_speed = scenario.belt_speed_at(tick * TICK, tripped)
         plant.update_contacts(q[tick], v[tick])
         for side, rows in found.items():
             if plant.normal_force[side] > 0.0:

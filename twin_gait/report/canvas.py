@@ -75,7 +75,7 @@ def describe(run: Run) -> str:
     if isinstance(experiment.scenario, TreadmillScenario):
         parts.append(f"{experiment.scenario.belt_speed:.2f} m/s")
         parts.append(f"{100.0 * experiment.scenario.support.share:.0f} % of the weight supported")
-    return " · ".join([*parts, f"{run.duration:.1f} s", str(run.status)])
+    return " · ".join([*parts, f"{run.duration:.1f} s", str(run.verdict.outcome or run.status)])
 
 
 def _wearer(patient: Patient | None) -> str:

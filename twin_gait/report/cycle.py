@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.phases import usual_phases
-from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error
+from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error, stride_count
 from twin_gait.palette import BLACK, ORANGE, REFERENCE_COLOUR
 from twin_gait.report.canvas import (
     SCREEN_WIDTH,
@@ -79,8 +79,7 @@ def _draw_joint(axes: Axes, run: Run, record: LegRecord, joint: JointName) -> li
         label="range over strides",
     )
     (mean,) = axes.plot(PERCENT, angles.mean(axis=0), color=BLACK, linewidth=1.8, label="mean over strides")
-    strides = f"{len(bounds)} stride" + ("s" if len(bounds) > 1 else "")
-    title = f"{record.side} {joint}, {strides}"
+    title = f"{record.side} {joint}, {stride_count(len(bounds), len(record.strides(skip=0)))}"
     reference = reference_cycle(run.experiment, joint)
     handles: list[Artist] = [mean, spread]
     if reference is not None:

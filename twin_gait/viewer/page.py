@@ -7,14 +7,23 @@ import html
 import json
 import re
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.exceptions import ViewerError
-from twin_gait.palette import ORANGE, SIDE_COLOURS, SKY_BLUE, TORQUE_COLOURS, phase_colour
+from twin_gait.measures.events import RunEvent
+from twin_gait.palette import (
+    ALARM_COLOUR,
+    ALARM_ON_DARK,
+    ORANGE,
+    SIDE_COLOURS,
+    SKY_BLUE,
+    TORQUE_COLOURS,
+    phase_colour,
+)
 from twin_gait.viewer.legend import (
     EXTENSION_COLOUR,
     FLEXION_COLOUR,
@@ -38,10 +47,7 @@ FLOOR = "/meshcat/surroundings/floor"  # what a dark page darkens
 RECORDED_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
-LIVE_POLICY = (
-    "default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src data: blob:; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
-)
+LIVE_POLICY = f"{RECORDED_POLICY}; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
 _SIDE_COLOURS_ON_DARK = {Side.LEFT: SKY_BLUE, Side.RIGHT: ORANGE}
 _PART_LABELS = {
     "impedance": "impedance",
@@ -79,6 +85,7 @@ def page_data(
     arrows: bool,
     duration: float | None = None,
     notes: Sequence[str] = (),
+    events: Iterable[RunEvent] = (),
     **more: Any,
 ) -> dict[str, Any]:
     """What the scripts of the page read of a run, or of a live scene.
@@ -94,6 +101,7 @@ def page_data(
         arrows: Whether ground forces are drawn.
         duration: In [s], or None if there is no end.
         notes: What else the card is to say.
+        events: What befell the run.
         more: Further entries.
 
     Returns:
@@ -106,6 +114,7 @@ def page_data(
         "notes": [*map(_unicode, notes), *_notes(missing_meshes)],
         "view": asdict(view),
         "phases": _phase_entries(phases),
+        "events": event_entries(events),
         "parts": _part_entries(legs),
         "legs": list(legs),
         "arrow": {"label": _arrow_label(), "colour": FORCE_COLOUR} if arrows else None,
@@ -130,6 +139,11 @@ def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
     label = str(side).capitalize()
     colours = {"colour": SIDE_COLOURS[side], "dark": _SIDE_COLOURS_ON_DARK[side]}
     return {"side": str(side), "label": label, **colours, "shows": list(shows)}
+
+
+def event_entries(events: Iterable[RunEvent]) -> list[dict[str, Any]]:
+    """What a page needs to know of what befell a run: kind, time in [s] and words."""
+    return [{"kind": str(event.kind), "time": event.time, "text": event.text} for event in events]
 
 
 def _unicode(text: str) -> str:
@@ -205,7 +219,7 @@ def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
         HTML.
     """
     folder = viewer_folder()
-    bundle = packed((folder / "dist" / "main.min.js").read_bytes())
+    bundle = packed(_bundle().encode())
     licences = [folder / "LICENSE", folder / "dist" / "main.min.js.LICENSE.txt"]
     notice = "\n\n".join(path.read_text(encoding="utf-8") for path in licences if path.is_file())
     return _fill(
@@ -234,11 +248,16 @@ def live_page(*, style: str = "", panel: str = "", script: str = "", socket: str
         title="twin_gait",
         notice="",
         data=embedded_json({"mode": "live", "socket": socket}),
-        bundle='<script src="/static/main.min.js"></script>',
+        bundle=f"<script>{_inside_script(_bundle())}</script>",
         more_style=style,
         panel=panel,
         extra=f"<script>{_inside_script(script)}</script>" if script else "",
     )
+
+
+def _bundle() -> str:
+    """Script of meshcat's viewer."""
+    return (viewer_folder() / "dist" / "main.min.js").read_bytes().decode("utf-8")
 
 
 def packed(content: bytes) -> str:
@@ -280,7 +299,9 @@ def embedded_json(data: Mapping[str, Any]) -> str:
 
 def _fill(*, more_style: str = "", panel: str = "", extra: str = "", **parts: str) -> str:
     template = (PAGE_FOLDER / "page.html").read_text(encoding="utf-8")
-    parts["style"] = (PAGE_FOLDER / "page.css").read_text(encoding="utf-8") + more_style
+    style = (PAGE_FOLDER / "page.css").read_text(encoding="utf-8")
+    style = style.replace("{{alarm}}", ALARM_COLOUR).replace("{{alarm_on_dark}}", ALARM_ON_DARK)
+    parts["style"] = style + more_style
     scripts = [(PAGE_FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS]
     parts |= {"script": _inside_script("\n".join(scripts)), "panel": panel, "extra": extra}
     # One pass: what is filled in is never looked at again.

@@ -17,6 +17,10 @@ from twin_gait.core.plant import (
     PASSIVE_COLUMNS,
     PATIENT_WORK,
     SPRING_WORK,
+    STOP_DISSIPATION,
+    STOP_LOWER,
+    STOP_STIFFNESS,
+    STOP_UPPER,
     STOP_WORK,
     brace_torque,
     hand_torque,
@@ -91,6 +95,16 @@ class PinocchioPlant:
         """Evaluate the present state with the motor torques of this tick, for record and first step."""
         self.acceleration(self.q, self.v, self._recorded_a)
         self._evaluated = True
+
+    def catch(self) -> None:
+        """Let the harness lock at the present height of the wearer's pelvis, a stop from below."""
+        world, pelvis = self.world, self.world.model.pelvis_index
+        if pelvis is None:
+            return
+        row = list(self._rows[pelvis + world.wearer_shift])
+        row[STOP_LOWER], row[STOP_UPPER] = float(self.q[pelvis + world.wearer_shift]), np.inf
+        row[STOP_STIFFNESS], row[STOP_DISSIPATION] = world.catch_stiffness, world.catch_dissipation
+        self._rows[pelvis + world.wearer_shift] = tuple(row)
 
     def _foot(self, names: tuple[str, ...]) -> _FootPoints:
         frames = [self.model.frames[self.model.getFrameId(name)] for name in names]

@@ -73,6 +73,8 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "realtime_factor": run.duration / run.wall_s if run.wall_s > 0.0 else math.nan,
         "status": str(run.status),
         "reason": run.reason,
+        "outcome": run.verdict.outcome,
+        "outcome_reason": run.verdict.reason,
         "fell": run.status is RunStatus.FELL,
         "reference_stride_time_s": reference_stride_time(run.experiment),
         "strides_skipped": skip_strides,
