@@ -257,7 +257,8 @@ class LiveLoop:
             # After a restart the tick is that of the new walk.
             tick = self._run.tick
             if not answer["refused"] and "note" in command:
-                self._kept.changes.append(AppliedChange(tick, command["note"]))
+                fault = {"fault": command["fault"]} if "fault" in command else {}
+                self._kept.changes.append(AppliedChange(tick, {**command["note"], **fault}))
             self._send({**answer, "tick": tick, "status": str(self.status)})
 
     def _obey(self, command: Mapping[str, Any]) -> None:
