@@ -369,15 +369,18 @@ def test_a_controller_that_returns_the_wrong_thing_is_named_in_one_line(controll
 def test_a_wrong_answer_that_numba_cannot_compile_is_named_too():
     from twin_gait.simulation.simulator import SlowControllerWarning
 
-    def moody(angle, fast, slow, k, b, equilibrium, gain, model_friction):
-        return None if fast > -1e9 else (0.0, "")
+    class Mute:
+        __name__ = "mute"
+
+        def __call__(self, *values):
+            return None
 
     experiment = load_experiment("bench_leg", ["duration_s=0.1"]).experiment
     with (
         pytest.warns(SlowControllerWarning),
-        pytest.raises(ParameterError, match=r"^controller 'moody': .*got None"),
+        pytest.raises(ParameterError, match=r"^controller 'mute': .*got None"),
     ):
-        simulate(experiment, controller=moody)
+        simulate(experiment, controller=Mute())
 
 
 def test_a_controller_that_raises_in_compiled_code_is_named():
