@@ -15,6 +15,8 @@ from urllib.parse import urlsplit
 import numpy as np
 import pandas as pd
 import pytest
+from example_robots import JOINTS
+from scene_messages import unpacked
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
@@ -25,6 +27,7 @@ from twin_gait.palette import PHASE_COLOURS, phase_colour
 from twin_gait.studies.record import load_run, write_run
 from twin_gait.studies.shown_run import ShownRun, page_of, read_shown_run
 from twin_gait.viewer.curves import extremes, faithful_curve
+from twin_gait.viewer.figure import ROOT
 from twin_gait.viewer.motion import frame_rate, leg_values, phase_changes, read_motion
 from twin_gait.viewer.page import FLOOR, SCRIPTS, live_page, packed, page_data
 from twin_gait.viewer.page_server import PageServer
@@ -32,6 +35,7 @@ from twin_gait.viewer.picture import BROWSER_VARIABLE, PictureSize, find_browser
 from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.scene import View
 from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.urdf_page import urdf_page
 from twin_gait.vocabulary import GaitPhase, Side
 
 
@@ -313,7 +317,11 @@ def fails_in_one_line(capsys, *arguments: str) -> str:
         (["RUN", "--out", "OLD"], "--force"),
         (["RUN", "--out", "FOLDER"], "directory"),
         (["RUN", "--png", "FOLDER/nowhere/a.png"], "no directory"),
-        (["twin.urdf", "--png", "NEW"], "run directory"),
+        (["twin.urdf", "--png", "NEW", "--at", "1"], "run directory"),
+        (["twin.urdf", "--png", "NEW", "--size", "10x10"], "200 to 4000"),
+        (["twin.urdf", "--out", "OLD"], "--force"),
+        (["twin.urdf", "--up", "w"], "--up"),
+        (["RUN", "--up", "y"], "is for a URDF"),
         (["twin.urdf", "RUN"], "URDF"),
         (["RUN", "--port", "-1"], "65535"),
         (["RUN", "--speed", "nan"], "--speed"),
@@ -341,6 +349,39 @@ def test_a_page_of_two_runs_is_written_and_replaced_only_when_asked(
     assert "exists" in fails_in_one_line(capsys, *both[1:])
     assert main([*both, "--force"]) == 0
     assert out.read_bytes() == first
+
+
+def test_a_urdf_has_a_slider_for_each_joint_with_its_axis_and_its_range(tmp_path: Path) -> None:
+    urdf = tmp_path / "slides.urdf"
+    urdf.write_text(JOINTS)
+    (entry,) = embedded(urdf_page(urdf))["runs"]
+    joints = {joint["name"]: joint for joint in entry["joints"]}
+    assert list(joints) == ["turns", "slides", "spins"]
+    np.testing.assert_allclose(joints["turns"]["axis"], [0.0, 0.6, 0.8], atol=1e-12)
+    np.testing.assert_allclose(joints["slides"]["axis"], [1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(joints["spins"]["axis"], [0.0, 0.0, -1.0], atol=1e-12)
+    assert [joint["slides"] for joint in joints.values()] == [False, True, False]
+    assert (joints["turns"]["lower"], joints["turns"]["upper"], joints["turns"]["free"]) == (0.5, 1.5, False)
+    assert (joints["slides"]["lower"], joints["slides"]["upper"]) == (-0.1, 0.3)
+    assert joints["spins"]["free"] and joints["spins"]["upper"] == pytest.approx(np.pi)
+    np.testing.assert_allclose(joints["slides"]["position"], [0.2, 0.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_the_vertical_of_a_urdf_can_be_told(axis: str, tmp_path: Path, capsys) -> None:
+    urdf, out = tmp_path / "post.urdf", tmp_path / "post.html"
+    box = '<visual><geometry><box size="1.1 1.6 0.2"/></geometry></visual>'
+    urdf.write_text(f'<robot name="post"><link name="a">{box}</link></robot>')
+    assert main(["view", str(urdf), "--up", axis, "--out", str(out)]) == 0
+    assert capsys.readouterr().out == f"{out}\n"
+    (entry,) = embedded(out.read_text())["runs"]
+    commands = unpacked(zlib.decompress(b64decode(entry["scene"])))
+    (base,) = (
+        item["matrix"] for item in commands if item["type"] == "set_transform" and item["path"] == ROOT
+    )
+    turn = np.reshape(base, (4, 4)).T[:3, :3]
+    np.testing.assert_allclose(np.linalg.det(turn), 1.0)
+    np.testing.assert_allclose(turn @ np.eye(3)["xyz".index(axis)], [0.0, 0.0, 1.0], atol=1e-9)
 
 
 def test_without_a_browser_a_picture_is_refused_with_the_way_out(

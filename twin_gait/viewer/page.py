@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 PAGE_FOLDER = Path(__file__).with_name("page")
 # The scripts stand in the page in this order.
 SCRIPTS = (
-    "basics.js", "stage.js", "readout.js", "plots.js", "timeline.js", "player.js", "live.js", "start.js",
+    "basics.js", "stage.js", "readout.js", "plots.js", "timeline.js", "player.js", "live.js", "joints.js",
+    "start.js",
 )  # fmt: skip
 FOOTNOTE = "Simulation, not a medical device"
 FLOOR = "/meshcat/surroundings/floor"  # what a dark page darkens
@@ -91,7 +92,7 @@ def page_data(
     """What the scripts of the page read of a run, or of a live scene.
 
     Args:
-        mode: ``recorded`` or ``live``.
+        mode: ``recorded``, ``live`` or ``model``.
         title: Heading.
         subtitle: Line below it.
         missing_meshes: Mesh files that were not found.
@@ -208,12 +209,13 @@ def _notes(missing_meshes: Sequence[str]) -> list[str]:
     return [f"Mesh not found: {first}{more}."]
 
 
-def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
+def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") -> str:
     """A page that holds everything it needs.
 
     Args:
         runs: One run, or two to be seen beside each other: :func:`page_data` with ``frames`` and ``scene``,
-            both through :func:`packed`.
+            both through :func:`packed`. A model has a scene and ``joints`` instead of frames.
+        mode: ``recorded``, or ``model`` for one model.
 
     Returns:
         HTML.
@@ -226,7 +228,7 @@ def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
         policy=RECORDED_POLICY,
         title=html.escape(" | ".join(run["title"] for run in runs)),
         notice=f"<!-- The viewer in this page is meshcat:\n{notice.replace('--', '- -')}\n-->",
-        data=embedded_json({"mode": "recorded", "runs": list(runs)}),
+        data=embedded_json({"mode": mode, "runs": list(runs)}),
         bundle=f'<script type="text/plain" id="bundle">{bundle}</script>',
     )
 
