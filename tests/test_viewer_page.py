@@ -23,7 +23,22 @@ from twin_gait.cli import main
 from twin_gait.cli.view import announce
 from twin_gait.exceptions import ParameterFileError, ViewerError
 from twin_gait.leg_model import LegModel
-from twin_gait.palette import PHASE_COLOURS, phase_colour
+from twin_gait.palette import (
+    EVENT_COLOUR,
+    EVENT_ON_DARK,
+    EXTENSION_COLOUR,
+    FLEXION_COLOUR,
+    HELD_COLOUR,
+    JOINT_COLOURS,
+    LIMIT_COLOUR,
+    PHASE_COLOURS,
+    REFERENCE_COLOUR,
+    SIDE_COLOURS,
+    SIDE_COLOURS_ON_DARK,
+    TORQUE_COLOURS,
+    WORK_COLOURS,
+    phase_colour,
+)
 from twin_gait.studies.record import load_run, write_run
 from twin_gait.studies.shown_run import ShownRun, page_of, read_shown_run
 from twin_gait.viewer.curves import extremes, faithful_curve
@@ -36,7 +51,7 @@ from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.scene import View
 from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.urdf_page import urdf_page
-from twin_gait.vocabulary import GaitPhase, Side
+from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, Side
 
 
 @pytest.fixture(scope="module")
@@ -219,15 +234,28 @@ def test_letters_can_be_read_on_every_phase() -> None:
         assert contrast(one["colour"], one["ink"]) >= contrast(one["colour"], "#ffffff")
 
 
+def light_of(colour: str) -> np.ndarray:
+    """Linear shares of red, green and blue light."""
+    return np.array([(int(colour[i : i + 2], 16) / 255) ** 2.2 for i in (1, 3, 5)])
+
+
+def lab(colour: str) -> np.ndarray:
+    """CIELAB of a colour."""
+    return lab_of_light(light_of(colour))
+
+
 def as_seen_without(cone: str, colour: str) -> np.ndarray:
     """CIELAB of a colour as seen without one kind of cone (Viénot, Brettel and Mollon 1999)."""
-    linear = np.array([(int(colour[i : i + 2], 16) / 255) ** 2.2 for i in (1, 3, 5)])
+    linear = light_of(colour)
     to_lms = np.array(
         [[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714], [0.0299566, 0.184309, 1.46709]]
     )
     drop = {"red": [[0, 2.02344, -2.52581], [0, 1, 0], [0, 0, 1]],
             "green": [[1, 0, 0], [0.494207, 0, 1.24827], [0, 0, 1]]}[cone]  # fmt: skip
-    seen = np.clip(np.linalg.inv(to_lms) @ np.array(drop) @ to_lms @ linear, 0.0, 1.0)
+    return lab_of_light(np.clip(np.linalg.inv(to_lms) @ np.array(drop) @ to_lms @ linear, 0.0, 1.0))
+
+
+def lab_of_light(seen: np.ndarray) -> np.ndarray:
     xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]) @ seen
     f = np.cbrt(xyz / np.array([0.9505, 1.0, 1.089]))
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
@@ -239,6 +267,56 @@ def test_phase_colours_differ_for_colour_blind_people(cone: str) -> None:
     for first, second in combinations(PHASE_COLOURS, 2):
         # A difference of 2.3 is just noticeable; side by side in a band it takes several times that.
         assert np.linalg.norm(seen[first] - seen[second]) > 9.0, (first, second)
+
+
+MEANINGS = {
+    "phase": {str(phase): phase_colour(str(phase)) for phase in (*GaitPhase, STAND, FIRST_SWING)},
+    "further phase": {str(k): phase_colour("of a user", k) for k in range(3)},
+    "side": {str(side): colour for side, colour in SIDE_COLOURS.items()},
+    "joint": {str(joint): colour for joint, colour in JOINT_COLOURS.items()},
+    "arrow": {"flexion": FLEXION_COLOUR, "extension": EXTENSION_COLOUR},
+    "torque": dict(TORQUE_COLOURS),
+    "work": dict(WORK_COLOURS),
+    "line": {"reference": REFERENCE_COLOUR, "limit": LIMIT_COLOUR},
+    "event": {"hold": EVENT_COLOUR, "held": HELD_COLOUR},
+}
+ON_DARK = MEANINGS | {
+    "side": {str(side): colour for side, colour in SIDE_COLOURS_ON_DARK.items()},
+    "event": {"hold": EVENT_ON_DARK},
+}
+
+
+@pytest.mark.parametrize("meanings", [MEANINGS, ON_DARK], ids=["light", "dark"])
+def test_no_two_meanings_share_a_colour(meanings: dict[str, dict[str, str]]) -> None:
+    named = {(group, name): colour for group, one in meanings.items() for name, colour in one.items()}
+    assert len(named) >= 30
+    for (first, here), (second, there) in combinations(named.items(), 2):
+        apart = np.linalg.norm(lab(here) - lab(there))
+        # 2.3 is just noticeable; side by side six times that is another colour to anybody.
+        assert apart > 14.0, (first, second)
+
+
+@pytest.mark.parametrize("cone", ["red", "green"])
+@pytest.mark.parametrize("meanings", [MEANINGS, ON_DARK], ids=["light", "dark"])
+def test_what_stands_together_differs_for_colour_blind_people(cone: str, meanings: dict) -> None:
+    for group in ("side", "joint", "arrow", "torque", "work"):
+        for first, second in combinations(meanings[group].values(), 2):
+            apart = np.linalg.norm(as_seen_without(cone, first) - as_seen_without(cone, second))
+            assert apart > 9.0, (group, first, second)
+
+
+def test_the_page_has_the_colours_of_the_palette_and_legs_the_colours_of_sides(run_folder: Path) -> None:
+    page = page_of([read_shown_run(run_folder)])
+    (entry,) = embedded(page)["runs"]
+    (leg,) = entry["legs"]
+    assert (leg["colour"], leg["dark"]) == (SIDE_COLOURS[Side.RIGHT], SIDE_COLOURS_ON_DARK[Side.RIGHT])
+    assert [arc["colour"] for arc in entry["arcs"]] == [FLEXION_COLOUR, EXTENSION_COLOUR]
+    # The page's own furniture borrows none of them.
+    style = page[page.index("<style>") : page.index("</style>")].lower()
+    assert EVENT_COLOUR.lower() in style and EVENT_ON_DARK.lower() in style
+    for group in ("phase", "side", "torque", "arrow"):
+        for colour in (*MEANINGS[group].values(), *ON_DARK[group].values()):
+            assert colour.lower() not in style
 
 
 def test_the_floor_that_a_dark_page_darkens_is_in_the_scene(worn_twin: LegModel) -> None:

@@ -16,21 +16,17 @@ from typing import TYPE_CHECKING, Any
 from twin_gait.exceptions import ViewerError
 from twin_gait.measures.events import RunEvent
 from twin_gait.palette import (
-    ALARM_COLOUR,
-    ALARM_ON_DARK,
-    ORANGE,
+    EVENT_COLOUR,
+    EVENT_ON_DARK,
+    EXTENSION_COLOUR,
+    FLEXION_COLOUR,
+    GROUND_FORCE_COLOUR,
     SIDE_COLOURS,
-    SKY_BLUE,
+    SIDE_COLOURS_ON_DARK,
     TORQUE_COLOURS,
     phase_colour,
 )
-from twin_gait.viewer.legend import (
-    EXTENSION_COLOUR,
-    FLEXION_COLOUR,
-    FORCE_COLOUR,
-    FULL_TORQUE,
-    METRES_PER_NEWTON,
-)
+from twin_gait.viewer.legend import FULL_TORQUE, METRES_PER_NEWTON
 from twin_gait.vocabulary import Side
 
 if TYPE_CHECKING:
@@ -49,7 +45,6 @@ RECORDED_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
 LIVE_POLICY = f"{RECORDED_POLICY}; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
-_SIDE_COLOURS_ON_DARK = {Side.LEFT: SKY_BLUE, Side.RIGHT: ORANGE}
 _PART_LABELS = {
     "impedance": "impedance",
     "friction_compensation": "friction comp.",
@@ -118,7 +113,7 @@ def page_data(
         "events": event_entries(events),
         "parts": _part_entries(legs),
         "legs": list(legs),
-        "arrow": {"label": _arrow_label(), "colour": FORCE_COLOUR} if arrows else None,
+        "arrow": {"label": _arrow_label(), "colour": GROUND_FORCE_COLOUR} if arrows else None,
         "arcs": _arc_entries() if legs else [],
         "floor": FLOOR,
         "duration": duration,
@@ -138,7 +133,7 @@ def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
         Side, label, colours on a light and a dark page, and what is shown.
     """
     label = str(side).capitalize()
-    colours = {"colour": SIDE_COLOURS[side], "dark": _SIDE_COLOURS_ON_DARK[side]}
+    colours = {"colour": SIDE_COLOURS[side], "dark": SIDE_COLOURS_ON_DARK[side]}
     return {"side": str(side), "label": label, **colours, "shows": list(shows)}
 
 
@@ -302,7 +297,7 @@ def embedded_json(data: Mapping[str, Any]) -> str:
 def _fill(*, more_style: str = "", panel: str = "", extra: str = "", **parts: str) -> str:
     template = (PAGE_FOLDER / "page.html").read_text(encoding="utf-8")
     style = (PAGE_FOLDER / "page.css").read_text(encoding="utf-8")
-    style = style.replace("{{alarm}}", ALARM_COLOUR).replace("{{alarm_on_dark}}", ALARM_ON_DARK)
+    style = style.replace("{{alarm}}", EVENT_COLOUR).replace("{{alarm_on_dark}}", EVENT_ON_DARK)
     parts["style"] = style + more_style
     scripts = [(PAGE_FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS]
     parts |= {"script": _inside_script("\n".join(scripts)), "panel": panel, "extra": extra}
