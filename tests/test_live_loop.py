@@ -588,6 +588,9 @@ def wait_for(found, timeout=60.0):
     raise AssertionError("waited in vain")
 
 
+EARLIER = "the table of an earlier session"
+
+
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     """A session on the bench with all kinds of messages, and what it left behind."""
@@ -596,6 +599,7 @@ def finished(tmp_path_factory):
     database = folder / "sessions.sqlite"
     said = {}
     (folder / "run-2").mkdir()  # somebody else's
+    (folder / "run-table-1.yaml").write_text(EARLIER)
     with LiveSession(loaded, folder / "run", user="Ann", database=database, pictures=False) as session:
         said["k"] = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
         said["zero"] = say(session, kind="set", control="swing_flexion.knee.equilibrium", value=57.0)
@@ -612,6 +616,12 @@ def finished(tmp_path_factory):
         said["restart"] = say(session, kind="do", action="restart")
         time.sleep(0.3)
     return session, said, folder
+
+
+def test_saving_leaves_the_table_of_an_earlier_session_alone(finished):
+    _, said, folder = finished
+    assert (folder / "run-table-1.yaml").read_text() == EARLIER
+    assert said["save"].value == str(folder / "run-table-2.yaml")
 
 
 def test_changes_are_applied_with_their_tick_and_logged(finished):

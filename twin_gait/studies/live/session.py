@@ -7,6 +7,7 @@ waits for none of it. Stop, pause and the other actions that need no check do no
 
 from __future__ import annotations
 
+import itertools
 import json
 import threading
 from collections import deque
@@ -18,7 +19,7 @@ from typing import Any, NamedTuple
 from twin_gait.configuration.documents import dump_yaml, table_document
 from twin_gait.configuration.experiments import LoadedExperiment, presets
 from twin_gait.exceptions import ParameterError, TwinGaitError
-from twin_gait.files import write_atomically
+from twin_gait.files import write_new
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.watching import ticks
@@ -410,14 +411,15 @@ class LiveSession:
 
     def _save(self, message: DoAction) -> None:
         """Write the table as YAML beside the run folder."""
-        number = len(self._saved) + 1
-        path = self.folder.with_name(f"{self.folder.name}-table-{number}.yaml")
+        folder = self.folder
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            folder.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise ParameterError(f"{path}: cannot be written ({error.strerror})") from error
+            raise ParameterError(f"{folder.parent}: cannot be written ({error.strerror})") from error
         document = table_document(self._settings.table)
-        write_atomically(path, dump_yaml({**document, "name": f"{self._settings.table.name}_live"}))
+        # Tables of an earlier session with this --out stay.
+        names = (folder.with_name(f"{folder.name}-table-{number}.yaml") for number in itertools.count(1))
+        path = write_new(names, dump_yaml({**document, "name": f"{self._settings.table.name}_live"}))
         self._saved.append(str(path))
         self._renew_state()
         self._emit(
