@@ -583,7 +583,7 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     page.wait(0.2)
     page.page.focus("#tab-disturb")
     page.page.keyboard.press("Escape")
-    until(lambda: page.status() == "holding", "the hold")
+    until(lambda: page.status() == "held", "the hold")
     page.wait(0.3)
     shown = ("#panel-state", ".alarm", "#panel-log")
     hold = [page.page.locator(name).text_content() for name in shown]
@@ -592,7 +592,7 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     until(lambda: page.status() == "walking" and page.clock() > 0.2, "a new walk", 120.0)
     events = page.log()
     page.page.click("#stop")
-    until(lambda: page.status() == "holding", "the second hold")
+    until(lambda: page.status() == "held", "the second hold")
     page.close()
     status = treadmill.end()
     second = treadmill.folder.with_name("run-2")

@@ -469,7 +469,7 @@ def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem
     rig = Rig(bench_problem, [(0.3, fault), (0.8, {"serial": 2, "command": "restart"})])
     rig.loop.run()
     assert rig.answers()[1]["refused"] == ""
-    told = next(item["events"] for item in rig.frames() if item["status"] == "holding")
+    told = next(item["events"] for item in rig.frames() if item["status"] == "held")
     trip = rig.takes[0].result.trip
     assert [item["kind"] for item in told] == ["fault", "trip"] and told[1]["time"] == trip.time
     assert told[0]["text"] == "fault: encoder freeze, right knee"
@@ -612,7 +612,7 @@ def finished(tmp_path_factory):
         said["table"] = session.table
         said["frame"] = Frame.from_dict(json.loads(wait_for(lambda: session.newest_frame().text)))
         said["stop"] = say(session, kind="do", action="stop")
-        wait_for(lambda: session.status == "holding")
+        wait_for(lambda: session.status == "held")
         said["restart"] = say(session, kind="do", action="restart")
         time.sleep(0.3)
     return session, said, folder

@@ -39,7 +39,7 @@ class LoopStatus(StrEnum):
     WALKING = "walking"
     PAUSED = "paused"
     WAITING = "waiting"
-    HOLDING = "holding"
+    HELD = "held"
     FELL = "fell"
     DIVERGED = "diverged"
     ENDED = "ended"
@@ -128,7 +128,7 @@ class LiveLoop:
         if self._run.status is not RunStatus.COMPLETED:
             return LoopStatus(str(self._run.status))
         if self._run.tripped:
-            return LoopStatus.HOLDING
+            return LoopStatus.HELD
         if self._paused:
             return LoopStatus.PAUSED
         return LoopStatus.WAITING if self._run.waiting() else LoopStatus.WALKING

@@ -507,7 +507,7 @@ class LiveSession:
         self._tick, status = head["tick"], head["status"]
         if status != self._status:
             before, self._status = self._status, status
-            if status in ("holding", "fell", "diverged") and before not in ("starting", "ended"):
+            if status in ("held", "fell", "diverged") and before not in ("starting", "ended"):
                 told = "; ".join([*(event["text"] for event in head["events"]), _ENDINGS[status]])
                 self._emit(Outcome.NOTE, told, tick=self._tick)
         if self._recorder is not None:
@@ -607,7 +607,7 @@ class LiveSession:
 
 
 _ENDINGS = {
-    "holding": "the legs are held and lowered; start again to walk",
+    "held": "the legs are held, the belt stops and the harness is locked; start again to walk",
     "fell": "the wearer fell; start again to walk",
     "diverged": "the simulation diverged; start again to walk",
 }

@@ -10,7 +10,7 @@
   const PLACES = { push: "disturb", fault: "disturb", save: "table" }; // tab of an action
   const QUICK = ["walk", "pause", "step", "restart"]; // actions without a tab: always in sight
   const STATES = {
-    walking: "Walking", paused: "Paused", waiting: "Waiting for a step", holding: "HOLD",
+    walking: "Walking", paused: "Paused", waiting: "Waiting for a step", held: "HOLD",
     fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Died: its process is gone",
   };
   // The three controls of the monitor, each with its quantities.
@@ -157,7 +157,7 @@
     // With the cause and the place of a trip, which follows the colon of its text.
     state(status, events = []) {
       const trip = events.find((event) => event.kind === "trip")?.text.split(": ")[1];
-      const because = trip && ["holding", "fell"].includes(status) ? `: ${status === "fell" ? "after a hold, " : ""}${trip}` : "";
+      const because = trip && ["held", "fell"].includes(status) ? `: ${status === "fell" ? "after a hold, " : ""}${trip}` : "";
       if (this.status === status && this.because === because) return;
       Object.assign(this, { status, because });
       if (status === "died") {
