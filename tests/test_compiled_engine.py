@@ -197,7 +197,7 @@ def test_engines_pass_the_same_phases_with_quantised_sensors():
 
 
 def test_a_fall_and_a_divergence_end_the_compiled_run_too():
-    fall = ["duration_s=4", "scenario.support.share=0", "engine=compiled"]
+    fall = ["duration_s=4", "scenario.support={share: 0, catch_stiffness_N_per_m: 0}", "engine=compiled"]
     limp = "table.phases.early_stance.knee.stiffness_Nm_per_deg=0.01"
     assert simulate(load_experiment("treadmill", [*fall, limp]).experiment).status == "fell"
     stiff = ["duration_s=1", "plant.stops.stiffness_Nm_per_rad=1e9", "engine=compiled"]
@@ -369,15 +369,18 @@ def test_a_controller_that_returns_the_wrong_thing_is_named_in_one_line(controll
 def test_a_wrong_answer_that_numba_cannot_compile_is_named_too():
     from twin_gait.simulation.simulator import SlowControllerWarning
 
-    def moody(angle, fast, slow, k, b, equilibrium, gain, model_friction):
-        return None if fast > -1e9 else (0.0, "")
+    class Mute:
+        __name__ = "mute"
+
+        def __call__(self, *values):
+            return None
 
     experiment = load_experiment("bench_leg", ["duration_s=0.1"]).experiment
     with (
         pytest.warns(SlowControllerWarning),
-        pytest.raises(ParameterError, match=r"^controller 'moody': .*got None"),
+        pytest.raises(ParameterError, match=r"^controller 'mute': .*got None"),
     ):
-        simulate(experiment, controller=moody)
+        simulate(experiment, controller=Mute())
 
 
 def test_a_controller_that_raises_in_compiled_code_is_named():

@@ -475,7 +475,7 @@ def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem
     rig = Rig(bench_problem, [(0.3, fault), (0.8, {"serial": 2, "command": "restart"})])
     rig.loop.run()
     assert rig.answers()[1]["refused"] == ""
-    told = next(item["events"] for item in rig.frames() if item["status"] == "holding")
+    told = next(item["events"] for item in rig.frames() if item["status"] == "held")
     trip = rig.takes[0].result.trip
     assert [item["kind"] for item in told] == ["fault", "trip"] and told[1]["time"] == trip.time
     assert told[0]["text"] == "fault: encoder freeze, right knee"
@@ -597,6 +597,9 @@ def wait_for(found, timeout=60.0):
     raise AssertionError("waited in vain")
 
 
+EARLIER = "the table of an earlier session"
+
+
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     """A session on the bench with all kinds of messages, and what it left behind."""
@@ -605,6 +608,7 @@ def finished(tmp_path_factory):
     database = folder / "sessions.sqlite"
     said = {}
     (folder / "run-2").mkdir()  # somebody else's
+    (folder / "run-table-1.yaml").write_text(EARLIER)
     with LiveSession(loaded, folder / "run", user="Ann", database=database, pictures=False) as session:
         said["k"] = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
         said["zero"] = say(session, kind="set", control="swing_flexion.knee.equilibrium", value=57.0)
@@ -617,10 +621,16 @@ def finished(tmp_path_factory):
         said["table"] = session.table
         said["frame"] = Frame.from_dict(json.loads(wait_for(lambda: session.newest_frame().text)))
         said["stop"] = say(session, kind="do", action="stop")
-        wait_for(lambda: session.status == "holding")
+        wait_for(lambda: session.status == "held")
         said["restart"] = say(session, kind="do", action="restart")
         time.sleep(0.3)
     return session, said, folder
+
+
+def test_saving_leaves_the_table_of_an_earlier_session_alone(finished):
+    _, said, folder = finished
+    assert (folder / "run-table-1.yaml").read_text() == EARLIER
+    assert said["save"].value == str(folder / "run-table-2.yaml")
 
 
 def test_changes_are_applied_with_their_tick_and_logged(finished):

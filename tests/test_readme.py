@@ -22,9 +22,8 @@ def test_the_fifteen_lines_run(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("changes", [[], ["duration_s=6", "patient.mass_kg=80"]])
 def test_the_wearer_walks_with_its_controller(changes):
-    session = next(
-        text for text in re.findall(r"```pycon\n(.*?)```", README, flags=re.DOTALL) if "def " in text
-    )
+    sessions = re.findall(r"```pycon\n(.*?)```", README, flags=re.DOTALL)
+    session = next(text for text in sessions if "def " in text)
     code = "".join(line[4:] + "\n" for line in session.splitlines())
     names = {"simulate": simulate, "experiment": load_experiment("treadmill", changes).experiment}
     exec(compile(code, "README.md", "exec"), names)

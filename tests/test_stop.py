@@ -132,7 +132,8 @@ def test_without_belt_and_harness_a_stop_is_a_fall():
 
 @pytest.mark.parametrize("engine", ["compiled", "pinocchio"])
 def test_the_harness_is_a_spring_that_only_pulls_up_and_the_energy_is_accounted_for(engine):
-    settings = ["duration_s=1.5", "faults=['encoder_missing:left_knee@0.5s']", f"engine={engine}"]
+    settings = ["duration_s=1", "faults=['encoder_missing:left_knee@0.5s']", f"engine={engine}"]
+    settings += ["integration={method: rk4, step_ms: 0.25}"]
     run = simulate(load_experiment("treadmill", settings).experiment)
     log, trip, support = run.log, run.trip.tick, run.experiment.scenario.support
     height, velocity = log["pelvis_height_m"].to_numpy(), log["pelvis_velocity_m_per_s"].to_numpy()
@@ -140,10 +141,10 @@ def test_the_harness_is_a_spring_that_only_pulls_up_and_the_energy_is_accounted_
     caught = support.catch_stiffness * depth * (1.0 - support.catch_dissipation * velocity).clip(0.0)
     carried = support.share * run.body_weight - support.damping * velocity
     assert_allclose(log["support_force_N"], carried + caught, atol=1e-9)
-    assert caught.max() > 100.0 and caught.min() == 0.0
+    assert caught.max() > 0.05 * run.body_weight and caught.min() == 0.0
     energy = (log["kinetic_energy_J"] + log["potential_energy_J"]).to_numpy()
     works = log.filter(regex="_work_J$").sum(axis=1).to_numpy()
-    assert np.abs(energy - energy[0] - works).max() < 1e-3
+    assert np.abs(energy - energy[0] - works).max() < 1e-4
 
 
 def test_a_start_after_a_stop_is_the_first_walk_again_bit_for_bit(walk):

@@ -1,6 +1,7 @@
 """The page in a real browser: a walk of the treadmill, looked at in headless Chromium."""
 
 import math
+import re
 import shutil
 import struct
 from collections.abc import Iterator
@@ -11,17 +12,21 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
+from example_robots import JOINTS, robot_urdf
 from matplotlib.image import imread as read_picture
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
+from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.studies.record import write_run
 from twin_gait.studies.shown_run import ShownRun, page_of, read_shown_run
 from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.session import LiveViewer
 from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.urdf_page import joint_entries, urdf_page
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -579,3 +584,75 @@ def test_the_live_page_shows_what_it_is_sent_in_either_form(opened, worn_twin) -
         one("twinGait.show({time: 3, legs: [{hip: 1.5, knee: -2.5, phase: 1}, {knee: 0, phase: -1}]})")
         texts = one('[...document.querySelectorAll(".read td")].map((cell) => cell.innerText.trim())')
         assert "\N{MINUS SIGN}2.5°" in texts and "–" in texts
+
+
+# ---------------------------------------------------------------------------------- any URDF
+
+
+def urdf_named(name: str, folder: Path) -> Path:
+    if name == "slides.urdf":
+        (folder / name).write_text(JOINTS)
+        return folder / name
+    return find_urdf(name) if name == "twin.urdf" else robot_urdf(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "up"), [("twin.urdf", "z"), ("slides.urdf", "y"), ("panda_description/urdf/panda.urdf", "z")]
+)
+def test_sliders_put_the_joints_where_pinocchio_puts_them(opened, tmp_path: Path, name: str, up: str) -> None:
+    urdf = urdf_named(name, tmp_path)
+    model = build_model(urdf)
+    figure = Figure(Recorder(), model, up_axis=up)
+    page = tmp_path / "page.html"
+    page.write_text(urdf_page(urdf, up_axis=up), encoding="utf-8")
+    one = opened(page.as_uri(), size=(1000, 640))
+    names = one('[...document.querySelectorAll(".joint .name")].map((name) => name.textContent)')
+    assert names == list(model.names)[1:]
+    place = """(paths) => {
+        const find = (path) => twinGait.stage.viewer.scene_tree.find(path.split("/").filter((p) => p)).object;
+        twinGait.stage.viewer.scene.updateMatrixWorld(true);
+        const base = find("/meshcat").matrixWorld.clone().invert();
+        return paths.map((path) => base.clone().multiply(find(path).matrixWorld).toArray());
+    }"""
+    paths = [figure.paths[name] for name in names]
+    data = model.createData()
+    scale = [1e3 if joint["slides"] else math.degrees(1.0) for joint in joint_entries(figure)]
+
+    def check(q: np.ndarray) -> None:
+        pin.forwardKinematics(model, data, q)
+        for path, matrix in zip(names, one(place, paths), strict=True):
+            expected = figure.base @ data.oMi[model.getJointId(path)].homogeneous
+            np.testing.assert_allclose(np.reshape(matrix, (4, 4)).T, expected, atol=1e-5)
+
+    nearest = np.clip(np.zeros(model.nq), model.lowerPositionLimit, model.upperPositionLimit)
+    check(nearest)
+    # As a hand does it: the slider, then its event.
+    chosen = np.array([0.25 * entry["lower"] + 0.75 * entry["upper"] for entry in joint_entries(figure)])
+    told = one(
+        """(values) => [...document.querySelectorAll(".joint input")].map((slider, index) => {
+            slider.value = values[index];
+            slider.dispatchEvent(new Event("input"));
+            return slider.closest("label").querySelector("output").textContent;
+        })""",
+        (chosen * scale).tolist(),
+    )
+    check(chosen)
+    written = [float(re.sub(r"[^-\d.]", "", text.replace("\N{MINUS SIGN}", "-"))) for text in told]
+    np.testing.assert_allclose(written, chosen * scale, atol=0.0501)
+    one.page.keyboard.press("z")
+    check(nearest)
+    assert one.requests == [page.as_uri()]
+
+
+def test_the_picture_of_a_urdf_is_drawn_and_serving_it_needs_the_token(
+    opened, tmp_path: Path, capsys
+) -> None:
+    out = tmp_path / "twin.png"
+    assert main(["view", "twin.urdf", "--png", str(out), "--size", "640x480"]) == 0
+    pixels = read_picture(out)
+    assert pixels.shape[:2] == (480, 640)
+    assert len(np.unique(pixels.reshape(-1, pixels.shape[2]), axis=0)) > 500
+    with PageServer(urdf_page("twin.urdf"), port=0) as server:
+        one = opened(server.url)
+        assert one('document.querySelectorAll(".joint").length') == 6
+        assert one.requests == [server.url]

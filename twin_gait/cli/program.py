@@ -16,6 +16,7 @@ from twin_gait.cli.terminal import (
     DEFECT,
     DONE,
     INTERRUPTED,
+    note_abandoned,
     warn_on_one_line,
     write_on_any_terminal,
 )
@@ -55,6 +56,7 @@ def build_parser() -> argparse.ArgumentParser:
         bench,
         benchmark,
         check,
+        clean,
         compare,
         diagram,
         export,
@@ -75,7 +77,7 @@ def build_parser() -> argparse.ArgumentParser:
         whatif,
     )
 
-    runs = (simulate, live, sessions, view, plot, export, presets)
+    runs = (simulate, live, sessions, view, plot, export, presets, clean)
     tables = (check, diagram, replay)
     studies = (compare, tune, reproduce, whatif, sweep, faults, outcomes, validate, benchmark)
     for module in (*runs, *tables, bench, identify, *studies):
@@ -98,7 +100,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = build_parser().parse_args(argv)
     command: Callable[[argparse.Namespace], int] = arguments.run
     try:
-        return command(arguments)
+        status = command(arguments)
+        if arguments.command in ("simulate", "live") or getattr(arguments, "out", None) is not None:
+            note_abandoned(arguments.out)
+        return status
     except KeyboardInterrupt:
         print("twin-gait: interrupted", file=sys.stderr)
         return INTERRUPTED

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import shlex
 import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
 
@@ -17,6 +19,24 @@ def write_on_any_terminal() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
+
+
+def note_abandoned(out: Path | None) -> None:
+    """Offer to remove what killed runs have left where this one was written.
+
+    Args:
+        out: What was written; None stands for a folder in runs.
+    """
+    from twin_gait.studies.folders import abandoned
+
+    parent = Path("runs") if out is None else out.expanduser().absolute().parent
+    found = abandoned(parent)
+    if found:
+        print(
+            f"twin-gait: {len(found)} incomplete {'folder' if len(found) == 1 else 'folders'} of killed runs "
+            f"in {parent}; see them and remove them with: twin-gait clean {shlex.quote(str(parent))}",
+            file=sys.stderr,
+        )
 
 
 @contextmanager

@@ -16,21 +16,17 @@ from typing import TYPE_CHECKING, Any
 from twin_gait.exceptions import ViewerError
 from twin_gait.measures.events import RunEvent
 from twin_gait.palette import (
-    ALARM_COLOUR,
-    ALARM_ON_DARK,
-    ORANGE,
+    EVENT_COLOUR,
+    EVENT_ON_DARK,
+    EXTENSION_COLOUR,
+    FLEXION_COLOUR,
+    GROUND_FORCE_COLOUR,
     SIDE_COLOURS,
-    SKY_BLUE,
+    SIDE_COLOURS_ON_DARK,
     TORQUE_COLOURS,
     phase_colour,
 )
-from twin_gait.viewer.legend import (
-    EXTENSION_COLOUR,
-    FLEXION_COLOUR,
-    FORCE_COLOUR,
-    FULL_TORQUE,
-    METRES_PER_NEWTON,
-)
+from twin_gait.viewer.legend import FULL_TORQUE, METRES_PER_NEWTON
 from twin_gait.vocabulary import Side
 
 if TYPE_CHECKING:
@@ -39,7 +35,8 @@ if TYPE_CHECKING:
 PAGE_FOLDER = Path(__file__).with_name("page")
 # The scripts stand in the page in this order.
 SCRIPTS = (
-    "basics.js", "stage.js", "readout.js", "plots.js", "timeline.js", "player.js", "live.js", "start.js",
+    "basics.js", "stage.js", "readout.js", "plots.js", "timeline.js", "player.js", "live.js", "joints.js",
+    "start.js",
 )  # fmt: skip
 FOOTNOTE = "Simulation, not a medical device"
 FLOOR = "/meshcat/surroundings/floor"  # what a dark page darkens
@@ -48,7 +45,6 @@ RECORDED_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
 LIVE_POLICY = f"{RECORDED_POLICY}; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
-_SIDE_COLOURS_ON_DARK = {Side.LEFT: SKY_BLUE, Side.RIGHT: ORANGE}
 _PART_LABELS = {
     "impedance": "impedance",
     "friction_compensation": "friction comp.",
@@ -91,7 +87,7 @@ def page_data(
     """What the scripts of the page read of a run, or of a live scene.
 
     Args:
-        mode: ``recorded`` or ``live``.
+        mode: ``recorded``, ``live`` or ``model``.
         title: Heading.
         subtitle: Line below it.
         missing_meshes: Mesh files that were not found.
@@ -117,7 +113,7 @@ def page_data(
         "events": event_entries(events),
         "parts": _part_entries(legs),
         "legs": list(legs),
-        "arrow": {"label": _arrow_label(), "colour": FORCE_COLOUR} if arrows else None,
+        "arrow": {"label": _arrow_label(), "colour": GROUND_FORCE_COLOUR} if arrows else None,
         "arcs": _arc_entries() if legs else [],
         "floor": FLOOR,
         "duration": duration,
@@ -137,7 +133,7 @@ def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
         Side, label, colours on a light and a dark page, and what is shown.
     """
     label = str(side).capitalize()
-    colours = {"colour": SIDE_COLOURS[side], "dark": _SIDE_COLOURS_ON_DARK[side]}
+    colours = {"colour": SIDE_COLOURS[side], "dark": SIDE_COLOURS_ON_DARK[side]}
     return {"side": str(side), "label": label, **colours, "shows": list(shows)}
 
 
@@ -208,12 +204,13 @@ def _notes(missing_meshes: Sequence[str]) -> list[str]:
     return [f"Mesh not found: {first}{more}."]
 
 
-def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
+def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") -> str:
     """A page that holds everything it needs.
 
     Args:
         runs: One run, or two to be seen beside each other: :func:`page_data` with ``frames`` and ``scene``,
-            both through :func:`packed`.
+            both through :func:`packed`. A model has a scene and ``joints`` instead of frames.
+        mode: ``recorded``, or ``model`` for one model.
 
     Returns:
         HTML.
@@ -226,7 +223,7 @@ def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
         policy=RECORDED_POLICY,
         title=html.escape(" | ".join(run["title"] for run in runs)),
         notice=f"<!-- The viewer in this page is meshcat:\n{notice.replace('--', '- -')}\n-->",
-        data=embedded_json({"mode": "recorded", "runs": list(runs)}),
+        data=embedded_json({"mode": mode, "runs": list(runs)}),
         bundle=f'<script type="text/plain" id="bundle">{bundle}</script>',
     )
 
@@ -300,7 +297,7 @@ def embedded_json(data: Mapping[str, Any]) -> str:
 def _fill(*, more_style: str = "", panel: str = "", extra: str = "", **parts: str) -> str:
     template = (PAGE_FOLDER / "page.html").read_text(encoding="utf-8")
     style = (PAGE_FOLDER / "page.css").read_text(encoding="utf-8")
-    style = style.replace("{{alarm}}", ALARM_COLOUR).replace("{{alarm_on_dark}}", ALARM_ON_DARK)
+    style = style.replace("{{alarm}}", EVENT_COLOUR).replace("{{alarm_on_dark}}", EVENT_ON_DARK)
     parts["style"] = style + more_style
     scripts = [(PAGE_FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS]
     parts |= {"script": _inside_script("\n".join(scripts)), "panel": panel, "extra": extra}

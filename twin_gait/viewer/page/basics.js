@@ -4,10 +4,11 @@
 //   basics.js    texts, colours, canvases          plots.js     curves, all on one span of time
 //   stage.js     a scene and its camera            timeline.js  bands of phases, slider, legend
 //   readout.js   the card with the numbers         player.js    recorded runs: clock, keys, address
-//   live.js      data as it comes                  start.js     what runs first
+//   live.js      data as it comes                  joints.js    a model and its sliders
+//   start.js     what runs first
 //
 // Data of the page (element page-data, JSON):
-//   {mode: "recorded", runs: [RUN, ...]} or {mode: "live", socket: path or null}
+//   {mode: "recorded", runs: [RUN, ...]}, {mode: "live", socket: path or null} or {mode: "model", runs: [RUN]}
 // RUN, and what describes a live scene:
 //   {title, subtitle, notes: [text], view: {target, direction, width, height, field_of_view},
 //    phases: [{name, label, short, colour, ink}], legs: [{side, label, colour, dark, shows: [key]}],
@@ -18,6 +19,7 @@
 //   {times: [ms], legs: [{series: {key: {steps: [ms], values: [value]}}, phases: {starts: [s], codes: [n]} or null}]}
 // where times are those of frames, and a series has the frames and what lies between them (steps from point to point),
 // and the commands of meshcat's viewer, each after its length in four bytes, lowest first.
+// That of a model holds `scene` and `joints`, see twin_gait/viewer/urdf_page.py.
 //
 // Live messages, binary: one command of meshcat's viewer in msgpack, or several of them each after its length
 // as above. Beside meshcat's own kinds there are two:
