@@ -1,4 +1,4 @@
-"""Read what Pinocchio's reader of meshes leaves out: normals of OBJ files, colours of COLLADA files."""
+"""Read what Pinocchio's reader of meshes leaves out: normals of OBJ files, and colours."""
 
 from __future__ import annotations
 
@@ -82,22 +82,80 @@ class Patch(NamedTuple):
     triangles: int
 
 
-def dae_patches(path: str | Path) -> list[Patch]:
-    """Colours of a COLLADA file, in the order in which Pinocchio's reader lists its triangles.
+def mesh_patches(path: str | Path) -> list[Patch]:
+    """Colours that a mesh file has of its own, in the order in which its triangles are listed.
 
-    That reader goes through the nodes of the scene from the outside in and leaves out triangles of which two
-    corners coincide. Who uses the colours compares the number of triangles.
+    Who uses the colours compares the number of triangles: readers leave some out.
 
     Args:
         path: The file.
 
     Returns:
-        The patches; none for a file that is not understood.
+        The patches; none for a file of another kind or one that is not understood.
     """
+    read = {".dae": dae_patches, ".obj": obj_patches}.get(Path(path).suffix.lower())
     try:
-        return list(_Collada(Path(path)).patches())
+        return [] if read is None else read(Path(path))
     except (OSError, ElementTree.ParseError, ValueError, IndexError, AttributeError, TypeError, KeyError):
         return []
+
+
+def obj_patches(path: Path) -> list[Patch]:
+    """Colours of a Wavefront OBJ file, from the libraries of materials that it names.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The patches.
+
+    Raises:
+        ValueError: If there is more than one colour and a corner without a normal: :func:`read_obj` leaves
+            such a file to Pinocchio's reader, which sorts the triangles by material.
+    """
+    colours: dict[str, Colour] = {}
+    patches, colour, sorted_anew = [], None, False
+    for line in path.read_text(encoding="utf-8").splitlines():
+        match line.split():
+            case ["mtllib", *names]:
+                for name in names:
+                    colours |= _materials(path.with_name(name))
+            case ["usemtl", name, *_]:
+                colour = colours.get(name)
+            case ["f", *corners]:
+                patches.append(Patch(colour, len(corners) - 2))
+                sorted_anew |= any(len(word.split("/")) < 3 for word in corners)
+    if sorted_anew and len({patch.colour for patch in patches}) > 1:
+        raise ValueError("the order of the triangles is not known")
+    return patches
+
+
+def _materials(path: Path) -> dict[str, Colour]:
+    """Diffuse colours of a library of materials, by name."""
+    found: dict[str, Colour] = {}
+    name = ""
+    for line in path.read_text(encoding="utf-8").splitlines() if path.is_file() else ():
+        match line.split():
+            case ["newmtl", name, *_]:
+                pass
+            case ["Kd", red, green, blue]:
+                found[name] = (float(red), float(green), float(blue), 1.0)
+    return found
+
+
+def dae_patches(path: Path) -> list[Patch]:
+    """Colours of a COLLADA file.
+
+    Pinocchio's reader goes through the nodes of the scene from the outside in and leaves out triangles of
+    which two corners coincide.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The patches.
+    """
+    return list(_Collada(path).patches())
 
 
 class _Collada:

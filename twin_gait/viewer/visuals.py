@@ -15,7 +15,7 @@ from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.leg_model.urdf import PACKAGED_URDFS, build_model, packaged_urdf, quiet_stderr, read_urdf
 from twin_gait.viewer import shapes
-from twin_gait.viewer.meshes import Colour, dae_patches, read_obj
+from twin_gait.viewer.meshes import Colour, mesh_patches, read_obj
 from twin_gait.viewer.shapes import Shape
 
 FIXED_JOINT = "universe"
@@ -221,9 +221,7 @@ def _fit(shape: Shape, stretch: tuple[np.ndarray, float, float] | None) -> tuple
 def _coloured(item: Any, shape: Shape) -> Iterator[tuple[Colour, Shape]]:
     """Pieces of a visual by colour: the URDF's, or if it has none those of the mesh file."""
     stated: Colour = _four(tuple(float(value) for value in item.meshColor))
-    patches = []
-    if not item.overrideMaterial and str(item.meshPath).lower().endswith(".dae"):
-        patches = dae_patches(item.meshPath)
+    patches = [] if item.overrideMaterial else mesh_patches(item.meshPath)
     if sum(patch.triangles for patch in patches) != len(shape.faces):  # none, or read differently
         yield stated, shape
         return
