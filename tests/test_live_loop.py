@@ -26,6 +26,7 @@ from twin_gait.studies.live.actions import Actions
 from twin_gait.studies.live.controls import Panel
 from twin_gait.studies.live.deadlines import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
 from twin_gait.studies.live.loop import LiveLoop
+from twin_gait.studies.live.pieces import take_of
 from twin_gait.studies.live.protocol import (
     LARGEST_MESSAGE,
     Action,
@@ -366,7 +367,8 @@ class Rig:
     """A loop with a clock that only sleeping and working move on, and commands by time."""
 
     def __init__(self, problem, script, *, longest=1000, paused=False, working=0.0005):
-        self.time, self.sent, self.takes = 0.0, [], []
+        self.time, self.sent, self.pieces = 0.0, [], [[]]
+        self.longest = longest
         self.script = deque(sorted(script, key=lambda item: item[0]))
         self.run = SteppedRun(problem)
         self._working, advance = working, self.run.advance
@@ -382,10 +384,20 @@ class Rig:
             sleep=self.sleep,
             commands=self.next_command,
             send=self.sent.append,
-            finish=self.takes.append,
+            keep=self.keep,
             longest=longest,
             paused=paused,
         )
+
+    def keep(self, piece):
+        self.pieces[-1].append(piece)
+        if piece.over:
+            self.pieces.append([])
+
+    @property
+    def takes(self):
+        """The walks that are over."""
+        return [take_of(pieces, len(self.run.layout.names), self.longest) for pieces in self.pieces[:-1]]
 
     def sleep(self, duration):
         assert duration > 0.0
@@ -430,6 +442,39 @@ def test_frames_come_fifty_times_a_second_with_the_row_and_the_coordinates_of_on
             name = f"{joint.side}_{joint.joint}_angle_rad"
             assert frame["q"][joint.coordinate] == frame["log"][name]
             assert frame["log"][name] == rows[frame["tick"], rig.run.layout.positions[name]]
+
+
+def test_traces_have_the_extremes_of_every_five_ticks_of_the_log_without_a_gap(bench_problem):
+    rig = Rig(bench_problem, [(0.4, {"serial": 1, "command": "restart"})])
+    rig.loop.run()
+    traces = [item for item in rig.sent if item["kind"] == "trace"]
+    begin = [0, *(number for number, item in enumerate(traces) if number and item["first"] == 0)]
+    assert len(begin) == len(rig.takes) == 2
+    for take, own in zip(rig.takes, (traces[: begin[1]], traces[begin[1] :]), strict=True):
+        assert [item["end"] for item in own[:-1]] == [item["first"] for item in own[1:]]
+        assert own[-1]["end"] == len(take.result.rows)
+        for name in ("right_knee_angle_rad", "right_hip_impedance_torque_Nm"):
+            truth = take.result.rows[:, rig.run.layout.positions[name]]
+            ticks = np.concatenate([item["columns"][name][0] for item in own])
+            values = np.concatenate([item["columns"][name][1] for item in own])
+            np.testing.assert_array_equal(values, truth[ticks])
+            for start in range(0, len(truth), 5):
+                inside = (ticks >= start) & (ticks < start + 5)
+                span = truth[start : start + 5]
+                assert (values[inside].min(), values[inside].max()) == (span.min(), span.max())
+
+
+def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem):
+    fault = {"serial": 1, "command": "fault", "fault": "encoder_freeze:right_knee@0s"}
+    rig = Rig(bench_problem, [(0.3, fault), (0.8, {"serial": 2, "command": "restart"})])
+    rig.loop.run()
+    assert rig.answers()[1]["refused"] == ""
+    told = next(item["events"] for item in rig.frames() if item["status"] == "held")
+    trip = rig.takes[0].result.trip
+    assert [item["kind"] for item in told] == ["fault", "trip"] and told[1]["time"] == trip.time
+    assert told[0]["text"] == "fault: encoder freeze, right knee"
+    assert told[1]["text"] == "trip: encoder frozen, right knee"
+    assert rig.frames()[0]["events"] == rig.frames()[-1]["events"] == []
 
 
 def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_way_but_one(bench_problem):
@@ -543,6 +588,9 @@ def wait_for(found, timeout=60.0):
     raise AssertionError("waited in vain")
 
 
+EARLIER = "the table of an earlier session"
+
+
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     """A session on the bench with all kinds of messages, and what it left behind."""
@@ -551,6 +599,7 @@ def finished(tmp_path_factory):
     database = folder / "sessions.sqlite"
     said = {}
     (folder / "run-2").mkdir()  # somebody else's
+    (folder / "run-table-1.yaml").write_text(EARLIER)
     with LiveSession(loaded, folder / "run", user="Ann", database=database, pictures=False) as session:
         said["k"] = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
         said["zero"] = say(session, kind="set", control="swing_flexion.knee.equilibrium", value=57.0)
@@ -563,10 +612,16 @@ def finished(tmp_path_factory):
         said["table"] = session.table
         said["frame"] = Frame.from_dict(json.loads(wait_for(lambda: session.newest_frame().text)))
         said["stop"] = say(session, kind="do", action="stop")
-        wait_for(lambda: session.status == "holding")
+        wait_for(lambda: session.status == "held")
         said["restart"] = say(session, kind="do", action="restart")
         time.sleep(0.3)
     return session, said, folder
+
+
+def test_saving_leaves_the_table_of_an_earlier_session_alone(finished):
+    _, said, folder = finished
+    assert (folder / "run-table-1.yaml").read_text() == EARLIER
+    assert said["save"].value == str(folder / "run-table-2.yaml")
 
 
 def test_changes_are_applied_with_their_tick_and_logged(finished):

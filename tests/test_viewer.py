@@ -731,6 +731,29 @@ def test_pose_moves_the_figure_and_play_can_be_stopped(viewer: LiveViewer, bench
     assert time.monotonic() - began < 2.0
 
 
+def test_a_play_that_misses_frames_sends_their_curves(
+    viewer: LiveViewer, bench: LegModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = synthetic_log(bench, 1.0)
+    viewer.show(bench, curves=("hip", "knee"))
+    samples = []
+    send = viewer._window.send
+
+    def slow_send(command):
+        if command["type"] == "sample":
+            samples.append(command["sample"])
+            time.sleep(0.2)  # the window is slow: frames are missed
+        send(command)
+
+    monkeypatch.setattr(viewer._window, "send", slow_send)
+    viewer.play(log)
+    assert len(samples) < 10
+    clock, truth = log["time_s"].to_numpy(), np.degrees(log["right_knee_angle_rad"].to_numpy())
+    knees = [sample["curves"][0]["knee"] for sample in samples]
+    times, values = (np.concatenate([knee[name] for knee in knees]) for name in ("times", "values"))
+    assert np.abs(np.interp(clock, times, values) - truth).max() <= 0.002 * np.ptp(truth)
+
+
 def test_misuse_of_the_live_viewer_is_refused_in_words(viewer: LiveViewer, bench: LegModel) -> None:
     with pytest.raises(ViewerError, match="65535"):
         LiveViewer(port=70000)

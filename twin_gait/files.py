@@ -1,4 +1,4 @@
-"""Write files so that a reader sees the old content or the new, never half of it, and JSON that is JSON."""
+"""Write files so that a reader sees the old content or the new, never half of it; read no more than fits."""
 
 from __future__ import annotations
 
@@ -6,10 +6,18 @@ import contextlib
 import math
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from twin_gait.exceptions import RunDirectoryError
+from twin_gait.exceptions import ParameterFileError, RunDirectoryError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# The longest run, an hour, has 3.6 million rows; with braces some 600 million numbers, 5 GB.
+MOST_ROWS, MOST_CELLS = 10_000_000, 700_000_000
+MOST_TEXT, LONGEST_LINE = 2**30, 65_536  # [bytes] of a log that is text; characters
 
 
 def finite_or_none(value: float) -> float | None:
@@ -49,7 +57,7 @@ def private_files() -> Iterator[None]:
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Write a file through a temporary one beside it.
+    """Write a file through a temporary one beside it; it is on the disk when this returns.
 
     Args:
         path: The file.
@@ -66,9 +74,117 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     try:
         with os.fdopen(descriptor, "wb") as file:
             file.write(data)
+            file.flush()
+            os.fsync(file.fileno())  # before the name: a loss of power would leave an empty file in its place
         os.chmod(name, permitted(0o644))
         os.replace(name, path)
+        sync_folder(path.parent)
     except OSError as error:
         with contextlib.suppress(OSError):
             os.unlink(name)
         raise RunDirectoryError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def sync_folder(folder: Path) -> None:
+    """Put the names in a folder on the disk, where the file system can."""
+    with contextlib.suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def write_new(paths: Iterable[Path], content: str) -> Path:
+    """Write a file under the first name that nothing has yet; nothing is overwritten.
+
+    Args:
+        paths: Names to try, in order.
+        content: Text (written as UTF-8).
+
+    Returns:
+        The file.
+
+    Raises:
+        RunDirectoryError: If it cannot be written.
+    """
+    for path in paths:
+        try:
+            os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise RunDirectoryError(f"{path}: cannot be written ({error.strerror})") from error
+        write_atomically(path, content)
+        return path
+    raise RunDirectoryError("no name is free")
+
+
+def require_table_size(path: Path, rows: int, columns: int) -> None:
+    """Refuse a table that is larger than any log of a walk, before it fills the memory.
+
+    Args:
+        path: Its file.
+        rows: Of the table.
+        columns: Of the table.
+
+    Raises:
+        ParameterFileError: If it is too large.
+    """
+    if rows > MOST_ROWS or rows * columns > MOST_CELLS:
+        raise ParameterFileError(
+            path,
+            "",
+            f"has {rows} rows of {columns} columns; at most {MOST_ROWS} rows and {MOST_CELLS} numbers are "
+            "read: cut it in parts",
+        )
+
+
+def read_parquet(path: Path) -> pd.DataFrame:
+    """Read a parquet file, unless it unpacks to more than any log of a walk.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Its table.
+
+    Raises:
+        ParameterFileError: If it is too large.
+        pyarrow.ArrowException: If it is no such file.
+        OSError: If it cannot be read.
+    """
+    import pyarrow.parquet as pq
+
+    declared = pq.read_metadata(path)
+    require_table_size(path, declared.num_rows, declared.num_columns)
+    table: pd.DataFrame = pq.read_table(path).to_pandas()
+    return table
+
+
+def read_log_text(path: Path) -> str:
+    """Read a log that is text, unless it or one of its lines is larger than that of any log of a walk.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Its text.
+
+    Raises:
+        ParameterFileError: If it or a line is too long.
+        OSError: If it cannot be read.
+        UnicodeDecodeError: If it is not UTF-8.
+    """
+    size = path.stat().st_size
+    if size > MOST_TEXT:
+        raise ParameterFileError(path, "", f"has {size} bytes; at most {MOST_TEXT} are read: cut it in parts")
+    text = path.read_text(encoding="utf-8-sig")
+    for number, line in enumerate(text.splitlines(), start=1):
+        if len(line) > LONGEST_LINE:
+            raise ParameterFileError(
+                path,
+                f"line {number}",
+                f"has {len(line)} characters; a log has at most {LONGEST_LINE}",
+            )
+    return text

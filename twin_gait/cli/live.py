@@ -6,6 +6,7 @@ import argparse
 import asyncio
 import contextlib
 import signal
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -73,6 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
             pictures=not arguments.no_pictures,
             database=None if arguments.no_record else default_database(),
             on_compile=note_compilation,
+            on_step=note_step,
         )
         interrupted = asyncio.run(_serve(session, loaded.experiment, arguments))
     return _finish(session, interrupted and arguments.duration is not None)
@@ -96,6 +98,8 @@ async def _serve(session: LiveSession, experiment: Experiment, arguments: argpar
                 page.update()
                 with contextlib.suppress(TimeoutError):
                     await asyncio.wait_for(ended.wait(), PERIOD)
+            page.update()
+            await asyncio.sleep(PERIOD)  # so that the pages hear how it ended
         finally:
             await page.close()
             note_step("the run directory")
@@ -139,6 +143,9 @@ def _finish(session: LiveSession, interrupted: bool) -> int:
             print(f"  {line}")
     for folder in session.folders:
         print(f"  {folder}")
+    if session.death:
+        print(f"twin-gait live: {session.death}; the walk is kept up to its last second", file=sys.stderr)
+        return FAILED
     if session.summary.get("status") == "diverged":
         return FAILED
     return INTERRUPTED if interrupted else DONE

@@ -23,9 +23,7 @@ from twin_gait.exceptions import ParameterError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    import pandas as pd
-
-    from twin_gait.experiment import Experiment
+    from twin_gait.simulation.run import Run
     from twin_gait.studies.shown_run import ShownRun
     from twin_gait.viewer.picture import PictureSize
 
@@ -204,15 +202,12 @@ def _fragment(at: float | None, speed: float, dark: bool) -> str:
     return f"#{'&'.join(words)}" if words else ""
 
 
-def show_log(
-    experiment: Experiment, log: pd.DataFrame, *, speed: float = 1.0, repeat: bool = True, port: int = 7000
-) -> int:
-    """Show a log in the browser until Ctrl-C, or for as long as it lasts.
+def show_run(run: Run, *, speed: float = 1.0, repeat: bool = True, port: int = 7000) -> int:
+    """Show a run in the browser until Ctrl-C, or for as long as it lasts.
 
     Args:
-        experiment: What was run.
-        log: One row per tick.
-        speed: Seconds of the log per second.
+        run: The run.
+        speed: Seconds of the run per second.
         repeat: Whether to go on after that.
         port: First port to try.
 
@@ -221,7 +216,8 @@ def show_log(
     """
     from twin_gait.studies.shown_run import ShownRun
 
-    shown = ShownRun(f"twin_gait · {experiment.name}", experiment, log)
+    name = f"twin_gait · {run.experiment.name}"
+    shown = ShownRun(name, run.experiment, run.log, (), run.events, run.status)
     return _serve([shown], speed=speed, repeat=repeat, port=port)
 
 

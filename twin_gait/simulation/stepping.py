@@ -1,38 +1,54 @@
 """A run that is advanced piece by piece and changed in between, in compiled code.
 
 :func:`twin_gait.simulation.simulate` runs an experiment from start to end. Here the caller holds the clock:
-he advances the walk by some ticks, looks at the rows of the log, changes the parameters of the phases, the
-belt or the support, pushes the leg or breaks something, and goes on. Without a change the rows are those of
+they advance the walk by some ticks, look at the rows of the log, change the parameters of the phases, the
+belt or the support, push the leg or break something, and go on. Without a change the rows are those of
 ``simulate``, bit for bit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import base64
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from twin_gait.control import ControllerFunction
-from twin_gait.core.belt import BELT_RAMP
+from twin_gait.control import ControllerFunction, Trip
+from twin_gait.core.belt import BELT_CRUISE
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.faults import START_TICK
 from twin_gait.core.guards import DWELL_TICKS, SOURCE
-from twin_gait.core.plant import CONSTANT_FORCE
+from twin_gait.core.plant import CONSTANT_FORCE, STOP_STIFFNESS
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
+from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.gait.table import TICK
+from twin_gait.measures.events import RunEvent, run_events
 from twin_gait.scenario.faults import Fault, FaultKind
 from twin_gait.simulation import episode_arrays
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
+from twin_gait.simulation.flat_episode import fields_of
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.watching import NEVER, fault_arrays, overstay_ticks, trip_of
+from twin_gait.simulation.watching import NEVER, fault_arrays, overstay_ticks
 
 FADE_TICKS = 300  # over which a change fades in where the caller says nothing
 MOST_FAULTS = 16  # that can be injected into one walk
-CHUNK_TICKS = 60_000  # rows of the log that are made at a time: a minute
-BELT_SPEED = 0  # position in the array of contact parameters, and in that of a belt with a profile
+CHUNK_TICKS = 2000  # rows of the log that are made at a time
+_UNCHANGING = {"inputs_noise", "inputs_effort_noise", "state_switches"}  # and long
+
+
+def packed(array: np.ndarray) -> str:
+    """An array as text that :func:`unpack` reads, bit for bit; its shape and type are for both to know."""
+    return base64.b64encode(array.tobytes()).decode()
+
+
+def unpack(text: str, array: np.ndarray) -> None:
+    """Fill an array from the text of :func:`packed`."""
+    array[...] = np.frombuffer(base64.b64decode(text), dtype=array.dtype).reshape(array.shape)
 
 
 @dataclass
@@ -101,14 +117,16 @@ class SteppedRun:
         )
         self._engine.warm_up()
         self._inputs, self._state = self._engine.episode.inputs, self._engine.episode.state
-        self._start = [array.copy() for array in self._state]
+        # Not the switches: they are long, and nobody reads more of them than have been counted.
+        changing = {name: array for name, array in self._state._asdict().items() if name != "switches"}
+        self._start = {name: array.copy() for name, array in changing.items()}
         self._forget_faults()
         self._fades: dict[str, _Fade] = {}
         self._push_ends = np.full(len(problem.joints), -1, dtype=np.int64)
         self._watching = True
         self._held: int | None = None
         self._released_at: int | None = None
-        self._chunks: list[np.ndarray] = []
+        self._chunks: dict[int, np.ndarray] = {}
 
     # ------------------------------------------------------------------ advancing
 
@@ -126,6 +144,17 @@ class SteppedRun:
     def tripped(self) -> bool:
         """Whether the legs are in the safe hold."""
         return bool(self._state.safety[episode_arrays.TRIP_TICK] >= 0)
+
+    @property
+    def trip(self) -> Trip | None:
+        """What the safety monitor tripped on, or None."""
+        return self._engine.trip()
+
+    @property
+    def events(self) -> tuple[RunEvent, ...]:
+        """Faults that struck, trip, fall and divergence so far, in the order of time."""
+        faults = (*self.problem.experiment.faults, *self._struck)
+        return run_events(faults, self.trip, self.status, max(self.tick - 1, 0) * TICK)
 
     @property
     def q(self) -> np.ndarray:
@@ -154,8 +183,8 @@ class SteppedRun:
 
     def _run_to(self, end: int) -> None:
         chunk, row = divmod(self.tick, CHUNK_TICKS)
-        if chunk == len(self._chunks):
-            self._chunks.append(np.zeros((CHUNK_TICKS, len(self.layout.names))))
+        if chunk not in self._chunks:
+            self._chunks[chunk] = np.zeros((CHUNK_TICKS, len(self.layout.names)))
         self._inputs.integers[episode_arrays.FIRST_ROW] = chunk * CHUNK_TICKS
         end = min(end, self.tick + CHUNK_TICKS - row)
         self.tick = self._engine.run_ticks(self.tick, end, self._chunks[chunk])
@@ -189,17 +218,26 @@ class SteppedRun:
         """The log from a tick on.
 
         Args:
-            first: The tick.
+            first: The tick; not one whose row has been forgotten.
 
         Returns:
             Shape ``(tick - first, n_columns)``.
         """
         chunk = first // CHUNK_TICKS
         begin, end = first - chunk * CHUNK_TICKS, self.tick - chunk * CHUNK_TICKS
-        if end <= CHUNK_TICKS and chunk < len(self._chunks):
-            return self._chunks[chunk][begin:end]
-        parts = self._chunks[chunk:] or [np.zeros((0, len(self.layout.names)))]
-        return np.concatenate(parts)[begin:end]
+        parts = [self._chunks[number] for number in range(chunk, -(-self.tick // CHUNK_TICKS))]
+        if len(parts) == 1:
+            return parts[0][begin:end]
+        return np.concatenate([*parts, np.zeros((0, len(self.layout.names)))])[begin:end]
+
+    def forget_rows(self, before: int) -> None:
+        """Let the memory of old rows go; a walk of an hour then needs no more of it than one of seconds.
+
+        Args:
+            before: First tick whose row is still wanted.
+        """
+        for number in [item for item in self._chunks if (item + 1) * CHUNK_TICKS <= before]:
+            del self._chunks[number]
 
     def result(self, *, interrupted: bool = False) -> EngineResult:
         """The walk so far as an engine hands it back.
@@ -213,15 +251,77 @@ class SteppedRun:
         status, reason = self._engine.ending(self.tick)
         if interrupted and status is RunStatus.COMPLETED:
             status, reason = RunStatus.INTERRUPTED, stopped_reason(self.tick)
-        watched = self._state.safety[
-            [episode_arrays.TRIP_TICK, episode_arrays.TRIP_CAUSE, episode_arrays.TRIP_PLACE]
-        ]
-        trip = trip_of(self.problem, *watched.tolist())
-        return EngineResult(self.rows(), self._engine.switches(), status, reason, trip)
+        return EngineResult(self.rows(), self._engine.switches(), status, reason, self._engine.trip())
+
+    def switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
+        """Switches of the phases so far.
+
+        Args:
+            first: How many of them to leave out at the start.
+
+        Returns:
+            The switches in order.
+        """
+        return self._engine.switches(first)
+
+    # ------------------------------------------------------------------ moments
+
+    def moment(self) -> dict[str, Any]:
+        """The present moment, from which another run of the same problem can go on: plain values for JSON."""
+        return {
+            "tick": self.tick,
+            "arrays": {name: packed(array) for name, array in self._changing().items()},
+            "fades": {
+                name: [packed(fade.start), packed(fade.target), fade.first, fade.ticks]
+                for name, fade in self._fades.items()
+            },
+            "push_ends": packed(self._push_ends),
+            "watching": self._watching,
+            "held": self._held,
+            "released": self._released_at is not None,
+        }
+
+    def go_on_from(self, moment: Mapping[str, Any]) -> None:
+        """Take over a moment of another run of the same problem; rows and switches before it are unknown.
+
+        Args:
+            moment: From :meth:`moment`.
+        """
+        for name, array in self._changing().items():
+            unpack(moment["arrays"][name], array)
+        self._state.counters[0] = 0  # of the switches
+        unpack(moment["push_ends"], self._push_ends)
+        self.tick, self._chunks, self._fades = moment["tick"], {}, {}
+        self._watching, self._held = moment["watching"], moment["held"]
+        self._released_at = 0 if moment["released"] else None
+        for name, (start, target, first, ticks) in moment["fades"].items():
+            values = self._values(name)
+            fade = self._fades[name] = _Fade(values, values.copy(), values.copy(), first, ticks)
+            unpack(start, fade.start)
+            unpack(target, fade.target)
+
+    def _changing(self) -> dict[str, np.ndarray]:
+        """Arrays that time or a caller changes, by name."""
+        fields = fields_of(self._engine.episode)
+        return {name: array for name, array in fields.items() if name not in _UNCHANGING}
 
     # ------------------------------------------------------------------ changes
 
-    def _fade(self, name: str, values: np.ndarray, target: np.ndarray, ticks: int) -> None:
+    def _values(self, name: str) -> np.ndarray:
+        """What fades under a name."""
+        inputs = self._inputs
+        if name == "belt_speed":
+            values: np.ndarray = inputs.belt[BELT_CRUISE : BELT_CRUISE + 1]
+            return values
+        if name == "support":
+            assert self._hung is not None  # set_support_force() has looked
+            row: np.ndarray = inputs.plant_rows[self._hung]
+            return row[CONSTANT_FORCE : CONSTANT_FORCE + 1]
+        found: np.ndarray = inputs.phase_rows if name == "phase_rows" else inputs.target_torque
+        return found
+
+    def _fade(self, name: str, target: np.ndarray, ticks: int) -> None:
+        values = self._values(name)
         shaped = np.array(np.broadcast_to(target, values.shape), dtype=float)
         self._fades[name] = _Fade(values, values.copy(), shaped, self.tick, ticks)
 
@@ -235,7 +335,7 @@ class SteppedRun:
             rows: As in :attr:`~twin_gait.simulation.problem.Problem.phase_rows`.
             fade_ticks: Length of the fade.
         """
-        self._fade("phase_rows", self._inputs.phase_rows, rows, fade_ticks)
+        self._fade("phase_rows", rows, fade_ticks)
 
     def set_comparisons(self, comparisons: np.ndarray) -> None:
         """Give the guards other thresholds, at once.
@@ -252,7 +352,7 @@ class SteppedRun:
             torque: In [N m], shape ``(n_joints,)``.
             fade_ticks: Length of the fade.
         """
-        self._fade("target_torque", self._inputs.target_torque, torque, fade_ticks)
+        self._fade("target_torque", torque, fade_ticks)
 
     def set_belt_speed(self, speed: float, *, fade_ticks: int = FADE_TICKS) -> None:
         """Let the belt run at another speed; with a profile, between its ramps.
@@ -261,10 +361,7 @@ class SteppedRun:
             speed: In [m] / [s]; 0 stops it.
             fade_ticks: Length of the fade.
         """
-        inputs = self._inputs
-        values = inputs.belt if inputs.belt[BELT_RAMP] > 0.0 else inputs.contact
-        values = values[BELT_SPEED : BELT_SPEED + 1]
-        self._fade("belt_speed", values, np.array([speed]), fade_ticks)
+        self._fade("belt_speed", np.array([speed]), fade_ticks)
 
     def set_support_force(self, force: float, *, fade_ticks: int = FADE_TICKS) -> None:
         """Let the support carry another weight.
@@ -276,12 +373,15 @@ class SteppedRun:
         Raises:
             ParameterError: If the pelvis hangs in no support.
         """
-        pelvis = self.problem.world.model.pelvis_index
-        if pelvis is None:
+        if self._hung is None:
             raise ParameterError("support: the pelvis of this experiment is fixed; choose a treadmill")
-        pelvis += self.problem.world.wearer_shift
-        values = self._inputs.plant_rows[pelvis, CONSTANT_FORCE : CONSTANT_FORCE + 1]
-        self._fade("support", values, np.array([force]), fade_ticks)
+        self._fade("support", np.array([force]), fade_ticks)
+
+    @property
+    def _hung(self) -> int | None:
+        """The pelvis that hangs in the support, the wearer's, or None on a stand."""
+        world = self.problem.world
+        return None if world.model.pelvis_index is None else world.model.pelvis_index + world.wearer_shift
 
     def push(self, joint: int, torque: float, ticks: int) -> None:
         """Push a joint from outside, as a hand does, with a torque that is held.
@@ -313,6 +413,7 @@ class SteppedRun:
         self._inputs.faults[spare[0]] = arrays.faults[0]
         self._inputs.faults[spare[0], START_TICK] = self.tick
         self._inputs.magnitudes[spare[0]] = arrays.magnitudes[0]
+        self._struck.append(replace(fault, time=self.tick * TICK))
         self._note_first_fault()
 
     def _note_first_fault(self) -> None:
@@ -321,6 +422,7 @@ class SteppedRun:
     def _forget_faults(self) -> None:
         """Leave the faults of the experiment alone; all others have not happened yet."""
         self._inputs.faults[len(self.problem.experiment.faults) :, START_TICK] = NEVER
+        self._struck: list[Fault] = []
         self._note_first_fault()
 
     # ------------------------------------------------------------------ steps by hand
@@ -398,6 +500,8 @@ class SteppedRun:
     def stop(self) -> None:
         """Trip the monitor by hand: from the next tick on the legs are held and lowered.
 
+        The belt comes to rest and the harness locks, as after any trip.
+
         Nothing but :meth:`restart` takes it back.
         """
         if self.tripped:
@@ -412,13 +516,15 @@ class SteppedRun:
         for name in list(self._fades):
             self._fades[name].ticks = 0
         self._apply_fades()
-        for array, start in zip(self._state, self._start, strict=True):
-            array[...] = start
+        for name, start in self._start.items():
+            getattr(self._state, name)[...] = start
+        if self._hung is not None:
+            self._inputs.plant_rows[self._hung, STOP_STIFFNESS] = 0.0  # the harness lets go
         for leg in range(len(self.problem.sides)):
             self._state.blended[leg] = self._inputs.phase_rows[leg, self._state.phase[leg]]
         self._state.blend_start[...] = self._state.blended
         self._push_ends[:] = 0
-        self.tick, self._chunks = 0, []
+        self.tick, self._chunks = 0, {}
         self._end_pushes()
         self._forget_faults()
         self.hold_phase(self._held)

@@ -164,10 +164,11 @@ class LiveViewer:
         motion = read_motion(log, self._model, frames_per_second=FRAMES_PER_SECOND)
         self._drawn().draw_trails(motion)
         began = time.monotonic()
-        frame, last = 0, len(motion.times) - 1
+        shown, frame, last = -1.0, 0, len(motion.times) - 1
         while not (should_stop is not None and should_stop()):
             time.sleep(max(0.0, float(motion.times[frame]) / speed - (time.monotonic() - began)))
-            self._show_frame(motion, frame)
+            self._show_frame(motion, frame, shown)
+            shown = float(motion.times[frame])
             if frame == last:
                 return
             # A slow page misses frames rather than falling behind.
@@ -222,19 +223,20 @@ class LiveViewer:
         self._window.post(lambda window: window.describe(page))
         self._bring()
 
-    def _sample(self, time: float, legs: Sequence[Mapping[str, float]]) -> None:
-        sample = {"time": float(time), "legs": list(legs)}
+    def _sample(self, time: float, legs: Sequence[Mapping[str, float]], **more: Any) -> None:
+        sample = {"time": float(time), "legs": list(legs), **more}
         self._window.post(lambda window: window.sample(sample))
 
-    def _show_frame(self, motion: Motion, frame: int) -> None:
+    def _show_frame(self, motion: Motion, frame: int, shown: float) -> None:
         scene = self._drawn()
         scene.apply(scene.state_at(motion, frame, self._belt_speed))
         when = float(motion.times[frame])
-        legs = []
+        legs, curves = [], []
         for leg in motion.legs.values():
-            values = {name: float(curve[frame]) for name, curve in leg.curves.items()}
+            values = {name: curve.at(when) for name, curve in leg.curves.items()}
             legs.append(values | {"phase": -1 if leg.phases is None else leg.phases.at(when)})
-        self._sample(when, legs)
+            curves.append({name: curve.between(shown, when).to_dict() for name, curve in leg.curves.items()})
+        self._sample(when, legs, curves=curves)
         self._bring()
 
 

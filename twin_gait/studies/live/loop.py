@@ -14,17 +14,23 @@ from typing import Any
 import numpy as np
 
 from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.scenario.faults import parse_fault
-from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.live.deadlines import BLOCK_TICKS, PERIOD, BlockClock
+from twin_gait.studies.live.pieces import AppliedChange, Piece
 from twin_gait.studies.live.protocol import Frame
+from twin_gait.studies.live.walk import LiveWalk
+from twin_gait.viewer.curves import extremes
+from twin_gait.viewer.motion import leg_columns
+from twin_gait.viewer.page import event_entries
 
 FRAME_BLOCKS = 2  # a frame every 20 ms: 50 a second
+MOST_TRACES = 400  # kept for who does not read: eight seconds, which is what a page remembers
 STILL_FRAME = 10 * PERIOD  # [s] between two frames while nothing moves
-BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
+PIECE_TICKS = 500  # between two pieces: a kill loses no more than this and what waits to be written
 
 
 class LoopStatus(StrEnum):
@@ -33,49 +39,19 @@ class LoopStatus(StrEnum):
     WALKING = "walking"
     PAUSED = "paused"
     WAITING = "waiting"
-    HOLDING = "holding"
+    HELD = "held"
     FELL = "fell"
     DIVERGED = "diverged"
     ENDED = "ended"
 
 
-@dataclass(frozen=True)
-class AppliedChange:
-    """A change as the run folder lists it.
-
-    Attributes:
-        tick: First tick with the change.
-        note: Who, what, value before and after, by column.
-    """
-
-    tick: int
-    note: Mapping[str, Any]
-
-
 @dataclass
-class Take:
-    """One walk from its start to its end, with what was changed in it.
+class _Kept:
+    """What of the present walk has been handed over."""
 
-    Attributes:
-        result: As an engine hands it back.
-        changes: In order.
-        table: Mapping of the gait table at the end, or None if it was not changed.
-        wall_s: Time that it took in [s], pauses included.
-    """
-
-    result: EngineResult
-    changes: list[AppliedChange]
-    table: Mapping[str, Any] | None
-    wall_s: float
-
-
-@dataclass
-class _Present:
-    """What the commands have asked for so far."""
-
-    belt_speed: float | None
-    table: Mapping[str, Any] | None = None
-    changes: list[AppliedChange] = field(default_factory=list)
+    tick: int = 0
+    switches: int = 0
+    changes: list[AppliedChange] = field(default_factory=list)  # that have not been
 
 
 class LiveLoop:
@@ -94,7 +70,7 @@ class LiveLoop:
         sleep: Callable[[float], None],
         commands: Callable[[], Mapping[str, Any] | None],
         send: Callable[[Mapping[str, Any]], None],
-        finish: Callable[[Take], None],
+        keep: Callable[[Piece], None],
         longest: int,
         paused: bool = False,
     ) -> None:
@@ -106,19 +82,27 @@ class LiveLoop:
             sleep: Waits for a time in [s].
             commands: Gives the next command, or None; returns at once.
             send: Takes a frame or an answer; returns at once.
-            finish: Takes a walk that is over; returns at once.
+            keep: Takes the next piece of the walk, the last one of a walk marked so; returns at once.
             longest: Ticks after which a walk ends.
             paused: Whether to wait for the command to walk.
         """
         self._run, self._now, self._sleep = run, now, sleep
-        self._commands, self._send, self._finish = commands, send, finish
+        self._commands, self._send, self._keep = commands, send, keep
         self._longest = longest
         self._paused, self._ended = paused, False
-        world = run.problem.world
-        self._present = _Present(belt_speed=None if world.contact is None else world.belt_speed)
-        self._belt_waits = False
+        self._walk = LiveWalk(run)
+        self._table: Mapping[str, Any] | None = None  # as it was changed to
+        self._kept = _Kept()
         self._began = now()
         self._last_frame = -np.inf
+        self._traced = 0
+        layout = run.layout
+        self._columns = {
+            name: layout.positions[name]
+            for side in layout.legs
+            for name in leg_columns(side).values()
+            if name in layout.positions
+        }
         self.clock = BlockClock()
 
     # ------------------------------------------------------------------ the loop
@@ -132,7 +116,8 @@ class LiveLoop:
             else:
                 self._stand()
             self._ended = self._ended or self._run.tick >= self._longest
-        self._close_take()
+            self._keep_what_is_new()
+        self._keep_piece(over=True)
         self._send_frame()
 
     @property
@@ -143,7 +128,7 @@ class LiveLoop:
         if self._run.status is not RunStatus.COMPLETED:
             return LoopStatus(str(self._run.status))
         if self._run.tripped:
-            return LoopStatus.HOLDING
+            return LoopStatus.HELD
         if self._paused:
             return LoopStatus.PAUSED
         return LoopStatus.WAITING if self._run.waiting() else LoopStatus.WALKING
@@ -160,12 +145,13 @@ class LiveLoop:
         if wait > 0.0:
             self._sleep(wait)
             return  # for commands that came meanwhile
-        self._stop_belt_for_waiting_legs()
         left = min(BLOCK_TICKS, self._longest - self._run.tick)
-        self._run.advance(left - 1)
+        self._walk.advance(left - 1)
         q = self._run.q
         rows = self._run.advance(1)
         self.clock.finished(self._now())
+        # A look at the last row is always possible.
+        self._run.forget_rows(self._kept.tick - 1)
         if self._run.tick // BLOCK_TICKS % FRAME_BLOCKS == 0 or not self._moving:
             self._send_frame(q, rows)
 
@@ -175,13 +161,29 @@ class LiveLoop:
             self._send_frame()
         self._sleep(PERIOD)
 
-    def _stop_belt_for_waiting_legs(self) -> None:
-        """The belt stands while a leg waits for its step; else it would carry the leg away."""
-        waits = bool(self._run.waiting())
-        if waits == self._belt_waits or self._present.belt_speed is None:
-            return
-        self._belt_waits = waits
-        self._run.set_belt_speed(0.0 if waits else self._present.belt_speed, fade_ticks=BELT_TICKS)
+    # ------------------------------------------------------------------ what is kept
+
+    def _keep_what_is_new(self) -> None:
+        """Hand a piece over when there is enough for one, and what there is when the walk stands still."""
+        new = self._run.tick - self._kept.tick
+        if new >= PIECE_TICKS or ((new or self._kept.changes) and not self._moving):
+            self._keep_piece()
+
+    def _keep_piece(self, *, over: bool = False) -> None:
+        run, kept = self._run, self._kept
+        piece = Piece(
+            rows=run.rows(kept.tick),
+            switches=run.switches(kept.switches),
+            changes=tuple(kept.changes),
+            table=self._table,
+            status=run.status,
+            reason=run.reason,
+            trip=run.trip,
+            wall_s=self._now() - self._began,
+            over=over,
+        )
+        self._kept = _Kept(run.tick, kept.switches + len(piece.switches))
+        self._keep(piece)
 
     # ------------------------------------------------------------------ frames
 
@@ -198,9 +200,25 @@ class LiveLoop:
             status=str(self.status),
             q=tuple((run.q if q is None else q).tolist()),
             log=self._named(rows[-1].tolist()) if len(rows) else {},
+            events=tuple(event_entries(run.events)),
             deadlines=self.clock.statistics(),
         )
+        self._send_trace()
         self._send(frame.to_dict())
+
+    def _send_trace(self) -> None:
+        """Send what the curves of a page did since the last frame."""
+        first, self._traced = self._traced, self._run.tick
+        if first == self._run.tick:
+            return
+        values = self._run.rows(first)[:, list(self._columns.values())]
+        rows, found = extremes(values)
+        ticks, shown = (first + rows).T.tolist(), found.T.tolist()
+        columns = {
+            name: [ticks[k], [finite_or_none(value) for value in shown[k]]]
+            for k, name in enumerate(self._columns)
+        }
+        self._send({"kind": "trace", "first": first, "end": self._run.tick, "columns": columns})
 
     def _named(self, row: list[float]) -> dict[str, float | str]:
         layout, names = self._run.layout, self._run.problem.table.phase_names
@@ -215,13 +233,16 @@ class LiveLoop:
         while (command := self._commands()) is not None:
             answer: dict[str, Any] = {"kind": "answer", "serial": command.get("serial", 0), "refused": ""}
             try:
-                self._obey(command)
+                if command["command"] == "moment":
+                    answer["moment"] = self._walk.moment()
+                else:
+                    self._obey(command)
             except TwinGaitError as error:
                 answer["refused"] = " ".join(str(error).split())
             # After a restart the tick is that of the new walk.
             tick = self._run.tick
             if not answer["refused"] and "note" in command:
-                self._present.changes.append(AppliedChange(tick, command["note"]))
+                self._kept.changes.append(AppliedChange(tick, command["note"]))
             self._send({**answer, "tick": tick, "status": str(self.status)})
 
     def _obey(self, command: Mapping[str, Any]) -> None:
@@ -233,7 +254,7 @@ class LiveLoop:
             return
         obeying: dict[str, Callable[[], None]] = {
             "end": self._end,
-            "walk": self._walk,
+            "walk": self._go_on,
             "pause": self._pause,
             "stop": self._stop,
             "restart": self._restart,
@@ -250,7 +271,7 @@ class LiveLoop:
     def _end(self) -> None:
         self._ended = True
 
-    def _walk(self) -> None:
+    def _go_on(self) -> None:
         if self._run.tripped or not self._alive:
             raise ParameterError("walk: the walk is over; start again")
         self._paused = False
@@ -269,35 +290,15 @@ class LiveLoop:
         self._run.release()
 
     def _restart(self) -> None:
-        self._close_take()
-        self._run.restart()
-        self._belt_waits = False
-        if self._present.belt_speed is not None:
-            self._run.set_belt_speed(self._present.belt_speed, fade_ticks=0)
-        self._present.changes = []
+        if self._run.tick > 0:
+            self._keep_piece(over=True)
+            self._kept = _Kept()
+        self._walk.restart()
+        self._traced = 0
         self._paused, self._began = False, self._now()
         self.clock.pause()
 
     def _set(self, numbers: Mapping[str, Any], table: Mapping[str, Any] | None) -> None:
         """Let new settings fade in."""
-        run = self._run
-        run.set_phase_rows(np.array(numbers["phase_rows"]))
-        run.set_comparisons(np.array(numbers["comparisons"]).reshape(run.problem.program.comparisons.shape))
-        run.set_target_torque(np.array(numbers["target_torque"]))
-        if numbers["support_force"] is not None:
-            run.set_support_force(numbers["support_force"])
-        if numbers["belt_speed"] is not None:
-            self._present.belt_speed = numbers["belt_speed"]
-            if not self._belt_waits:
-                run.set_belt_speed(numbers["belt_speed"])
-        run.watch_phases(numbers["watching"])
-        if numbers["held_phase"] != run.held_phase:
-            run.hold_phase(numbers["held_phase"])
-        self._present.table = table or self._present.table
-
-    def _close_take(self) -> None:
-        if self._run.tick == 0:
-            return
-        result = self._run.result(interrupted=self._run.tick < self._longest)
-        wall = self._now() - self._began
-        self._finish(Take(result, self._present.changes, self._present.table, wall))
+        self._walk.set(numbers)
+        self._table = table or self._table
