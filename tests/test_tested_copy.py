@@ -1,4 +1,4 @@
-"""An installed copy that is older than the checkout is not tested in its place."""
+"""What would let a test pass that tested nothing: an older copy of the package, a browser that is missing."""
 
 from __future__ import annotations
 
@@ -56,3 +56,45 @@ def test_pytest_ends_at_once_with_one_line(installed: Path, tmp_path: Path) -> N
     shown = [line for line in (done.stdout + done.stderr).splitlines() if "core/friction.py" in line]
     assert len(shown) == 1 and "pip install -e" in shown[0]
     assert "passed" not in done.stdout and "Traceback" not in done.stdout + done.stderr
+
+
+SKIPS = """
+import pytest
+{}
+def test_a_page():
+    {}
+"""
+MISSING = "pytest.skip('no Chromium on this machine', allow_module_level=True)"
+OTHER = "pytest.skip('root may write everywhere')"
+
+
+@pytest.mark.parametrize(
+    ("module", "test", "required", "status"),
+    [
+        (MISSING, "pass", "", pytest.ExitCode.NO_TESTS_COLLECTED),
+        (MISSING, "pass", "1", pytest.ExitCode.INTERRUPTED),
+        ("", "pytest.importorskip('nothing', reason='playwright is not installed')", "1", 1),
+        ("", "pytest.importorskip('nothing', reason='playwright is not installed')", "", 0),
+        ("", OTHER, "1", 0),
+    ],
+)
+def test_a_browser_that_should_be_there_is_not_skipped(
+    tmp_path: Path, module: str, test: str, required: str, status: int
+) -> None:
+    (tmp_path / "conftest.py").write_bytes((CHECKOUT / "tests" / "conftest.py").read_bytes())
+    (tmp_path / "test_page.py").write_text(SKIPS.format(module, test))
+    environment = {"PYTHONPATH": f"{CHECKOUT / 'tests'}:{CHECKOUT}", "TWIN_GAIT_REQUIRE_BROWSER": required}
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-n",
+        "0",
+        "-c",
+        "/dev/null",
+        "--rootdir",
+        str(tmp_path),
+        str(tmp_path),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path, env=environment)
+    assert done.returncode == status, done.stdout
