@@ -10,6 +10,7 @@ from twin_gait.cli.options import check_file
 from twin_gait.cli.terminal import DONE
 
 DEFAULT_CONVENTION = "opensim_gait2392"
+FORMATS = ("csv", "mot", "sto")
 MODELS = (DEFAULT_CONVENTION, "rajagopal")
 
 
@@ -25,7 +26,11 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("directory", type=Path, metavar="RUN", help="run directory")
     parser.add_argument(
-        "--format", "--to", choices=["csv", "mot", "sto"], required=True, dest="format", help="format"
+        "--format",
+        "--to",
+        choices=FORMATS,
+        dest="format",
+        help="format; without it that of --out's ending, mot with --convention, else csv",
     )
     parser.add_argument(
         "--convention",
@@ -44,6 +49,10 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.export import export_csv, export_motion
     from twin_gait.studies.record import load_run
 
+    if arguments.format is None:
+        ending = "" if arguments.out is None else arguments.out.suffix.removeprefix(".").lower()
+        default = FORMATS[0] if arguments.convention is None else "mot"
+        arguments.format = ending if ending in FORMATS else default
     if arguments.format == "csv" and arguments.convention is not None:
         raise ParameterError("--convention: CSV keeps this package's own names and signs; leave it out")
     stored = load_run(arguments.directory)
