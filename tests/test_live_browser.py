@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 import pandas as pd
@@ -23,7 +24,7 @@ import pytest
 from twin_gait import load_experiment
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.stepping import FADE_TICKS
-from twin_gait.studies.live.process import CHANGES_FILE
+from twin_gait.studies.live.finishing import CHANGES_FILE
 from twin_gait.studies.record import LOG_FILE, load_run
 from twin_gait.viewer.curves import EXTREMES_TICKS
 from twin_gait.viewer.figure import Figure
@@ -77,7 +78,8 @@ class Walk:
             self.process.kill()
             self.end()
             raise
-        self.port = int(self.url.rstrip("/").rpartition(":")[2])
+        self.home = self.url.partition("?")[0]
+        self.port = urlsplit(self.url).port
 
     def _address(self) -> str:
         lines: list[str] = []
@@ -119,7 +121,7 @@ class Page:
             self.complaints.append(message.text)
 
     def _asked(self, request: Any) -> None:
-        if not request.url.startswith((self.walk.url, "data:", "blob:")):
+        if not request.url.startswith((self.walk.home, "data:", "blob:")):
             self.foreign.append(request.url)
 
     def open(self) -> None:

@@ -26,6 +26,7 @@ from twin_gait.studies.live.actions import Actions
 from twin_gait.studies.live.controls import Panel
 from twin_gait.studies.live.deadlines import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
 from twin_gait.studies.live.loop import LiveLoop
+from twin_gait.studies.live.pieces import take_of
 from twin_gait.studies.live.protocol import (
     LARGEST_MESSAGE,
     Action,
@@ -366,7 +367,8 @@ class Rig:
     """A loop with a clock that only sleeping and working move on, and commands by time."""
 
     def __init__(self, problem, script, *, longest=1000, paused=False, working=0.0005):
-        self.time, self.sent, self.takes = 0.0, [], []
+        self.time, self.sent, self.pieces = 0.0, [], [[]]
+        self.longest = longest
         self.script = deque(sorted(script, key=lambda item: item[0]))
         self.run = SteppedRun(problem)
         self._working, advance = working, self.run.advance
@@ -382,10 +384,20 @@ class Rig:
             sleep=self.sleep,
             commands=self.next_command,
             send=self.sent.append,
-            finish=self.takes.append,
+            keep=self.keep,
             longest=longest,
             paused=paused,
         )
+
+    def keep(self, piece):
+        self.pieces[-1].append(piece)
+        if piece.over:
+            self.pieces.append([])
+
+    @property
+    def takes(self):
+        """The walks that are over."""
+        return [take_of(pieces, len(self.run.layout.names), self.longest) for pieces in self.pieces[:-1]]
 
     def sleep(self, duration):
         assert duration > 0.0

@@ -5,6 +5,7 @@ import json
 import re
 import socket
 import stat
+import webbrowser
 import zlib
 from base64 import b64decode
 from itertools import combinations
@@ -17,6 +18,7 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
+from twin_gait.cli.view import announce
 from twin_gait.exceptions import ParameterFileError, ViewerError
 from twin_gait.leg_model import LegModel
 from twin_gait.palette import (
@@ -151,7 +153,7 @@ def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the
     (entry,) = embedded(page_of([read_shown_run(tripped)]))["runs"]
     assert [(one["kind"], one["time"]) for one in entry["events"]] == [("fault", 1.0), ("trip", trip.time)]
     assert entry["events"][1]["text"] == "trip: encoder frozen, left knee"
-    assert entry["outcome"] == stored.summary["status"]
+    assert entry["outcome"] == stored.outcome == "held"
     assert [one["label"] for one in entry["phases"]][-1] == "Hold"
     frames = frames_of(entry)
     assert {1000, trip.tick} <= set(frames["times"])
@@ -471,7 +473,7 @@ def answer(url: str, host: str | None = None, path: str = "/") -> tuple[int, byt
     parts = urlsplit(url)
     connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=5)
     try:
-        connection.request("GET", path, headers={} if host is None else {"Host": host})
+        connection.request("GET", f"{path}?{parts.query}", headers={} if host is None else {"Host": host})
         reply = connection.getresponse()
         return reply.status, reply.read()
     finally:
@@ -482,12 +484,38 @@ def test_a_page_is_served_to_this_machine_only_and_gone_afterwards() -> None:
     with PageServer("<p>é</p>", port=0) as server:
         parts = urlsplit(server.url)
         assert parts.hostname == "127.0.0.1"
-        assert server._server.socket.getsockname() == ("127.0.0.1", parts.port)
         assert answer(server.url) == (200, "<p>é</p>".encode())
-        assert answer(server.url, host=f"elsewhere.example:{parts.port}")[0] == 404
+        assert answer(server.url, host=f"elsewhere.example:{parts.port}")[0] == 403
         assert answer(server.url, path="/etc/passwd")[0] == 404
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", parts.port), timeout=1)
+
+
+def test_a_page_is_for_whoever_has_the_address_with_its_token() -> None:
+    with PageServer("<p>a wearer's walk</p>", port=0) as server, PageServer("b", port=0) as other:
+        bare, foreign = server.url.partition("?")[0], urlsplit(other.url).query
+        for url in (bare, f"{bare}?{foreign}", server.url[:-1], f"{server.url}0"):
+            status, content = answer(url)
+            assert status == 403 and b"walk" not in content, url
+        assert answer(server.url)[0] == 200
+
+
+@pytest.mark.parametrize("screen", ["DISPLAY", "WAYLAND_DISPLAY"])
+def test_the_token_is_in_no_command_line(
+    screen: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a browser is started with can be read by every user of the machine."""
+    opened: list[str] = []
+    monkeypatch.setenv(screen, ":0")
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    url = "http://127.0.0.1:7000/?token=0123456789abcdef#t=1&theme=dark"
+    announce(url)
+    assert url in capsys.readouterr().out
+    (given,) = opened
+    assert "0123456789abcdef" not in given
+    page = Path(urlsplit(given).path)
+    assert page.parent.stat().st_mode & 0o077 == 0
+    assert url.replace("&", "&amp;") in page.read_text()
 
 
 def test_a_taken_port_gives_the_next_one() -> None:

@@ -48,6 +48,17 @@ class Side(StrEnum):
     RIGHT = "right"
 
 
+class Outcome(StrEnum):
+    """What came of a run; :mod:`twin_gait.measures.verdict` decides it."""
+
+    WALKED = "walked"
+    STALLED = "stalled"
+    HUNG = "hung"
+    HELD = "held"
+    FELL = "fell"
+    DIVERGED = "diverged"
+
+
 class Sex(StrEnum):
     """Sex of the wearer, for the anthropometric tables."""
 

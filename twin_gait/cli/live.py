@@ -6,6 +6,7 @@ import argparse
 import asyncio
 import contextlib
 import signal
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -52,6 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.configuration import load_experiment
     from twin_gait.exceptions import ParameterError
     from twin_gait.experiment import LONGEST_RUN
+    from twin_gait.files import private_files
     from twin_gait.studies.live.protocol import LONGEST_NAME
     from twin_gait.studies.live.session import LiveSession
     from twin_gait.studies.live.session_records import default_database
@@ -63,16 +65,18 @@ def run(arguments: argparse.Namespace) -> int:
     duration = LONGEST_RUN if arguments.duration is None else arguments.duration
     loaded = load_experiment(arguments.experiment, [*arguments.settings, f"duration_s={duration:g}"])
     name = loaded.experiment.name
-    session = LiveSession(
-        loaded,
-        arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{name}-live",
-        user=arguments.user,
-        force=arguments.force,
-        pictures=not arguments.no_pictures,
-        database=None if arguments.no_record else default_database(),
-        on_compile=note_compilation,
-    )
-    interrupted = asyncio.run(_serve(session, loaded.experiment, arguments))
+    with private_files():
+        session = LiveSession(
+            loaded,
+            arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{name}-live",
+            user=arguments.user,
+            force=arguments.force,
+            pictures=not arguments.no_pictures,
+            database=None if arguments.no_record else default_database(),
+            on_compile=note_compilation,
+            on_step=note_step,
+        )
+        interrupted = asyncio.run(_serve(session, loaded.experiment, arguments))
     return _finish(session, interrupted and arguments.duration is not None)
 
 
@@ -94,6 +98,8 @@ async def _serve(session: LiveSession, experiment: Experiment, arguments: argpar
                 page.update()
                 with contextlib.suppress(TimeoutError):
                     await asyncio.wait_for(ended.wait(), PERIOD)
+            page.update()
+            await asyncio.sleep(PERIOD)  # so that the pages hear how it ended
         finally:
             await page.close()
             note_step("the run directory")
@@ -137,6 +143,9 @@ def _finish(session: LiveSession, interrupted: bool) -> int:
             print(f"  {line}")
     for folder in session.folders:
         print(f"  {folder}")
+    if session.death:
+        print(f"twin-gait live: {session.death}; the walk is kept up to its last second", file=sys.stderr)
+        return FAILED
     if session.summary.get("status") == "diverged":
         return FAILED
     return INTERRUPTED if interrupted else DONE

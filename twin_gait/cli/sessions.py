@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,10 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "sessions",
         help="list, show, export or delete the record of live sessions",
-        description="The record of twin-gait live: who changed what, when, and where the run is.",
+        description=(
+            "The record of twin-gait live: who changed what, when, and where the run is. Walks whose "
+            "processes were killed are completed first, up to the last second that they wrote."
+        ),
     )
     parser.add_argument("--database", type=Path, metavar="FILE", help="record to read (that of this user)")
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION", parser_class=type(parser))
@@ -35,14 +39,21 @@ def add_parser(commands: Any) -> None:
     deleting = actions.add_parser("delete", help="take a session out of the record; its run folders stay")
     deleting.add_argument("session", type=int, help="number of the session")
     deleting.set_defaults(act=_delete)
+    completing = actions.add_parser("complete", help="complete a killed walk that was kept out of the record")
+    completing.add_argument("folder", type=Path, help="the run directory to be")
+    completing.set_defaults(act=_complete)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked for with the record."""
+    from twin_gait.studies.live.recovery import recover
     from twin_gait.studies.live.session_records import default_database
 
     database = arguments.database or default_database()
+    if arguments.act is not _complete:
+        for told in recover(database):
+            print(f"twin-gait sessions: {told}", file=sys.stderr)
     arguments.act(arguments, database)
     return DONE
 
@@ -101,3 +112,11 @@ def _delete(arguments: argparse.Namespace, database: Path) -> None:
 
     delete_session(database, arguments.session)
     print(f"session {arguments.session} deleted; its run folders stay")
+
+
+def _complete(arguments: argparse.Namespace, database: Path) -> None:
+    from twin_gait.studies.live.finishing import complete
+    from twin_gait.studies.live.journal import journal_of
+
+    done = complete(journal_of(arguments.folder.expanduser().absolute()))
+    print("nothing had been walked" if done is None else done.folder)

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import atexit
+import html
 import math
 import os
 import re
+import shutil
 import sys
+import tempfile
 import time
 import webbrowser
 from pathlib import Path
@@ -195,7 +199,7 @@ def show_run(run: Run, *, speed: float = 1.0, repeat: bool = True, port: int = 7
     from twin_gait.studies.shown_run import ShownRun
 
     name = f"twin_gait · {run.experiment.name}"
-    shown = ShownRun(name, run.experiment, run.log, (), run.events, run.status)
+    shown = ShownRun(name, run.experiment, run.log, (), run.events, run.verdict.outcome or run.status)
     return _serve([shown], speed=speed, repeat=repeat, port=port)
 
 
@@ -223,4 +227,16 @@ def announce(url: str) -> None:
     print(f"open {url} in a browser; Ctrl-C ends", flush=True)
     # Without a screen Python would start a text browser in this terminal.
     if sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        webbrowser.open(url)
+        webbrowser.open(_signpost(url).as_uri())
+
+
+def _signpost(url: str) -> Path:
+    """A page of the user's own that leads to the address, until the program ends.
+
+    Every user of the machine can read what a browser is started with, and the address holds the token.
+    """
+    folder = tempfile.mkdtemp(prefix="twin_gait_")  # nobody else may look into it
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    path = Path(folder) / "open.html"
+    path.write_text(f'<meta http-equiv="refresh" content="0;url={html.escape(url)}">', encoding="utf-8")
+    return path

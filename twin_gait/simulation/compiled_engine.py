@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from twin_gait.control import ControllerFunction
-from twin_gait.core import belt, safety
+from twin_gait.control import ControllerFunction, Trip
+from twin_gait.core import safety
 from twin_gait.experiment import ControlMode, IntegrationMethod
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
@@ -137,7 +137,7 @@ class CompiledEngine:
             bodies=np.array(body_values(bodies, points)),
             control_bodies=np.array(body_values(control_bodies)),
             contact=self._contact(),
-            belt=self._belt(),
+            belt=np.array(world.belt),
             plant_rows=np.ascontiguousarray(world.plant_rows),
             coordinates=np.array([joint.coordinate for joint in problem.joints], dtype=np.int64),
             control_coordinates=np.array(
@@ -197,6 +197,8 @@ class CompiledEngine:
         numbers[episode_arrays.ASSISTANCE_GAIN] = assistance.gain
         numbers[episode_arrays.ALLOWANCE] = assistance.allowance
         numbers[episode_arrays.LEAST_ASSISTANCE] = assistance.least
+        numbers[episode_arrays.CATCH_STIFFNESS] = world.catch_stiffness
+        numbers[episode_arrays.CATCH_DISSIPATION] = world.catch_dissipation
         return numbers
 
     def _contact(self) -> np.ndarray:
@@ -212,13 +214,6 @@ class CompiledEngine:
                 contact.transition_velocity,
             ]
         )
-
-    def _belt(self) -> np.ndarray:
-        world = self.problem.world
-        if world.belt is None:
-            return np.zeros(belt.BELT_COUNT)
-        profile = world.belt
-        return np.array([world.belt_speed, profile.start, profile.stop, profile.ramp, profile.delay])
 
     def _friction_model(self) -> np.ndarray:
         models = self.problem.experiment.control.friction_model
@@ -358,14 +353,14 @@ class CompiledEngine:
             status, reason = self.ending(done)
         if progress is not None:
             progress(done, total)
+        rows = rows[:done] if self._record else rows[:0]
+        return EngineResult(rows, self.switches(), status, reason, self.trip())
+
+    def trip(self) -> Trip | None:
+        """What the safety monitor has tripped on, or None."""
         watched = self.episode.state.safety
-        trip = trip_of(
-            self.problem,
-            int(watched[episode_arrays.TRIP_TICK]),
-            int(watched[episode_arrays.TRIP_CAUSE]),
-            int(watched[episode_arrays.TRIP_PLACE]),
-        )
-        return EngineResult(rows[:done] if self._record else rows[:0], self.switches(), status, reason, trip)
+        places = [episode_arrays.TRIP_TICK, episode_arrays.TRIP_CAUSE, episode_arrays.TRIP_PLACE]
+        return trip_of(self.problem, *watched[places].tolist())
 
     def ending(self, done: int) -> tuple[RunStatus, str]:
         """How the run stands after some ticks, and why; completed as long as nothing has ended it."""
@@ -376,14 +371,14 @@ class CompiledEngine:
             return RunStatus.FELL, fell_reason(done, self.problem.world.fall_height)
         return RunStatus.COMPLETED, ""
 
-    def switches(self) -> tuple[PhaseSwitch, ...]:
-        """Switches of the phases so far."""
+    def switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
+        """Switches of the phases so far, from one of them on."""
         names, sides = self.problem.table.phase_names, self.problem.sides
         state = self.episode.state
         causes = [item.cause for item in self.problem.table.transitions]
         return tuple(
             PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
-            for tick, leg, source, target, chosen in state.switches[: state.counters[0]].tolist()
+            for tick, leg, source, target, chosen in state.switches[first : state.counters[0]].tolist()
         )
 
 

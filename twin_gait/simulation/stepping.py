@@ -1,8 +1,8 @@
 """A run that is advanced piece by piece and changed in between, in compiled code.
 
 :func:`twin_gait.simulation.simulate` runs an experiment from start to end. Here the caller holds the clock:
-he advances the walk by some ticks, looks at the rows of the log, changes the parameters of the phases, the
-belt or the support, pushes the leg or breaks something, and goes on. Without a change the rows are those of
+they advance the walk by some ticks, look at the rows of the log, change the parameters of the phases, the
+belt or the support, push the leg or break something, and go on. Without a change the rows are those of
 ``simulate``, bit for bit.
 """
 
@@ -14,13 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from twin_gait.control import ControllerFunction, Trip
-from twin_gait.core.belt import BELT_RAMP
+from twin_gait.core.belt import BELT_CRUISE
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.faults import START_TICK
 from twin_gait.core.guards import DWELL_TICKS, SOURCE
-from twin_gait.core.plant import CONSTANT_FORCE
+from twin_gait.core.plant import CONSTANT_FORCE, STOP_STIFFNESS
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
+from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.measures.events import RunEvent, run_events
 from twin_gait.scenario.faults import Fault, FaultKind
@@ -29,12 +30,11 @@ from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.watching import NEVER, fault_arrays, overstay_ticks, trip_of
+from twin_gait.simulation.watching import NEVER, fault_arrays, overstay_ticks
 
 FADE_TICKS = 300  # over which a change fades in where the caller says nothing
 MOST_FAULTS = 16  # that can be injected into one walk
-CHUNK_TICKS = 60_000  # rows of the log that are made at a time: a minute
-BELT_SPEED = 0  # position in the array of contact parameters, and in that of a belt with a profile
+CHUNK_TICKS = 2000  # rows of the log that are made at a time
 
 
 @dataclass
@@ -110,7 +110,7 @@ class SteppedRun:
         self._watching = True
         self._held: int | None = None
         self._released_at: int | None = None
-        self._chunks: list[np.ndarray] = []
+        self._chunks: dict[int, np.ndarray] = {}
 
     # ------------------------------------------------------------------ advancing
 
@@ -132,10 +132,7 @@ class SteppedRun:
     @property
     def trip(self) -> Trip | None:
         """What the safety monitor tripped on, or None."""
-        watched = self._state.safety[
-            [episode_arrays.TRIP_TICK, episode_arrays.TRIP_CAUSE, episode_arrays.TRIP_PLACE]
-        ]
-        return trip_of(self.problem, *watched.tolist())
+        return self._engine.trip()
 
     @property
     def events(self) -> tuple[RunEvent, ...]:
@@ -170,8 +167,8 @@ class SteppedRun:
 
     def _run_to(self, end: int) -> None:
         chunk, row = divmod(self.tick, CHUNK_TICKS)
-        if chunk == len(self._chunks):
-            self._chunks.append(np.zeros((CHUNK_TICKS, len(self.layout.names))))
+        if chunk not in self._chunks:
+            self._chunks[chunk] = np.zeros((CHUNK_TICKS, len(self.layout.names)))
         self._inputs.integers[episode_arrays.FIRST_ROW] = chunk * CHUNK_TICKS
         end = min(end, self.tick + CHUNK_TICKS - row)
         self.tick = self._engine.run_ticks(self.tick, end, self._chunks[chunk])
@@ -205,17 +202,26 @@ class SteppedRun:
         """The log from a tick on.
 
         Args:
-            first: The tick.
+            first: The tick; not one whose row has been forgotten.
 
         Returns:
             Shape ``(tick - first, n_columns)``.
         """
         chunk = first // CHUNK_TICKS
         begin, end = first - chunk * CHUNK_TICKS, self.tick - chunk * CHUNK_TICKS
-        if end <= CHUNK_TICKS and chunk < len(self._chunks):
-            return self._chunks[chunk][begin:end]
-        parts = self._chunks[chunk:] or [np.zeros((0, len(self.layout.names)))]
-        return np.concatenate(parts)[begin:end]
+        parts = [self._chunks[number] for number in range(chunk, -(-self.tick // CHUNK_TICKS))]
+        if len(parts) == 1:
+            return parts[0][begin:end]
+        return np.concatenate([*parts, np.zeros((0, len(self.layout.names)))])[begin:end]
+
+    def forget_rows(self, before: int) -> None:
+        """Let the memory of old rows go; a walk of an hour then needs no more of it than one of seconds.
+
+        Args:
+            before: First tick whose row is still wanted.
+        """
+        for number in [item for item in self._chunks if (item + 1) * CHUNK_TICKS <= before]:
+            del self._chunks[number]
 
     def result(self, *, interrupted: bool = False) -> EngineResult:
         """The walk so far as an engine hands it back.
@@ -229,7 +235,18 @@ class SteppedRun:
         status, reason = self._engine.ending(self.tick)
         if interrupted and status is RunStatus.COMPLETED:
             status, reason = RunStatus.INTERRUPTED, stopped_reason(self.tick)
-        return EngineResult(self.rows(), self._engine.switches(), status, reason, self.trip)
+        return EngineResult(self.rows(), self._engine.switches(), status, reason, self._engine.trip())
+
+    def switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
+        """Switches of the phases so far.
+
+        Args:
+            first: How many of them to leave out at the start.
+
+        Returns:
+            The switches in order.
+        """
+        return self._engine.switches(first)
 
     # ------------------------------------------------------------------ changes
 
@@ -273,9 +290,7 @@ class SteppedRun:
             speed: In [m] / [s]; 0 stops it.
             fade_ticks: Length of the fade.
         """
-        inputs = self._inputs
-        values = inputs.belt if inputs.belt[BELT_RAMP] > 0.0 else inputs.contact
-        values = values[BELT_SPEED : BELT_SPEED + 1]
+        values = self._inputs.belt[BELT_CRUISE : BELT_CRUISE + 1]
         self._fade("belt_speed", values, np.array([speed]), fade_ticks)
 
     def set_support_force(self, force: float, *, fade_ticks: int = FADE_TICKS) -> None:
@@ -288,12 +303,17 @@ class SteppedRun:
         Raises:
             ParameterError: If the pelvis hangs in no support.
         """
-        pelvis = self.problem.world.model.pelvis_index
+        pelvis = self._hung
         if pelvis is None:
             raise ParameterError("support: the pelvis of this experiment is fixed; choose a treadmill")
-        pelvis += self.problem.world.wearer_shift
         values = self._inputs.plant_rows[pelvis, CONSTANT_FORCE : CONSTANT_FORCE + 1]
         self._fade("support", values, np.array([force]), fade_ticks)
+
+    @property
+    def _hung(self) -> int | None:
+        """The pelvis that hangs in the support, the wearer's, or None on a stand."""
+        world = self.problem.world
+        return None if world.model.pelvis_index is None else world.model.pelvis_index + world.wearer_shift
 
     def push(self, joint: int, torque: float, ticks: int) -> None:
         """Push a joint from outside, as a hand does, with a torque that is held.
@@ -412,6 +432,8 @@ class SteppedRun:
     def stop(self) -> None:
         """Trip the monitor by hand: from the next tick on the legs are held and lowered.
 
+        The belt comes to rest and the harness locks, as after any trip.
+
         Nothing but :meth:`restart` takes it back.
         """
         if self.tripped:
@@ -428,11 +450,14 @@ class SteppedRun:
         self._apply_fades()
         for array, start in zip(self._state, self._start, strict=True):
             array[...] = start
+        pelvis = self._hung
+        if pelvis is not None:
+            self._inputs.plant_rows[pelvis, STOP_STIFFNESS] = 0.0  # the harness lets go
         for leg in range(len(self.problem.sides)):
             self._state.blended[leg] = self._inputs.phase_rows[leg, self._state.phase[leg]]
         self._state.blend_start[...] = self._state.blended
         self._push_ends[:] = 0
-        self.tick, self._chunks = 0, []
+        self.tick, self._chunks = 0, {}
         self._end_pushes()
         self._forget_faults()
         self.hold_phase(self._held)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -20,7 +22,7 @@ from twin_gait.configuration.experiments import load_experiment, resolved_docume
 from twin_gait.control import Trip, TripCause
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment
-from twin_gait.files import write_atomically
+from twin_gait.files import read_parquet, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.events import RunEvent, run_events
@@ -31,6 +33,7 @@ from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, unit_of
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.studies.folders import FolderKind
+from twin_gait.studies.live.journal import journal_of
 from twin_gait.studies.summary.summary import summarise, versions
 from twin_gait.viewer.animation import write_animation
 from twin_gait.viewer.surroundings import Belt
@@ -77,14 +80,14 @@ class StoredRun:
 
     @property
     def outcome(self) -> str:
-        """How it ended, in a word."""
-        return str(self.summary.get("status", ""))
+        """What came of it, in a word; of runs of earlier versions how they ended."""
+        return str(self.summary.get("outcome") or self.summary.get("status", ""))
 
     @property
     def events(self) -> tuple[RunEvent, ...]:
         """Faults that struck, trip, fall and divergence in the order of time."""
         end = float(self.log["time_s"].iloc[-1]) if len(self.log) else 0.0
-        return run_events(self.experiment.faults, self.trip, self.outcome, end)
+        return run_events(self.experiment.faults, self.trip, str(self.summary.get("status", "")), end)
 
     @cached_property
     def run(self) -> Run:
@@ -220,10 +223,10 @@ def write_run_animation(run: Run, path: Path) -> None:
         experiment.build_world().model,
         title=f"twin_gait · {experiment.name}",
         subtitle=describe(experiment.patient, belt),
-        belt_speed=belt_motion_of(experiment),
+        belt_speed=belt_motion_of(experiment, run.log),
         patient=experiment.patient,
         events=run.events,
-        outcome=run.status,
+        outcome=run.verdict.outcome or run.status,
     )
 
 
@@ -233,12 +236,18 @@ def belt_speed_of(experiment: Experiment) -> float:
     return scenario.belt_speed if isinstance(scenario, TreadmillScenario) else 0.0
 
 
-def belt_motion_of(experiment: Experiment) -> Belt:
-    """How the belt moves, as the viewer takes it."""
-    scenario = experiment.scenario
-    if isinstance(scenario, TreadmillScenario) and scenario.belt is not None:
-        return scenario.belt_travel
+def belt_motion_of(experiment: Experiment, log: pd.DataFrame) -> Belt:
+    """How the belt moved in a run, as the viewer takes it."""
+    scenario, tripped = experiment.scenario, trip_time_of(log)
+    if isinstance(scenario, TreadmillScenario) and (scenario.belt is not None or math.isfinite(tripped)):
+        return partial(scenario.belt_travel, trip_time=tripped)
     return belt_speed_of(experiment)
+
+
+def trip_time_of(log: pd.DataFrame) -> float:
+    """Time of the trip in a log in [s]; infinite without one."""
+    held = np.flatnonzero(log["safety_state"].to_numpy())
+    return float(log["time_s"].iloc[held[0]]) if len(held) else math.inf
 
 
 def describe(patient: Patient | None, belt_speed: float) -> str:
@@ -268,6 +277,10 @@ def load_run(directory: Path) -> StoredRun:
         RunDirectoryError: If it is not a complete run directory.
     """
     directory = Path(directory).expanduser()
+    if journal_of(directory.absolute()).is_file():
+        raise RunDirectoryError(
+            f"{directory}: its walk is going on, or was killed; twin-gait sessions complete {directory}"
+        )
     for name in (EXPERIMENT_FILE, LOG_FILE, SUMMARY_FILE):
         if not (directory / name).is_file():
             raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")
@@ -288,7 +301,7 @@ def read_run(directory: Path, experiment: Experiment) -> StoredRun:
         RunDirectoryError: If they cannot be read.
     """
     try:
-        log: pd.DataFrame = pq.read_table(directory / LOG_FILE).to_pandas()
+        log = read_parquet(directory / LOG_FILE)
         summary = json.loads((directory / SUMMARY_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError, pa.ArrowException) as error:
         raise RunDirectoryError(f"{directory}: cannot be read ({error})".replace("\n", " ")) from error

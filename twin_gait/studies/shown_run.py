@@ -135,7 +135,7 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
             run.experiment.build_world().model,
             title=run.name,
             subtitle=describe(run.experiment.patient, belt),
-            belt_speed=belt_motion_of(run.experiment),
+            belt_speed=belt_motion_of(run.experiment, run.log),
             patient=run.experiment.patient,
             frames_per_second=frames_per_second,
             moments=moments,

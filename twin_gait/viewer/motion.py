@@ -13,6 +13,7 @@ from twin_gait.control import SafetyState
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegModel
+from twin_gait.simulation.columns import state_columns
 from twin_gait.viewer.curves import Curve, faithful_curve
 from twin_gait.vocabulary import HOLD, JointName, Side
 
@@ -204,20 +205,11 @@ def phase_changes(log: pd.DataFrame) -> np.ndarray:
 
 def _coordinates(log: pd.DataFrame, model: LegModel) -> np.ndarray:
     """Coordinates of the model for every row, shape ``(n, nv)``."""
-    columns = {
-        model.index(side, joint): f"{side}_{joint}_angle_rad"
-        for side, leg in model.legs.items()
-        for joint, _ in leg.items()
-    }
-    if model.pelvis_index is not None:
-        columns[model.pelvis_index] = "pelvis_height_m"
-    absent = [name for name in ("time_s", *columns.values()) if name not in log.columns]
+    columns, _ = state_columns(model)
+    absent = [name for name in ("time_s", *columns) if name not in log.columns]
     if absent:
         raise ViewerError(f"the log has no column {absent[0]!r}; is it a log of {model.urdf_path.name}?")
-    q = np.zeros((len(log), model.nv))
-    for index, name in columns.items():
-        q[:, index] = log[name].to_numpy(dtype=float)
-    return q
+    return log[columns].to_numpy(dtype=float)
 
 
 def _rows_to_show(clock: np.ndarray, frames_per_second: float, moments: np.ndarray) -> np.ndarray:

@@ -43,10 +43,7 @@ FLOOR = "/meshcat/surroundings/floor"  # what a dark page darkens
 RECORDED_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
-LIVE_POLICY = (
-    "default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src data: blob:; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
-)
+LIVE_POLICY = f"{RECORDED_POLICY}; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
 _PART_LABELS = {
     "impedance": "impedance",
     "friction_compensation": "friction comp.",
@@ -217,7 +214,7 @@ def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
         HTML.
     """
     folder = viewer_folder()
-    bundle = packed((folder / "dist" / "main.min.js").read_bytes())
+    bundle = packed(_bundle().encode())
     licences = [folder / "LICENSE", folder / "dist" / "main.min.js.LICENSE.txt"]
     notice = "\n\n".join(path.read_text(encoding="utf-8") for path in licences if path.is_file())
     return _fill(
@@ -246,11 +243,16 @@ def live_page(*, style: str = "", panel: str = "", script: str = "", socket: str
         title="twin_gait",
         notice="",
         data=embedded_json({"mode": "live", "socket": socket}),
-        bundle='<script src="/static/main.min.js"></script>',
+        bundle=f"<script>{_inside_script(_bundle())}</script>",
         more_style=style,
         panel=panel,
         extra=f"<script>{_inside_script(script)}</script>" if script else "",
     )
+
+
+def _bundle() -> str:
+    """Script of meshcat's viewer."""
+    return (viewer_folder() / "dist" / "main.min.js").read_bytes().decode("utf-8")
 
 
 def packed(content: bytes) -> str:

@@ -37,14 +37,14 @@ class LoopProcess:
         *,
         on_frame: Callable[[str], None],
         on_message: Callable[[Mapping[str, Any]], None],
-        on_end: Callable[[], None],
+        on_end: Callable[[int], None],
     ) -> None:
         """Keep whom to tell; all of them are called from the thread that reads.
 
         Args:
             on_frame: Takes the line of a frame.
             on_message: Takes any other message but answers.
-            on_end: Called when the process says no more.
+            on_end: Called when the process is gone, with its exit status; negative: killed by that signal.
         """
         self._on_frame, self._on_message, self._on_end = on_frame, on_message, on_end
         self._process: subprocess.Popen[str] | None = None
@@ -75,8 +75,8 @@ class LoopProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether the process is there."""
-        return self._process is not None and self._process.poll() is None
+        """Whether the process is there, and how it ended has not been told yet."""
+        return self._thread is not None and self._thread.is_alive()
 
     def close(self) -> None:
         """Tell the process to end and wait until it has written its folders."""
@@ -164,7 +164,7 @@ class LoopProcess:
                 self._hear(message)
             else:
                 self._on_message(message)
-        self._on_end()
+        self._on_end(self._process.wait())
         for pending in list(self._pending.values()):
             pending.answered.set()
         self._pending.clear()

@@ -17,10 +17,10 @@ from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.scenario.faults import parse_fault
-from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.live.deadlines import BLOCK_TICKS, PERIOD, BlockClock
+from twin_gait.studies.live.pieces import AppliedChange, Piece
 from twin_gait.studies.live.protocol import Frame
 from twin_gait.viewer.curves import extremes
 from twin_gait.viewer.motion import leg_columns
@@ -29,6 +29,7 @@ from twin_gait.viewer.page import event_entries
 FRAME_BLOCKS = 2  # a frame every 20 ms: 50 a second
 MOST_TRACES = 400  # kept for who does not read: eight seconds, which is what a page remembers
 STILL_FRAME = 10 * PERIOD  # [s] between two frames while nothing moves
+PIECE_TICKS = 500  # between two pieces: a kill loses no more than this and what waits to be written
 BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
 
 
@@ -44,43 +45,21 @@ class LoopStatus(StrEnum):
     ENDED = "ended"
 
 
-@dataclass(frozen=True)
-class AppliedChange:
-    """A change as the run folder lists it.
-
-    Attributes:
-        tick: First tick with the change.
-        note: Who, what, value before and after, by column.
-    """
-
-    tick: int
-    note: Mapping[str, Any]
-
-
-@dataclass
-class Take:
-    """One walk from its start to its end, with what was changed in it.
-
-    Attributes:
-        result: As an engine hands it back.
-        changes: In order.
-        table: Mapping of the gait table at the end, or None if it was not changed.
-        wall_s: Time that it took in [s], pauses included.
-    """
-
-    result: EngineResult
-    changes: list[AppliedChange]
-    table: Mapping[str, Any] | None
-    wall_s: float
-
-
 @dataclass
 class _Present:
     """What the commands have asked for so far."""
 
     belt_speed: float | None
     table: Mapping[str, Any] | None = None
-    changes: list[AppliedChange] = field(default_factory=list)
+
+
+@dataclass
+class _Kept:
+    """What of the present walk has been handed over."""
+
+    tick: int = 0
+    switches: int = 0
+    changes: list[AppliedChange] = field(default_factory=list)  # that have not been
 
 
 class LiveLoop:
@@ -99,7 +78,7 @@ class LiveLoop:
         sleep: Callable[[float], None],
         commands: Callable[[], Mapping[str, Any] | None],
         send: Callable[[Mapping[str, Any]], None],
-        finish: Callable[[Take], None],
+        keep: Callable[[Piece], None],
         longest: int,
         paused: bool = False,
     ) -> None:
@@ -111,17 +90,18 @@ class LiveLoop:
             sleep: Waits for a time in [s].
             commands: Gives the next command, or None; returns at once.
             send: Takes a frame or an answer; returns at once.
-            finish: Takes a walk that is over; returns at once.
+            keep: Takes the next piece of the walk, the last one of a walk marked so; returns at once.
             longest: Ticks after which a walk ends.
             paused: Whether to wait for the command to walk.
         """
         self._run, self._now, self._sleep = run, now, sleep
-        self._commands, self._send, self._finish = commands, send, finish
+        self._commands, self._send, self._keep = commands, send, keep
         self._longest = longest
         self._paused, self._ended = paused, False
         world = run.problem.world
         self._present = _Present(belt_speed=None if world.contact is None else world.belt_speed)
         self._belt_waits = False
+        self._kept = _Kept()
         self._began = now()
         self._last_frame = -np.inf
         self._traced = 0
@@ -145,7 +125,8 @@ class LiveLoop:
             else:
                 self._stand()
             self._ended = self._ended or self._run.tick >= self._longest
-        self._close_take()
+            self._keep_what_is_new()
+        self._keep_piece(over=True)
         self._send_frame()
 
     @property
@@ -179,6 +160,8 @@ class LiveLoop:
         q = self._run.q
         rows = self._run.advance(1)
         self.clock.finished(self._now())
+        # A look at the last row is always possible.
+        self._run.forget_rows(self._kept.tick - 1)
         if self._run.tick // BLOCK_TICKS % FRAME_BLOCKS == 0 or not self._moving:
             self._send_frame(q, rows)
 
@@ -195,6 +178,30 @@ class LiveLoop:
             return
         self._belt_waits = waits
         self._run.set_belt_speed(0.0 if waits else self._present.belt_speed, fade_ticks=BELT_TICKS)
+
+    # ------------------------------------------------------------------ what is kept
+
+    def _keep_what_is_new(self) -> None:
+        """Hand a piece over when there is enough for one, and what there is when the walk stands still."""
+        new = self._run.tick - self._kept.tick
+        if new >= PIECE_TICKS or ((new or self._kept.changes) and not self._moving):
+            self._keep_piece()
+
+    def _keep_piece(self, *, over: bool = False) -> None:
+        run, kept = self._run, self._kept
+        piece = Piece(
+            rows=run.rows(kept.tick),
+            switches=run.switches(kept.switches),
+            changes=tuple(kept.changes),
+            table=self._present.table,
+            status=run.status,
+            reason=run.reason,
+            trip=run.trip,
+            wall_s=self._now() - self._began,
+            over=over,
+        )
+        self._kept = _Kept(run.tick, kept.switches + len(piece.switches))
+        self._keep(piece)
 
     # ------------------------------------------------------------------ frames
 
@@ -250,7 +257,7 @@ class LiveLoop:
             # After a restart the tick is that of the new walk.
             tick = self._run.tick
             if not answer["refused"] and "note" in command:
-                self._present.changes.append(AppliedChange(tick, command["note"]))
+                self._kept.changes.append(AppliedChange(tick, command["note"]))
             self._send({**answer, "tick": tick, "status": str(self.status)})
 
     def _obey(self, command: Mapping[str, Any]) -> None:
@@ -298,13 +305,14 @@ class LiveLoop:
         self._run.release()
 
     def _restart(self) -> None:
-        self._close_take()
+        if self._run.tick > 0:
+            self._keep_piece(over=True)
+            self._kept = _Kept()
         self._run.restart()
         self._traced = 0
         self._belt_waits = False
         if self._present.belt_speed is not None:
             self._run.set_belt_speed(self._present.belt_speed, fade_ticks=0)
-        self._present.changes = []
         self._paused, self._began = False, self._now()
         self.clock.pause()
 
@@ -324,10 +332,3 @@ class LiveLoop:
         if numbers["held_phase"] != run.held_phase:
             run.hold_phase(numbers["held_phase"])
         self._present.table = table or self._present.table
-
-    def _close_take(self) -> None:
-        if self._run.tick == 0:
-            return
-        result = self._run.result(interrupted=self._run.tick < self._longest)
-        wall = self._now() - self._began
-        self._finish(Take(result, self._present.changes, self._present.table, wall))

@@ -61,6 +61,7 @@ class LivePage:
         self._session, self._user = session, user
         self._belt_speed = belt_speed_of(experiment)
         self._scenario = experiment.scenario
+        self._walked_until = 0.0  # the last moment seen without a trip
         self._sides = tuple(str(side) for side in experiment.leg.legs)
         self._state: State | None = None
         self._short: dict[str, Any] | None = None
@@ -104,7 +105,7 @@ class LivePage:
             frame: The moment.
         """
         if frame.log:  # empty before the first tick
-            belt_speed = self._belt_speed * self._belt_share(frame.time_s)
+            belt_speed = self._belt_speed * self._belt_share(frame)
             self.figure.show(
                 frame.time_s, frame.q, frame.log, belt_speed=belt_speed, traces=self._session.traces(),
                 events=frame.events,
@@ -115,12 +116,14 @@ class LivePage:
             self._told_at = frame.tick
             self.server.tell(self._short, key="frame")
 
-    def _belt_share(self, time: float) -> float:
-        """Share of the speed that is set which a belt with a profile has at a time."""
+    def _belt_share(self, frame: Frame) -> float:
+        """Share of the speed that is set which the belt has, by its profile and after a trip."""
         scenario = self._scenario
-        if not isinstance(scenario, TreadmillScenario) or scenario.belt is None:
+        if not isinstance(scenario, TreadmillScenario):
             return 1.0
-        return scenario.belt_speed_at(time) / scenario.belt_speed
+        if not frame.log["safety_state"]:
+            self._walked_until = frame.time_s
+        return scenario.belt_speed_at(frame.time_s, self._walked_until) / scenario.belt_speed
 
     async def close(self) -> None:
         """End the server."""

@@ -8,10 +8,7 @@ writes its run folder and is gone. Nothing that it is sent is ever executed or u
 from __future__ import annotations
 
 import contextlib
-import csv
 import gc
-import io
-import itertools
 import json
 import os
 import signal
@@ -19,30 +16,20 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.exceptions import TwinGaitError
-from twin_gait.files import write_atomically
-from twin_gait.gait.table import TICK
-from twin_gait.simulation.engine import log_layout
-from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.simulation.run import Run, log_table
+from twin_gait.exceptions import RunDirectoryError, TwinGaitError
+from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.stepping import SteppedRun
-from twin_gait.studies.folders import staged_directory
-from twin_gait.studies.live.loop import MOST_TRACES, AppliedChange, LiveLoop, Take
+from twin_gait.studies.live.finishing import complete_all
+from twin_gait.studies.live.journal import Journal, journal_of, next_free
+from twin_gait.studies.live.loop import MOST_TRACES, LiveLoop
+from twin_gait.studies.live.pieces import Piece
 from twin_gait.studies.live.protocol import dump
-from twin_gait.studies.record import RUN_DIRECTORY, write_run
 
-CHANGES_FILE = "live_changes.csv"
-TABLE_FILE = "live_table.yaml"
-CHANGE_COLUMNS = ("tick", "time_s", "user", "subject", "before", "value", "text")
-# Drawing takes about a tenth of the walk; nobody waits minutes for the pictures of an hour.
-LONGEST_PICTURES = 120.0  # [s]
 SWITCH_INTERVAL = 1e-3  # [s], after which a thread of this process must let the loop go on
 REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time
 
@@ -122,81 +109,42 @@ class Inbox:
         self.end()
 
 
-class RunFolders:
-    """Writes the run folders of all walks of a session after the last one: ``folder``, ``folder-2`` …."""
+class Journals:
+    """The journals of all walks of a session, one after the other."""
 
-    def __init__(self, problem: Problem, setup: Mapping[str, Any], sender: Sender, inbox: Inbox) -> None:
-        """Keep what all walks have in common."""
-        self._problem, self._setup = problem, setup
-        self._sender, self._inbox = sender, inbox
-        self._takes: list[Take] = []
+    def __init__(self, columns: Sequence[str], setup: Mapping[str, Any], sender: Sender) -> None:
+        """Begin that of the first walk, so that what cannot be written is found out before it."""
+        self._columns, self._setup, self._sender = columns, setup, sender
+        self._all: list[Journal] = []
+        self._present: Journal | None = self._begin(Path(setup["folder"]))
 
-    def keep(self, take: Take) -> None:
-        """Take a walk that is over; writing it would keep the next one waiting."""
-        self._takes.append(take)
+    def _begin(self, folder: Path) -> Journal:
+        setup = {**self._setup, "folder": str(folder)}
+        journal = Journal(journal_of(folder), self._columns, setup, on_failure=self._note_failure)
+        self._all.append(journal)
+        self._sender.send({"kind": "journal", "folder": str(folder)})
+        return journal
 
-    def write_all(self) -> None:
-        """Write all folders and say where they are."""
-        folder = Path(self._setup["folder"])
-        for number, take in enumerate(self._takes, start=1):
-            self._write_one(number, take, folder)
-            folder = self._next_free(number + 1)
+    def _note_failure(self, failure: str) -> None:
+        self._sender.send({"kind": "unkept", "text": failure})
 
-    def _next_free(self, number: int) -> Path:
-        """Folder of a later walk: the first name that nothing has yet."""
-        first = Path(self._setup["folder"])
-        names = (first.with_name(f"{first.name}-{count}") for count in itertools.count(number))
-        return next(path for path in names if not path.exists())
+    def keep(self, piece: Piece) -> None:
+        """Hand a piece to the journal of its walk, which its first piece begins."""
+        if self._present is None:
+            try:
+                self._present = self._begin(next_free(Path(self._setup["folder"]), len(self._all) + 1))
+            except RunDirectoryError as error:  # the walk goes on all the same
+                self._note_failure(str(error))
+                return
+        self._present.keep(piece)
+        if piece.over:
+            self._present = None
 
-    def _write_one(self, number: int, take: Take, folder: Path) -> None:
-        message: dict[str, Any] = {"kind": "folder", "take": number, "folder": str(folder)}
-        try:
-            self._sender.send({**message, "summary": self._write(take, folder), "failed": ""})
-        except TwinGaitError as error:
-            self._sender.send({**message, "summary": {}, "failed": " ".join(str(error).split())})
-
-    def _write(self, take: Take, folder: Path) -> dict[str, Any]:
-        run = self._run(take)
-        short = run.duration <= LONGEST_PICTURES and not self._inbox.orphaned
-        with staged_directory(folder, RUN_DIRECTORY, force=self._setup["force"]) as staging:
-            write_atomically(staging / CHANGES_FILE, changes_csv(take.changes))
-            if take.table is not None:
-                write_atomically(staging / TABLE_FILE, dump_yaml(dict(take.table)))
-            document = {**self._setup["document"], "duration_s": run.duration}
-            return write_run(
-                run, staging, document=document, pictures=short and bool(self._setup["pictures"])
-            )
-
-    def _run(self, take: Take) -> Run:
-        problem, result = self._problem, take.result
-        return Run(
-            experiment=replace(problem.experiment, duration=round(len(result.rows) * TICK, 3)),
-            table=problem.table,
-            log=log_table(result.rows, log_layout(problem), problem.table),
-            switches=result.switches,
-            status=result.status,
-            reason=result.reason,
-            wall_s=take.wall_s,
-            body_weight=problem.world.body_weight,
-            trip=result.trip,
-        )
-
-
-def changes_csv(changes: list[AppliedChange]) -> str:
-    """The changes of a walk as CSV.
-
-    Args:
-        changes: In order.
-
-    Returns:
-        One line per change: its first tick, who, what, and the values before and after.
-    """
-    buffer = io.StringIO()
-    writer = csv.DictWriter(buffer, CHANGE_COLUMNS, lineterminator="\n", extrasaction="ignore")
-    writer.writeheader()
-    for change in changes:
-        writer.writerow({**change.note, "tick": change.tick, "time_s": f"{change.tick * TICK:.3f}"})
-    return buffer.getvalue()
+    def complete(self, *, pictures: bool) -> None:
+        """Make the run folders, and say where they are."""
+        for journal in self._all:
+            journal.join()
+        complete_all([item.path for item in self._all], self._sender.send, pictures=pictures)
 
 
 def main() -> int:
@@ -231,21 +179,21 @@ def _walk(setup: Mapping[str, Any], sender: Sender) -> None:
     run = SteppedRun(problem, on_compile=lambda: sender.send({"kind": "compiling"}))
     inbox = Inbox(sys.stdin)
     signal.signal(signal.SIGTERM, inbox.end)
-    folders = RunFolders(problem, setup, sender, inbox)
+    journals = Journals(run.layout.names, setup, sender)
     loop = LiveLoop(
         run,
         now=time.monotonic,
         sleep=time.sleep,
         commands=inbox.next,
         send=sender.send,
-        finish=folders.keep,
+        keep=journals.keep,
         longest=experiment.n_ticks,
         paused=True,  # until the session is ready for it
     )
     sender.send({"kind": "ready"})
     with _undisturbed():
         loop.run()
-    folders.write_all()
+    journals.complete(pictures=not inbox.orphaned)
 
 
 @contextlib.contextmanager

@@ -19,13 +19,15 @@ from twin_gait.configuration.documents import dump_yaml, table_document
 from twin_gait.configuration.experiments import LoadedExperiment, presets
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.files import write_atomically
-from twin_gait.gait.table import GaitTable
+from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.watching import ticks
 from twin_gait.studies.folders import check_target
 from twin_gait.studies.live.actions import EVERYTHING, Actions
 from twin_gait.studies.live.controls import KM_PER_H, Panel
+from twin_gait.studies.live.finishing import complete, complete_all
 from twin_gait.studies.live.handle import LoopProcess
+from twin_gait.studies.live.journal import journal_of
 from twin_gait.studies.live.loop import MOST_TRACES
 from twin_gait.studies.live.protocol import (
     Action,
@@ -37,6 +39,7 @@ from twin_gait.studies.live.protocol import (
     SetControl,
     State,
     Value,
+    dump,
 )
 from twin_gait.studies.live.rules import Place, described, judge, refusal, warnings
 from twin_gait.studies.live.session_records import SessionRecorder
@@ -71,6 +74,7 @@ class LiveSession:
         folders: Run folders that have been written.
         summary: Content of the last walk's ``summary.json``; empty before the end.
         failure: Why the process could not walk or write, or empty.
+        death: How the process of the walk died, or empty.
     """
 
     def __init__(
@@ -84,6 +88,7 @@ class LiveSession:
         paused: bool = False,
         database: Path | None = None,
         on_compile: Callable[[], None] | None = None,
+        on_step: Callable[[str], None] | None = None,
     ) -> None:
         """Prepare the session; :meth:`start` starts the process.
 
@@ -96,10 +101,11 @@ class LiveSession:
             paused: Whether to begin in a pause.
             database: Of the sessions, or None to keep no record.
             on_compile: Called if the walk has to be compiled first, which takes 10 to 20 s.
+            on_step: Called at the end with the name of each file before it is written.
         """
         self.folder, self.folders = Path(folder).expanduser().absolute(), list[Path]()
         self.summary: dict[str, Any] = {}
-        self.failure = ""
+        self.failure = self.death = ""
         self._loaded, self._user = loaded, user
         self._setup = {
             "document": loaded.document,
@@ -109,6 +115,8 @@ class LiveSession:
         }
         self._paused = paused
         self._database, self._on_compile = database, on_compile
+        self._on_step = on_step or (lambda name: None)
+        self._walks: list[Path] = []  # run folders to come
         self._panel = Panel(loaded.experiment)
         self._actions = Actions(self._panel.problem)
         self._settings = self._panel.preset
@@ -148,6 +156,8 @@ class LiveSession:
             RunDirectoryError: If the run folder may not be used.
             ParameterError: If the experiment cannot be walked live.
         """
+        if journal_of(self.folder).exists():  # of an earlier session that was killed
+            complete(journal_of(self.folder))
         check_target(self.folder, RUN_DIRECTORY, force=bool(self._setup["force"]))
         try:
             self._begin()
@@ -179,6 +189,7 @@ class LiveSession:
                 document=self._loaded.document,
             )
             self._recorder.table(table_document(self._settings.table), 0)
+            self._record_folders()
 
     @property
     def alive(self) -> bool:
@@ -209,6 +220,7 @@ class LiveSession:
         self._loop.close()
         if self._worker is not None:
             self._worker.join()
+        complete_all(map(journal_of, self._walks), self._hear, pictures=True)  # those that it left behind
         if self._recorder is not None:
             self._recorder.close(self._status, self.summary, [str(item) for item in self.folders])
         return self.summary
@@ -458,6 +470,13 @@ class LiveSession:
         elif kind == "failed":
             self.failure = message["text"]
             self._ready.set()
+        elif kind == "journal":
+            self._walks.append(Path(message["folder"]))
+            self._record_folders()
+        elif kind == "unkept":
+            self._emit(Outcome.NOTE, f"the walk is no longer kept: {message['text']}")
+        elif kind == "writing":
+            self._on_step(message["step"])
         elif kind == "folder":
             self._note_folder(message)
         elif kind == "trace":
@@ -471,17 +490,32 @@ class LiveSession:
         self.folders.append(Path(message["folder"]))
         self.summary = dict(message["summary"])
         self._emit(Outcome.NOTE, f"the run is in {message['folder']}")
-        if self._recorder is not None:
-            self._recorder.folders([str(item) for item in self.folders])
+        self._record_folders()
 
-    def _note_end(self) -> None:
+    def _record_folders(self) -> None:
+        """Record where the runs are, and where those to come will be: somebody may have to complete them."""
+        if self._recorder is not None:
+            written = [str(item) for item in self.folders]
+            coming = [str(item) for item in self._walks if journal_of(item).exists()]
+            self._recorder.folders([*written, *(item for item in coming if item not in written)])
+
+    def _note_end(self, status: int) -> None:
         """The process is gone."""
         if not self._ready.is_set():
             self.failure = self.failure or "the process of the walk has ended unexpectedly"
             self._ready.set()
-        elif self._status != "ended":
-            self._status = "ended"
-            self._emit(Outcome.NOTE, "the walk has ended unexpectedly")
+        elif status != 0:
+            how = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
+            self.death = f"the process of the walk died at {self._tick * TICK:.1f} s ({how})"
+            self._status = "died"
+            self._emit(Outcome.NOTE, f"{self.death}; the walk is kept up to its last second")
+            self._show_death()
+
+    def _show_death(self) -> None:
+        """Let the last frame tell the pages too."""
+        if self._frame.text:
+            frame = {**json.loads(self._frame.text), "status": self._status}
+            self._frame = LatestFrame(self._frame.number + 1, dump(frame))
 
     # ------------------------------------------------------------------ events
 

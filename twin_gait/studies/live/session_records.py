@@ -25,6 +25,7 @@ from twin_gait.exceptions import TwinGaitError
 SCHEMA_VERSION = 1
 DATABASE_VARIABLE = "TWIN_GAIT_SESSIONS"
 WRITE_EVERY = 0.25  # [s]; a crash loses what came after the last write
+KILLED = "killed"
 STALE = 5.0  # [s]; a session that has not been heard of for so long and has no end was killed
 BUSY_TIME = 10.0  # [s] to wait for another process that writes
 
@@ -124,6 +125,7 @@ def _opened(path: Path, *, make: bool = False) -> Iterator[sqlite3.Connection]:
     try:
         if make:
             path.parent.mkdir(parents=True, exist_ok=True)
+            _keep_private(path)
         elif not path.is_file():
             raise SessionError(f"{path}: there is no record of sessions yet; twin-gait live makes one")
         with closing(sqlite3.connect(path, timeout=BUSY_TIME, isolation_level=None)) as database:
@@ -137,6 +139,13 @@ def _opened(path: Path, *, make: bool = False) -> Iterator[sqlite3.Connection]:
         raise SessionError(
             f"{path}: cannot be written ({error.strerror}); set {DATABASE_VARIABLE}"
         ) from error
+
+
+def _keep_private(path: Path) -> None:
+    """Make the file for its owner alone, and one of an earlier version so; SQLite's own follow it."""
+    os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
+    if path.stat().st_uid == os.geteuid():
+        path.chmod(0o600)
 
 
 def _prepare(database: sqlite3.Connection, path: Path) -> None:
@@ -335,7 +344,7 @@ class SessionEntry:
         ended: When, in UTC, or None.
         status: What the walk did last; ``killed`` if the session has no end and is not heard of.
         tick: Last tick known of the last walk.
-        folders: Run folders.
+        folders: Run folders; of a session without an end also those to come.
         changes: How many changes were applied.
         refusals: How many were refused.
         versions: Versions of the gait table.
@@ -391,7 +400,7 @@ def _entry(row: Sequence[Any]) -> SessionEntry:
         experiment=experiment,
         began=began,
         ended=ended,
-        status="killed" if lost else status,
+        status=KILLED if lost else status,
         tick=tick,
         folders=tuple(json.loads(folders)),
         changes=changes,
@@ -454,6 +463,38 @@ def _no_session(path: Path, session: int, database: sqlite3.Connection) -> Sessi
     known = [str(row[0]) for row in database.execute("SELECT id FROM sessions ORDER BY id DESC LIMIT 10")]
     there = f"the newest are {', '.join(known)}" if known else "it is empty"
     return SessionError(f"{path}: no session {session}; {there}")
+
+
+def close_killed(
+    path: Path,
+    session: int,
+    *,
+    tick: int,
+    text: str,
+    summary: Mapping[str, Any],
+    folders: Sequence[str],
+) -> None:
+    """Record how a session ended whose own processes no longer could.
+
+    Args:
+        path: Of the record.
+        session: Number.
+        tick: Ticks that are kept of the last walk.
+        text: What happened, in one sentence; becomes the last entry of the session's log.
+        summary: Of the last walk.
+        folders: Run folders.
+
+    Raises:
+        SessionError: If the record cannot be written.
+    """
+    with _opened(path) as database, _transaction(database):
+        last = database.execute("SELECT MAX(serial) FROM changes WHERE session = ?", (session,)).fetchone()[0]
+        row = (session, (last or 0) + 1, _now(), tick, "note", "", "", "null", "null", text)
+        database.execute(f"INSERT INTO changes VALUES ({_places(row)})", row)
+        database.execute(
+            "UPDATE sessions SET ended = ?, status = ?, tick = ?, summary = ?, folders = ? WHERE id = ?",
+            (_now(), KILLED, tick, json.dumps(dict(summary)), json.dumps(list(folders)), session),
+        )
 
 
 def delete_session(path: Path, session: int) -> None:

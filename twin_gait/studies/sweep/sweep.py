@@ -234,7 +234,7 @@ def _summary(sweep: Sweep, table: pd.DataFrame, pace: _Pace, resumed: int, wall:
     status = RunStatus.COMPLETED if len(table) == total else RunStatus.INTERRUPTED
     outcomes = {
         str(name): int(count)
-        for name, count in table.get("status", pd.Series(dtype=str)).value_counts().items()
+        for name, count in table.get("outcome", pd.Series(dtype=str)).value_counts().items()
     }
     return {
         "name": sweep.name,

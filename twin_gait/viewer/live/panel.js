@@ -11,7 +11,7 @@
   const QUICK = ["walk", "pause", "step", "restart"]; // actions without a tab: always in sight
   const STATES = {
     walking: "Walking", paused: "Paused", waiting: "Waiting for a step", holding: "HOLD",
-    fell: "Fell", diverged: "Diverged", ended: "Ended",
+    fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Died: its process is gone",
   };
   // The three controls of the monitor, each with its quantities.
   const MONITOR = [
@@ -62,12 +62,12 @@
     waiting: new Map(), // id: what to do with the answer
 
     open() {
-      this.socket = new WebSocket(`ws://${location.host}/panel`);
+      this.socket = new WebSocket(`ws://${location.host}/panel${location.search}`);
       this.socket.onmessage = (message) => { for (const item of JSON.parse(message.data)) hear(item); };
       this.socket.onopen = () => get("panel").classList.remove("offline");
       this.socket.onclose = () => {
         get("panel").classList.add("offline");
-        head.state("offline");
+        if (!["ended", "died"].includes(head.status)) head.state("offline");
         for (const answer of this.waiting.values()) answer(null);
         this.waiting.clear();
         setTimeout(() => this.open(), 1000);
@@ -99,7 +99,7 @@
     },
 
     connect() {
-      const socket = new WebSocket(`ws://${location.host}/socket`);
+      const socket = new WebSocket(`ws://${location.host}/socket${location.search}`);
       socket.binaryType = "arraybuffer";
       socket.onmessage = (message) => {
         twinGait.take(new Uint8Array(message.data));
@@ -160,6 +160,10 @@
       const because = trip && ["holding", "fell"].includes(status) ? `: ${status === "fell" ? "after a hold, " : ""}${trip}` : "";
       if (this.status === status && this.because === because) return;
       Object.assign(this, { status, because });
+      if (status === "died") {
+        this.tell("The process of the walk died. What was walked is kept up to the last second; the terminal says where.");
+        clearTimeout(this.timer);
+      }
       get("panel-state").dataset.state = status;
       get("panel-state").querySelector("span").textContent =
         status === "offline" ? "Not connected" : (STATES[status] ?? title(status)) + because;
@@ -196,7 +200,7 @@
 
   // The socket first; without it, or without an answer at once, the other way.
   function stop() {
-    const otherWay = () => fetch("/stop", { method: "POST" }).catch(() => head.tell("The simulation cannot be reached."));
+    const otherWay = () => fetch(`/stop${location.search}`, { method: "POST" }).catch(() => head.tell("The simulation cannot be reached."));
     const timer = setTimeout(otherWay, 400);
     get("stop").classList.add("pressed");
     setTimeout(() => get("stop").classList.remove("pressed"), 600);

@@ -21,10 +21,14 @@ const live = {
     if (page.socket !== null) this.connect(page.socket ?? "/socket");
   },
 
+  // The address holds the token that lets in. What comes next waits until this has been drawn.
   connect(path) {
-    const socket = new WebSocket(`ws://${location.host}${path}`);
+    const socket = new WebSocket(`ws://${location.host}${path}${location.search}`);
     socket.binaryType = "arraybuffer";
-    socket.onmessage = (message) => this.stage.take(new Uint8Array(message.data));
+    socket.onmessage = (message) => {
+      this.stage.take(new Uint8Array(message.data));
+      requestAnimationFrame(() => { if (socket.readyState === WebSocket.OPEN) socket.send("drawn"); });
+    };
     socket.onclose = () => tell("The viewer has ended.");
   },
 

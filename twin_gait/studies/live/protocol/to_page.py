@@ -134,7 +134,7 @@ class Frame:
         events: What befell the walk: kind, time in [s] and words each, see
             :func:`twin_gait.viewer.page.event_entries`.
         status: ``walking``, ``paused``, ``waiting`` (for a step by hand), ``holding`` (after a stop or
-            a trip), ``fell``, ``diverged`` or ``ended``.
+            a trip), ``fell``, ``diverged``, ``ended`` or ``died`` (the process, not the wearer).
         q: Coordinates of the rigid-body model in [rad] and [m], Pinocchio's order.
         log: The row of the log, by column; phases are names.
         deadlines: How well the blocks kept to the clock.

@@ -1,0 +1,294 @@
+"""What is left of a live walk whose processes die, and how little of it is held in memory."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from test_live_loop import Rig, say, wait_for
+
+from twin_gait.cli.program import main
+from twin_gait.configuration import load_experiment
+from twin_gait.exceptions import RunDirectoryError
+from twin_gait.scenario.faults import parse_fault
+from twin_gait.simulation import stepping
+from twin_gait.simulation.engine import log_layout
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.studies.live import finishing, recovery, session_records
+from twin_gait.studies.live.finishing import complete, complete_all
+from twin_gait.studies.live.journal import Journal, journal_of, locked, read_journal
+from twin_gait.studies.live.loop import PIECE_TICKS
+from twin_gait.studies.live.pieces import AppliedChange, Piece, take_of
+from twin_gait.studies.live.session import LiveSession
+from twin_gait.studies.live.session_records import list_sessions, read_session
+from twin_gait.studies.record import load_run
+
+MOST_LOST = 1000  # ticks: a second
+KILLS = 3
+
+
+@pytest.fixture(scope="module")
+def loaded():
+    return load_experiment("bench_leg", ["duration_s=60"])
+
+
+@pytest.fixture(scope="module")
+def problem(loaded):
+    return build_problem(loaded.experiment)
+
+
+def written(loaded, problem, folder, *, ticks=1400, over=True):
+    """A journal of a walk with a fault and a change, in pieces."""
+    run, failures = SteppedRun(problem), []
+    setup = {"document": loaded.document, "folder": str(folder), "force": False, "pictures": True}
+    journal = Journal(journal_of(folder), run.layout.names, setup, on_failure=failures.append)
+    run.inject(parse_fault("encoder_jump:right_knee@0s"))
+    switches = 0
+    while run.tick < ticks:
+        new = AppliedChange(run.tick, {"user": "Ann", "text": f"at {run.tick}"})
+        rows = run.advance(min(200, ticks - run.tick))
+        journal.keep(
+            Piece(
+                rows=rows, switches=run.switches(switches), changes=(new,), status=run.status,
+                reason=run.reason, trip=run.trip, wall_s=run.tick * 1e-3, over=over and run.tick == ticks,
+            )
+        )  # fmt: skip
+        switches = len(run.switches())
+    if not over:  # as a kill would leave it
+        return run, journal
+    journal.join()
+    assert failures == []
+    return run, journal
+
+
+# ---------------------------------------------------------------------- the journal
+
+
+def test_a_journal_gives_back_the_walk_bit_for_bit(loaded, problem, tmp_path):
+    run, journal = written(loaded, problem, tmp_path / "run")
+    content = read_journal(journal.path)
+    take = take_of(content.pieces, len(content.columns), 60_000)
+    np.testing.assert_array_equal(take.result.rows, run.rows())
+    assert content.columns == run.layout.names and run.tripped
+    assert (take.result.switches, take.result.trip) == (run.switches(), run.trip)
+    assert [item.tick for item in take.changes] == list(range(0, 1400, 200))
+    assert journal.path.stat().st_mode & 0o077 == 0
+
+
+def test_a_journal_cut_anywhere_opens_up_to_its_last_complete_piece(loaded, problem, tmp_path):
+    run, journal = written(loaded, problem, tmp_path / "run")
+    whole, cut = journal.path.read_bytes(), tmp_path / "cut"
+    lengths = set()
+    for size in np.random.default_rng(3).integers(0, len(whole), 200).tolist():
+        cut.write_bytes(whole[:size])
+        try:
+            content = read_journal(cut)
+        except RunDirectoryError as error:
+            assert "no journal of a walk" in str(error) and "\n" not in str(error)
+            assert size < len(whole) / 5
+            continue
+        rows = take_of(content.pieces, len(content.columns), 60_000).result.rows
+        np.testing.assert_array_equal(rows, run.rows()[: len(rows)])
+        assert len(rows) % 200 == 0
+        lengths.add(len(rows))
+    assert lengths >= set(range(200, 1400, 200))
+
+
+def test_a_journal_is_completed_once_and_not_while_it_is_written(loaded, problem, tmp_path):
+    folder = tmp_path / "run"
+    run, journal = written(loaded, problem, folder, over=False)
+    with pytest.raises(RunDirectoryError, match="still going on"):
+        complete(journal.path)
+    with pytest.raises(RunDirectoryError, match="twin-gait sessions complete"):
+        load_run(folder)
+    journal.keep(Piece(rows=run.rows()[:0], over=True))
+    journal.join()
+    done = complete(journal.path)
+    assert done.folder == folder and not journal.path.exists()
+    assert load_run(folder).summary["duration_s"] == pytest.approx(1.4)
+    with pytest.raises(RunDirectoryError, match="cannot be used"):
+        complete(journal.path)
+
+
+def test_a_folder_that_has_come_in_between_is_left_alone(loaded, problem, tmp_path):
+    _, journal = written(loaded, problem, tmp_path / "run")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "mine.txt").write_text("mine")
+    assert complete(journal.path).folder == tmp_path / "run-2"
+    assert [item.name for item in (tmp_path / "run").iterdir()] == ["mine.txt"]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a disk that is full")
+def test_a_disk_that_is_full_is_told_and_the_walk_goes_on(problem, tmp_path, monkeypatch):
+    told, columns = [], log_layout(problem).names
+    monkeypatch.setattr(pa, "OSFile", lambda path, mode, open=pa.OSFile: open("/dev/full", mode))
+    journal = Journal(tmp_path / "x.arrows", columns, {}, on_failure=told.append)
+    journal.keep(Piece(rows=np.zeros((10, len(columns)))))
+    journal.join()
+    journal.keep(Piece(rows=np.zeros((10, len(columns)))))
+    assert len(told) == 1 and "cannot be written any more" in told[0]
+    with locked(journal.path):  # it has been let go
+        pass
+
+
+# ---------------------------------------------------------------------- memory
+
+
+def test_the_loop_holds_the_last_rows_only_and_of_restarted_walks_nothing(problem):
+    script = [(0.5 * n, {"serial": n, "command": "restart"}) for n in range(1, 21)]
+    rig = Rig(problem, script, longest=12_000)
+    most = 0
+    advance = rig.run.advance
+
+    def watched(ticks):
+        nonlocal most
+        rows = advance(ticks)
+        most = max(most, sum(len(chunk) for chunk in rig.run._chunks.values()))
+        return rows
+
+    rig.run.advance = watched
+    rig.loop.run()
+    assert len(rig.takes) == 21 and len(rig.takes[-1].result.rows) == 12_000
+    assert most <= 2 * stepping.CHUNK_TICKS
+    assert max(len(piece.rows) for pieces in rig.pieces for piece in pieces) <= PIECE_TICKS + 10
+
+
+def test_of_many_walks_only_the_last_is_drawn_and_every_step_is_told(loaded, problem, tmp_path, monkeypatch):
+    drawn, told = [], []
+    write = finishing.write_run
+
+    def noted(run, directory, *, pictures, **rest):
+        drawn.append(pictures)
+        return write(run, directory, pictures=False, **rest)
+
+    monkeypatch.setattr(finishing, "write_run", noted)
+    paths = [written(loaded, problem, tmp_path / f"run-{n}", ticks=200)[1].path for n in range(3)]
+    complete_all([*paths, tmp_path / "gone"], told.append, pictures=True)
+    assert drawn == [False, False, True]
+    steps = [item["step"] for item in told if item["kind"] == "writing"]
+    assert steps[0].startswith("walk 1 of 3: ") and steps[-1].startswith("walk 3 of 3: ")
+    assert [item["failed"] for item in told if item["kind"] == "folder"] == [""] * 3
+
+
+# ---------------------------------------------------------------------- kills
+
+
+def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded, tmp_path):
+    database = tmp_path / "sessions.sqlite"
+    session = LiveSession(loaded, tmp_path / "run", user="Ann", database=database, pictures=False)
+    with session:
+        changed = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
+        wait_for(lambda: json.loads(session.newest_frame().text)["tick"] > 1800)
+        os.kill(session.pid, signal.SIGKILL)
+        wait_for(lambda: not session.alive)
+        last = json.loads(session.newest_frame().text)
+        assert last["status"] == session.status == "died"
+        assert "died" in session.events()[-1].text and "signal 9" in session.death
+    stored = load_run(tmp_path / "run")
+    assert len(stored.log) >= last["tick"] - MOST_LOST
+    assert (
+        stored.summary["status"] == "interrupted" and "process of the walk died" in stored.summary["reason"]
+    )
+    assert f"\n{changed.tick}," in (tmp_path / "run" / "live_changes.csv").read_text()
+    (entry,) = list_sessions(database)
+    assert (entry.status, entry.folders) == ("died", (str(tmp_path / "run"),))
+    assert any("died" in item["text"] for item in read_session(database, entry.id)["log"])
+
+
+def children(pid):
+    lists = Path(f"/proc/{pid}/task").glob("*/children")  # a list for each of its threads
+    return [int(item) for path in lists for item in path.read_text().split()]
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="needs the list of a process's children")
+def test_the_command_says_that_its_walk_died_and_ends_with_1(tmp_path):
+    words = ["live", "bench_leg", "--no-browser", "--port", "0", "--no-pictures", "--out", tmp_path / "run"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "twin_gait", *map(str, words)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "TWIN_GAIT_SESSIONS": str(tmp_path / "sessions.sqlite")},
+    ) as command:  # fmt: skip
+        assert command.stdout.readline().startswith("open http")
+        time.sleep(1.5)
+        (child,) = children(command.pid)
+        os.kill(child, signal.SIGKILL)
+        output, errors = command.communicate(timeout=60)
+    assert command.returncode == 1
+    assert str(tmp_path / "run") in output and "process of the walk died" in errors
+    assert len(load_run(tmp_path / "run").log) > 0
+
+
+PARENT = """
+    import sys, time
+    from pathlib import Path
+    from twin_gait.configuration import load_experiment
+    from twin_gait.studies.live.protocol import SetControl
+    from twin_gait.studies.live.session import LiveSession
+
+    loaded = load_experiment("bench_leg", ["duration_s=60"])
+    session = LiveSession(loaded, Path(sys.argv[1]), pictures=False, database=Path(sys.argv[2]))
+    session.start()
+    print(session.pid, flush=True)
+    serial = 0
+    while True:
+        serial += 1
+        session.submit(SetControl(id=str(serial), user="Ann", control="belt", value=1.0))
+        head = session.newest_frame().text.partition(',"time_s"')[0]
+        print(time.monotonic(), len(session.events()), head, flush=True)
+        time.sleep(0.02)
+"""
+
+
+def killed_together(folder, database, delay):
+    """Kill both processes of a session; give what it had told of its walk and its events, with times."""
+    code = textwrap.dedent(PARENT)
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(folder), str(database)], stdout=subprocess.PIPE, text=True
+    ) as parent:
+        child = int(parent.stdout.readline())
+        time.sleep(delay)
+        os.kill(child, signal.SIGKILL)
+        parent.send_signal(signal.SIGKILL)
+        lines = [line.split(maxsplit=2) for line in parent.stdout if line.endswith("\n")]
+    return [(float(at), int(events), head) for at, events, head in lines if '"tick":' in head]
+
+
+def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path, monkeypatch, capsys):
+    database = tmp_path / "sessions.sqlite"
+    monkeypatch.setattr(session_records, "STALE", 0.0)
+    for number, delay in enumerate(np.random.default_rng(11).uniform(0.8, 2.5, KILLS)):
+        folder = tmp_path / f"run-{number}"
+        told = killed_together(folder, database, float(delay))
+        last, _, head = told[-1]
+        tick = int(head.rpartition(":")[2])
+        events = max(events for at, events, _ in told if last - at > 1.0 or events == 0)
+        assert main(["sessions", "--database", str(database), "list"]) == 0
+        assert "its processes were killed" in capsys.readouterr().err
+        assert len(load_run(folder).log) >= tick - MOST_LOST
+        found = read_session(database, number + 1)
+        assert (found["status"], found["folders"]) == ("killed", [str(folder)])
+        assert found["ended"] is not None and "processes were killed" in found["log"][-1]["text"]
+        assert len(found["log"]) - 1 >= events
+        assert found["summary"]["duration_s"] * 1e3 == pytest.approx(len(load_run(folder).log))
+    assert list(recovery.recover(database)) == []
+
+
+def test_a_walk_out_of_the_record_is_completed_by_name(loaded, problem, tmp_path, capsys):
+    _, journal = written(loaded, problem, tmp_path / "run")
+    assert main(["sessions", "complete", str(tmp_path / "run")]) == 0
+    assert capsys.readouterr().out.strip() == str(tmp_path / "run") and not journal.path.exists()
+
+
+def test_a_session_that_begins_where_one_was_killed_completes_that_first(loaded, problem, tmp_path):
+    written(loaded, problem, tmp_path / "run")
+    with pytest.raises(RunDirectoryError, match="exists"):
+        LiveSession(loaded, tmp_path / "run", pictures=False).start()
+    assert load_run(tmp_path / "run").summary["duration_s"] == pytest.approx(1.4)
