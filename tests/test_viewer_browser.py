@@ -658,3 +658,31 @@ def test_the_picture_of_a_urdf_is_drawn_and_serving_it_needs_the_token(
         one = opened(server.url)
         assert one('document.querySelectorAll(".joint").length') == 6
         assert one.requests == [server.url]
+
+
+def test_two_walks_are_compared_by_per_cent_of_the_stride_so_that_a_drift_is_no_difference(
+    opened, tmp_path: Path
+) -> None:
+    walk = simulate(load_experiment("treadmill", ["duration_s=9"]).experiment)
+    slower = walk.log.iloc[np.round(np.arange(len(walk.log)) / 1.015).astype(int)].copy()
+    slower["time_s"] = walk.log["time_s"].to_numpy()  # the same walk with strides 1.5 % longer
+    runs = [ShownRun(name, walk.experiment, log) for name, log in (("a", walk.log), ("b", slower))]
+    (tmp_path / "pair.html").write_text(page_of(runs), encoding="utf-8")
+    one = opened(f"{(tmp_path / 'pair.html').as_uri()}#t=6", size=(1000, 700))
+    largest = """() => Object.fromEntries(plots.panels.filter((panel) => panel.below).flatMap((panel) =>
+        panel.lines.map((line) => [`${line.leg.side}_${line.key}`, line.series.values.reduce(
+            (most, value, i) => (line.series.times[i] > 5 ? Math.max(most, Math.abs(value)) : most), 0)])))"""
+    assert one("player.by_stride") is True and one('document.getElementById("by-stride").hidden') is False
+    by_stride = one(largest)
+    clocks = one('[...document.querySelectorAll(".clock")].map((clock) => clock.textContent)')
+    strides = [text.split("; ")[1] for text in clocks]
+    assert strides[0].startswith("left stride ")
+    stride, percent = zip(*(map(int, re.findall(r"\d+", text)) for text in strides), strict=True)
+    assert stride[0] == stride[1] and abs(percent[0] - percent[1]) <= 2  # a frame is 1.6 % of a stride
+    times = [float(text.split(" s")[0]) for text in clocks]
+    assert times[1] == pytest.approx(1.015 * times[0], abs=0.04)
+    one.page.keyboard.press("s")
+    assert one("player.by_stride") is False
+    by_time = one(largest)
+    for name in ("left_hip", "left_knee", "right_hip", "right_knee"):
+        assert by_stride[name] < 0.7 and by_time[name] > 5 * by_stride[name], name

@@ -157,7 +157,7 @@ def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the
     (entry,) = embedded(page_of([read_shown_run(tripped)]))["runs"]
     assert [(one["kind"], one["time"]) for one in entry["events"]] == [("fault", 1.0), ("trip", trip.time)]
     assert entry["events"][1]["text"] == "trip: encoder frozen, left knee"
-    assert entry["outcome"] == stored.summary["status"]
+    assert entry["outcome"] == stored.outcome == "held"
     assert [one["label"] for one in entry["phases"]][-1] == "Hold"
     frames = frames_of(entry)
     assert {1000, trip.tick} <= set(frames["times"])

@@ -217,7 +217,7 @@ def show_run(run: Run, *, speed: float = 1.0, repeat: bool = True, port: int = 7
     from twin_gait.studies.shown_run import ShownRun
 
     name = f"twin_gait · {run.experiment.name}"
-    shown = ShownRun(name, run.experiment, run.log, (), run.events, run.status)
+    shown = ShownRun(name, run.experiment, run.log, (), run.events, run.verdict.outcome or run.status)
     return _serve([shown], speed=speed, repeat=repeat, port=port)
 
 

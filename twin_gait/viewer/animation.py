@@ -10,19 +10,21 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.files import write_atomically
+from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.measures.events import RunEvent
+from twin_gait.measures.leg_record import leg_record
 from twin_gait.palette import phase_colour
 from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Track, rgb, set_animation
-from twin_gait.viewer.motion import FRAMES_PER_SECOND, LegMotion, Motion, read_motion
+from twin_gait.viewer.motion import FRAMES_PER_SECOND, LegMotion, Motion, held_rows, read_motion
 from twin_gait.viewer.page import leg_entry, packed, packed_json, page_data, recorded_page
 from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.surroundings import Belt
-from twin_gait.vocabulary import Side
+from twin_gait.vocabulary import HOLD, Side
 
 _CONTINUOUS = ("position", "quaternion", "scale")
 _SWITCH = 1e-4  # [s] in which a colour changes or the belt marks jump back
@@ -142,6 +144,7 @@ def recorded_run(
         legs=[_leg(side, leg) for side, leg in motion.legs.items()],
         arrows=bool(scene.arrows),
         duration=round(motion.duration, 3),
+        strides=_strides(log, model, motion),
         frames=packed_json(_frames(motion)),
         scene=packed(recorder.packed()),
     )
@@ -149,6 +152,17 @@ def recorded_run(
 
 def _leg(side: Side, leg: LegMotion) -> dict[str, Any]:
     return leg_entry(side, [*(["phase"] if leg.phases is not None else []), *leg.curves])
+
+
+def _strides(log: pd.DataFrame, model: LegModel, motion: Motion) -> dict[str, Any] | None:
+    """The leg by whose strides two runs are compared, and when they begin in [s]; None without strides."""
+    side = model.sides[0]
+    if motion.legs[side].phases is None:
+        return None
+    names = [name for name in motion.phase_names if name != HOLD]
+    events = leg_record(log, side, names, TICK).stride_events
+    starts = events[~held_rows(log)[events]] * TICK
+    return {"side": str(side), "starts": np.round(starts, 3).tolist()} if len(starts) > 1 else None
 
 
 def _frames(motion: Motion) -> dict[str, Any]:

@@ -130,7 +130,7 @@ def read_motion(
         raise ViewerError("the log has no row that can be shown; run the simulation again")
     clock = log["time_s"].to_numpy(dtype=float)[:n_rows]
     names = tuple(phases) if phases is not None else phase_names(log, model.sides)
-    if _held(log).any():
+    if held_rows(log).any():
         names = (*names, HOLD)
     spells = {side: _spells(log.iloc[:n_rows], clock, side, names) for side in model.sides}
     switches = [one.starts for one in spells.values() if one is not None]
@@ -198,7 +198,7 @@ def phase_changes(log: pd.DataFrame) -> np.ndarray:
     for side in Side:
         column = log.get(f"{side}_phase")
         if column is not None:
-            codes = np.where(_held(log), -1, pd.factorize(column)[0])
+            codes = np.where(held_rows(log), -1, pd.factorize(column)[0])
             changed[1:] |= codes[1:] != codes[:-1]
     return np.asarray(clock[changed] - clock[0])
 
@@ -228,7 +228,7 @@ def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[st
         return None
     position = {name: index for index, name in enumerate(names)}
     codes = np.array([position.get(str(name), -1) for name in column], dtype=int)
-    codes[_held(log)] = position.get(HOLD, -1)
+    codes[held_rows(log)] = position.get(HOLD, -1)
     if (codes < 0).any():
         unknown = str(column.iloc[int(np.argmax(codes < 0))])
         raise ViewerError(f"the log has a phase {unknown!r}; expected one of {', '.join(names)}")
@@ -236,7 +236,7 @@ def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[st
     return PhaseSpells(clock[first] - clock[0], codes[first])
 
 
-def _held(log: pd.DataFrame) -> np.ndarray:
+def held_rows(log: pd.DataFrame) -> np.ndarray:
     """Rows after a trip, in which the phase no longer says what the legs do; shape ``(n,)``."""
     state = log.get("safety_state")
     return np.zeros(len(log), dtype=bool) if state is None else state.to_numpy() == SafetyState.HOLD.code

@@ -14,7 +14,7 @@
 //    phases: [{name, label, short, colour, ink}], legs: [{side, label, colour, dark, shows: [key]}],
 //    parts: [{key, label, colour}], arrow: {label, colour} or null,
 //    arcs: [{label, colour}], floor: path, duration: s or null, footnote,
-//    events: [{kind: fault, trip, fall or divergence, time: s, text}], outcome: word}
+//    strides: {side, starts: [s]} or null, events: [{kind: fault, trip, fall or divergence, time: s, text}], outcome: word}
 // A recorded RUN also holds `frames` and `scene`, deflated, as base64 text: JSON of
 //   {times: [ms], legs: [{series: {key: {steps: [ms], values: [value]}}, phases: {starts: [s], codes: [n]} or null}]}
 // where times are those of frames, and a series has the frames and what lies between them (steps from point to point),
@@ -72,6 +72,12 @@ function value_at({ times, values }, time) {
   const low = last_before(times, time), high = Math.min(low + 1, times.length - 1);
   if (times[high] <= times[low] || time <= times[low] + 1e-9) return values[low];
   return values[low] + ((values[high] - values[low]) * (time - times[low])) / (times[high] - times[low]);
+}
+
+// Time to which one of a row of moments belongs, with as many in the other row: straight lines between them and beyond.
+function warped(from, to, time) {
+  const last = Math.min(from.length, to.length) - 1, k = Math.min(last_before(from, time), last - 1);
+  return to[k] + ((to[k + 1] - to[k]) * (time - from[k])) / (from[k + 1] - from[k]);
 }
 
 // ---- light and dark ---------------------------------------------------------------------------------

@@ -4,20 +4,17 @@ const SPEEDS = [0.05, 0.1, 0.25, 0.5, 1, 2, 4];
 
 const player = {
   runs: [], stages: [], heads: [], times: [], switches: [], end: 0, time: 0, playing: false, last: null,
+  by_stride: false, // two runs: whether the clock is that of A, and B is where it is in the same stride
 
   async open(page) {
     const pair = page.runs.length > 1;
     document.body.classList.toggle("pair", pair);
     for (const [index, data] of page.runs.entries()) await this.add(data, pair ? "AB"[index] : "");
-    this.end = Math.max(...this.runs.map((run) => run.page.duration));
-    const moments = new Set(this.runs.flatMap((run) => run.times.map((t) => Math.round(1000 * t))));
-    this.times = [...moments].sort((a, b) => a - b).map((t) => t / 1000);
-    this.switches = this.transitions();
+    this.by_stride = this.has_strides();
+    this.align();
     const asked = address.read();
     this.speeds(asked.speed);
     document.title = this.runs.map((run) => run.page.title).join(" | ");
-    timeline.build(this.runs, this.end);
-    plots.open(this.runs, this.end);
     plots.onseek = (time) => { this.pause(); this.seek(time); };
     this.controls();
     this.seek(asked.time ?? 0, false);
@@ -25,6 +22,43 @@ const player = {
     const calm = window.matchMedia("(prefers-reduced-motion: reduce)").matches;
     if (asked.time === null && !calm && !asked.picture) this.play();
     requestAnimationFrame((now) => this.tick(now));
+  },
+
+  has_strides() { return this.runs.length > 1 && this.runs.every((run) => run.page.strides); },
+
+  // Time of a run on the common clock, and back.
+  shared(run, time) { return run === this.runs[0] || !this.by_stride ? time : warped(run.page.strides.starts, this.runs[0].page.strides.starts, time); },
+  own(run, time) {
+    if (run === this.runs[0] || !this.by_stride) return time;
+    return Math.round(1e6 * warped(this.runs[0].page.strides.starts, run.page.strides.starts, time)) / 1e6;
+  },
+
+  // Everything that is drawn over time, on the common clock.
+  align() {
+    const views = this.runs.map((run) => {
+      const shared = (time) => this.shared(run, time);
+      const legs = run.legs.map((leg) => ({
+        ...leg, phases: leg.phases && { ...leg.phases, starts: leg.phases.starts.map(shared) },
+        series: Object.fromEntries(Object.entries(leg.series).map(([key, { times, values }]) => [key, { times: times.map(shared), values }])),
+      }));
+      const events = run.page.events.map((event) => ({ ...event, time: shared(event.time) }));
+      return { ...run, legs, times: run.times.map(shared), page: { ...run.page, events, duration: shared(run.page.duration) } };
+    });
+    this.end = Math.max(...views.map((run) => run.page.duration));
+    const moments = new Set(views.flatMap((run) => run.times.map((t) => Math.round(1000 * t))));
+    this.times = [...moments].filter((t) => t >= 0).sort((a, b) => a - b).map((t) => t / 1000);
+    this.switches = this.transitions(views);
+    timeline.build(views, this.end);
+    plots.strides = this.by_stride ? this.runs[0].page.strides : null;
+    plots.open(views, this.end);
+    element("by-stride").hidden = !this.has_strides();
+    element("by-stride").setAttribute("aria-pressed", String(this.by_stride));
+  },
+
+  compare_by(stride) {
+    this.by_stride = stride && this.has_strides();
+    this.align();
+    this.seek(this.time);
   },
 
   async add(page, name) {
@@ -53,12 +87,12 @@ const player = {
   },
 
   // Every change of a phase of any leg, and every event: [{time, words}].
-  transitions() {
-    const found = this.runs.flatMap((run) => run.legs.filter((leg) => leg.phases).flatMap((leg) =>
+  transitions(runs) {
+    const found = runs.flatMap((run) => run.legs.filter((leg) => leg.phases).flatMap((leg) =>
       leg.phases.starts.slice(1).map((time, index) => ({
         time, words: `${run.name ? `run ${run.name}, ` : ""}${leg.label.toLowerCase()} leg: ${run.page.phases[leg.phases.codes[index + 1]].label.toLowerCase()}`,
       }))));
-    const events = this.runs.flatMap((run) => run.page.events.map(({ time, text }) => ({
+    const events = runs.flatMap((run) => run.page.events.map(({ time, text }) => ({
       time, words: `${run.name ? `run ${run.name}, ` : ""}${text}`,
     })));
     return [...found, ...events].sort((a, b) => a.time - b.time);
@@ -79,6 +113,7 @@ const player = {
     element("previous").onclick = () => this.transit(-1);
     element("next").onclick = () => this.transit(1);
     element("view").onclick = () => this.look();
+    element("by-stride").onclick = () => this.compare_by(!this.by_stride);
     element("time").oninput = () => { this.pause(); this.seek(Number(element("time").value)); };
     element("help-open").onclick = () => element("help").showModal();
     // After a click the space bar plays again rather than pressing that button once more.
@@ -116,7 +151,7 @@ const player = {
       Home: () => go(0), End: () => go(this.end),
       ",": () => this.transit(-1), ".": () => this.transit(1),
       "+": () => this.faster(1), "=": () => this.faster(1), "-": () => this.faster(-1),
-      a: () => plots.toggle_whole(), r: () => this.look(), t: () => theme.set(!theme.dark),
+      a: () => plots.toggle_whole(), r: () => this.look(), s: () => this.compare_by(!this.by_stride), t: () => theme.set(!theme.dark),
       "?": () => element("help").showModal(),
     };
   },
@@ -179,8 +214,9 @@ const player = {
   show(time) {
     this.time = Math.min(Math.max(time, 0), this.end);
     this.runs.forEach((run, index) => {
-      this.stages[index].seek(Math.min(this.time, run.page.duration));
-      this.heads[index].show(this.sample(run, this.time), run.scales);
+      const time = Math.min(Math.max(this.own(run, this.time), 0), run.page.duration);
+      this.stages[index].seek(time);
+      this.heads[index].show(this.sample(run, time), run.scales);
     });
     plots.show(this.time);
     timeline.show(this.time, this.words());
@@ -188,7 +224,7 @@ const player = {
 
   words() {
     const legs = this.runs.flatMap((run) => run.legs.filter((leg) => leg.phases).map((leg) =>
-      `${run.name} ${leg.label.toLowerCase()} ${run.page.phases[spell(leg.phases, this.time)].label.toLowerCase()}`.trim()));
+      `${run.name} ${leg.label.toLowerCase()} ${run.page.phases[spell(leg.phases, this.own(run, this.time))].label.toLowerCase()}`.trim()));
     return [`${this.time.toFixed(2)} seconds`, ...legs].join(", ");
   },
 
@@ -200,7 +236,15 @@ const player = {
       for (const [key, series] of Object.entries(leg.series)) values[key] = value_at(series, at) ?? NaN;
       return values;
     });
-    return { time: at, legs, events: run.page.events.filter((event) => event.time <= at + 5e-4) };
+    return { time: at, legs, events: run.page.events.filter((event) => event.time <= at + 5e-4), stride: this.stride(run, at) };
+  },
+
+  // Where in which stride a run is, in words, if runs are compared so.
+  stride(run, time) {
+    if (!this.by_stride) return "";
+    const { side, starts } = run.page.strides, k = last_before(starts, time);
+    if (time < starts[0] || k + 1 >= starts.length) return "";
+    return `${side} stride ${k + 1}, ${((100 * (time - starts[k])) / (starts[k + 1] - starts[k])).toFixed(0)} %`;
   },
 
   // Paper gets what the page shows: the picture of this moment, its numbers, and the curves of the whole run.

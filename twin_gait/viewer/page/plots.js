@@ -7,6 +7,7 @@ const AXIS = 16, BAND = 14;
 const DASHES = { A: [], B: [5, 3] };
 
 const plots = {
+  strides: null, // of the clock, where two runs are compared by per cent of them
   runs: [], time: 0, end: null, span: null, whole: false, drag: null, panels: [], onseek: null,
 
   // Runs: [{name, page, times, legs}], legs with side, series and phases.
@@ -296,12 +297,32 @@ const plots = {
 
   clock(context, box, x, from, to) {
     context.textAlign = "center";
+    if (this.strides) { this.percents(context, box, x, from, to); return; }
     const step = nice_step((to - from) / Math.max((box.right - box.left) / 55, 2)), digits = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
     for (let k = Math.ceil(from / step - 1e-9); k * step <= to + 1e-9; k += 1) {
       if (x(k * step) < box.right - 16) context.fillText((k * step).toFixed(digits), x(k * step), box.bottom + 18);
     }
     context.textAlign = "right";
     context.fillText("s", box.right, box.bottom + 18);
+  },
+
+  // Number of each stride at its beginning, and per cent in between.
+  percents(context, box, x, from, to) {
+    const { side, starts } = this.strides, mean = (starts.at(-1) - starts[0]) / (starts.length - 1);
+    const room = (x(from + mean) - x(from)) / 40, each = [10, 20, 50].find((percent) => (room * percent) / 100 >= 1) ?? 100;
+    const every = Math.max(Math.ceil(1 / room), 1);
+    starts.forEach((start, k) => {
+      const next = starts[k + 1] ?? start + mean;
+      for (let percent = 0; percent < (k + 1 < starts.length ? 100 : 1); percent += each) {
+        const at = x(start + ((next - start) * percent) / 100);
+        if (at < box.left || at > box.right - 62 || (percent === 0 && k % every)) continue;
+        context.font = `${percent ? "" : "650 "}11px ${FONT}`;
+        context.fillText(percent ? String(percent) : `${side[0].toUpperCase()}${k + 1}`, at, box.bottom + 18);
+      }
+    });
+    context.font = `11px ${FONT}`;
+    context.textAlign = "right";
+    context.fillText("% stride", box.right, box.bottom + 18);
   },
 
   // Where many points share a pixel column its first, lowest, highest and last show the same line.

@@ -76,6 +76,7 @@ class Readout {
     const { page } = this;
     this.clock.textContent = `${sample.time.toFixed(3)} s` +
       (page.duration === null ? "" : ` of ${page.duration.toFixed(2)} s${page.outcome ? `, ${page.outcome}` : ""}`);
+    if (sample.stride) this.clock.textContent += `; ${sample.stride}`;
     this.warn(sample.events ?? []);
     sample.legs.forEach((leg, index) => {
       for (const [key, , digits, unit] of this.rows) {
