@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import re
+from collections.abc import Generator
+from typing import TypeVar
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
+from tested_copy import complaint, copies_in_use
 
 from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
 from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR, Patient
@@ -21,6 +27,42 @@ settings.register_profile(
 settings.load_profile("twin_gait")
 
 ARMATURE = {JointName.HIP: HIP_ACTUATOR.armature, JointName.KNEE: KNEE_ACTUATOR.armature}
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """An edit of a law must not pass its tests because an older, installed copy was tested."""
+    if not hasattr(config, "workerinput"):  # once, not in every worker of xdist
+        problem = next(filter(None, map(complaint, copies_in_use())), None)
+        if problem:
+            pytest.exit(problem, returncode=pytest.ExitCode.USAGE_ERROR)
+
+
+BROWSER_VARIABLE = "TWIN_GAIT_REQUIRE_BROWSER"
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """See :func:`_require_browser`."""
+    return _require_browser((yield))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report() -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
+    """See :func:`_require_browser`."""
+    return _require_browser((yield))
+
+
+Report = TypeVar("Report", pytest.TestReport, pytest.CollectReport)
+
+
+def _require_browser(report: Report) -> Report:
+    """Where a browser is expected, a test that skips for the lack of one has failed."""
+    if report.skipped and os.environ.get(BROWSER_VARIABLE) and isinstance(report.longrepr, tuple):
+        reason = report.longrepr[2]
+        if re.search("chromium|playwright|browser", reason, re.IGNORECASE):
+            report.outcome = "failed"
+            report.longrepr = f"{BROWSER_VARIABLE} is set, and a test was skipped: {reason}"
+    return report
 
 
 @pytest.fixture

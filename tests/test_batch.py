@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import weakref
 from dataclasses import replace
 from typing import Any
@@ -145,6 +147,25 @@ def test_a_wrong_change_is_one_line_and_nothing_runs(walk, monkeypatch, wrong, m
         simulate_batch(walk, [{}, wrong])
     assert "\n" not in str(error.value)
     assert ran == []
+
+
+UNGUARDED = """
+from twin_gait import load_experiment, simulate_batch
+experiment = load_experiment("bench_leg", ["duration_s=0.1"]).experiment
+simulate_batch(experiment, [{"seed": seed} for seed in range(EPISODES)], workers=2)
+"""
+
+
+@pytest.mark.parametrize("episodes", [2, 5])
+def test_a_script_without_a_guard_is_told_so_once(tmp_path, episodes):
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED.replace("EPISODES", str(episodes)))
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    lines = done.stderr.splitlines()
+    assert len(lines) < 20, done.stderr
+    assert "if __name__ == '__main__':" in lines[-1]
+    assert done.stderr.count("Traceback") == 1  # that of the script itself
 
 
 def test_an_episode_that_cannot_be_run_is_named_across_processes(walk):

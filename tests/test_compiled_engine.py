@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.core.contact import ground_contact_force
-from twin_gait.exceptions import ModelError
+from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.leg_model.bodies import contact_points, export_bodies
 from twin_gait.simulation import compiled_engine, keeping, loops, rigid_body
 from twin_gait.simulation.columns import WORK_SOURCES
@@ -328,6 +328,68 @@ def test_a_controller_that_cannot_be_compiled_works_and_says_so():
         run = simulate(load_experiment("bench_leg", ["duration_s=0.1"]).experiment, controller=controller)
     assert run.status == "completed"
     assert controller.calls == 2 * 100
+
+
+def one_torque(angle, fast, slow, k, b, equilibrium, gain, model_friction):
+    return -k * angle
+
+
+def three_torques(angle, fast, slow, k, b, equilibrium, gain, model_friction):
+    return -k * angle, 0.0, 0.0
+
+
+def nothing(angle, fast, slow, k, b, equilibrium, gain, model_friction):
+    pass
+
+
+def complex_torque(angle, fast, slow, k, b, equilibrium, gain, model_friction):
+    return 1j * angle, 0.0
+
+
+def text_torque(angle, fast, slow, k, b, equilibrium, gain, model_friction):
+    return "soft", 0.0
+
+
+def too_few(angle, fast, slow):
+    return 0.0, 0.0
+
+
+WRONG = [one_torque, three_torques, nothing, complex_torque, text_torque, too_few]
+
+
+@pytest.mark.parametrize("engine", ["compiled", "pinocchio"])
+@pytest.mark.parametrize("controller", WRONG, ids=lambda item: item.__name__)
+def test_a_controller_that_returns_the_wrong_thing_is_named_in_one_line(controller, engine):
+    experiment = load_experiment("bench_leg", ["duration_s=0.1", f"engine={engine}"]).experiment
+    with pytest.raises(ParameterError, match=f"^controller '{controller.__name__}': expected ") as told:
+        simulate(experiment, controller=controller)
+    assert "\n" not in str(told.value)
+
+
+def test_a_wrong_answer_that_numba_cannot_compile_is_named_too():
+    from twin_gait.simulation.simulator import SlowControllerWarning
+
+    class Mute:
+        __name__ = "mute"
+
+        def __call__(self, *values):
+            return None
+
+    experiment = load_experiment("bench_leg", ["duration_s=0.1"]).experiment
+    with (
+        pytest.warns(SlowControllerWarning),
+        pytest.raises(ParameterError, match=r"^controller 'mute': .*got None"),
+    ):
+        simulate(experiment, controller=Mute())
+
+
+def test_a_controller_that_raises_in_compiled_code_is_named():
+    def divides(angle, fast, slow, k, b, equilibrium, gain, model_friction):
+        return -k / (gain - gain), 0.0
+
+    experiment = load_experiment("bench_leg", ["duration_s=0.1"]).experiment
+    with pytest.raises(ParameterError, match=r"^controller 'divides': raised an error"):
+        simulate(experiment, controller=divides)
 
 
 # ------------------------------------------------------------------ what is compiled is what is written

@@ -103,7 +103,8 @@ class Walk:
 class Page:
     """A page of a walk, and everything that it complained about or asked for."""
 
-    def __init__(self, browser: Any, walk: Walk, *, draws: bool = True) -> None:
+    def __init__(self, browser: Any, walk: Walk, *, draws: bool = True, asks: bool = False) -> None:
+        self.asks = asks  # for a forecast before a change
         self.page = browser.new_page(viewport=SMALL)
         self.page.set_default_timeout(1000.0 * PATIENCE)
         self.walk = walk
@@ -127,6 +128,7 @@ class Page:
     def open(self) -> None:
         self.page.goto(self.walk.url)
         self.page.wait_for_selector(".control >> nth=0", state="attached")
+        self.page.locator("#panel-ask input").set_checked(self.asks)
         until(lambda: self.clock() > 0.0, "the first frame")
 
     def tab(self, name: str) -> None:
@@ -360,6 +362,60 @@ def test_unsafe_value_is_refused_with_the_reason_of_the_check(page: Page) -> Non
     assert any(reason in line for line in page.log())
 
 
+def test_a_page_that_outlives_its_session_shows_the_log_of_the_next(page: Page) -> None:
+    texts = '[...document.querySelectorAll("#panel-log .what")].map((one) => one.textContent)'
+    session = page.page.evaluate("livePanel.log.session")
+    assert re.fullmatch("[0-9a-f]{16}", session)
+    hear = "(batch) => livePanel.link.socket.onmessage({data: JSON.stringify(batch)})"
+    phases = page.page.evaluate("[...livePanel.board.colours.values()]")
+    greeting = {"kind": "page", "session": session, "phases": phases}
+
+    def event(serial: int, text: str) -> dict[str, Any]:
+        return {"kind": "event", "serial": serial, "outcome": "note", "text": text, "tick": 1, "id": ""}
+
+    page.page.evaluate(hear, [greeting, event(90001, "of the first"), event(90001, "of the first")])
+    assert page.page.evaluate(texts).count("of the first") == 1
+    # As after a restart of the program: its serial numbers begin at 1 again.
+    page.page.evaluate(
+        hear, [{**greeting, "session": "another"}, event(1, "begins"), event(90001, "goes on")]
+    )
+    assert page.page.evaluate(texts) == ["goes on", "begins"]
+
+
+def test_a_change_waits_for_its_forecast_and_apply_and_discard_leaves_the_walk_alone(
+    browser: Any, tmp_path: Path
+) -> None:
+    walk = Walk(tmp_path, "treadmill")
+    name = "swing_flexion.knee.equilibrium"
+    try:
+        page = Page(browser, walk, asks=True)
+        page.wait(3.0)
+        page.tab("table")
+        page.page.click('.chip[data-phase="swing_flexion"]')
+        before, offer = page.value(name), page.page.locator("#panel-forecast")
+        page.type(name, 60.0)
+        offer.wait_for(state="visible")
+        assert "bad" in offer.get_attribute("class") and re.search(
+            r"(falls|trips) after", offer.inner_text().lower()
+        )
+        assert page.value(name) == 60.0 and page.controls()[name]["value"] == pytest.approx(before)
+        page.page.click("[data-forecast=discard]")
+        assert not offer.is_visible() and page.value(name) == before
+        page.row("swing_flexion.knee.gain").locator("input[type=number]").fill("0.41")
+        page.row("swing_flexion.knee.gain").locator("input[type=number]").press("Enter")
+        offer.wait_for(state="visible")
+        assert "bad" not in (offer.get_attribute("class") or "") and "walks on" in offer.inner_text().lower()
+        page.page.click("[data-forecast=apply]")
+        until(lambda: page.controls()["swing_flexion.knee.gain"]["changed"], "the change")
+        page.type(name, 1e3)
+        assert "expected" in page.refusal(name) and page.value(name) == before
+        page.close()
+        assert walk.end() == 0
+    finally:
+        walk.close()
+    assert [item["subject"] for item in read_changes(walk)] == ["swing_flexion.knee.gain"]
+
+
 def test_malformed_unknown_and_oversized_messages_are_refused_and_the_walk_goes_on(page: Page) -> None:
     begun = page.clock()
     wrong = {
@@ -527,20 +583,24 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     page.wait(0.2)
     page.page.focus("#tab-disturb")
     page.page.keyboard.press("Escape")
-    until(lambda: page.status() == "holding", "the hold")
+    until(lambda: page.status() == "held", "the hold")
     page.wait(0.3)
+    shown = ("#panel-state", ".alarm", "#panel-log")
+    hold = [page.page.locator(name).text_content() for name in shown]
+    hold += [page.page.locator(".read .pill").all_text_contents()]
     page.page.click("[data-action=restart]")
     until(lambda: page.status() == "walking" and page.clock() > 0.2, "a new walk", 120.0)
     events = page.log()
     page.page.click("#stop")
-    until(lambda: page.status() == "holding", "the second hold")
+    until(lambda: page.status() == "held", "the second hold")
     page.close()
     status = treadmill.end()
     second = treadmill.folder.with_name("run-2")
     first = load_run(treadmill.folder)
     changes = read_changes(treadmill)
     return {"seen": seen, "status": status, "log": first.log, "changes": changes, "events": events,
-            "again": load_run(second).log, "summary": first.summary, "curves": curves}  # fmt: skip
+            "again": load_run(second).log, "summary": first.summary, "curves": curves,
+            "hold": hold}  # fmt: skip
 
 
 def test_joints_on_the_page_are_where_pinocchio_puts_them(session, joint_paths: dict[str, str]) -> None:
@@ -587,6 +647,19 @@ def test_curves_of_a_page_that_was_slow_have_the_peaks_of_the_log(session) -> No
             span = truth[ticks[0] : ticks[-1] + 1]
             for peak in (np.max, np.min):
                 assert peak(values) == pytest.approx(peak(span), rel=1e-6)
+
+
+def test_hold_shows_its_cause_and_its_joint(session) -> None:
+    safety = session["summary"]["safety"]
+    assert safety["tripped"]
+    because = f"{safety['cause'].replace('_', ' ')}, {safety['place']}"
+    state, card, log, pills = session["hold"]
+    assert state == f"HOLD: {because}"
+    assert (
+        f"HOLD: {because} ({safety['time_s']:.3f} s)" in card and "Fault: encoder freeze, left knee" in card
+    )
+    assert f"trip: {because}" in log
+    assert len(pills) == 2 and all(text.endswith("Hold") for text in pills)
 
 
 def change(session: dict[str, Any], subject: str, text: str = "") -> int:

@@ -81,7 +81,7 @@ def test_every_column_has_a_unit():
 
 
 def test_transitions_hold_cause_and_angles(run, directory):
-    table = pd.read_csv(directory / "transitions.csv")
+    table = pd.read_csv(directory / "transitions.csv", float_precision="round_trip")
     assert len(table) == len(run.switches) >= 2
     first = table.iloc[0]
     assert first["cause"] == run.switches[0].cause
@@ -164,7 +164,7 @@ def test_csv_export_has_every_column_and_all_digits(tmp_path, run):
     from twin_gait.export import export_csv
 
     export_csv(run.log, tmp_path / "log.csv")
-    table = pd.read_csv(tmp_path / "log.csv")
+    table = pd.read_csv(tmp_path / "log.csv", float_precision="round_trip")
     assert list(table.columns) == list(run.log.columns)
     np.testing.assert_array_equal(
         table["right_knee_angle_rad"].to_numpy(), run.log["right_knee_angle_rad"].to_numpy()

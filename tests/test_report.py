@@ -24,7 +24,7 @@ from twin_gait.report.currents import draw_currents
 from twin_gait.report.cycle import draw_angles, draw_cycle
 from twin_gait.report.energy import draw_energy
 from twin_gait.report.feet import draw_feet
-from twin_gait.report.figures import PICTURES, write_figures
+from twin_gait.report.figures import FIGURES, write_figures
 from twin_gait.report.portrait import draw_portrait
 from twin_gait.report.reference import reference_cycle, reference_stride_time
 from twin_gait.report.torques import draw_torques
@@ -65,7 +65,7 @@ def legend_labels(figure: Figure) -> list[str]:
 
 def test_walk_gets_every_picture(walk: Run, tmp_path: Path) -> None:
     files = write_figures(walk, tmp_path)
-    assert [path.name for path in files] == list(PICTURES)
+    assert [path.name for path in files] == [f"{name}.png" for name in FIGURES]
     assert sorted(files) == sorted(tmp_path.iterdir())
     for path in files:
         width, height = png_size(path)
@@ -75,12 +75,12 @@ def test_walk_gets_every_picture(walk: Run, tmp_path: Path) -> None:
 
 def test_bench_run_without_strides_gets_time_series(bench_run: Run, tmp_path: Path) -> None:
     names = [path.name for path in write_figures(bench_run, tmp_path)]
-    assert names == [name for name in PICTURES if name not in ("gait_cycle.png", "feet.png")]
+    assert names == [f"{name}.png" for name in FIGURES if name not in ("gait_cycle", "feet")]
     assert draw_cycle(bench_run) is None and draw_feet(bench_run) is None
 
 
 def test_shortest_log_that_can_be_drawn(walk: Run, tmp_path: Path) -> None:
-    assert len(write_figures(replace(walk, log=walk.log.iloc[:2]), tmp_path)) == len(PICTURES) - 1
+    assert len(write_figures(replace(walk, log=walk.log.iloc[:2]), tmp_path)) == len(FIGURES) - 1
 
 
 def test_cycle_shows_the_mean_and_the_reference(walk: Run) -> None:

@@ -303,6 +303,25 @@ def test_the_example_is_a_sweep_of_45_walks():
         check_sweep(sweep_from_mapping(entries, "comment", Path()))
 
 
+def test_the_example_draws_all_that_it_asks_for():
+    sweep = load_sweep(EXAMPLE)
+    # 75 kg, the middle belt, 60 % support: a walk that completes
+    middle = [
+        index for index, row in enumerate(sweep.design) if np.allclose(list(row.values()), (75, 0.36, 0.6))
+    ]
+    (row,) = run_chunk(chunk_of(sweep, middle)).rows.values()
+    assert row["status"] == "completed"
+    assert all(np.isfinite(row[name]) for name in sweep.measures)
+
+
+def test_a_measure_that_cannot_be_drawn_is_named(tmp_path, capsys):
+    wanted = ["right_knee_torque_rms_Nm", "right_stride_time_mean_s"]  # half a second has no stride
+    spec = write_spec(tmp_path / "spec.yaml", measures=wanted)
+    assert main(["sweep", str(spec), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
+    shown = capsys.readouterr().out
+    assert "not drawn, because no completed episode has it: right_stride_time_mean_s\n" in shown
+
+
 def read_yaml_text(text: str) -> dict[str, object]:
     import yaml
 

@@ -1,6 +1,7 @@
 """The page in a real browser: a walk of the treadmill, looked at in headless Chromium."""
 
 import math
+import re
 import shutil
 import struct
 from collections.abc import Iterator
@@ -11,17 +12,21 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
+from example_robots import JOINTS, robot_urdf
 from matplotlib.image import imread as read_picture
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
+from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.studies.record import write_run
-from twin_gait.studies.shown_run import page_of, read_shown_run
+from twin_gait.studies.shown_run import ShownRun, page_of, read_shown_run
 from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.session import LiveViewer
 from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.urdf_page import joint_entries, urdf_page
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -69,6 +74,11 @@ def pages(runs: dict[str, Path], tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     for name, chosen in (("one", [shown["more"]]), ("two", [shown["more"], shown["less"]])):
         (folder / f"{name}.html").write_text(page_of(chosen), encoding="utf-8")
+    settings = ["duration_s=1.6", "faults=[encoder_freeze:left_knee@1.0s]"]
+    tripped = simulate(load_experiment("treadmill", settings).experiment)
+    assert tripped.trip is not None
+    held = ShownRun("held", tripped.experiment, tripped.log, (), tripped.events, tripped.status)
+    (folder / "held.html").write_text(page_of([held]), encoding="utf-8")
     return {path.stem: path for path in folder.iterdir()}
 
 
@@ -255,6 +265,47 @@ def test_a_motor_changes_its_colour_with_the_phase(walk: OpenPage, runs) -> None
         code = PHASE_COLOURS[GaitPhase(phase)]
         expected = [int(code[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
         np.testing.assert_allclose(shown, expected, atol=1e-4)
+
+
+@pytest.mark.parametrize("shade", ["light", "dark"])
+def test_a_trip_is_a_red_hold_on_card_curves_and_timeline_from_its_moment_on(opened, pages, shade) -> None:
+    one = opened(f"{pages['held'].as_uri()}#t=0.5&theme={shade}", size=(1200, 700))
+    alarm, pills = (
+        'document.querySelector(".alarm").innerText',
+        '[...document.querySelectorAll(".read .pill")].map((pill) => pill.textContent)',
+    )
+    assert one(alarm) == "" and not any("Hold" in text for text in one(pills))
+    one.page.keyboard.press("End")
+    assert [line.split(" (")[0] for line in one(alarm).split("\n")] == [
+        "Fault: encoder freeze, left knee", "HOLD: encoder frozen, left knee"]  # fmt: skip
+    assert all(text.endswith("Hold") for text in one(pills))
+    # Back by the transitions: to the trip, which a screen reader is told of, and to the fault.
+    one.page.keyboard.press(",")
+    trip = clock_of(one)
+    assert 1.0 < trip < 1.2 and "trip: encoder frozen, left knee" in one(
+        'document.getElementById("spoken").textContent'
+    )
+    # Both drawings have the colour of an alarm at that moment; before the fault neither has.
+    red = one("""(time) => {
+        const ink = document.createElement("canvas").getContext("2d");
+        ink.fillStyle = theme.inks.alarm;
+        ink.fillRect(0, 0, 1, 1);
+        const wanted = ink.getImageData(0, 0, 1, 1).data;
+        const count = (canvas, x) => {
+            const scale = canvas.width / canvas.clientWidth;
+            const at = Math.round(scale * x) - 2;
+            const { data } = canvas.getContext("2d").getImageData(at, 0, 5, canvas.height);
+            let found = 0;
+            for (let i = 0; i < data.length; i += 4) {
+                if ([0, 1, 2].every((k) => Math.abs(data[i + k] - wanted[k]) < 12)) found += 1;
+            }
+            return found / scale;
+        };
+        const curves = document.getElementById("curves"), band = document.querySelector("#bands canvas");
+        const [from, to] = plots.shown(), wide = curves.clientWidth - MARGIN.left - MARGIN.right;
+        return [count(curves, MARGIN.left + (wide * (time - from)) / (to - from)),
+                count(band, (band.clientWidth * time) / player.end)]; }""", trip)  # fmt: skip
+    assert red[0] > 100 and red[1] >= 14, red
 
 
 # ---------------------------------------------------------------------------------- keys and pointer
@@ -533,3 +584,77 @@ def test_the_live_page_shows_what_it_is_sent_in_either_form(opened, worn_twin) -
         one("twinGait.show({time: 3, legs: [{hip: 1.5, knee: -2.5, phase: 1}, {knee: 0, phase: -1}]})")
         texts = one('[...document.querySelectorAll(".read td")].map((cell) => cell.innerText.trim())')
         assert "\N{MINUS SIGN}2.5°" in texts and "–" in texts
+
+
+# ---------------------------------------------------------------------------------- any URDF
+
+
+def urdf_named(name: str, folder: Path) -> Path:
+    if name == "slides.urdf":
+        (folder / name).write_text(JOINTS)
+        return folder / name
+    return find_urdf(name) if name == "twin.urdf" else robot_urdf(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "up"), [("twin.urdf", "z"), ("slides.urdf", "y"), ("panda_description/urdf/panda.urdf", "z")]
+)
+def test_sliders_put_the_joints_where_pinocchio_puts_them(opened, tmp_path: Path, name: str, up: str) -> None:
+    urdf = urdf_named(name, tmp_path)
+    model = build_model(urdf)
+    figure = Figure(Recorder(), model, up_axis=up)
+    page = tmp_path / "page.html"
+    page.write_text(urdf_page(urdf, up_axis=up), encoding="utf-8")
+    one = opened(page.as_uri(), size=(1000, 640))
+    names = one('[...document.querySelectorAll(".joint .name")].map((name) => name.textContent)')
+    assert names == list(model.names)[1:]
+    place = """(paths) => {
+        const find = (path) => twinGait.stage.viewer.scene_tree.find(path.split("/").filter((p) => p)).object;
+        twinGait.stage.viewer.scene.updateMatrixWorld(true);
+        const base = find("/meshcat").matrixWorld.clone().invert();
+        return paths.map((path) => base.clone().multiply(find(path).matrixWorld).toArray());
+    }"""
+    paths = [figure.paths[name] for name in names]
+    data = model.createData()
+    scale = [1e3 if joint["slides"] else math.degrees(1.0) for joint in joint_entries(figure)]
+
+    def check(q: np.ndarray) -> None:
+        pin.forwardKinematics(model, data, q)
+        for path, matrix in zip(names, one(place, paths), strict=True):
+            expected = figure.base @ data.oMi[model.getJointId(path)].homogeneous
+            np.testing.assert_allclose(np.reshape(matrix, (4, 4)).T, expected, atol=1e-5)
+
+    nearest = np.clip(np.zeros(model.nq), model.lowerPositionLimit, model.upperPositionLimit)
+    check(nearest)
+    # As a hand does it: the slider, then its event.
+    chosen = np.array([0.25 * entry["lower"] + 0.75 * entry["upper"] for entry in joint_entries(figure)])
+    told = one(
+        """(values) => [...document.querySelectorAll(".joint input")].map((slider, index) => {
+            slider.value = values[index];
+            slider.dispatchEvent(new Event("input"));
+            return slider.closest("label").querySelector("output").textContent;
+        })""",
+        (chosen * scale).tolist(),
+    )
+    check(chosen)
+    written = [float(re.sub(r"[^-\d.]", "", text.replace("\N{MINUS SIGN}", "-"))) for text in told]
+    np.testing.assert_allclose(written, chosen * scale, atol=0.0501)
+    one.page.keyboard.press("z")
+    check(nearest)
+    assert one.requests == [page.as_uri()]
+
+
+def test_the_picture_of_a_urdf_is_drawn_and_serving_it_needs_the_token(
+    opened, tmp_path: Path, capsys
+) -> None:
+    out = tmp_path / "twin.png"
+    assert main(["view", "twin.urdf", "--png", str(out), "--size", "640x480"]) == 0
+    pixels = read_picture(out)
+    assert pixels.shape[:2] == (480, 640)
+    # What is darker than any background is the figure: it fills the picture and stands in its middle.
+    rows = np.flatnonzero((pixels[:, 200:440, :3].max(axis=2) < 0.4).any(axis=1))
+    assert rows.min() < 120 and rows.max() > 400
+    with PageServer(urdf_page("twin.urdf"), port=0) as server:
+        one = opened(server.url)
+        assert one('document.querySelectorAll(".joint").length') == 6
+        assert one.requests == [server.url]

@@ -6,7 +6,7 @@ import contextlib
 import math
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,7 +57,7 @@ def private_files() -> Iterator[None]:
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Write a file through a temporary one beside it.
+    """Write a file through a temporary one beside it; it is on the disk when this returns.
 
     Args:
         path: The file.
@@ -74,12 +74,50 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     try:
         with os.fdopen(descriptor, "wb") as file:
             file.write(data)
+            file.flush()
+            os.fsync(file.fileno())  # before the name: a loss of power would leave an empty file in its place
         os.chmod(name, permitted(0o644))
         os.replace(name, path)
+        sync_folder(path.parent)
     except OSError as error:
         with contextlib.suppress(OSError):
             os.unlink(name)
         raise RunDirectoryError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def sync_folder(folder: Path) -> None:
+    """Put the names in a folder on the disk, where the file system can."""
+    with contextlib.suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def write_new(paths: Iterable[Path], content: str) -> Path:
+    """Write a file under the first name that nothing has yet; nothing is overwritten.
+
+    Args:
+        paths: Names to try, in order.
+        content: Text (written as UTF-8).
+
+    Returns:
+        The file.
+
+    Raises:
+        RunDirectoryError: If it cannot be written.
+    """
+    for path in paths:
+        try:
+            os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o600))
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise RunDirectoryError(f"{path}: cannot be written ({error.strerror})") from error
+        write_atomically(path, content)
+        return path
+    raise RunDirectoryError("no name is free")
 
 
 def require_table_size(path: Path, rows: int, columns: int) -> None:

@@ -11,7 +11,15 @@ from typing import Any, NoReturn
 
 from twin_gait import __version__
 from twin_gait.cli.defect import describe_defect
-from twin_gait.cli.terminal import BAD_INPUT, DEFECT, DONE, INTERRUPTED, write_on_any_terminal
+from twin_gait.cli.terminal import (
+    BAD_INPUT,
+    DEFECT,
+    DONE,
+    INTERRUPTED,
+    note_abandoned,
+    warn_on_one_line,
+    write_on_any_terminal,
+)
 from twin_gait.exceptions import TwinGaitError
 
 NO_HOME = "Could not determine home directory."  # pathlib's words, which raises nothing more special
@@ -48,6 +56,7 @@ def build_parser() -> argparse.ArgumentParser:
         bench,
         benchmark,
         check,
+        clean,
         compare,
         diagram,
         export,
@@ -55,6 +64,7 @@ def build_parser() -> argparse.ArgumentParser:
         identify,
         live,
         outcomes,
+        plot,
         presets,
         replay,
         reproduce,
@@ -67,7 +77,7 @@ def build_parser() -> argparse.ArgumentParser:
         whatif,
     )
 
-    runs = (simulate, live, sessions, view, export, presets)
+    runs = (simulate, live, sessions, view, plot, export, presets, clean)
     tables = (check, diagram, replay)
     studies = (compare, tune, reproduce, whatif, sweep, faults, outcomes, validate, benchmark)
     for module in (*runs, *tables, bench, identify, *studies):
@@ -86,10 +96,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         130 interrupted.
     """
     write_on_any_terminal()
+    warn_on_one_line()
     arguments = build_parser().parse_args(argv)
     command: Callable[[argparse.Namespace], int] = arguments.run
     try:
-        return command(arguments)
+        status = command(arguments)
+        if arguments.command in ("simulate", "live") or getattr(arguments, "out", None) is not None:
+            note_abandoned(arguments.out)
+        return status
     except KeyboardInterrupt:
         print("twin-gait: interrupted", file=sys.stderr)
         return INTERRUPTED

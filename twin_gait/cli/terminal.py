@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import io
+import shlex
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
 
@@ -16,6 +19,24 @@ def write_on_any_terminal() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
+
+
+def note_abandoned(out: Path | None) -> None:
+    """Offer to remove what killed runs have left where this one was written.
+
+    Args:
+        out: What was written; None stands for a folder in runs.
+    """
+    from twin_gait.studies.folders import abandoned
+
+    parent = Path("runs") if out is None else out.expanduser().absolute().parent
+    found = abandoned(parent)
+    if found:
+        print(
+            f"twin-gait: {len(found)} incomplete {'folder' if len(found) == 1 else 'folders'} of killed runs "
+            f"in {parent}; see them and remove them with: twin-gait clean {shlex.quote(str(parent))}",
+            file=sys.stderr,
+        )
 
 
 @contextmanager
@@ -54,6 +75,20 @@ def note_step(name: str, doing: str = "writing") -> None:
     """Say on a terminal what is being done, such as which file is being written."""
     if sys.stderr.isatty():
         print(f"\r\033[K{doing} {name}", end="", file=sys.stderr, flush=True)
+
+
+def warn_on_one_line() -> None:
+    """Print warnings of Python on one line, each once, however often a model is built."""
+    shown: set[str] = set()
+
+    def line(message: Warning | str, *_: object, **__: object) -> str:
+        text = f"twin-gait: warning: {' '.join(str(message).split())}\n"
+        if text in shown:
+            return ""
+        shown.add(text)
+        return text
+
+    warnings.formatwarning = line
 
 
 def note_compilation() -> None:

@@ -11,28 +11,35 @@ import math
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from twin_gait.files import write_atomically
 from twin_gait.palette import HELD_COLOUR, phase_colour
 from twin_gait.parameters import Patient
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
 
+FORMATS = ("pdf", "svg", "png")
 RESOLUTION = 130  # [dots per inch]
 BAND_OPACITY = 0.14
-MOST_COLUMNS = 6  # of a legend
+SCREEN_WIDTH = 11.0  # [inches]
+LEGEND_COLUMN = 1.65  # [inches]
 MOST_EVENTS = 3  # in a title
 HELD = -1  # in the place of a phase, after a trip
 STRIP = 0.975  # the top of a panel above this share of its height shows the phases in full colour
 
 
-def new_figure(run: Run, title: str, *, height: float, width: float = 11.0) -> Figure:
-    """Begin a picture.
+def new_figure(run: Run, title: str, *, height: float, width: float = SCREEN_WIDTH) -> Figure:
+    """Begin a picture; its label says what it shows and of which run.
+
+    One for print has no title inside.
 
     Args:
         run: For the second line of the title, and a third where faults struck or the monitor tripped.
@@ -47,7 +54,10 @@ def new_figure(run: Run, title: str, *, height: float, width: float = 11.0) -> F
     events = [f"{event.text}, {event.time:.2f} s" for event in run.events]
     more = [f"and {len(events) - MOST_EVENTS} more"] * (len(events) > MOST_EVENTS)
     lines = [title, describe(run), " · ".join([*events[:MOST_EVENTS], *more])]
-    figure.suptitle("\n".join(line for line in lines if line), fontsize="large")
+    text = "\n".join(line for line in lines if line)
+    figure.set_label(text)
+    if width >= SCREEN_WIDTH:
+        figure.suptitle(text, fontsize="large")
     return figure
 
 
@@ -65,7 +75,7 @@ def describe(run: Run) -> str:
     if isinstance(experiment.scenario, TreadmillScenario):
         parts.append(f"{experiment.scenario.belt_speed:.2f} m/s")
         parts.append(f"{100.0 * experiment.scenario.support.share:.0f} % of the weight supported")
-    return " · ".join([*parts, f"{run.duration:.1f} s", str(run.status)])
+    return " · ".join([*parts, f"{run.duration:.1f} s", str(run.verdict.outcome or run.status)])
 
 
 def _wearer(patient: Patient | None) -> str:
@@ -136,17 +146,15 @@ def readable(name: str) -> str:
     return name.replace("_", " ")
 
 
-def put_legend(
-    figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist] = (), *, most: int = MOST_COLUMNS
-) -> None:
+def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist] = ()) -> None:
     """Put one legend under all panels, where it covers nothing: rows of lines, rows of phases.
 
     Args:
         figure: The figure.
         lines: Entries of lines and areas; of equal labels one is kept.
         phases: Entries of phases.
-        most: Entries beside each other.
     """
+    most = int(figure.get_figwidth() / LEGEND_COLUMN)
     entries = [list({str(item.get_label()): item for item in row}.values()) for row in (lines, phases) if row]
     rows = [row for items in entries for row in _even_rows(items, most)]
     columns = max(len(row) for row in rows)
@@ -177,15 +185,28 @@ def picture_bytes(figure: Figure, ground: str = "auto") -> bytes:
     return room.getvalue()
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG.
+def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLUTION) -> Path:
+    """Write a figure.
+
+    Letters stay letters in PDF (TrueType) and become outlines in SVG, so that they look the same everywhere.
+    The same figure gives the same file.
 
     Args:
         figure: The figure.
         path: The file.
+        form: ``png``, ``pdf`` or ``svg``; what the name of the file says by default.
+        resolution: Of a PNG in dots per inch.
 
     Returns:
         The file.
+
+    Raises:
+        RunDirectoryError: If it cannot be written.
     """
-    figure.savefig(path, dpi=RESOLUTION)
+    form = form or path.suffix[1:]
+    undated: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
+    room = io.BytesIO()
+    with mpl.rc_context({"pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "twin_gait"}):
+        figure.savefig(room, format=form, dpi=resolution, metadata=undated.get(form))
+    write_atomically(path, room.getvalue())
     return path

@@ -9,18 +9,26 @@ from matplotlib.figure import Figure
 
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.palette import BLACK, LIMIT_COLOUR, ORANGE, VERMILLION
-from twin_gait.report.canvas import new_figure, phase_handles, put_legend, shade_phases, style_panel
+from twin_gait.report.canvas import (
+    SCREEN_WIDTH,
+    new_figure,
+    phase_handles,
+    put_legend,
+    shade_phases,
+    style_panel,
+)
 from twin_gait.report.marks import mark_events, shown_phases
 from twin_gait.report.window import Window, last_strides, leg_records
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 
 
-def draw_currents(run: Run) -> Figure:
+def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw target and measured current of every motor, and the battery's power under them.
 
     Args:
         run: The run.
+        width: Of the figure in inches; one narrower than a screen is for print.
 
     Returns:
         The figure.
@@ -28,7 +36,7 @@ def draw_currents(run: Run) -> Figure:
     records = leg_records(run)
     window = last_strides(run, records)
     joints = list(records[0].angles)
-    figure = new_figure(run, "Motor currents and battery power", height=9.0)
+    figure = new_figure(run, "Motor currents and battery power", height=9.0, width=width)
     rows = len(joints) + 1
     grid = figure.add_gridspec(rows, len(records))
     lines: list[Artist] = []

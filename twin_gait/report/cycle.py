@@ -13,21 +13,30 @@ from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.phases import usual_phases
 from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error, stride_count
 from twin_gait.palette import BLACK, ORANGE, REFERENCE_COLOUR
-from twin_gait.report.canvas import new_figure, phase_handles, put_legend, readable, shade_phases, style_panel
+from twin_gait.report.canvas import (
+    SCREEN_WIDTH,
+    new_figure,
+    phase_handles,
+    put_legend,
+    readable,
+    shade_phases,
+    style_panel,
+)
 from twin_gait.report.marks import mark_events, shown_phases
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.window import end_or_events, leg_records, shown_strides
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
-SHOWN_SECONDS = 30.0
+SHOWN_SECONDS = 30.0  # on a screen; a narrower picture shows less
 
 
-def draw_cycle(run: Run) -> Figure | None:
+def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     """Draw the mean cycle of every joint with its range over strides.
 
     Args:
         run: The run.
+        width: Of the figure in inches; one narrower than a screen is for print.
 
     Returns:
         The figure; None for a run in which a leg made no stride.
@@ -38,7 +47,7 @@ def draw_cycle(run: Run) -> Figure | None:
     beginning = f"entry into {readable(run.table.phase_names[0])}"
     if records[0].contacts is not None:
         beginning = "heel strike"
-    figure = new_figure(run, f"Gait cycle from {beginning}", height=7.5)
+    figure = new_figure(run, f"Gait cycle from {beginning}", height=7.5, width=width)
     joints = list(records[0].angles)
     panels = figure.subplots(len(joints), len(records), sharex=True, sharey="row", squeeze=False)
     lines: list[Artist] = []
@@ -87,19 +96,20 @@ def _draw_joint(axes: Axes, run: Run, record: LegRecord, joint: JointName) -> li
     return handles
 
 
-def draw_angles(run: Run) -> Figure:
+def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw the joint angles of the last seconds with the equilibrium of the virtual spring.
 
     Args:
         run: The run.
+        width: Of the figure in inches; one narrower than a screen is for print.
 
     Returns:
         The figure.
     """
     records = leg_records(run)
-    window = end_or_events(run, SHOWN_SECONDS)
+    window = end_or_events(run, SHOWN_SECONDS * width / SCREEN_WIDTH)
     joints = list(records[0].angles)
-    figure = new_figure(run, "Joint angles", height=7.5)
+    figure = new_figure(run, "Joint angles", height=7.5, width=width)
     panels = figure.subplots(len(joints), len(records), sharex=True, sharey="row", squeeze=False)
     lines: list[Artist] = []
     for row, joint in enumerate(joints):

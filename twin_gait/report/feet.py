@@ -11,7 +11,14 @@ from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.phases import phase_spells
 from twin_gait.palette import LIMIT_COLOUR, SIDE_COLOURS
-from twin_gait.report.canvas import colour_of, new_figure, phase_handles, put_legend, style_panel
+from twin_gait.report.canvas import (
+    SCREEN_WIDTH,
+    colour_of,
+    new_figure,
+    phase_handles,
+    put_legend,
+    style_panel,
+)
 from twin_gait.report.marks import mark_events, shown_phases
 from twin_gait.report.window import Window, last_strides, leg_records
 from twin_gait.simulation.run import Run
@@ -19,11 +26,12 @@ from twin_gait.simulation.run import Run
 BAR = 0.7  # height of a phase bar, in rows
 
 
-def draw_feet(run: Run) -> Figure | None:
+def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     """Draw foot forces and clearances with the phases under them.
 
     Args:
         run: The run.
+        width: Of the figure in inches; one narrower than a screen is for print.
 
     Returns:
         The figure; None without ground.
@@ -32,7 +40,7 @@ def draw_feet(run: Run) -> Figure | None:
     if any(record.contacts is None for record in records):
         return None
     window = last_strides(run, records)
-    figure = new_figure(run, "Feet on the ground", height=8.5)
+    figure = new_figure(run, "Feet on the ground", height=8.5, width=width)
     force, clearance, phases = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1))
     lines = [*_draw_forces(force, run, records, window), *_draw_clearances(clearance, records, window)]
     lines += [line for axes in (force, clearance) for line in mark_events(axes, run, window)]

@@ -8,7 +8,14 @@ from matplotlib.figure import Figure
 
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells
-from twin_gait.report.canvas import colour_of, new_figure, phase_handles, put_legend, style_panel
+from twin_gait.report.canvas import (
+    SCREEN_WIDTH,
+    colour_of,
+    new_figure,
+    phase_handles,
+    put_legend,
+    style_panel,
+)
 from twin_gait.report.marks import shown_phases
 from twin_gait.report.window import Window, leg_records, shown_strides
 from twin_gait.simulation.run import Run
@@ -17,18 +24,19 @@ from twin_gait.vocabulary import JointName
 MOST_STRIDES = 10
 
 
-def draw_portrait(run: Run) -> Figure:
+def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw the phase portrait of every joint, over the last settled strides or else over the whole run.
 
     Args:
         run: The run.
+        width: Of the figure in inches; one narrower than a screen is for print.
 
     Returns:
         The figure.
     """
     records = leg_records(run)
     joints = list(records[0].angles)
-    figure = new_figure(run, "Phase portraits; a dot marks each change of phase", height=8.5)
+    figure = new_figure(run, "Phase portraits; a dot marks each change of phase", height=8.5, width=width)
     panels = figure.subplots(len(joints), len(records), sharex="row", sharey="row", squeeze=False)
     for row, joint in enumerate(joints):
         for column, record in enumerate(records):

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from llvmlite import binding
 
-from twin_gait.exceptions import RunDirectoryError
+from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.simulation.keeping import read_own, seal
 
@@ -88,16 +88,17 @@ def load_function(code: MachineCode, n_arguments: int) -> NativeFunction:
     return function_at(engine.get_function_address(code.symbol), n_arguments, engine)
 
 
-def function_at(address: int, n_arguments: int, owner: Any) -> NativeFunction:
+def function_at(address: int, n_arguments: int, owner: Any, controller: str | None = None) -> NativeFunction:
     """A compiled function by its address.
 
     Args:
         address: Of the native function, which returns a status and writes its result through a pointer.
         n_arguments: Of the function; all are whole numbers, as is its result.
         owner: What has to live as long as the function.
+        controller: Name of the user's control law in it, if there is one.
 
     Returns:
-        The function.
+        The function; it raises ParameterError if the user's law raises something.
     """
     pointers = ctypes.POINTER(ctypes.c_int64), ctypes.POINTER(ctypes.c_void_p)
     native = ctypes.CFUNCTYPE(ctypes.c_int, *pointers, *(ctypes.c_int64,) * n_arguments)(address)
@@ -105,7 +106,11 @@ def function_at(address: int, n_arguments: int, owner: Any) -> NativeFunction:
     def call(*arguments: int, _owner: Any = owner) -> int:
         result, exception = ctypes.c_int64(), ctypes.c_void_p()
         status = native(ctypes.byref(result), ctypes.byref(exception), *arguments)
-        # The loop raises nothing: what it calls divides as the processor does and asserts nothing.
+        # The loop itself raises nothing: what it calls divides as the processor does and asserts nothing.
+        if status != 0 and controller is not None:
+            raise ParameterError(
+                f"{controller}: raised an error, such as a division by zero; engine=pinocchio shows which"
+            )
         assert status == 0, f"compiled code ended with status {status}"
         return result.value
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pandas as pd
@@ -19,6 +22,13 @@ from twin_gait.measures.verdict import Verdict, gait_verdict
 from twin_gait.simulation.columns import LogLayout
 from twin_gait.vocabulary import Outcome, Side
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Report and studies stand above the simulation. What a user calls on a run is looked up by name when it is
+# called, in the namespace that they import from, so that no module here depends on those floors.
+_PUBLIC = "twin_gait"
+
 
 class RunStatus(StrEnum):
     """How the integration ended; what came of the wearer is :attr:`Run.verdict`."""
@@ -29,9 +39,12 @@ class RunStatus(StrEnum):
     INTERRUPTED = "interrupted"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run:
     """A finished simulation.
+
+    ``save`` and ``plot`` are those of the public namespace: a simulation itself touches no disk and draws
+    nothing.
 
     Attributes:
         experiment: What was run.
@@ -55,6 +68,24 @@ class Run:
     body_weight: float
     trip: Trip | None = None
 
+    def __repr__(self) -> str:
+        """One line: what was run and how it ended."""
+        events = "".join(f", {event.text} at {event.time:.2f} s" for event in self.events)
+        size = f"{len(self.log)} ticks x {self.log.shape[1]} columns, {len(self.switches)} switches"
+        word = self.verdict.outcome or self.status
+        return f"<Run {self.experiment.name}: {word}, {self.duration:g} s ({size}){events}>"
+
+    def save(self, folder: str | Path, *, force: bool = False) -> Path:
+        """Write the run directory; see :func:`twin_gait.save_run`."""
+        return cast(Path, import_module(_PUBLIC).save_run(self, folder, force=force))
+
+    def plot(
+        self, figure: str = "gait_cycle", *, width_mm: float | None = None, out: str | Path | None = None
+    ) -> Figure:
+        """Draw a picture of the run; see :func:`twin_gait.plot_run`."""
+        drawn = import_module(_PUBLIC).plot_run(self, figure, width_mm=width_mm, out=out)
+        return cast("Figure", drawn)
+
     @property
     def duration(self) -> float:
         """Simulated time in [s]."""
@@ -67,8 +98,8 @@ class Run:
 
     def leg_records(self) -> list[LegRecord]:
         """What gait measures read of each leg, in the order of :attr:`sides`."""
-        names, steady = self.table.phase_names, self.experiment.steady
-        return [leg_record(self.log, side, names, TICK, steady=steady) for side in self.sides]
+        names = self.table.phase_names
+        return [leg_record(self.log, side, names, TICK, steady=self.steady) for side in self.sides]
 
     @cached_property
     def verdict(self) -> Verdict:

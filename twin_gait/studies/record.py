@@ -67,8 +67,8 @@ class StoredRun:
     @property
     def trip(self) -> Trip | None:
         """What the safety monitor tripped on, or None."""
-        safety = self.summary["safety"]
-        if not safety["tripped"]:
+        safety = self.summary.get("safety", {})  # runs of earlier versions have none
+        if not safety.get("tripped"):
             return None
         side, _, joint = safety["place"].partition(" ")
         return Trip(
@@ -79,10 +79,15 @@ class StoredRun:
         )
 
     @property
+    def outcome(self) -> str:
+        """What came of it, in a word; of runs of earlier versions how they ended."""
+        return str(self.summary.get("outcome") or self.summary.get("status", ""))
+
+    @property
     def events(self) -> tuple[RunEvent, ...]:
         """Faults that struck, trip, fall and divergence in the order of time."""
         end = float(self.log["time_s"].iloc[-1]) if len(self.log) else 0.0
-        return run_events(self.experiment.faults, self.trip, self.summary["status"], end)
+        return run_events(self.experiment.faults, self.trip, str(self.summary.get("status", "")), end)
 
     @cached_property
     def run(self) -> Run:
@@ -144,7 +149,7 @@ def write_run(
         (directory / FIGURES_FOLDER).mkdir()
         write_figures(run, directory / FIGURES_FOLDER)
         tell(ANIMATION_FILE)
-        write_run_animation(run.experiment, run.log, directory / ANIMATION_FILE)
+        write_run_animation(run, directory / ANIMATION_FILE)
     return summary
 
 
@@ -203,23 +208,25 @@ def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
         raise RunDirectoryError(f"{path}: cannot be read ({error!r})") from error
 
 
-def write_run_animation(experiment: Experiment, log: pd.DataFrame, path: Path) -> None:
-    """Write the animation of a log.
+def write_run_animation(run: Run, path: Path) -> None:
+    """Write the animation of a run.
 
     Args:
-        experiment: What was run.
-        log: One row per tick.
+        run: The run.
         path: The HTML file.
     """
+    experiment = run.experiment
     belt = belt_speed_of(experiment)
     write_animation(
         path,
-        log,
+        run.log,
         experiment.build_world().model,
         title=f"twin_gait · {experiment.name}",
         subtitle=describe(experiment.patient, belt),
-        belt_speed=belt_motion_of(experiment, log),
+        belt_speed=belt_motion_of(experiment, run.log),
         patient=experiment.patient,
+        events=run.events,
+        outcome=run.verdict.outcome or run.status,
     )
 
 
@@ -277,7 +284,22 @@ def load_run(directory: Path) -> StoredRun:
     for name in (EXPERIMENT_FILE, LOG_FILE, SUMMARY_FILE):
         if not (directory / name).is_file():
             raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")
-    experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
+    return read_run(directory, load_experiment(directory / EXPERIMENT_FILE).experiment)
+
+
+def read_run(directory: Path, experiment: Experiment) -> StoredRun:
+    """Read log and summary of a run.
+
+    Args:
+        directory: A run directory.
+        experiment: What was run.
+
+    Returns:
+        The run.
+
+    Raises:
+        RunDirectoryError: If they cannot be read.
+    """
     try:
         log = read_parquet(directory / LOG_FILE)
         summary = json.loads((directory / SUMMARY_FILE).read_text(encoding="utf-8"))

@@ -9,12 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from twin_gait.control import SafetyState
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegModel
 from twin_gait.simulation.columns import state_columns
 from twin_gait.viewer.curves import Curve, faithful_curve
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import HOLD, JointName, Side
 
 FRAMES_PER_SECOND = 30.0
 _MOST_FRAMES = 3000  # longer runs get fewer frames per second, so that a page stays small
@@ -81,7 +82,7 @@ class Motion:
         times: In [s], shape ``(n,)``.
         q: Coordinates of the model, shape ``(n, nv)``.
         legs: Per side.
-        phase_names: Phases in the order of their codes.
+        phase_names: Phases in the order of their codes; after them a hold, if there is one.
         duration: Time of the last frame in [s].
     """
 
@@ -129,6 +130,8 @@ def read_motion(
         raise ViewerError("the log has no row that can be shown; run the simulation again")
     clock = log["time_s"].to_numpy(dtype=float)[:n_rows]
     names = tuple(phases) if phases is not None else phase_names(log, model.sides)
+    if _held(log).any():
+        names = (*names, HOLD)
     spells = {side: _spells(log.iloc[:n_rows], clock, side, names) for side in model.sides}
     switches = [one.starts for one in spells.values() if one is not None]
     rows = _rows_to_show(
@@ -182,7 +185,7 @@ def frame_rate(duration: float) -> float:
 
 
 def phase_changes(log: pd.DataFrame) -> np.ndarray:
-    """Moments at which a leg changes its phase.
+    """Moments at which a leg changes its phase, or a hold begins.
 
     Args:
         log: One row per tick.
@@ -195,7 +198,7 @@ def phase_changes(log: pd.DataFrame) -> np.ndarray:
     for side in Side:
         column = log.get(f"{side}_phase")
         if column is not None:
-            codes = pd.factorize(column)[0]
+            codes = np.where(_held(log), -1, pd.factorize(column)[0])
             changed[1:] |= codes[1:] != codes[:-1]
     return np.asarray(clock[changed] - clock[0])
 
@@ -225,11 +228,18 @@ def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[st
         return None
     position = {name: index for index, name in enumerate(names)}
     codes = np.array([position.get(str(name), -1) for name in column], dtype=int)
+    codes[_held(log)] = position.get(HOLD, -1)
     if (codes < 0).any():
         unknown = str(column.iloc[int(np.argmax(codes < 0))])
         raise ViewerError(f"the log has a phase {unknown!r}; expected one of {', '.join(names)}")
     first = np.concatenate(([0], np.flatnonzero(np.diff(codes)) + 1))
     return PhaseSpells(clock[first] - clock[0], codes[first])
+
+
+def _held(log: pd.DataFrame) -> np.ndarray:
+    """Rows after a trip, in which the phase no longer says what the legs do; shape ``(n,)``."""
+    state = log.get("safety_state")
+    return np.zeros(len(log), dtype=bool) if state is None else state.to_numpy() == SafetyState.HOLD.code
 
 
 def leg_values(log: pd.DataFrame, side: Side) -> dict[str, np.ndarray]:

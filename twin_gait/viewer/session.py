@@ -23,6 +23,7 @@ from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
 from twin_gait.viewer.surroundings import Belt
+from twin_gait.viewer.urdf_page import counted
 from twin_gait.vocabulary import Side
 
 FIRST_PORT = 7000
@@ -102,11 +103,12 @@ class LiveViewer:
         legs = [leg_entry(side, shows) for side in model.sides]
         self._describe(title, subtitle, phases, legs)
 
-    def show_urdf(self, path: str | Path) -> None:
+    def show_urdf(self, path: str | Path, *, up_axis: str = "z") -> None:
         """Draw any URDF with all its coordinates at zero.
 
         Args:
             path: The file, or the name of a packaged one.
+            up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF.
 
         Raises:
             ModelError: If the URDF cannot be read.
@@ -116,9 +118,8 @@ class LiveViewer:
         urdf = find_urdf(path)
         model = build_model(urdf)
         self._model = None
-        self._scene = build_urdf_scene(self._window, model, urdf)
-        subtitle = f"{model.njoints - 1} joints, {model.nv} degrees of freedom"
-        self._describe(urdf.name, subtitle, [], [])
+        self._scene = build_urdf_scene(self._window, model, urdf, up_axis=up_axis)
+        self._describe(urdf.name, counted(model), [], [])
 
     def pose(
         self,

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from twin_gait.control import SafetyState
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import Patient
@@ -23,7 +24,7 @@ from twin_gait.viewer.motion import (
 )
 from twin_gait.viewer.page import leg_entry, page_data
 from twin_gait.viewer.staging import build_scene
-from twin_gait.vocabulary import Side
+from twin_gait.vocabulary import HOLD, Side
 
 _JOINTS = ("hip", "knee")
 _DEGREES = 180.0 / math.pi
@@ -75,14 +76,14 @@ class LiveFigure:
             ViewerError: If a mesh cannot be read.
         """
         self.window = LiveWindow()
-        self._model, self._phases = model, tuple(phases)
+        self._model, self._phases = model, (*phases, HOLD)
         self._scene = build_scene(self.window, model, patient=patient)
         self._time, self._travelled = 0.0, 0.0
         self._columns = {side: self._read_out(side) for side in model.sides}
         self._traced = 0
         self.page = page_data(
             mode="live", title=title, subtitle=subtitle, missing_meshes=self._scene.missing_meshes,
-            view=self._scene.view, phases=phases, arrows=bool(self._scene.arrows),
+            view=self._scene.view, phases=self._phases, arrows=bool(self._scene.arrows),
             legs=[leg_entry(side, ["phase", *columns]) for side, columns in self._columns.items()],
         )  # fmt: skip
         self.window.describe(self.page)
@@ -95,6 +96,7 @@ class LiveFigure:
         *,
         belt_speed: float = 0.0,
         traces: Iterable[Trace] = (),
+        events: Sequence[Mapping[str, Any]] = (),
     ) -> None:
         """Move everything to a moment.
 
@@ -104,6 +106,7 @@ class LiveFigure:
             row: Row of the log of that moment, by column; a phase is a name.
             belt_speed: Of the treadmill since the last moment in [m] / [s].
             traces: What the curves did since the last moment, in order.
+            events: What befell the walk so far.
         """
         posture = np.asarray(q, dtype=float)
         if not np.isfinite(posture).all():
@@ -112,7 +115,8 @@ class LiveFigure:
         motion = Motion(np.array([time]), posture[None, :], legs, self._phases)
         self._scene.apply(self._scene.state_at(motion, 0, belt_speed) | self._belt(time, belt_speed))
         numbers = [self._numbers(side, row) for side in self._model.sides]
-        self.window.sample({"time": time, "legs": numbers, "curves": self._curves(traces)})
+        sample = {"time": time, "legs": numbers, "curves": self._curves(traces), "events": list(events)}
+        self.window.sample(sample)
 
     def _curves(self, traces: Iterable[Trace]) -> list[dict[str, Any]]:
         """Times in [s] and values of every curve of every leg; no line where a trace is missing."""
@@ -139,9 +143,13 @@ class LiveFigure:
             force = [[row[f"{side}_foot_friction_force_N"], row[f"{side}_foot_normal_force_N"]]]
             point = centre_of_pressure(self._model, q, self._model.legs[side].contact_frames)
             footing = Footing(np.array(force), point[None, :])
-        phase = PhaseSpells(np.array([time]), np.array([self._phases.index(row[f"{side}_phase"])]))
+        phase = PhaseSpells(np.array([time]), np.array([self._phase(side, row)]))
         torques = {joint: np.array([row[f"{side}_{joint}_motor_torque_Nm"]]) for joint in _JOINTS}
         return LegMotion(phases=phase, curves={}, footing=footing, torques=torques)
+
+    def _phase(self, side: Side, row: Mapping[str, Any]) -> int:
+        held = row["safety_state"] == SafetyState.HOLD.code
+        return self._phases.index(HOLD if held else row[f"{side}_phase"])
 
     def _read_out(self, side: Side) -> dict[str, str]:
         forces = bool(self._scene.arrows)
@@ -153,7 +161,7 @@ class LiveFigure:
     def _numbers(self, side: Side, row: Mapping[str, Any]) -> dict[str, float]:
         values = {key: float(row[column]) for key, column in self._columns[side].items()}
         values |= {key: _DEGREES * values[key] for key in _JOINTS}
-        return values | {"phase": self._phases.index(row[f"{side}_phase"])}
+        return values | {"phase": self._phase(side, row)}
 
     def _belt(self, time: float, speed: float) -> dict[tuple[str, str], Any]:
         # The way that the belt has gone, because its speed may change.

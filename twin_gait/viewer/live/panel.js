@@ -10,7 +10,7 @@
   const PLACES = { push: "disturb", fault: "disturb", save: "table" }; // tab of an action
   const QUICK = ["walk", "pause", "step", "restart"]; // actions without a tab: always in sight
   const STATES = {
-    walking: "Walking", paused: "Paused", waiting: "Waiting for a step", holding: "Stopped: holding",
+    walking: "Walking", paused: "Paused", waiting: "Waiting for a step", held: "HOLD",
     fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Died: its process is gone",
   };
   // The three controls of the monitor, each with its quantities.
@@ -137,6 +137,7 @@
   const NO_ANSWER = { outcome: "refused", text: "no answer from the simulation" };
 
   function hear(message) {
+    if (message.kind === "page") log.open(message.session);
     if (message.kind === "page") board.colours = new Map(message.phases.map((phase) => [phase.name, phase]));
     else if (message.kind === "state") board.take(message);
     else if (message.kind === "frame") head.frame(message);
@@ -153,16 +154,19 @@
   const head = {
     status: "",
 
-    state(status) {
-      if (this.status === status) return;
-      this.status = status;
+    // With the cause and the place of a trip, which follows the colon of its text.
+    state(status, events = []) {
+      const trip = events.find((event) => event.kind === "trip")?.text.split(": ")[1];
+      const because = trip && ["held", "fell"].includes(status) ? `: ${status === "fell" ? "after a hold, " : ""}${trip}` : "";
+      if (this.status === status && this.because === because) return;
+      Object.assign(this, { status, because });
       if (status === "died") {
         this.tell("The process of the walk died. What was walked is kept up to the last second; the terminal says where.");
         clearTimeout(this.timer);
       }
       get("panel-state").dataset.state = status;
       get("panel-state").querySelector("span").textContent =
-        status === "offline" ? "Not connected" : STATES[status] ?? title(status);
+        status === "offline" ? "Not connected" : (STATES[status] ?? title(status)) + because;
       for (const button of get("panel-quick").querySelectorAll("button")) {
         button.setAttribute("aria-pressed", String(
           (button.dataset.action === "walk" && (status === "walking" || status === "waiting"))
@@ -172,7 +176,7 @@
     },
 
     frame(frame) {
-      this.state(frame.status);
+      this.state(frame.status, frame.events);
       get("panel-clock").textContent = `${frame.time_s.toFixed(1)} s`;
       this.deadlines(frame.deadlines);
       board.phases(frame.phases);
@@ -205,6 +209,63 @@
       if (event?.outcome !== "applied") otherWay();
     });
   }
+
+  // ---- forecast: what would come of a change; nothing changes before Apply --------------------------------
+
+  const forecast = {
+    row: null,
+    count: 0, // of offers, so that a late answer does not stand for a newer one
+
+    asks() { return get("panel-ask").querySelector("input").checked; },
+
+    // Ask what would come of a value; send(answer) is what Apply does.
+    of(row, value, send) {
+      this.close();
+      row.refuse("");
+      row.node.classList.add("pending");
+      const number = row.asked = this.count += 1;
+      row.tried = value;
+      link.send({ kind: "try", control: row.control.name, value }, (event) => {
+        if (number !== row.asked) return;
+        row.node.classList.remove("pending");
+        if (number !== this.count) this.back(row);
+        else if (event?.outcome === "forecast") this.offer(row, event, send);
+        else { this.back(row); row.refuse((event ?? NO_ANSWER).text); }
+      });
+    },
+
+    offer(row, event, send) {
+      this.row = row;
+      const { text, bad, rmse_deg, saturated_share } = event.forecast;
+      const off = Object.entries(rmse_deg).filter(([, value]) => value !== null)
+        .map(([joint, value]) => `${words(joint)} ${value.toFixed(1)}°`).join(", ");
+      const button = (label, name, onclick) => make("button", { type: "button", dataset: { forecast: name }, onclick }, label);
+      get("panel-forecast").classList.toggle("bad", bad);
+      get("panel-forecast").replaceChildren(
+        make("p", { className: "what" }, `${board.place(row.control)}: ${written(event.before, row.control)} → ${written(event.value, row.control)}, `
+          + `as of ${(event.tick / 1000).toFixed(1)} s`),
+        make("p", { className: "comes" }, title(text)),
+        make("p", { className: "numbers" }, [off && `RMS off the reference: ${off}`, `at a limit ${(100 * saturated_share).toFixed(1)} % of the time`]
+          .filter(Boolean).join("; ")),
+        button("Discard", "discard", () => this.close()),
+        button(bad ? "Apply all the same" : "Apply", "apply", () => { this.close(); row.ask(send); }));
+      get("panel-forecast").hidden = false;
+    },
+
+    // The control goes back to the value that holds.
+    back(row) {
+      row.tried = undefined;
+      row.show(row.control.value);
+    },
+
+    close() {
+      this.count += 1;
+      const row = this.row;
+      this.row = null;
+      get("panel-forecast").hidden = true;
+      if (row) this.back(row);
+    },
+  };
 
   // ---- a control ------------------------------------------------------------------------------------
 
@@ -246,7 +307,7 @@
       const nudge = (sign, text) => make("button", {
         type: "button", className: "nudge", dataset: { nudge: String(sign) },
         title: `${written(step, this.control)} ${sign < 0 ? "less" : "more"}`,
-        onclick: () => this.set(Number((this.held + sign * step).toFixed(9))),
+        onclick: () => this.set(Number(((this.tried ?? this.held) + sign * step).toFixed(9))),
       }, text);
       if (this.control.group === "monitor" && step) parts.push(nudge(-1, "\u2212"), this.box, nudge(1, "+"));
       else parts.push(this.box);
@@ -279,7 +340,7 @@
 
     back() {
       const button = make("button", { type: "button", className: "back" }, "↺");
-      button.onclick = () => this.ask((answer) => link.send(
+      button.onclick = () => this.change(this.control.default, (answer) => link.send(
         { kind: "do", action: "revert", values: { control: this.control.name } }, answer));
       button.setAttribute("aria-label", `${this.control.label}: back to the preset`);
       return button;
@@ -302,7 +363,21 @@
 
     set(value) {
       if (!this.setter) { if (this.control.kind === "number") this.show(value); return; }
-      this.ask((answer) => this.setter(value, answer));
+      this.change(value, (answer) => this.setter(value, answer));
+    }
+
+    // At once, or after a look at what would come of it.
+    change(value, send) {
+      if (!forecast.asks()) { forecast.close(); this.ask(send); return; }
+      forecast.of(this, value, send);
+      this.show_tried(value);
+    }
+
+    show_tried(value) {
+      if (this.control.kind === "number" && typeof value === "number") {
+        this.box.value = value.toFixed(decimals(this.control.step));
+        if (this.slider) this.slider.value = value;
+      }
     }
 
     // Send, and show what holds after the answer: the new value, or the old one and why.
@@ -320,7 +395,8 @@
 
     take(control) {
       this.control = control;
-      if (!this.node.classList.contains("pending") && !this.dragging && !this.typing()) this.show(control.value);
+      const busy = this.node.classList.contains("pending") || this.tried !== undefined;
+      if (!busy && !this.dragging && !this.typing()) this.show(control.value);
       this.mark();
     }
 
@@ -507,13 +583,19 @@
       if (this.deeds.has("revert")) this.differences.append(this.revert_all());
     },
 
-    difference(one) {
+    // Where a control stands, in words.
+    place(one) {
       const place = [one.phase && title(one.phase), one.side, one.joint].filter(Boolean).map(words).join(" ");
+      return place ? `${title(place)}: ${one.label}` : title(one.label);
+    },
+
+    difference(one) {
+      const place = this.place(one);
       const back = make("button", { type: "button", className: "back", title: "Back to the preset" }, "↺");
-      back.setAttribute("aria-label", `${place} ${one.label}: back to the preset`);
+      back.setAttribute("aria-label", `${place}: back to the preset`);
       back.onclick = () => this.rows.get(one.name).revert.click();
       return make("tr", { dataset: { difference: one.name } },
-        make("td", {}, place ? `${title(place)}: ${one.label}` : title(one.label)),
+        make("td", {}, place),
         make("td", {}, written(one.default, one)), make("td", {}, written(one.value, one)), make("td", {}, back));
     },
 
@@ -591,6 +673,15 @@
 
   const log = {
     seen: new Set(),
+    session: null,
+
+    // Another session begins its serial numbers anew: it has a log of its own.
+    open(session) {
+      if (this.session === session) return;
+      this.session = session;
+      this.seen.clear();
+      get("body-log").replaceChildren();
+    },
 
     add(event) {
       if (event.serial) { if (this.seen.has(event.serial)) return; this.seen.add(event.serial); }
@@ -599,7 +690,7 @@
       const line = make("li", { className: event.outcome, dataset: { tick: String(event.tick), outcome: event.outcome } },
         make("time", {}, `${(event.tick / 1000).toFixed(3)} s`),
         make("span", { className: "what" }, event.text),
-        make("small", {}, [`tick ${event.tick}`, event.user, event.outcome === "refused" ? "refused" : ""].filter(Boolean).join(" · ")));
+        make("small", {}, [`tick ${event.tick}`, event.user, ["refused", "forecast"].includes(event.outcome) ? event.outcome : ""].filter(Boolean).join(" · ")));
       for (const warning of event.warnings ?? []) line.append(make("small", { className: "warning" }, warning));
       const list = body.querySelector("ol");
       list.prepend(line);
@@ -623,5 +714,5 @@
     .observe(twinGait.stage.head);
   link.open();
   view.open();
-  window.livePanel = { link, board, log, head, view, stop };
+  window.livePanel = { link, board, log, head, view, stop, forecast };
 })();

@@ -54,6 +54,7 @@ const live = {
     if (!this.run || !this.run.legs.length || !samples.length) return;
     for (const sample of samples) this.note(sample);
     const last = samples.at(-1);
+    this.page.events = last.events ?? [];
     this.forget(last.time - LIVE_MEMORY);
     this.head.show(last);
     plots.fit();

@@ -52,13 +52,16 @@ const player = {
     return Object.fromEntries(JOINTS.map(([joint]) => [joint, largest(joint)]));
   },
 
-  // Every change of a phase of any leg: [{time, words}].
+  // Every change of a phase of any leg, and every event: [{time, words}].
   transitions() {
     const found = this.runs.flatMap((run) => run.legs.filter((leg) => leg.phases).flatMap((leg) =>
       leg.phases.starts.slice(1).map((time, index) => ({
         time, words: `${run.name ? `run ${run.name}, ` : ""}${leg.label.toLowerCase()} leg: ${run.page.phases[leg.phases.codes[index + 1]].label.toLowerCase()}`,
       }))));
-    return found.sort((a, b) => a.time - b.time);
+    const events = this.runs.flatMap((run) => run.page.events.map(({ time, text }) => ({
+      time, words: `${run.name ? `run ${run.name}, ` : ""}${text}`,
+    })));
+    return [...found, ...events].sort((a, b) => a.time - b.time);
   },
 
   speeds(asked) {
@@ -197,7 +200,7 @@ const player = {
       for (const [key, series] of Object.entries(leg.series)) values[key] = value_at(series, at) ?? NaN;
       return values;
     });
-    return { time: at, legs };
+    return { time: at, legs, events: run.page.events.filter((event) => event.time <= at + 5e-4) };
   },
 
   // Paper gets what the page shows: the picture of this moment, its numbers, and the curves of the whole run.

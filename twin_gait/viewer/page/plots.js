@@ -261,6 +261,7 @@ const plots = {
       context.globalAlpha = 1;
     }
     for (const line of panel.lines) this.line(context, line, panel.below ? [] : line.dash, x, y, from, to);
+    for (const run of new Set(panel.lines.map((line) => line.run))) draw_events(context, run.page.events, x, box, panel === this.panels[0]);
     context.restore();
     if (this.time < from - 1e-9 || this.time > to + 1e-9) return;
     context.strokeStyle = theme.inks.ink;
