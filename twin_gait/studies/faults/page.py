@@ -74,7 +74,7 @@ and time are in the summary and in the log (`safety_state`, `trip_cause`).
 
 A trip, or the operator's Stop, also stops the treadmill. The belt comes to rest in {ramp:g} s
 (`scenario.stop_ramp_s`), without a jump of its speed or acceleration. The harness locks at the present
-height of the pelvis: beside the {share:.0%} of the weight that the support always carries, it carries what
+height of the pelvis: beside the {share:g} % of the weight that the support always carries, it carries what
 sinks below, as a spring that only pulls upwards. Its stiffness (`scenario.support.catch_stiffness_N_per_m`,
 {stiffness:g} kN/m) is that of a metre of rope that stretches by 5 % under 100 kg, the most that EN 1891
 allows a low-stretch rope; its dissipation (`catch_dissipation_s_per_m`, {dissipation:g} s/m) is an
@@ -90,7 +90,8 @@ magnitude on the default walk.
 - **held**: the run ended in the hold, without a fall.
 - **walked**: no trip to the end of the run. These are faults that are too small or too short for the
   bounds below, or that the gait does not feel, such as a load sensor stuck at zero.
-- **fell**: the pelvis sank below the height that counts as a fall, with a trip or without.
+- **fell**: the pelvis sank below the height that counts as a fall. A controller that bends one knee slowly
+  stays inside every bound until the leg gives way; the harness locks where a trip finds the pelvis.{falls}
 - Detection is the time from the fault to the trip. A frozen encoder on a joint that stands still, or a dead
   motor that has nothing to do, is noticed when it matters.
 
@@ -169,17 +170,27 @@ def page_text(campaign: FaultCampaign, name: str) -> str:
         count=len(campaign.table),
         damping=settings.hold_damping,
         ramp=scenario.stop_ramp,
-        share=scenario.support.share,
+        share=100.0 * scenario.support.share,
         stiffness=scenario.support.catch_stiffness * 1e-3,
         dissipation=scenario.support.catch_dissipation,
         lowering=settings.lowering_time,
         table=outcome_table(campaign.table),
+        falls=_falls(campaign.table),
         limits="\n".join(f"- {line}" for line in limit_lines(campaign)),
         torque=limits.torque,
         current=limits.current,
         bounds="\n".join(bound_lines(settings)),
         drift=np.degrees(settings.model_deviation / settings.model_time_constant),
     )
+
+
+def _falls(table: pd.DataFrame) -> str:
+    """Which faults ended in a fall, and when they were noticed."""
+    lines = ""
+    for row in table[table["outcome"] == Outcome.FELL].to_dict("records"):
+        noticed = f"{row['cause']} after {row['detection_s']:.3f} s" if row["cause"] else "no trip"
+        lines += f"\n  - `{row['fault']}`: {noticed}"
+    return lines
 
 
 def bound_lines(settings: SafetyParameters) -> list[str]:
