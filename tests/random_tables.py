@@ -14,7 +14,7 @@ from twin_gait.gait.guards import (
     Guard,
     PhaseMembership,
     all_signal_names,
-    signal_scale,
+    signal_unit,
 )
 
 PHASES = ("stance", "swing", "rest")
@@ -30,7 +30,7 @@ def _threshold(draw: st.DrawFn, name: str) -> float:
 @st.composite
 def comparisons(draw: st.DrawFn) -> Comparison:
     signal = draw(st.sampled_from(_NAMES))
-    alike = [name for name in _NAMES if signal_scale(name) == signal_scale(signal)]
+    alike = [name for name in _NAMES if signal_unit(name) == signal_unit(signal)]
     minus = draw(st.none() | st.sampled_from(alike))
     threshold = _threshold(draw, signal)
     return Comparison(signal=signal, minus=minus, operator=draw(st.sampled_from("<>")), threshold=threshold)

@@ -1,7 +1,7 @@
 """A walk that nobody simulated: every column is written by hand, so that every measure is known.
 
 Both legs make strides of 1.2 s; the right leg follows half a stride later. Each leg enters early
-stance 0.2 s before its heel strikes. Hip and knee follow the reference curve of the walk with a known
+stance 0.3 s before its heel strikes. Hip and knee follow the reference curve of the walk with a known
 error added.
 """
 
@@ -26,7 +26,7 @@ from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 STRIDE = 1200  # ticks, as all below
-LAG = 200
+LAG = 300
 SWING = 450
 N_STRIDES = 6
 LENGTH = N_STRIDES * STRIDE

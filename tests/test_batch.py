@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import weakref
 from dataclasses import replace
 from typing import Any
@@ -16,7 +18,7 @@ from twin_gait.experiment import Engine, Experiment
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.studies import batch
 from twin_gait.studies.batch import BatchResult, overridden, simulate_batch
-from twin_gait.studies.people.outcome_map import Case, draw_map, experiment_of, map_outcomes, outcome_of
+from twin_gait.studies.people.outcome_map import Case, draw_map, experiment_of, map_outcomes
 from twin_gait.studies.summary.summary import summarise
 
 FALLING = 4
@@ -147,6 +149,25 @@ def test_a_wrong_change_is_one_line_and_nothing_runs(walk, monkeypatch, wrong, m
     assert ran == []
 
 
+UNGUARDED = """
+from twin_gait import load_experiment, simulate_batch
+experiment = load_experiment("bench_leg", ["duration_s=0.1"]).experiment
+simulate_batch(experiment, [{"seed": seed} for seed in range(EPISODES)], workers=2)
+"""
+
+
+@pytest.mark.parametrize("episodes", [2, 5])
+def test_a_script_without_a_guard_is_told_so_once(tmp_path, episodes):
+    script = tmp_path / "script.py"
+    script.write_text(UNGUARDED.replace("EPISODES", str(episodes)))
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    lines = done.stderr.splitlines()
+    assert len(lines) < 20, done.stderr
+    assert "if __name__ == '__main__':" in lines[-1]
+    assert done.stderr.count("Traceback") == 1  # that of the script itself
+
+
 def test_an_episode_that_cannot_be_run_is_named_across_processes(walk):
     with pytest.raises(ParameterFileError, match=r"^episode 1: .*no joint 'nothing'"):
         simulate_batch(walk, [{"duration_s": 0.1}, {"leg.left.hip": "nothing"}], workers=2)
@@ -267,14 +288,14 @@ def test_a_map_tells_of_every_case_what_its_run_alone_does(walk):
     for case, (_, row) in zip(cases, table.iterrows(), strict=True):
         run = simulate(experiment_of(walk, case))
         sides = summarise(run)["sides"].values()
-        assert row["outcome"] == outcome_of(run)
+        assert row["outcome"] == run.verdict.outcome
         assert row["duration_s"] == run.duration
         assert row["strides"] == min(values["strides"] for values in sides)
         assert row["further_contacts"] == sum(values["further_contacts"] for values in sides)
         assert (row["mass_kg"], row["height_m"], row["speed_m_per_s"], row["support_share"]) == case
-    assert table["outcome"].tolist() == ["walks", "falls"]
-    assert "support 60%: 100% walk" in draw_map(table)
-    assert "support 10%: 0% walk" in draw_map(table)
+    assert table["outcome"].tolist() == ["walked", "fell"]
+    assert "support 60%: 100% walked" in draw_map(table)
+    assert "support 10%: 0% walked" in draw_map(table)
 
 
 def test_a_map_needs_a_walker():

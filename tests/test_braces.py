@@ -13,13 +13,20 @@ from numpy.testing import assert_allclose
 from twin_gait import load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.conventions import RAJAGOPAL
 from twin_gait.core.plant import brace_torque
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
+from twin_gait.export import export_motion
 from twin_gait.gait.table import TICK
 from twin_gait.measures.energy import energy_balance
+from twin_gait.measures.leg_record import leg_record
+from twin_gait.measures.strides import normalise_strides, root_mean_square_error, stride_extremes
 from twin_gait.parameters import BraceParameters, SpringDamper
+from twin_gait.replay.opensim import parse_storage
+from twin_gait.report.cycle import draw_angles
 from twin_gait.report.energy import draw_energy
+from twin_gait.report.reference import reference_cycle
 from twin_gait.scenario import World, bracing
 from twin_gait.simulation.columns import BRACED_WORK_SOURCES
 from twin_gait.simulation.pinocchio.plant import PinocchioPlant
@@ -324,6 +331,44 @@ def test_summary_says_what_passes_through_the_braces(walk):
     assert found["left_knee"]["motion_peak_deg"] == pytest.approx(math.degrees(apart.abs().max()))
     sag = (walk.log["pelvis_height_m"] - walk.log["wearer_pelvis_height_m"]).abs().max()
     assert found["pelvis"]["motion_peak_mm"] == pytest.approx(1e3 * sag)
+
+
+def error_of(run, column):
+    """Distance of the left knee from healthy walking in [deg], from a column of the log."""
+    record = leg_record(run.log, Side.LEFT, run.table.phase_names, TICK, steady=run.steady)
+    cycles = normalise_strides(run.log[column].to_numpy(), record.strides())
+    return math.degrees(root_mean_square_error(cycles, reference_cycle(run.experiment, JointName.KNEE)))
+
+
+def test_the_gait_is_the_wearers_and_the_devices_can_be_had(walk):
+    summary, numbers = summarise(walk), numbers_of(walk)
+    wearers, devices = (error_of(walk, f"left_knee_{name}angle_rad") for name in ("wearer_", ""))
+    assert abs(wearers - devices) > 0.1
+    assert summary["sides"]["left"]["rmse_knee_by_contact_deg"] == pytest.approx(wearers, rel=1e-12)
+    assert summary["interaction"]["left_knee"]["rmse_of_device_deg"] == pytest.approx(devices, rel=1e-12)
+    record = leg_record(walk.log, Side.LEFT, walk.table.phase_names, TICK, steady=walk.experiment.steady)
+    extremes = np.degrees(
+        stride_extremes(walk.log["left_knee_wearer_angle_rad"].to_numpy(), record.strides())
+    )
+    moved = float(np.mean(extremes[:, 1] - extremes[:, 0]))
+    assert numbers["left_knee_range_of_motion_deg"] == pytest.approx(moved)
+    assert summary["sides"]["left"]["joints"]["knee"]["range_of_motion_deg"] == pytest.approx(moved)
+
+
+def test_an_exported_motion_is_the_wearers_unless_the_device_is_asked_for(walk, tmp_path):
+    for device, column in ((False, "left_knee_wearer_angle_rad"), (True, "left_knee_angle_rad")):
+        path = tmp_path / f"{device}.sto"
+        export_motion(walk.log, path, RAJAGOPAL, unit="rad", device=device)
+        motion = parse_storage(path.read_text(), "walk")
+        assert (motion.values[:, motion.names.index("knee_angle_l")] == walk.log[column]).all()
+
+
+def test_the_picture_of_the_angles_has_both(walk):
+    figure = draw_angles(walk)
+    knee = next(axes for axes in figure.axes if axes.get_title().startswith("left knee"))
+    shown = {line.get_label(): np.radians(line.get_ydata()) for line in knee.get_lines()}
+    assert_allclose(shown["angle"], walk.log["left_knee_wearer_angle_rad"])
+    assert_allclose(shown["angle of the device"], walk.log["left_knee_angle_rad"])
 
 
 def test_the_comparison_takes_the_torque_of_the_braces(walk):

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
+import shlex
 from pathlib import Path
 
 import pytest
 
-from twin_gait.checking.check import rules
+from twin_gait import load_experiment, presets
+from twin_gait.checking.check import check_before_run, rules
 from twin_gait.checking.finding import Finding, Severity
 from twin_gait.cli import check as command
+from twin_gait.cli import main
 from twin_gait.cli.check import draw
 from twin_gait.cli.terminal import DONE, FAILED
-from twin_gait.configuration.gait_table_file import packaged_table_path
+from twin_gait.configuration.table_inheritance import packaged_table_path
 from twin_gait.exceptions import TwinGaitError
 
 
@@ -127,3 +131,61 @@ def test_live_finding_shows_reason_witness_and_suggestion() -> None:
         "    at hip.angle_deg -2.5, other.phase late_stance",
         "    → part the thresholds",
     ]
+
+
+# ---------------------------------------------------------------------- before a run
+
+SHORT = ("bench_leg", "--duration", "0.05", "--no-pictures")
+
+
+@pytest.fixture
+def no_way_out(tmp_path: Path) -> str:
+    """The table of the bench leg with an exit that never opens."""
+    path = tmp_path / "no_way_out.yaml"
+    path.write_text(
+        "schema_version: 1\nextends: bench_leg\ntransitions:\n"
+        "  - {from: swing_flexion, to: swing_extension, cause: clearance, all: ['knee.angle_deg > 200']}\n",
+        encoding="utf-8",
+    )
+    return str(path)
+
+
+@pytest.mark.parametrize("name", sorted(presets()))
+def test_shipped_presets_run_without_an_error_or_a_live_warning(name: str) -> None:
+    assert check_before_run(load_experiment(name).experiment) == []
+
+
+def test_an_error_of_the_table_stops_the_run_before_a_folder_is_made(
+    no_way_out: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    assert main(["simulate", *SHORT, "--out", str(out), "--set", f"table={no_way_out}"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "2 errors" in line and "never_opens: swing_flexion → swing_extension (clearance)" in line
+    assert "--unchecked" in line
+    assert not out.exists()
+
+
+def test_unchecked_runs_it_as_it_is(no_way_out: str, tmp_path: Path) -> None:
+    arguments = ["simulate", *SHORT, "--set", f"table={no_way_out}", "--unchecked"]
+    assert main([*arguments, "--out", str(tmp_path / "run")]) == 0
+    assert (tmp_path / "run" / "log.parquet").is_file()
+
+
+def test_warnings_are_one_line_with_the_command_that_shows_them(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["simulate", *SHORT, "--out", str(tmp_path / "run"), "--set", "table.waive=[]"]) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    number = int(re.findall(r"(\d+) warning", line)[0])
+    command = shlex.split(line.partition("see twin-gait ")[2])
+    assert main(command) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert sum(text.startswith("warning ") for text in shown) == number > 1
+
+
+def test_a_run_directory_can_be_checked_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "run"
+    assert main(["simulate", *SHORT, "--out", str(out), "--unchecked", "--set", "table.waive=[]"]) == 0
+    assert run("--experiment", str(out)) == DONE
+    assert " 0 waived" in capsys.readouterr().out.splitlines()[-1]

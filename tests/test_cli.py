@@ -123,6 +123,15 @@ BAD = {
     "map into no folder": ["map", "--out", "nowhere/map.csv"],
     "validate into no folder": ["validate", "--json", "nowhere/checks.json"],
     "map without a treadmill": ["map", "bench_leg"],
+    "tiny step": ["simulate", "--set", "integration.step_s=1e-300"],
+    "step below the finest": ["simulate", "--set", "integration.step_s=1e-9"],
+    "huge number": ["simulate", "--set", f"patient.mass_kg={'9' * 5000}"],
+    "huge list position": ["simulate", "--set", f"table.transitions[{'9' * 5000}].to=late_stance"],
+    "long name of a folder": ["simulate", "bench_leg", "--duration", "0.1", "--out", "a" * 300],
+    "long name of a file": ["map", "--out", "a" * 300],
+    "long name of an experiment": ["simulate", "a" * 300],
+    "long name of a table": ["check", "a" * 300],
+    "long name of a log": ["identify", "a" * 300, "--out", "out"],
 }
 
 
@@ -188,7 +197,7 @@ def test_a_diverging_run_keeps_its_log_marked_and_exits_1(tmp_path):
 
 
 LIMP_KNEE = "table.phases.early_stance.knee.stiffness_Nm_per_deg=0.01"
-FALLS = ["--set", LIMP_KNEE, "--set", "scenario.support.share=0"]
+FALLS = ["--set", LIMP_KNEE, "--set", "scenario.support={share: 0, catch_stiffness_N_per_m: 0}"]
 
 
 def test_a_fall_is_a_result_unless_asked_otherwise(tmp_path):

@@ -16,7 +16,7 @@ from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.table import SCALING_EXPONENTS, Scaling
 from twin_gait.studies.people import cohort_page, cohort_walks, scaling_fit
 from twin_gait.studies.people.cohort_walks import (
-    Outcome,
+    Walk,
     Walker,
     Work,
     draw_walkers,
@@ -128,14 +128,14 @@ def test_outcomes_come_in_the_order_of_the_walkers(monkeypatch: pytest.MonkeyPat
     assert all(item.lasted == pytest.approx(4.0) for item in found)
 
 
-def _outcome(number: int, word: str) -> Outcome:
+def _outcome(number: int, word: str) -> Walk:
     sizes = {"patient.mass_kg": 80.0, "patient.height_m": 1.8, "patient.sex": "male"}
     parts: dict[str, float | None] = {"hip_error_deg": 4.0 + number, "knee_error_deg": None}
-    return Outcome(Walker(number, MASS_ALONE, sizes, 0.4), word, "the pelvis fell", 12.0, parts)
+    return Walk(Walker(number, MASS_ALONE, sizes, 0.4), word, "the pelvis fell", 12.0, parts)
 
 
 def test_the_page_counts_who_walks_and_names_who_does_not() -> None:
-    walks = [_outcome(number, "walks") for number in range(9)] + [_outcome(9, "falls")]
+    walks = [_outcome(number, "walked") for number in range(9)] + [_outcome(9, "fell")]
     fits = pd.read_csv(DOCS / cohort_page.FIT_FILE)
     text = cohort_page.cohort_text(fits, {("treadmill", 11): walks}, walks[:9], walks)
     assert "9 of 10 (90.0%)" in text
@@ -143,9 +143,9 @@ def test_the_page_counts_who_walks_and_names_who_does_not() -> None:
     centre = (share + z * z / (2 * n)) / (1 + z * z / n)
     reach = z / (1 + z * z / n) * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
     assert f"{centre - reach:.1%} to {centre + reach:.1%}" in text
-    assert "| 8.0 | – | 1 falls |" in text
-    assert "number 9: mass alone, 80 kg, 1.80 m, 0.40 m/s falls after 12.0 s (the pelvis fell)" in text
+    assert "| 8.0 | – | 1 fell |" in text
+    assert "number 9: mass alone, 80 kg, 1.80 m, 0.40 m/s fell after 12.0 s (the pelvis fell)" in text
     assert "## Tuned one by one" in text
     everybody = cohort_page.cohort_text(fits, {("treadmill", 11): walks[:9]}, (), ())
-    assert "Nobody falls." in everybody
+    assert "Everybody walks." in everybody
     assert "## Tuned one by one" not in everybody

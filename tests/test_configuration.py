@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from pathlib import Path
 
 import pytest
 import yaml
+from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment, presets, simulate
 from twin_gait.configuration.documents import dump_yaml, experiment_document, table_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.experiments import resolved_document
-from twin_gait.configuration.gait_table_file import (
-    gait_table_from_mapping,
-    packaged_gait_table,
-    packaged_gait_tables,
-)
+from twin_gait.configuration.gait_table_file import gait_table_from_mapping, packaged_gait_table
 from twin_gait.configuration.overrides import assign, merge, parse_assignment
+from twin_gait.configuration.table_inheritance import packaged_gait_tables
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 
 
@@ -217,3 +216,77 @@ def test_unknown_base_preset_lists_those_there_are(tmp_path):
     path.write_text("preset: moon\n")
     with pytest.raises(ParameterFileError, match=r"run.yaml: preset: no preset 'moon'; there are bench_leg"):
         load_experiment(path)
+
+
+# ---------------------------------------------------------------------- one quantity, two units
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "keys"),
+    [
+        (
+            "preset: treadmill\nscenario: {belt_speed_m_per_s: 0.3, belt_speed_km_per_h: 2}",
+            "scenario",
+            ("belt_speed_m_per_s", "belt_speed_km_per_h"),
+        ),
+        (
+            "preset: treadmill\ntable: {extends: treadmill, phases: {late_stance: "
+            "{hip: {stiffness_Nm_per_rad: 90, stiffness_Nm_per_deg: 1}}}}",
+            "table.phases.late_stance.hip",
+            ("stiffness_Nm_per_rad", "stiffness_Nm_per_deg"),
+        ),
+        (
+            "preset: treadmill\ntable: {extends: treadmill, sides: {left: {late_stance: "
+            "{hip: {damping_ratio: 1, damping_Nms_per_rad: 9}}}}}",
+            "table.sides.left.late_stance.hip",
+            ("damping_ratio", "damping_Nms_per_rad"),
+        ),
+    ],
+)
+def test_one_file_that_gives_a_quantity_in_two_units_is_refused(tmp_path, text, place, keys):
+    path = tmp_path / "mine.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ParameterFileError) as caught:
+        load_experiment(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: {place}: ") and "\n" not in message
+    assert all(key in message for key in keys)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ["scenario.belt_speed_m_per_s=0.4", "scenario.belt_speed_km_per_h=2"],
+        ["scenario.leading_start={hip_deg: 20, hip_rad: 0.1, knee_deg: 5}"],
+    ],
+)
+def test_one_command_line_that_gives_a_quantity_in_two_units_is_refused(settings):
+    with pytest.raises(ParameterFileError, match=r"--set.*expected exactly one of") as caught:
+        load_experiment("treadmill", settings)
+    assert "\n" not in str(caught.value)
+
+
+def test_each_level_replaces_a_quantity_of_the_one_below_whatever_its_unit(tmp_path):
+    """Preset in km/h and Nm/deg; a file over it in m/s and Nm/rad; settings over that the other way again."""
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "preset: treadmill\nscenario: {belt_speed_m_per_s: 0.3}\n"
+        "table: {extends: treadmill, phases: {late_stance: {hip: {stiffness_Nm_per_rad: 90}}}}\n",
+        encoding="utf-8",
+    )
+
+    def found(*settings):
+        experiment = load_experiment(path, settings).experiment
+        return (
+            experiment.scenario.belt_speed,
+            experiment.table.phases["late_stance"].joints["hip"].stiffness,
+        )
+
+    assert found() == (0.3, 90.0)
+    above = ["scenario.belt_speed_km_per_h=1.8", "table.phases.late_stance.hip.stiffness_Nm_per_deg=2"]
+    assert_allclose(found(*above), (0.5, math.degrees(2.0)), rtol=1e-15)
+
+
+def test_of_two_settings_with_the_same_key_the_last_one_counts():
+    settings = ["scenario.belt_speed_m_per_s=0.4", "scenario.belt_speed_m_per_s=0.5"]
+    assert load_experiment("treadmill", settings).experiment.scenario.belt_speed == 0.5

@@ -19,6 +19,8 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from guard_solver import OTHER_TIME, OWN_TIME, Measurements, holds
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import TextPath
 from table_builder import JOINTS, guard, impedance, phase, transition, two_phase_table
 
 from twin_gait.cli import diagram as command
@@ -391,6 +393,66 @@ def test_everything_lies_inside_the_drawing(table: GaitTable) -> None:
     for item in root.iter(f"{SVG}text"):
         assert left <= float(item.attrib["x"]) <= left + width
         assert top <= float(item.attrib["y"]) <= top + height
+
+
+class Drawn(NamedTuple):
+    """What a reader of a drawing sees: boxes, texts with where they are, and points along the arrows."""
+
+    boxes: list[Rectangle]
+    texts: list[tuple[str, Rectangle]]
+    arrows: np.ndarray
+
+
+_WIDTHS = {
+    "name": (15.0, "semibold"),
+    "title": (17.0, "semibold"),
+    "cause": (13.0, "semibold"),
+    "faint": (12.0, "normal"),
+}
+
+
+def drawn(table: GaitTable) -> Drawn:
+    """Read a drawing back; letters are as wide as in DejaVu Sans, the widest of its fonts."""
+    root = ElementTree.fromstring(state_diagram_svg(table))
+    boxes, texts, points = [], [], []
+    for item in root.iter(f"{SVG}rect"):
+        x, y, width, height = (float(item.get(key)) for key in ("x", "y", "width", "height"))
+        if item.get("class") == "box":
+            boxes.append(Rectangle(x + width / 2.0, y + height / 2.0, width, height))
+    for item in root.iter(f"{SVG}text"):
+        content = "".join(item.itertext())
+        size, weight = _WIDTHS.get(item.get("class", ""), (13.0, "normal"))
+        font = FontProperties(family="DejaVu Sans", size=size, weight=weight)
+        width = TextPath((0.0, 0.0), content, prop=font).get_extents().width if content else 0.0
+        x, y = float(item.get("x")), float(item.get("y"))
+        x -= {"middle": width / 2.0, "end": width}.get(item.get("text-anchor", ""), 0.0)
+        if content:
+            texts.append((content, Rectangle(x + width / 2.0, y - 0.3 * size, width, 0.8 * size)))
+    for item in root.iter(f"{SVG}path"):
+        if "arrow" in item.get("class", ""):
+            numbers = np.array(re.findall(r"-?[\d.]+", item.get("d")), dtype=float).reshape(3, 2)
+            share = np.linspace(0.0, 1.0, 200)[:, None]
+            weights = (1 - share) ** 2, 2 * share * (1 - share), share**2
+            points.append(sum(w * p for w, p in zip(weights, numbers, strict=True)))
+    return Drawn(boxes, texts, np.concatenate(points))
+
+
+@each_table
+def test_nothing_in_a_drawing_lies_on_anything(table: GaitTable) -> None:
+    found = drawn(table)
+    assert len(found.boxes) == len(table.phases)
+    assert not any(overlap(a, b) for a, b in itertools.combinations(found.boxes, 2))
+    for (first, a), (second, b) in itertools.combinations(found.texts, 2):
+        assert not overlap(a, b), f"{first!r} on {second!r}"
+    for text, place in found.texts:
+        half = np.array([place.width, place.height]) / 2.0
+        crossed = (np.abs(found.arrows - [place.x, place.y]) < half).all(axis=1)
+        assert not crossed.any(), f"an arrow through {text!r}"
+        for box in found.boxes:
+            inside = (
+                abs(place.x - box.x) + half[0] <= box.width / 2.0 and abs(place.y - box.y) < box.height / 2.0
+            )
+            assert inside or not overlap(place, box), f"{text!r} on a box"
 
 
 def overlap(a: Rectangle, b: Rectangle) -> bool:

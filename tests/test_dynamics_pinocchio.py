@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 import tempfile
 from collections.abc import Callable
-from importlib import metadata
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from example_robots import robot_urdf
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
@@ -164,18 +164,6 @@ ROBOTS = {
 }
 # A hip link without inertia of its own.
 ILL_CONDITIONED = {"icub_description/robots/icub.urdf"}
-
-
-def robot_urdf(name: str) -> Path:
-    """A URDF of example-robot-data, which is a package of data only."""
-    try:
-        recorded = metadata.files("example-robot-data") or []
-    except metadata.PackageNotFoundError:
-        pytest.skip("example-robot-data (400 MB) is not installed: pip install 'twin-gait[robots]'")
-    for item in recorded:
-        if str(item).endswith(f"/robots/{name}"):
-            return Path(str(item.locate()))
-    pytest.skip(f"this version of example-robot-data has no {name}")
 
 
 @pytest.mark.parametrize(("name", "joints"), ROBOTS.items(), ids=[Path(item).stem for item in ROBOTS])

@@ -199,7 +199,7 @@ def test_a_trip_without_a_breach_in_the_log_is_not_in_time(tripped):
 
 def test_a_row_tells_what_came_of_a_fault(tripped):
     row = fault_row(tripped)
-    assert (row["outcome"], row["cause"], row["trip_place"]) == ("hold", "encoder_jump", "right hip")
+    assert (row["outcome"], row["cause"], row["trip_place"]) == ("held", "encoder_jump", "right hip")
     assert row["detection_s"] == 0.0 and row["time_s"] == 1.0
 
 
@@ -240,7 +240,7 @@ def test_the_command_prints_and_writes_the_table(tmp_path, capsys):
 def test_simulate_takes_faults_and_says_what_tripped(tmp_path, capsys):
     given = ("simulate", "bench_leg", "--duration", "1", "--no-pictures", "--out", str(tmp_path / "run"))
     assert run_command(simulate_command, *given, "--fault", "encoder_missing:right_knee@0.4s") == 0
-    assert "tripped at 0.400 s: encoder_missing (right knee)" in capsys.readouterr().out
+    assert "held from 0.400 s on: encoder_missing (right knee)" in capsys.readouterr().out
     text = (tmp_path / "run" / "experiment.yaml").read_text()
     assert "encoder_missing:right_knee@0.4s" in text
     assert parse_assignment("faults=[a]")[1] == ["a"]

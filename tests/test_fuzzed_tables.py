@@ -16,7 +16,8 @@ from twin_gait.checking import ambiguity, both_legs, cascade, conditions, reacha
 from twin_gait.checking.check import build_subject, check, load_subject, report
 from twin_gait.configuration import load_experiment
 from twin_gait.configuration.documents import table_document
-from twin_gait.configuration.gait_table_file import LARGEST, gait_table_from_mapping, packaged_table_path
+from twin_gait.configuration.gait_table_file import LARGEST, gait_table_from_mapping
+from twin_gait.configuration.table_inheritance import packaged_table_path
 from twin_gait.configuration.validation import parse_yaml
 from twin_gait.exceptions import GaitTableError, TwinGaitError
 from twin_gait.gait import compile_guards

@@ -15,6 +15,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from twin_gait import load_experiment, simulate
 from twin_gait.configuration.gait_table_file import (
     gait_table_from_mapping,
     load_gait_table,
@@ -655,3 +656,148 @@ def test_transitions_that_are_no_list_are_refused_in_one_line(tmp_path: Path) ->
     path.write_text("schema_version: 1\nextends: treadmill\ntransitions: 7\n", encoding="utf-8")
     with pytest.raises(ParameterFileError, match="transitions: expected a list, got 7"):
         load_gait_table(path)
+
+
+CHANGED = """\
+schema_version: 1
+extends: treadmill
+transitions:
+  - {from: late_stance, to: early_stance, cause: stumble, all: ["hip.angle_deg > 40"]}
+  - {from: middle_stance, to: late_stance, cause: hip_extension, all: ["hip.angle_deg < -1.25"]}
+  - {from: swing_extension, to: early_stance, cause: time_out, remove: true}
+"""
+
+
+def changed(folder: Path, text: str = CHANGED) -> GaitTable:
+    path = folder / "mine.yaml"
+    path.write_text(text, encoding="utf-8")
+    return load_gait_table(path)
+
+
+def names(table: GaitTable) -> list[tuple[str, str, str]]:
+    return [(item.source, item.target, item.cause) for item in table.transitions]
+
+
+def test_a_transition_with_the_same_from_to_and_cause_takes_the_place_of_the_inherited_one(
+    tmp_path: Path,
+) -> None:
+    base, table = packaged_gait_table("treadmill"), changed(tmp_path)
+    expected = [name for name in names(base) if name != ("swing_extension", "early_stance", "time_out")]
+    assert names(table) == [*expected, ("late_stance", "early_stance", "stumble")]
+    place = names(base).index(("middle_stance", "late_stance", "hip_extension"))
+    assert str(table.transitions[place].guard) == "hip.angle_deg < -1.25"
+    others = [item for item in table.transitions if item.cause not in ("hip_extension", "stumble")]
+    assert others == [
+        item for item in base.transitions if item.cause != "hip_extension" and item in table.transitions
+    ]
+
+
+def test_what_is_replaced_may_be_inherited_over_two_files(tmp_path: Path) -> None:
+    changed(tmp_path)
+    path = tmp_path / "above.yaml"
+    path.write_text(CHANGED.replace("treadmill", "mine.yaml").replace("-1.25", "-1.5").replace(
+        "{from: swing_extension, to: early_stance, cause: time_out, remove: true}",
+        "{from: late_stance, to: early_stance, cause: stumble2, all: [\"hip.angle_deg > 50\"]}",
+    ), encoding="utf-8")  # fmt: skip
+    table = load_gait_table(path)
+    assert names(table)[:-1] == names(changed(tmp_path))
+    assert [str(item.guard) for item in table.transitions if item.cause == "hip_extension"] == [
+        "hip.angle_deg < -1.5"
+    ]
+
+
+def test_waivers_about_a_removed_cause_go_with_it(tmp_path: Path) -> None:
+    (tmp_path / "below.yaml").write_text(
+        TABLE.replace(
+            "sides:",
+            "waive: [{rule: cascade, transition: time_out, reason: so},"
+            " {rule: cascade, transition: clearance, reason: so}]\nsides:",
+        ),
+        encoding="utf-8",
+    )
+    text = "schema_version: 1\nextends: below.yaml\ntransitions:\n"
+    table = changed(
+        tmp_path, text + "  - {from: swing_flexion, to: swing_extension, cause: time_out, remove: true}\n"
+    )
+    assert [item.transition for item in table.waivers] == ["clearance"]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "key", "explained"),
+    [
+        ("cause: time_out, remove", "cause: tired, remove", "transitions[2]",
+         "treadmill has no swing_extension → early_stance (tired)"),
+        ("remove: true", "remove: true, after_s: 1", "transitions[2]", "after_s"),
+        ("remove: true", "remove: maybe", "transitions[2].remove", "maybe"),
+        ("from: late_stance, to: early_stance, cause: stumble", "from: middle_stance, to: late_stance, "
+         "cause: hip_extension", "transitions[1]", "the same from, to and cause as transitions[0]"),
+        ("hip.angle_deg < -1.25", "hip.angle_dog < -1.25", "transitions[1]", "hip.angle_deg"),
+        ("to: early_stance, cause: stumble", "to: flight, cause: stumble",
+         "transitions[0] (stumble)", "flight"),
+        ("to: early_stance, cause: stumble", "to: early_stance", "transitions[0].cause", "missing"),
+        ("transitions:", "waive: [{rule: cascade, reason: so, phase: flight}]\ntransitions:",
+         "waive[0].phase", "flight"),
+        ("extends: treadmill", "extends: below.yaml", "transitions[2]", "below.yaml has no swing_extension"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("within", ["table", "experiment", "inline"])
+def test_mistakes_under_extends_name_the_entry_of_the_file_that_was_written(
+    old: str, new: str, key: str, explained: str, within: str, tmp_path: Path
+) -> None:
+    """Not the entry's place in the merged list, and not the preset."""
+    (tmp_path / "below.yaml").write_text(TABLE, encoding="utf-8")
+    text = CHANGED.replace(old, new, 1)
+    assert text != CHANGED
+    path = tmp_path / "mine.yaml"
+    path.write_text(text, encoding="utf-8")
+    inline = tmp_path / "inline.yaml"
+    inline.write_text(
+        yaml.safe_dump({"preset": "treadmill", "table": yaml.safe_load(text)}), encoding="utf-8"
+    )
+    place = {"table": path, "experiment": path, "inline": f"{inline}: table"}[within]
+    with pytest.raises(ParameterFileError) as caught:
+        if within == "inline":
+            load_experiment(inline)
+        elif within == "experiment":
+            load_experiment("treadmill", [f"table={path}"])
+        else:
+            load_gait_table(path)
+    check_message(caught.value, f"{place}: {key}", explained)
+
+
+def test_a_mistake_in_the_table_below_names_that_file(tmp_path: Path) -> None:
+    below = tmp_path / "below.yaml"
+    below.write_text(TABLE.replace("knee.angle_deg > 40", "knee.angle > 40"), encoding="utf-8")
+    with pytest.raises(ParameterFileError) as caught:
+        changed(tmp_path, "schema_version: 1\nextends: below.yaml\ntransitions:\n"
+                "  - {from: early_stance, to: middle_stance, cause: loaded, remove: true}\n"
+                "  - {from: early_stance, to: middle_stance, cause: late, after_s: 2}\n")  # fmt: skip
+    check_message(caught.value, f"{below}: transitions[3]", "knee.angle")
+
+
+def test_nothing_can_be_removed_without_a_table_below(tmp_path: Path) -> None:
+    refuse(
+        TABLE.replace("cause: loaded", "cause: loaded, remove: true"), tmp_path, "transitions[0]", "extends"
+    )
+
+
+def test_an_inline_table_extends_what_it_names_and_not_the_table_of_the_preset(tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text(
+        "preset: treadmill\ntable: {extends: treadmill_normative, blending: {duration_ms: 31}}",
+        encoding="utf-8",
+    )
+    table = load_experiment(path).experiment.table
+    assert table.blending.duration_ticks == 31
+    assert table.phases == packaged_gait_table("treadmill_normative").phases
+
+
+def test_a_changed_threshold_changes_the_walk(tmp_path: Path) -> None:
+    """What an extending file says is what walks: the log is not the default's."""
+    changed(tmp_path)
+    settings = ["duration_s=3", f"table={tmp_path / 'mine.yaml'}"]
+    switches = [
+        simulate(load_experiment("treadmill", some).experiment).switches for some in (settings[:1], settings)
+    ]
+    entered = [[item.tick for item in found if item.target == "late_stance"] for found in switches]
+    assert entered[0] and entered[0] != entered[1]

@@ -20,6 +20,7 @@ from twin_gait.gait.guards import (
     parse_guard,
     signal_names,
     signal_scale,
+    signal_unit,
 )
 from twin_gait.gait.program import compile_guards
 from twin_gait.vocabulary import GaitPhase
@@ -35,7 +36,7 @@ def parse(text: str) -> Guard:
 @st.composite
 def comparisons(draw: st.DrawFn) -> Comparison:
     signal = draw(st.sampled_from(NAMES))
-    others = [name for name in NAMES if signal_scale(name) == signal_scale(signal)]
+    others = [name for name in NAMES if signal_unit(name) == signal_unit(signal)]
     return Comparison(
         signal=signal,
         minus=draw(st.none() | st.sampled_from(others)),
@@ -108,6 +109,9 @@ def test_membership_is_read_with_any_spacing() -> None:
         ("hip.angle_deg < 1e999", "finite"),
         ("hip.angle_deg < 0x10", "expected"),
         ("hip.angle_deg - foot.load_bw < 3", "different units"),
+        ("hip.velocity_deg_per_s - knee.angle_deg > 3", "different units: deg/s and deg"),
+        ("time_in_phase_s - other.foot.load_bw > 3", "different units: s and body weights"),
+        ("foot.load_bw - walk < 3", "different units: body weights and no unit"),
         ("", "expected"),
         ("hip.angle_deg\n<\n3 ]", "expected"),
     ],

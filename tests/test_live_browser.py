@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 import pandas as pd
@@ -25,6 +26,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.simulation.stepping import FADE_TICKS
 from twin_gait.studies.live.finishing import CHANGES_FILE
 from twin_gait.studies.record import LOG_FILE, load_run
+from twin_gait.viewer.curves import EXTREMES_TICKS
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.recorder import Recorder
 from twin_gait.vocabulary import Side
@@ -76,7 +78,8 @@ class Walk:
             self.process.kill()
             self.end()
             raise
-        self.port = int(self.url.rstrip("/").rpartition(":")[2])
+        self.home = self.url.partition("?")[0]
+        self.port = urlsplit(self.url).port
 
     def _address(self) -> str:
         lines: list[str] = []
@@ -119,7 +122,7 @@ class Page:
             self.complaints.append(message.text)
 
     def _asked(self, request: Any) -> None:
-        if not request.url.startswith((self.walk.url, "data:", "blob:")):
+        if not request.url.startswith((self.walk.home, "data:", "blob:")):
             self.foreign.append(request.url)
 
     def open(self) -> None:
@@ -393,6 +396,26 @@ def test_a_change_waits_for_its_forecast_and_apply_and_discard_leaves_the_walk_a
     assert [item["subject"] for item in read_changes(walk)] == ["swing_flexion.knee.gain"]
 
 
+def test_a_page_that_outlives_its_session_shows_the_log_of_the_next(page: Page) -> None:
+    texts = '[...document.querySelectorAll("#panel-log .what")].map((one) => one.textContent)'
+    session = page.page.evaluate("livePanel.log.session")
+    assert re.fullmatch("[0-9a-f]{16}", session)
+    hear = "(batch) => livePanel.link.socket.onmessage({data: JSON.stringify(batch)})"
+    phases = page.page.evaluate("[...livePanel.board.colours.values()]")
+    greeting = {"kind": "page", "session": session, "phases": phases}
+
+    def event(serial: int, text: str) -> dict[str, Any]:
+        return {"kind": "event", "serial": serial, "outcome": "note", "text": text, "tick": 1, "id": ""}
+
+    page.page.evaluate(hear, [greeting, event(90001, "of the first"), event(90001, "of the first")])
+    assert page.page.evaluate(texts).count("of the first") == 1
+    # As after a restart of the program: its serial numbers begin at 1 again.
+    page.page.evaluate(
+        hear, [{**greeting, "session": "another"}, event(1, "begins"), event(90001, "goes on")]
+    )
+    assert page.page.evaluate(texts) == ["goes on", "begins"]
+
+
 def test_malformed_unknown_and_oversized_messages_are_refused_and_the_walk_goes_on(page: Page) -> None:
     begun = page.clock()
     wrong = {
@@ -539,6 +562,11 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     page.page.click("#panel-body [data-action=save]")
     until(lambda: page.page.locator("#panel-saved").inner_text() != "", "the name of the saved table")
     until(lambda: page.clock() > changed + MEAN_OVER + 1.0, "some strides after the change", 60.0)
+    # The page does nothing for a while, as one that is slow; afterwards it has what it missed.
+    page.page.evaluate("() => { const end = performance.now() + 2000; while (performance.now() < end); }")
+    stalled = page.clock()
+    until(lambda: page.clock() > stalled + 2.0, "the page to go on")
+    curves = page.page.evaluate("twinGait.plots.runs[0].legs.map((leg) => [leg.side, leg.series])")
     page.page.click("#revert-all")
     until(lambda: page.page.locator("[data-difference]").count() == 0, "the way back")
     page.tab("disturb")
@@ -557,6 +585,9 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     page.page.keyboard.press("Escape")
     until(lambda: page.status() == "holding", "the hold")
     page.wait(0.3)
+    shown = ("#panel-state", ".alarm", "#panel-log")
+    hold = [page.page.locator(name).text_content() for name in shown]
+    hold += [page.page.locator(".read .pill").all_text_contents()]
     page.page.click("[data-action=restart]")
     until(lambda: page.status() == "walking" and page.clock() > 0.2, "a new walk", 120.0)
     events = page.log()
@@ -568,7 +599,8 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     first = load_run(treadmill.folder)
     changes = read_changes(treadmill)
     return {"seen": seen, "status": status, "log": first.log, "changes": changes, "events": events,
-            "again": load_run(second).log, "summary": first.summary}  # fmt: skip
+            "again": load_run(second).log, "summary": first.summary, "curves": curves,
+            "hold": hold}  # fmt: skip
 
 
 def test_joints_on_the_page_are_where_pinocchio_puts_them(session, joint_paths: dict[str, str]) -> None:
@@ -598,6 +630,36 @@ def test_numbers_on_the_page_are_those_of_the_log(session) -> None:
             for side, text in zip(("left", "right"), shown, strict=True):
                 degrees = np.degrees(row[f"{side}_{joint}_angle_rad"])
                 assert float(text.replace("\u2212", "-").rstrip("°")) == pytest.approx(degrees, abs=0.051)
+
+
+def test_curves_of_a_page_that_was_slow_have_the_peaks_of_the_log(session) -> None:
+    columns = {"knee": "knee_angle_rad", "hip_torque": "hip_motor_torque_Nm",
+               "knee_impedance": "knee_impedance_torque_Nm", "force": "foot_normal_force_N"}  # fmt: skip
+    assert [side for side, _ in session["curves"]] == ["left", "right"]
+    for side, series in session["curves"]:
+        for key, column in columns.items():
+            times, values = (np.array(series[key][name], dtype=float) for name in ("times", "values"))
+            ticks = np.round(1000.0 * times).astype(int)
+            assert times[-1] - times[0] > 6.0 and np.isfinite(values).all()
+            assert np.diff(ticks).max() < 2 * EXTREMES_TICKS  # nothing is missing
+            truth = session["log"][f"{side}_{column}"].to_numpy() * (180 / np.pi if key == "knee" else 1.0)
+            np.testing.assert_allclose(values, truth[ticks], atol=1e-6 * np.abs(truth).max())
+            span = truth[ticks[0] : ticks[-1] + 1]
+            for peak in (np.max, np.min):
+                assert peak(values) == pytest.approx(peak(span), rel=1e-6)
+
+
+def test_hold_shows_its_cause_and_its_joint(session) -> None:
+    safety = session["summary"]["safety"]
+    assert safety["tripped"]
+    because = f"{safety['cause'].replace('_', ' ')}, {safety['place']}"
+    state, card, log, pills = session["hold"]
+    assert state == f"HOLD: {because}"
+    assert (
+        f"HOLD: {because} ({safety['time_s']:.3f} s)" in card and "Fault: encoder freeze, left knee" in card
+    )
+    assert f"trip: {because}" in log
+    assert len(pills) == 2 and all(text.endswith("Hold") for text in pills)
 
 
 def change(session: dict[str, Any], subject: str, text: str = "") -> int:

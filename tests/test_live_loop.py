@@ -77,7 +77,7 @@ def test_messages_are_read_as_they_were_meant():
         ("[" * 3000, "expected JSON"),
         ("[]", "expected an object"),
         ('"set"', "expected an object"),
-        ('{"kind": "get", "id": "1"}', "kind: expected set or do, got 'get'"),
+        ('{"kind": "get", "id": "1"}', "kind: expected set, try or do, got 'get'"),
         ('{"kind": "set", "id": "", "control": "a", "value": 1}', "id: expected a text of 1 to 64"),
         ('{"kind": "set", "id": 1, "control": "a", "value": 1}', "id: expected a text"),
         ('{"kind": "set", "id": "1", "control": "a\\u0000", "value": 1}', "control: expected a text"),
@@ -442,6 +442,39 @@ def test_frames_come_fifty_times_a_second_with_the_row_and_the_coordinates_of_on
             name = f"{joint.side}_{joint.joint}_angle_rad"
             assert frame["q"][joint.coordinate] == frame["log"][name]
             assert frame["log"][name] == rows[frame["tick"], rig.run.layout.positions[name]]
+
+
+def test_traces_have_the_extremes_of_every_five_ticks_of_the_log_without_a_gap(bench_problem):
+    rig = Rig(bench_problem, [(0.4, {"serial": 1, "command": "restart"})])
+    rig.loop.run()
+    traces = [item for item in rig.sent if item["kind"] == "trace"]
+    begin = [0, *(number for number, item in enumerate(traces) if number and item["first"] == 0)]
+    assert len(begin) == len(rig.takes) == 2
+    for take, own in zip(rig.takes, (traces[: begin[1]], traces[begin[1] :]), strict=True):
+        assert [item["end"] for item in own[:-1]] == [item["first"] for item in own[1:]]
+        assert own[-1]["end"] == len(take.result.rows)
+        for name in ("right_knee_angle_rad", "right_hip_impedance_torque_Nm"):
+            truth = take.result.rows[:, rig.run.layout.positions[name]]
+            ticks = np.concatenate([item["columns"][name][0] for item in own])
+            values = np.concatenate([item["columns"][name][1] for item in own])
+            np.testing.assert_array_equal(values, truth[ticks])
+            for start in range(0, len(truth), 5):
+                inside = (ticks >= start) & (ticks < start + 5)
+                span = truth[start : start + 5]
+                assert (values[inside].min(), values[inside].max()) == (span.min(), span.max())
+
+
+def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem):
+    fault = {"serial": 1, "command": "fault", "fault": "encoder_freeze:right_knee@0s"}
+    rig = Rig(bench_problem, [(0.3, fault), (0.8, {"serial": 2, "command": "restart"})])
+    rig.loop.run()
+    assert rig.answers()[1]["refused"] == ""
+    told = next(item["events"] for item in rig.frames() if item["status"] == "holding")
+    trip = rig.takes[0].result.trip
+    assert [item["kind"] for item in told] == ["fault", "trip"] and told[1]["time"] == trip.time
+    assert told[0]["text"] == "fault: encoder freeze, right knee"
+    assert told[1]["text"] == "trip: encoder frozen, right knee"
+    assert rig.frames()[0]["events"] == rig.frames()[-1]["events"] == []
 
 
 def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_way_but_one(bench_problem):

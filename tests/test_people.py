@@ -86,8 +86,7 @@ def test_setting_in_another_unit_replaces_the_old_one():
         "patient.both.knee={passive: 1, contracture_deg: 10, catch_speed_deg_per_s: 50}",
         "patient.both.knee.contracture_rad=0.2",
         "patient.both.knee.catch_speed_rad_per_s=2",
-        "patient.effort_delay_ms=30",
-        "patient.effort_delay_s=0.2",
+        "patient.effort_delay_ms=200",  # the complete document below has it in seconds
     )
     condition = found.conditions[Side.LEFT, KNEE]
     assert (condition.contracture, condition.catch_speed, found.effort_delay) == (0.2, 2.0, 0.2)
@@ -220,7 +219,7 @@ def test_named_person_takes_the_place_of_another_with_nothing_left_of_him(file):
         ("both: {knee: {pasive: 1}}", "mine.yaml: both.knee.pasive: unknown key; did you mean 'passive'"),
         ("mass_kg: 200", "mine.yaml: patient mass: expected 30 to 110 kg"),
         ("left: {hip: {effort: 3}}", "mine.yaml: left.hip.effort: expected a number from 0 to 1"),
-        ("{effort_delay_ms: 5, effort_delay_s: 1}", "mine.yaml: expected exactly one of effort_delay_s or"),
+        ("{effort_delay_ms: 5, effort_delay_s: 1}", "mine.yaml: expected exactly one of effort_delay_ms or"),
         ("[1, 2]", "mine.yaml: expected keys and values"),
         ("preset: healthy", "mine.yaml: preset: unknown key"),
     ],
@@ -420,11 +419,11 @@ def test_powers_of_a_trial_add_up_to_the_work_of_the_wearer(short):
 
 
 def test_page_tells_who_does_not_walk_and_why(short):
-    walking = short._replace(outcome="walks")
-    fallen = short._replace(outcome="falls", reason="pelvis below 0.5 m")
+    walking = short._replace(outcome="walked")
+    fallen = short._replace(outcome="fell", reason="pelvis below 0.5 m")
     trials = {"healthy": [walking, walking], "stroke_left": [walking, fallen]}
     text = people_page.page(trials, {})
-    assert "stroke_left at 40% support falls (pelvis below 0.5 m)" in text
+    assert "stroke_left at 40% support fell (pelvis below 0.5 m)" in text
     assert "All of them walk" not in text
     assert "All of them walk, at 60% and at 40% support." in people_page.page({"healthy": [walking] * 2}, {})
 
@@ -433,6 +432,6 @@ def test_page_in_the_documentation_is_about_the_people_who_ship():
     text = (Path(__file__).parents[1] / "docs" / "people.md").read_text(encoding="utf-8")
     for name, description in people().items():
         assert f"| `{name}` | {description} |" in text
-        assert f"\n| {name} | walks |" in text or f"- {name} at 60% support" in text
+        assert f"\n| {name} | walked |" in text or f"- {name} at 60% support" in text
     for size in map(people_page._size, Sex):
         assert f"| {' | '.join(size)} |" in text

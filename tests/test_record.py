@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
@@ -16,6 +17,7 @@ from twin_gait.files import write_atomically
 from twin_gait.simulation.columns import LogLayout, unit_of
 from twin_gait.studies.folders import staged_directory
 from twin_gait.studies.record import RUN_DIRECTORY, load_run, write_run
+from twin_gait.studies.summary.summary import summarise
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +45,23 @@ def test_holds_every_file(directory):
 def test_log_is_read_back_bit_for_bit(run, directory):
     log = load_run(directory).log
     pd.testing.assert_frame_equal(log, run.log, check_exact=True)
+
+
+def test_a_run_is_read_back_with_all_that_it_had(run, directory):
+    again = load_run(directory).run
+    assert (again.table, again.switches, again.trip) == (run.table, run.switches, run.trip)
+    assert (again.status, again.reason, again.wall_s) == (run.status, run.reason, run.wall_s)
+    assert (again.body_weight, again.duration) == (run.body_weight, run.duration)
+    assert summarise(again) == summarise(run)
+
+
+def test_switches_that_the_table_does_not_have_are_refused(directory, tmp_path):
+    broken = tmp_path / "run"
+    shutil.copytree(directory, broken)
+    switches = broken / "transitions.csv"
+    switches.write_text(switches.read_text().replace(",late_stance,", ",last_stance,"))
+    with pytest.raises(RunDirectoryError, match=r"transitions.csv: cannot be read"):
+        _ = load_run(broken).run
 
 
 def test_log_carries_units_schema_version_and_status(directory):

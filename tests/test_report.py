@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import struct
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,17 +17,21 @@ from numpy.testing import assert_allclose
 from synthetic_run import HIP_OFFSET, LAG, PHASE_TICKS, STRIDE, synthetic_run
 
 from twin_gait import load_experiment, simulate
-from twin_gait.palette import PHASE_COLOURS, SIDE_COLOURS, phase_colour
+from twin_gait.control import Trip, TripCause
+from twin_gait.gait.table import TICK
+from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, PHASE_COLOURS, SIDE_COLOURS, phase_colour
 from twin_gait.report.currents import draw_currents
 from twin_gait.report.cycle import draw_angles, draw_cycle
+from twin_gait.report.energy import draw_energy
 from twin_gait.report.feet import draw_feet
-from twin_gait.report.figures import PICTURES, write_figures
+from twin_gait.report.figures import FIGURES, write_figures
 from twin_gait.report.portrait import draw_portrait
 from twin_gait.report.reference import reference_cycle, reference_stride_time
 from twin_gait.report.torques import draw_torques
-from twin_gait.report.window import last_strides, leg_records, whole_run
-from twin_gait.simulation.run import Run
-from twin_gait.vocabulary import GaitPhase, JointName
+from twin_gait.report.window import end_or_events, last_strides, leg_records, whole_run
+from twin_gait.scenario.faults import parse_fault
+from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
@@ -59,7 +65,7 @@ def legend_labels(figure: Figure) -> list[str]:
 
 def test_walk_gets_every_picture(walk: Run, tmp_path: Path) -> None:
     files = write_figures(walk, tmp_path)
-    assert [path.name for path in files] == list(PICTURES)
+    assert [path.name for path in files] == [f"{name}.png" for name in FIGURES]
     assert sorted(files) == sorted(tmp_path.iterdir())
     for path in files:
         width, height = png_size(path)
@@ -69,12 +75,12 @@ def test_walk_gets_every_picture(walk: Run, tmp_path: Path) -> None:
 
 def test_bench_run_without_strides_gets_time_series(bench_run: Run, tmp_path: Path) -> None:
     names = [path.name for path in write_figures(bench_run, tmp_path)]
-    assert names == [name for name in PICTURES if name not in ("gait_cycle.png", "feet.png")]
+    assert names == [f"{name}.png" for name in FIGURES if name not in ("gait_cycle", "feet")]
     assert draw_cycle(bench_run) is None and draw_feet(bench_run) is None
 
 
 def test_shortest_log_that_can_be_drawn(walk: Run, tmp_path: Path) -> None:
-    assert len(write_figures(replace(walk, log=walk.log.iloc[:2]), tmp_path)) == len(PICTURES) - 1
+    assert len(write_figures(replace(walk, log=walk.log.iloc[:2]), tmp_path)) == len(FIGURES) - 1
 
 
 def test_cycle_shows_the_mean_and_the_reference(walk: Run) -> None:
@@ -164,3 +170,61 @@ def test_phases_have_colours_of_their_own_and_unknown_ones_get_one() -> None:
     assert phase_colour("late_stance") == PHASE_COLOURS[GaitPhase.LATE_STANCE]
     unknown = [phase_colour(name, position) for position, name in enumerate(("lift", "reach"))]
     assert unknown[0] != unknown[1] and not set(unknown) & set(PHASE_COLOURS.values())
+
+
+# ---------------------------------------------------------------------- what befell the run
+
+STRUCK, TRIPPED = 4.0, 4.5  # [s]
+
+
+@pytest.fixture(scope="module")
+def tripped(walk: Run) -> Run:
+    fault = parse_fault(f"encoder_freeze:left_knee@{STRUCK}s")
+    trip = Trip(round(TRIPPED / TICK), TripCause.ENCODER_FROZEN, Side.LEFT, JointName.KNEE)
+    experiment = replace(walk.experiment, faults=(fault,))
+    return replace(walk, experiment=experiment, trip=trip, status=RunStatus.FELL)
+
+
+@pytest.mark.parametrize("draw", [draw_angles, draw_torques, draw_currents, draw_feet, draw_energy])
+def test_pictures_over_time_mark_fault_trip_and_fall(tripped: Run, walk: Run, draw: Callable) -> None:
+    figure, end = draw(tripped), tripped.log["time_s"].iloc[-1]
+    marks = {
+        str(item.get_label()): item for item in figure.axes[0].get_lines() if item.get_color() == EVENT_COLOUR
+    }
+    assert {label: float(item.get_xdata()[0]) for label, item in marks.items()} == pytest.approx(
+        {"fault": STRUCK, "trip": TRIPPED, "fall": end}
+    )
+    assert set(marks) <= set(legend_labels(figure))
+    assert len({str(item.get_linestyle()) for item in marks.values()}) == 3
+    last = figure.get_suptitle().splitlines()[-1]
+    assert (
+        last
+        == "fault: encoder freeze, left knee, 4.00 s · trip: encoder frozen, left knee, 4.50 s · fall, 7.20 s"
+    )
+    assert not any(item.get_color() == EVENT_COLOUR for axes in draw(walk).axes for item in axes.get_lines())
+
+
+@pytest.mark.parametrize("draw", [draw_angles, draw_torques, draw_currents])
+def test_phases_are_grey_after_the_trip(tripped: Run, draw: Callable) -> None:
+    figure = draw(tripped)
+    strips = [patch for patch in figure.axes[0].patches if patch.get_alpha() == 0.9]
+    grey = [colors.to_hex(patch.get_facecolor()).upper() == HELD_COLOUR for patch in strips]
+    assert grey == [False] * (len(grey) - 1) + [True]
+    assert strips[-1].get_x() == pytest.approx(TRIPPED)
+    assert legend_labels(figure)[-1] == "held after the trip"
+
+
+def test_the_window_goes_back_to_the_event(tripped: Run) -> None:
+    long = replace(tripped, trip=None, status=RunStatus.COMPLETED)
+    window = end_or_events(long, 1.5)
+    assert (window.time[0], window.time[-1]) == pytest.approx((STRUCK - 0.5, STRUCK + 1.0), abs=2e-3)
+    quiet = replace(long, experiment=replace(long.experiment, faults=()))
+    assert end_or_events(quiet, 1.5).time[-1] == pytest.approx(7.199)
+
+
+def test_a_stride_with_a_trip_in_it_is_no_stride(tripped: Run, walk: Run) -> None:
+    assert walk.steady == (0.0, math.inf) and tripped.steady == (0.0, TRIPPED)
+    for record, whole in zip(leg_records(tripped), leg_records(walk), strict=True):
+        strides = record.strides(skip=0)
+        assert 0 < len(strides) < len(whole.strides(skip=0))
+        assert strides[-1, 1] * TICK <= TRIPPED

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait.core.motor_drive import viscous_duty
 from twin_gait.identification import Processing
+from twin_gait.identification.statistics import goodness as goodness_of_fit
 from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
 from twin_gait.scenario.bench_joint import DutyControl
 from twin_gait.studies.campaign import Protocol, drop_amplitude
@@ -168,15 +170,26 @@ def test_wider_intervals_follow_the_printed_table_of_student(shared: Path) -> No
     assert fit.half_width("a", 0.999) == pytest.approx(0.2 * 3.526 / 2.015, rel=1e-3)
 
 
-def test_what_recipes_share_is_made_once(tmp_path: Path) -> None:
-    calls: list[int] = []
+def test_what_recipes_share_is_made_once_and_kept_as_plain_numbers(tmp_path: Path, rng: Any) -> None:
+    calls: list[LawFit] = []
 
-    def make() -> list[int]:
-        calls.append(1)
-        return [len(calls)]
+    def make() -> LawFit:
+        torque, residuals = rng.standard_normal((2, 50))
+        goodness = goodness_of_fit(torque, residuals, 4)
+        calls.append(
+            LawFit(
+                {"a": 0.1 + len(calls)}, {"a": (0.1, 1 / 3)}, 45, goodness, rng.random(50), torque, residuals
+            )
+        )
+        return calls[-1]
 
-    assert [kept(tmp_path, "fit", make) for _ in range(3)] == [[1]] * 3
-    assert kept(tmp_path, "other", make) == [2]
+    found = [kept(tmp_path, "fit", make) for _ in range(2)]
+    assert len(calls) == 1
+    for fit in found:
+        for name, value in vars(calls[0]).items():
+            assert np.array_equal(getattr(fit, name), value), name
+    assert kept(tmp_path, "other", make).values == {"a": 1.1}
+    assert {path.suffix for path in tmp_path.iterdir()} == {".lock", ".npz"}
 
 
 def test_falls_come_in_the_order_of_the_protocol_up_to_the_stop(shared: Path) -> None:

@@ -224,6 +224,17 @@ def test_a_record_that_is_none_is_refused_in_one_line(tmp_path):
     assert not (tmp_path / "missing.sqlite").exists()
 
 
+def test_the_record_is_for_its_user_alone(tmp_path):
+    path = tmp_path / "sessions.sqlite"
+    path.touch()
+    path.chmod(0o644)  # as an earlier version left it
+    recorder = SessionRecorder(path, user="Ann", experiment="treadmill", document={})
+    recorder.event(change(1))
+    modes = {item.name: item.stat().st_mode & 0o777 for item in tmp_path.iterdir()}
+    recorder.close("ended", {}, [])
+    assert modes["sessions.sqlite"] == 0o600 and set(modes.values()) == {0o600}
+
+
 def test_the_record_is_where_the_variable_says(monkeypatch, tmp_path):
     monkeypatch.setenv(sessions.DATABASE_VARIABLE, str(tmp_path / "mine.sqlite"))
     assert default_database() == tmp_path / "mine.sqlite"

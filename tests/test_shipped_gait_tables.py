@@ -17,7 +17,7 @@ from guard_solver import OTHER_TIME, OWN_TIME, Measurements, holds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin_gait.configuration.gait_table_file import packaged_gait_table, packaged_gait_tables
+from twin_gait.configuration import packaged_gait_table, packaged_gait_tables
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait import TICK, GaitStateMachine, GaitTable, compile_guards
 from twin_gait.gait.guards import WALK, Comparison, PhaseMembership, signal_names

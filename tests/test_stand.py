@@ -193,9 +193,9 @@ def test_no_phase_ends_by_its_time_out():
 
 def test_strides_are_counted_while_the_belt_runs_evenly():
     run = walk(*commands(1.0, 8.5, 12.0))
-    first, last = run.experiment.steady
+    first, last = run.steady
     for side in run.sides:
-        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
+        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
         strides = record.strides(skip=0)
         assert len(strides) < len(record.contacts.heel_strikes) - 1  # there were more
         assert strides[0, 0] * TICK >= first and strides[-1, 1] * TICK <= last

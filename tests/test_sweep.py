@@ -183,7 +183,7 @@ def test_a_fall_and_a_divergence_are_results(tmp_path):
     )
     result = run_sweep(load_sweep(spec, ["duration_s=0.5"]), tmp_path / "out")
     assert result.table["status"].tolist() == ["completed", "diverged"]
-    assert result.summary["outcomes"] == {"completed": 1, "diverged": 1}
+    assert result.summary["outcomes"] == {"walked": 1, "diverged": 1}
     # What is neither a number nor a text is kept as JSON.
     assert json.loads(result.table["scenario.start"][1]) == hard["scenario.start"]
 
@@ -303,6 +303,25 @@ def test_the_example_is_a_sweep_of_45_walks():
         check_sweep(sweep_from_mapping(entries, "comment", Path()))
 
 
+def test_the_example_draws_all_that_it_asks_for():
+    sweep = load_sweep(EXAMPLE)
+    # 75 kg, the middle belt, 60 % support: a walk that completes
+    middle = [
+        index for index, row in enumerate(sweep.design) if np.allclose(list(row.values()), (75, 0.36, 0.6))
+    ]
+    (row,) = run_chunk(chunk_of(sweep, middle)).rows.values()
+    assert row["status"] == "completed"
+    assert all(np.isfinite(row[name]) for name in sweep.measures)
+
+
+def test_a_measure_that_cannot_be_drawn_is_named(tmp_path, capsys):
+    wanted = ["right_knee_torque_rms_Nm", "right_stride_time_mean_s"]  # half a second has no stride
+    spec = write_spec(tmp_path / "spec.yaml", measures=wanted)
+    assert main(["sweep", str(spec), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
+    shown = capsys.readouterr().out
+    assert "not drawn, because no completed episode has it: right_stride_time_mean_s\n" in shown
+
+
 def read_yaml_text(text: str) -> dict[str, object]:
     import yaml
 
@@ -314,24 +333,24 @@ def read_yaml_text(text: str) -> dict[str, object]:
 def test_pictures_are_drawn_for_the_share_and_the_measures(swept):
     names = sorted(path.name for path in (swept[1] / "figures").iterdir())
     assert names == [
-        "heat_map_completed.png",
         "heat_map_right_knee_torque_rms_Nm.png",
-        "main_effects_completed.png",
+        "heat_map_walked.png",
         "main_effects_right_knee_torque_rms_Nm.png",
+        "main_effects_walked.png",
     ]
 
 
 def test_cells_are_the_means_of_their_episodes():
     rng = np.random.default_rng(5)
     table = pd.DataFrame({"a": rng.integers(0, 3, 60) * 1.5, "b": rng.choice(["x", "y"], 60)})
-    table["status"] = rng.choice(["completed", "fell"], 60, p=[0.7, 0.3])
+    table["outcome"] = rng.choice(["walked", "hung"], 60, p=[0.7, 0.3])
     table["m_W"] = rng.standard_normal(60)
     first, second = axis_of(table, "a"), axis_of(table, "b")
     found = cell_means(values_of(table, "m_W"), first, second)
-    wanted = table[table["status"] == "completed"].pivot_table("m_W", "a", "b", aggfunc="mean")
+    wanted = table[table["outcome"] == "walked"].pivot_table("m_W", "a", "b", aggfunc="mean")
     np.testing.assert_allclose(found, wanted.to_numpy(), rtol=1e-12)
-    shares = cell_means(values_of(table, "completed"), first, second)
-    wanted = table.assign(c=table["status"] == "completed").pivot_table("c", "a", "b", aggfunc="mean")
+    shares = cell_means(values_of(table, "walked"), first, second)
+    wanted = table.assign(c=table["outcome"] == "walked").pivot_table("c", "a", "b", aggfunc="mean")
     np.testing.assert_allclose(shares, wanted.to_numpy(dtype=float), rtol=1e-12)
 
 

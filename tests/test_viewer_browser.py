@@ -1,6 +1,7 @@
 """The page in a real browser: a walk of the treadmill, looked at in headless Chromium."""
 
 import math
+import re
 import shutil
 import struct
 from collections.abc import Iterator
@@ -11,17 +12,21 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
+from example_robots import JOINTS, robot_urdf
 from matplotlib.image import imread as read_picture
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
+from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.studies.record import write_run
-from twin_gait.studies.shown_run import page_of, read_shown_run
+from twin_gait.studies.shown_run import ShownRun, page_of, read_shown_run
 from twin_gait.viewer.figure import Figure
+from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.session import LiveViewer
 from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.urdf_page import joint_entries, urdf_page
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -69,6 +74,11 @@ def pages(runs: dict[str, Path], tmp_path_factory) -> dict[str, Path]:
     folder = tmp_path_factory.mktemp("pages")
     for name, chosen in (("one", [shown["more"]]), ("two", [shown["more"], shown["less"]])):
         (folder / f"{name}.html").write_text(page_of(chosen), encoding="utf-8")
+    settings = ["duration_s=1.6", "faults=[encoder_freeze:left_knee@1.0s]"]
+    tripped = simulate(load_experiment("treadmill", settings).experiment)
+    assert tripped.trip is not None
+    held = ShownRun("held", tripped.experiment, tripped.log, (), tripped.events, tripped.status)
+    (folder / "held.html").write_text(page_of([held]), encoding="utf-8")
     return {path.stem: path for path in folder.iterdir()}
 
 
@@ -257,6 +267,47 @@ def test_a_motor_changes_its_colour_with_the_phase(walk: OpenPage, runs) -> None
         np.testing.assert_allclose(shown, expected, atol=1e-4)
 
 
+@pytest.mark.parametrize("shade", ["light", "dark"])
+def test_a_trip_is_a_red_hold_on_card_curves_and_timeline_from_its_moment_on(opened, pages, shade) -> None:
+    one = opened(f"{pages['held'].as_uri()}#t=0.5&theme={shade}", size=(1200, 700))
+    alarm, pills = (
+        'document.querySelector(".alarm").innerText',
+        '[...document.querySelectorAll(".read .pill")].map((pill) => pill.textContent)',
+    )
+    assert one(alarm) == "" and not any("Hold" in text for text in one(pills))
+    one.page.keyboard.press("End")
+    assert [line.split(" (")[0] for line in one(alarm).split("\n")] == [
+        "Fault: encoder freeze, left knee", "HOLD: encoder frozen, left knee"]  # fmt: skip
+    assert all(text.endswith("Hold") for text in one(pills))
+    # Back by the transitions: to the trip, which a screen reader is told of, and to the fault.
+    one.page.keyboard.press(",")
+    trip = clock_of(one)
+    assert 1.0 < trip < 1.2 and "trip: encoder frozen, left knee" in one(
+        'document.getElementById("spoken").textContent'
+    )
+    # Both drawings have the colour of an alarm at that moment; before the fault neither has.
+    red = one("""(time) => {
+        const ink = document.createElement("canvas").getContext("2d");
+        ink.fillStyle = theme.inks.alarm;
+        ink.fillRect(0, 0, 1, 1);
+        const wanted = ink.getImageData(0, 0, 1, 1).data;
+        const count = (canvas, x) => {
+            const scale = canvas.width / canvas.clientWidth;
+            const at = Math.round(scale * x) - 2;
+            const { data } = canvas.getContext("2d").getImageData(at, 0, 5, canvas.height);
+            let found = 0;
+            for (let i = 0; i < data.length; i += 4) {
+                if ([0, 1, 2].every((k) => Math.abs(data[i + k] - wanted[k]) < 12)) found += 1;
+            }
+            return found / scale;
+        };
+        const curves = document.getElementById("curves"), band = document.querySelector("#bands canvas");
+        const [from, to] = plots.shown(), wide = curves.clientWidth - MARGIN.left - MARGIN.right;
+        return [count(curves, MARGIN.left + (wide * (time - from)) / (to - from)),
+                count(band, (band.clientWidth * time) / player.end)]; }""", trip)  # fmt: skip
+    assert red[0] > 100 and red[1] >= 14, red
+
+
 # ---------------------------------------------------------------------------------- keys and pointer
 
 
@@ -357,6 +408,36 @@ def test_curves_zoom_pan_seek_and_reset(opened, pages) -> None:
     assert one("player.time") == pytest.approx(under, abs=1 / 60 + 2e-3)
 
 
+@pytest.mark.parametrize("span", [2.0, 0.7, 0.05])
+def test_what_is_drawn_has_the_peaks_of_the_log_at_every_zoom(
+    walk: OpenPage, log: pd.DataFrame, span: float
+) -> None:
+    width = 300  # pixels, as the curves have beside the scene
+    for begin in np.arange(0.0, 2.0 - span + 1e-9, span):
+        lines = walk(
+            """([from, to, width]) => plots.panels.flatMap((panel) => panel.lines).map((line) => {
+              const points = [], note = (x, y) => points.push([x, y]), nothing = () => {};
+              const paper = { moveTo: note, lineTo: note, beginPath: nothing, stroke: nothing,
+                              setLineDash: nothing };
+              const x = (time) => (width * (time - from)) / (to - from);
+              plots.line(paper, line, [], x, (value) => value, from, to);
+              return [`${line.leg.side}_${line.key}`, points]; })""",
+            [float(begin), float(begin + span), width],
+        )
+        rows = log.iloc[round(1000 * begin) : round(1000 * (begin + span)) + 1]
+        assert len(lines) == 8
+        for name, points in lines:
+            side, joint, *torque = name.split("_")
+            column = f"{side}_{joint}_{'motor_torque_Nm' if torque else 'angle_rad'}"
+            truth = rows[column].to_numpy() * (1.0 if torque else 180.0 / math.pi)
+            whole = log[column].to_numpy() * (1.0 if torque else 180.0 / math.pi)
+            x, y = np.array(points).T
+            assert len(points) <= 2 * width * 4 + 4  # no more than show
+            drawn = np.interp(np.linspace(0.0, width, len(truth)), x, y)
+            for peak in (np.max, np.min):
+                assert abs(peak(drawn) - peak(truth)) <= 0.01 * np.abs(whole).max(), (name, begin)
+
+
 # ---------------------------------------------------------------------------------- network, shapes, shades
 
 
@@ -440,13 +521,16 @@ def test_two_runs_share_a_clock_and_their_difference_is_that_of_the_logs(opened,
     panel = one("""(() => {
         const panel = plots.panels.find((p) => p.below && p.label.includes("knee flexion"));
         const line = panel.lines.find((l) => l.leg.side === "left");
-        return { label: panel.label, times: line.run.times, values: line.values }; })()""")
+        return { label: panel.label, ...line.series, frames: player.runs.map((run) => run.times) }; })()""")
     rows = np.round(1000.0 * np.array(panel["times"])).astype(int)
-    shown = np.array(panel["values"], dtype=float)  # nothing where only one run has a row
-    both = rows < 1199
-    first, second = (np.degrees(log["left_knee_angle_rad"].to_numpy()[rows[both]]) for log in logs)
-    np.testing.assert_allclose(shown[both], second - first, atol=1.1e-4)
-    assert np.isnan(shown[rows > 1199]).all()
+    shown = np.array(panel["values"], dtype=float)
+    assert rows[0] == 0 and rows[-1] == 1199  # as long as both last
+    knees = [np.degrees(log["left_knee_angle_rad"].to_numpy()) for log in logs]
+    first, second = (knee[rows] for knee in knees)
+    frames = [np.round(1000.0 * np.array(times)).astype(int) for times in panel["frames"]]
+    both = np.isin(rows, np.intersect1d(*frames))  # there both are as logged
+    np.testing.assert_allclose(shown[both], (second - first)[both], atol=1.1e-4)
+    np.testing.assert_allclose(shown, second - first, atol=0.002 * sum(np.ptp(knee) for knee in knees))
     assert np.abs(second - first).max() > 0.1  # the runs do differ
     assert panel["label"].startswith("B − A")
     assert one("document.querySelectorAll('#bands canvas').length") == 4
@@ -494,8 +578,81 @@ def test_the_live_page_shows_what_it_is_sent_in_either_form(opened, worn_twin) -
         assert f"{math.degrees(0.5):.1f}°" in texts
         assert any(text.endswith("Swing flexion") for text in texts)
         assert one.requests[0] == viewer.url
-        assert all(url.startswith((viewer.url, viewer.url.replace("http", "ws"))) for url in one.requests)
+        home = viewer.url.partition("?")[0]
+        assert all(url.startswith((home, home.replace("http", "ws"))) for url in one.requests)
         # The way in for a further script.
         one("twinGait.show({time: 3, legs: [{hip: 1.5, knee: -2.5, phase: 1}, {knee: 0, phase: -1}]})")
         texts = one('[...document.querySelectorAll(".read td")].map((cell) => cell.innerText.trim())')
         assert "\N{MINUS SIGN}2.5°" in texts and "–" in texts
+
+
+# ---------------------------------------------------------------------------------- any URDF
+
+
+def urdf_named(name: str, folder: Path) -> Path:
+    if name == "slides.urdf":
+        (folder / name).write_text(JOINTS)
+        return folder / name
+    return find_urdf(name) if name == "twin.urdf" else robot_urdf(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "up"), [("twin.urdf", "z"), ("slides.urdf", "y"), ("panda_description/urdf/panda.urdf", "z")]
+)
+def test_sliders_put_the_joints_where_pinocchio_puts_them(opened, tmp_path: Path, name: str, up: str) -> None:
+    urdf = urdf_named(name, tmp_path)
+    model = build_model(urdf)
+    figure = Figure(Recorder(), model, up_axis=up)
+    page = tmp_path / "page.html"
+    page.write_text(urdf_page(urdf, up_axis=up), encoding="utf-8")
+    one = opened(page.as_uri(), size=(1000, 640))
+    names = one('[...document.querySelectorAll(".joint .name")].map((name) => name.textContent)')
+    assert names == list(model.names)[1:]
+    place = """(paths) => {
+        const find = (path) => twinGait.stage.viewer.scene_tree.find(path.split("/").filter((p) => p)).object;
+        twinGait.stage.viewer.scene.updateMatrixWorld(true);
+        const base = find("/meshcat").matrixWorld.clone().invert();
+        return paths.map((path) => base.clone().multiply(find(path).matrixWorld).toArray());
+    }"""
+    paths = [figure.paths[name] for name in names]
+    data = model.createData()
+    scale = [1e3 if joint["slides"] else math.degrees(1.0) for joint in joint_entries(figure)]
+
+    def check(q: np.ndarray) -> None:
+        pin.forwardKinematics(model, data, q)
+        for path, matrix in zip(names, one(place, paths), strict=True):
+            expected = figure.base @ data.oMi[model.getJointId(path)].homogeneous
+            np.testing.assert_allclose(np.reshape(matrix, (4, 4)).T, expected, atol=1e-5)
+
+    nearest = np.clip(np.zeros(model.nq), model.lowerPositionLimit, model.upperPositionLimit)
+    check(nearest)
+    # As a hand does it: the slider, then its event.
+    chosen = np.array([0.25 * entry["lower"] + 0.75 * entry["upper"] for entry in joint_entries(figure)])
+    told = one(
+        """(values) => [...document.querySelectorAll(".joint input")].map((slider, index) => {
+            slider.value = values[index];
+            slider.dispatchEvent(new Event("input"));
+            return slider.closest("label").querySelector("output").textContent;
+        })""",
+        (chosen * scale).tolist(),
+    )
+    check(chosen)
+    written = [float(re.sub(r"[^-\d.]", "", text.replace("\N{MINUS SIGN}", "-"))) for text in told]
+    np.testing.assert_allclose(written, chosen * scale, atol=0.0501)
+    one.page.keyboard.press("z")
+    check(nearest)
+    assert one.requests == [page.as_uri()]
+
+
+def test_the_picture_of_a_urdf_is_drawn_and_serving_it_needs_the_token(
+    opened, tmp_path: Path, capsys
+) -> None:
+    out = tmp_path / "twin.png"
+    assert main(["view", "twin.urdf", "--png", str(out), "--size", "640x480"]) == 0
+    pixels = read_picture(out)
+    assert pixels.shape[:2] == (480, 640)
+    assert len(np.unique(pixels.reshape(-1, pixels.shape[2]), axis=0)) > 500
+    with PageServer(urdf_page("twin.urdf"), port=0) as server:
+        one = opened(server.url)
+        assert one('document.querySelectorAll(".joint").length') == 6
+        assert one.requests == [server.url]

@@ -5,6 +5,7 @@ import json
 import re
 import socket
 import stat
+import webbrowser
 import zlib
 from base64 import b64decode
 from itertools import combinations
@@ -14,22 +15,43 @@ from urllib.parse import urlsplit
 import numpy as np
 import pandas as pd
 import pytest
+from example_robots import JOINTS
+from scene_messages import unpacked
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
+from twin_gait.cli.view import announce
 from twin_gait.exceptions import ParameterFileError, ViewerError
 from twin_gait.leg_model import LegModel
-from twin_gait.palette import PHASE_COLOURS, phase_colour
+from twin_gait.palette import (
+    EVENT_COLOUR,
+    EVENT_ON_DARK,
+    EXTENSION_COLOUR,
+    FLEXION_COLOUR,
+    HELD_COLOUR,
+    JOINT_COLOURS,
+    LIMIT_COLOUR,
+    PHASE_COLOURS,
+    REFERENCE_COLOUR,
+    SIDE_COLOURS,
+    SIDE_COLOURS_ON_DARK,
+    TORQUE_COLOURS,
+    WORK_COLOURS,
+    phase_colour,
+)
 from twin_gait.studies.record import load_run, write_run
-from twin_gait.studies.shown_run import page_of, read_shown_run
-from twin_gait.viewer.motion import frame_rate, phase_changes, read_motion
+from twin_gait.studies.shown_run import ShownRun, page_of, read_shown_run
+from twin_gait.viewer.curves import extremes, faithful_curve
+from twin_gait.viewer.figure import ROOT
+from twin_gait.viewer.motion import frame_rate, leg_values, phase_changes, read_motion
 from twin_gait.viewer.page import FLOOR, SCRIPTS, live_page, packed, page_data
 from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.picture import BROWSER_VARIABLE, PictureSize, find_browser, take_picture
 from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.scene import View
 from twin_gait.viewer.staging import build_scene
-from twin_gait.vocabulary import GaitPhase, Side
+from twin_gait.viewer.urdf_page import urdf_page
+from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, Side
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +74,12 @@ def frames_of(entry: dict) -> dict:
     return json.loads(zlib.decompress(b64decode(entry["frames"])))
 
 
+def curve_of(frames: dict, key: str, leg: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Ticks and values of a curve, as the script of the page unfolds them."""
+    series = frames["legs"][leg]["series"][key]
+    return np.cumsum(series["steps"]), np.array(series["values"], dtype=float)
+
+
 def entries(phases: list[str]) -> list[dict]:
     view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
     data = page_data(mode="live", title="", subtitle="", missing_meshes=[], view=view, phases=phases,
@@ -71,15 +99,74 @@ def test_a_page_has_a_frame_at_every_transition_and_its_numbers_are_the_logs(run
     assert set(transitions["tick"]) <= set(frames["times"])
     assert 1235 in frames["times"]  # the first row that is not before the moment asked for
     assert frames["times"][0] == 0 and frames["times"][-1] == len(shown.log) - 1
-    leg = frames["legs"][0]["series"]
-    rows = shown.log.iloc[frames["times"]]
     for key, column in (("hip", "angle_rad"), ("hip_torque", "motor_torque_Nm"),
                         ("hip_impedance", "impedance_torque_Nm"),
                         ("hip_friction_compensation", "friction_compensation_torque_Nm"),
                         ("hip_gravity_compensation", "gravity_compensation_torque_Nm")):  # fmt: skip
-        values = rows[f"right_hip_{column}"].to_numpy()
+        ticks, seen = curve_of(frames, key)
+        assert set(frames["times"]) <= set(ticks.tolist())
+        values = shown.log[f"right_hip_{column}"].to_numpy()[ticks]
         expected = np.degrees(values) if key == "hip" else values
-        np.testing.assert_allclose(leg[key], expected, rtol=0.0, atol=5.1e-5)
+        np.testing.assert_allclose(seen, expected, rtol=0.0, atol=5.1e-5)
+
+
+@pytest.mark.parametrize("frames_per_second", [30.0, 10.0, 1.0])
+def test_curves_have_the_peaks_of_the_log_however_few_frames_there_are(
+    run_folder: Path, frames_per_second: float
+) -> None:
+    log = read_shown_run(run_folder).log
+    model = read_shown_run(run_folder).experiment.build_world().model
+    curves = read_motion(log, model, frames_per_second=frames_per_second).legs[Side.RIGHT].curves
+    values = leg_values(log, Side.RIGHT)
+    assert set(curves) == set(values) and len(values) >= 8
+    clock = log["time_s"].to_numpy()
+    for key, truth in values.items():
+        drawn = np.interp(clock, *curves[key])
+        # Within 0.2 % of its range everywhere, so every peak above a fifth of it within 1 %.
+        assert np.abs(drawn - truth).max() <= 0.002 * np.ptp(truth) + 1e-9, key
+        assert len(curves[key].times) < len(clock) / 2
+
+
+def test_a_curve_ends_where_the_log_has_no_number() -> None:
+    values = np.array([0.0, 1.0, 2.0, np.nan, np.nan, 5.0, 5.0, 9.0, 5.0])
+    curve = faithful_curve(np.arange(9.0), values, np.array([0, 8]))
+    assert curve.times.tolist() == [0, 2, 3, 4, 5, 6, 7, 8]
+    np.testing.assert_array_equal(np.isnan(curve.values), [False, False, True, True, *4 * [False]])
+
+
+def test_extremes_of_a_span_come_in_their_order() -> None:
+    rows, found = extremes(np.array([[0.0], [7.0], [-2.0], [1.0], [1.0], [3.0], [3.5]]))
+    assert rows.ravel().tolist() == [1, 2, 5, 6]
+    assert found.ravel().tolist() == [7.0, -2.0, 3.0, 3.5]
+
+
+@pytest.fixture(scope="module")
+def tripped(tmp_path_factory) -> Path:
+    """A walk whose left knee encoder freezes."""
+    folder = tmp_path_factory.mktemp("runs") / "tripped"
+    folder.mkdir()
+    settings = ["duration_s=1.6", "faults=[encoder_freeze:left_knee@1.0s]"]
+    write_run(simulate(load_experiment("treadmill", settings).experiment), folder, pictures=False)
+    return folder
+
+
+def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the_run(tripped: Path) -> None:
+    stored = load_run(tripped)
+    trip = stored.trip
+    assert trip is not None and 1.0 <= trip.time < 1.2
+    (entry,) = embedded(page_of([read_shown_run(tripped)]))["runs"]
+    assert [(one["kind"], one["time"]) for one in entry["events"]] == [("fault", 1.0), ("trip", trip.time)]
+    assert entry["events"][1]["text"] == "trip: encoder frozen, left knee"
+    assert entry["outcome"] == stored.summary["status"]
+    assert [one["label"] for one in entry["phases"]][-1] == "Hold"
+    frames = frames_of(entry)
+    assert {1000, trip.tick} <= set(frames["times"])
+    for leg in frames["legs"]:
+        assert leg["phases"]["codes"][-1] == len(entry["phases"]) - 1
+        assert leg["phases"]["starts"][-1] == trip.time
+    # A run without a trip has neither.
+    (calm,) = embedded(page_of([ShownRun("calm", stored.experiment, stored.log.iloc[:900])]))["runs"]
+    assert calm["events"] == [] and "Hold" not in [one["label"] for one in calm["phases"]]
 
 
 def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:
@@ -90,8 +177,8 @@ def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:
             log[f"right_{joint}_{part}_torque_Nm"] = 0.0 if joint == "hip" or part != "target" else 2.0
     leg = read_motion(log, bench).legs[Side.RIGHT]
     assert "hip_target" not in leg.curves  # zero all the time
-    np.testing.assert_array_equal(leg.curves["knee_target"], 2.0)
-    np.testing.assert_array_equal(leg.curves["hip_impedance"], 0.0)
+    np.testing.assert_array_equal(leg.curves["knee_target"].values, 2.0)
+    np.testing.assert_array_equal(leg.curves["hip_impedance"].values, 0.0)
     assert set(leg.torques) == {"hip", "knee"}
     assert read_motion(log[["time_s", "right_hip_angle_rad", "right_knee_angle_rad"]], bench).legs[
         Side.RIGHT
@@ -147,15 +234,28 @@ def test_letters_can_be_read_on_every_phase() -> None:
         assert contrast(one["colour"], one["ink"]) >= contrast(one["colour"], "#ffffff")
 
 
+def light_of(colour: str) -> np.ndarray:
+    """Linear shares of red, green and blue light."""
+    return np.array([(int(colour[i : i + 2], 16) / 255) ** 2.2 for i in (1, 3, 5)])
+
+
+def lab(colour: str) -> np.ndarray:
+    """CIELAB of a colour."""
+    return lab_of_light(light_of(colour))
+
+
 def as_seen_without(cone: str, colour: str) -> np.ndarray:
     """CIELAB of a colour as seen without one kind of cone (Viénot, Brettel and Mollon 1999)."""
-    linear = np.array([(int(colour[i : i + 2], 16) / 255) ** 2.2 for i in (1, 3, 5)])
+    linear = light_of(colour)
     to_lms = np.array(
         [[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714], [0.0299566, 0.184309, 1.46709]]
     )
     drop = {"red": [[0, 2.02344, -2.52581], [0, 1, 0], [0, 0, 1]],
             "green": [[1, 0, 0], [0.494207, 0, 1.24827], [0, 0, 1]]}[cone]  # fmt: skip
-    seen = np.clip(np.linalg.inv(to_lms) @ np.array(drop) @ to_lms @ linear, 0.0, 1.0)
+    return lab_of_light(np.clip(np.linalg.inv(to_lms) @ np.array(drop) @ to_lms @ linear, 0.0, 1.0))
+
+
+def lab_of_light(seen: np.ndarray) -> np.ndarray:
     xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]) @ seen
     f = np.cbrt(xyz / np.array([0.9505, 1.0, 1.089]))
     return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
@@ -167,6 +267,56 @@ def test_phase_colours_differ_for_colour_blind_people(cone: str) -> None:
     for first, second in combinations(PHASE_COLOURS, 2):
         # A difference of 2.3 is just noticeable; side by side in a band it takes several times that.
         assert np.linalg.norm(seen[first] - seen[second]) > 9.0, (first, second)
+
+
+MEANINGS = {
+    "phase": {str(phase): phase_colour(str(phase)) for phase in (*GaitPhase, STAND, FIRST_SWING)},
+    "further phase": {str(k): phase_colour("of a user", k) for k in range(3)},
+    "side": {str(side): colour for side, colour in SIDE_COLOURS.items()},
+    "joint": {str(joint): colour for joint, colour in JOINT_COLOURS.items()},
+    "arrow": {"flexion": FLEXION_COLOUR, "extension": EXTENSION_COLOUR},
+    "torque": dict(TORQUE_COLOURS),
+    "work": dict(WORK_COLOURS),
+    "line": {"reference": REFERENCE_COLOUR, "limit": LIMIT_COLOUR},
+    "event": {"hold": EVENT_COLOUR, "held": HELD_COLOUR},
+}
+ON_DARK = MEANINGS | {
+    "side": {str(side): colour for side, colour in SIDE_COLOURS_ON_DARK.items()},
+    "event": {"hold": EVENT_ON_DARK},
+}
+
+
+@pytest.mark.parametrize("meanings", [MEANINGS, ON_DARK], ids=["light", "dark"])
+def test_no_two_meanings_share_a_colour(meanings: dict[str, dict[str, str]]) -> None:
+    named = {(group, name): colour for group, one in meanings.items() for name, colour in one.items()}
+    assert len(named) >= 30
+    for (first, here), (second, there) in combinations(named.items(), 2):
+        apart = np.linalg.norm(lab(here) - lab(there))
+        # 2.3 is just noticeable; side by side six times that is another colour to anybody.
+        assert apart > 14.0, (first, second)
+
+
+@pytest.mark.parametrize("cone", ["red", "green"])
+@pytest.mark.parametrize("meanings", [MEANINGS, ON_DARK], ids=["light", "dark"])
+def test_what_stands_together_differs_for_colour_blind_people(cone: str, meanings: dict) -> None:
+    for group in ("side", "joint", "arrow", "torque", "work"):
+        for first, second in combinations(meanings[group].values(), 2):
+            apart = np.linalg.norm(as_seen_without(cone, first) - as_seen_without(cone, second))
+            assert apart > 9.0, (group, first, second)
+
+
+def test_the_page_has_the_colours_of_the_palette_and_legs_the_colours_of_sides(run_folder: Path) -> None:
+    page = page_of([read_shown_run(run_folder)])
+    (entry,) = embedded(page)["runs"]
+    (leg,) = entry["legs"]
+    assert (leg["colour"], leg["dark"]) == (SIDE_COLOURS[Side.RIGHT], SIDE_COLOURS_ON_DARK[Side.RIGHT])
+    assert [arc["colour"] for arc in entry["arcs"]] == [FLEXION_COLOUR, EXTENSION_COLOUR]
+    # The page's own furniture borrows none of them.
+    style = page[page.index("<style>") : page.index("</style>")].lower()
+    assert EVENT_COLOUR.lower() in style and EVENT_ON_DARK.lower() in style
+    for group in ("phase", "side", "torque", "arrow"):
+        for colour in (*MEANINGS[group].values(), *ON_DARK[group].values()):
+            assert colour.lower() not in style
 
 
 def test_the_floor_that_a_dark_page_darkens_is_in_the_scene(worn_twin: LegModel) -> None:
@@ -245,7 +395,11 @@ def fails_in_one_line(capsys, *arguments: str) -> str:
         (["RUN", "--out", "OLD"], "--force"),
         (["RUN", "--out", "FOLDER"], "directory"),
         (["RUN", "--png", "FOLDER/nowhere/a.png"], "no directory"),
-        (["twin.urdf", "--png", "NEW"], "run directory"),
+        (["twin.urdf", "--png", "NEW", "--at", "1"], "run directory"),
+        (["twin.urdf", "--png", "NEW", "--size", "10x10"], "200 to 4000"),
+        (["twin.urdf", "--out", "OLD"], "--force"),
+        (["twin.urdf", "--up", "w"], "--up"),
+        (["RUN", "--up", "y"], "is for a URDF"),
         (["twin.urdf", "RUN"], "URDF"),
         (["RUN", "--port", "-1"], "65535"),
         (["RUN", "--speed", "nan"], "--speed"),
@@ -273,6 +427,39 @@ def test_a_page_of_two_runs_is_written_and_replaced_only_when_asked(
     assert "exists" in fails_in_one_line(capsys, *both[1:])
     assert main([*both, "--force"]) == 0
     assert out.read_bytes() == first
+
+
+def test_a_urdf_has_a_slider_for_each_joint_with_its_axis_and_its_range(tmp_path: Path) -> None:
+    urdf = tmp_path / "slides.urdf"
+    urdf.write_text(JOINTS)
+    (entry,) = embedded(urdf_page(urdf))["runs"]
+    joints = {joint["name"]: joint for joint in entry["joints"]}
+    assert list(joints) == ["turns", "slides", "spins"]
+    np.testing.assert_allclose(joints["turns"]["axis"], [0.0, 0.6, 0.8], atol=1e-12)
+    np.testing.assert_allclose(joints["slides"]["axis"], [1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(joints["spins"]["axis"], [0.0, 0.0, -1.0], atol=1e-12)
+    assert [joint["slides"] for joint in joints.values()] == [False, True, False]
+    assert (joints["turns"]["lower"], joints["turns"]["upper"], joints["turns"]["free"]) == (0.5, 1.5, False)
+    assert (joints["slides"]["lower"], joints["slides"]["upper"]) == (-0.1, 0.3)
+    assert joints["spins"]["free"] and joints["spins"]["upper"] == pytest.approx(np.pi)
+    np.testing.assert_allclose(joints["slides"]["position"], [0.2, 0.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_the_vertical_of_a_urdf_can_be_told(axis: str, tmp_path: Path, capsys) -> None:
+    urdf, out = tmp_path / "post.urdf", tmp_path / "post.html"
+    box = '<visual><geometry><box size="1.1 1.6 0.2"/></geometry></visual>'
+    urdf.write_text(f'<robot name="post"><link name="a">{box}</link></robot>')
+    assert main(["view", str(urdf), "--up", axis, "--out", str(out)]) == 0
+    assert capsys.readouterr().out == f"{out}\n"
+    (entry,) = embedded(out.read_text())["runs"]
+    commands = unpacked(zlib.decompress(b64decode(entry["scene"])))
+    (base,) = (
+        item["matrix"] for item in commands if item["type"] == "set_transform" and item["path"] == ROOT
+    )
+    turn = np.reshape(base, (4, 4)).T[:3, :3]
+    np.testing.assert_allclose(np.linalg.det(turn), 1.0)
+    np.testing.assert_allclose(turn @ np.eye(3)["xyz".index(axis)], [0.0, 0.0, 1.0], atol=1e-9)
 
 
 def test_without_a_browser_a_picture_is_refused_with_the_way_out(
@@ -327,7 +514,7 @@ def answer(url: str, host: str | None = None, path: str = "/") -> tuple[int, byt
     parts = urlsplit(url)
     connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=5)
     try:
-        connection.request("GET", path, headers={} if host is None else {"Host": host})
+        connection.request("GET", f"{path}?{parts.query}", headers={} if host is None else {"Host": host})
         reply = connection.getresponse()
         return reply.status, reply.read()
     finally:
@@ -338,12 +525,38 @@ def test_a_page_is_served_to_this_machine_only_and_gone_afterwards() -> None:
     with PageServer("<p>é</p>", port=0) as server:
         parts = urlsplit(server.url)
         assert parts.hostname == "127.0.0.1"
-        assert server._server.socket.getsockname() == ("127.0.0.1", parts.port)
         assert answer(server.url) == (200, "<p>é</p>".encode())
-        assert answer(server.url, host=f"elsewhere.example:{parts.port}")[0] == 404
+        assert answer(server.url, host=f"elsewhere.example:{parts.port}")[0] == 403
         assert answer(server.url, path="/etc/passwd")[0] == 404
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", parts.port), timeout=1)
+
+
+def test_a_page_is_for_whoever_has_the_address_with_its_token() -> None:
+    with PageServer("<p>a wearer's walk</p>", port=0) as server, PageServer("b", port=0) as other:
+        bare, foreign = server.url.partition("?")[0], urlsplit(other.url).query
+        for url in (bare, f"{bare}?{foreign}", server.url[:-1], f"{server.url}0"):
+            status, content = answer(url)
+            assert status == 403 and b"walk" not in content, url
+        assert answer(server.url)[0] == 200
+
+
+@pytest.mark.parametrize("screen", ["DISPLAY", "WAYLAND_DISPLAY"])
+def test_the_token_is_in_no_command_line(
+    screen: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a browser is started with can be read by every user of the machine."""
+    opened: list[str] = []
+    monkeypatch.setenv(screen, ":0")
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    url = "http://127.0.0.1:7000/?token=0123456789abcdef#t=1&theme=dark"
+    announce(url)
+    assert url in capsys.readouterr().out
+    (given,) = opened
+    assert "0123456789abcdef" not in given
+    page = Path(urlsplit(given).path)
+    assert page.parent.stat().st_mode & 0o077 == 0
+    assert url.replace("&", "&amp;") in page.read_text()
 
 
 def test_a_taken_port_gives_the_next_one() -> None:

@@ -3,6 +3,8 @@
     >>> from twin_gait import load_experiment, simulate  # doctest: +SKIP
     >>> run = simulate(load_experiment("treadmill").experiment)  # doctest: +SKIP
     >>> run.log["left_knee_angle_rad"].max()  # doctest: +SKIP
+    >>> run.save("runs/walk")  # doctest: +SKIP
+    >>> run.plot("gait_cycle", width_mm=85, out="cycle.pdf")  # doctest: +SKIP
 
 Not a medical device.
 """
@@ -23,6 +25,8 @@ if TYPE_CHECKING:
     from twin_gait.parameters import Patient
     from twin_gait.simulation import Run, RunStatus, simulate
     from twin_gait.studies.batch import simulate_batch
+    from twin_gait.studies.public import load_run, plot_run, save_run
+    from twin_gait.studies.summary.summary import summarise
     from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 __all__ = [
@@ -40,9 +44,13 @@ __all__ = [
     "__version__",
     "load_experiment",
     "load_gait_table",
+    "load_run",
+    "plot_run",
     "presets",
+    "save_run",
     "simulate",
     "simulate_batch",
+    "summarise",
 ]
 
 _HOMES = {
@@ -59,9 +67,13 @@ _HOMES = {
     "TwinGaitError": "exceptions",
     "load_experiment": "configuration",
     "load_gait_table": "configuration",
+    "load_run": "studies.public",
+    "plot_run": "studies.public",
     "presets": "configuration",
+    "save_run": "studies.public",
     "simulate": "simulation",
     "simulate_batch": "studies.batch",
+    "summarise": "studies.summary.summary",
 }
 
 

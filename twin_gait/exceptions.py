@@ -23,6 +23,7 @@ class ParameterFileError(TwinGaitError):
     Attributes:
         file: The file that was read.
         key: Path of the key inside the file, for example ``phases.late_stance.hip``.
+        problem: What is wrong there.
     """
 
     def __init__(self, file: Path | str, key: str, problem: str) -> None:
@@ -31,6 +32,7 @@ class ParameterFileError(TwinGaitError):
         self.key = key
         # Keys, phases and causes come from the file and may hold line breaks; a message is one line.
         where, what = " ".join(key.split()), " ".join(problem.split())
+        self.problem = what
         place = f"{self.file}: {where}" if where else self.file
         super().__init__(f"{place}: {what}")
 

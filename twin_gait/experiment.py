@@ -64,6 +64,10 @@ class ControlMode(StrEnum):
     POSITION = "position"  # a stiff spring that follows a predetermined path (TWIN's walk mode)
 
 
+# In [s]. Finer steps gain nothing: rounding outgrows the integrator's error, and a second takes minutes.
+FINEST_STEP = 1e-7
+
+
 @dataclass(frozen=True, kw_only=True)
 class Integration:
     """Integrator and step.
@@ -79,9 +83,9 @@ class Integration:
     def __post_init__(self) -> None:
         """Check that steps fill a tick."""
         require(
-            math.isfinite(self.step) and 0.0 < self.step <= TICK,
+            FINEST_STEP <= self.step <= TICK,
             "integration step",
-            f"above 0 and at most {TICK:g} s",
+            f"{FINEST_STEP:g} to {TICK:g} s",
             self.step,
         )
         ratio = TICK / self.step

@@ -1,4 +1,4 @@
-"""Write files so that a reader sees the old content or the new, never half of it, and JSON that is JSON."""
+"""Write files so that a reader sees the old content or the new, never half of it; read no more than fits."""
 
 from __future__ import annotations
 
@@ -6,9 +6,18 @@ import contextlib
 import math
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from twin_gait.exceptions import RunDirectoryError
+from twin_gait.exceptions import ParameterFileError, RunDirectoryError
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+# The longest run, an hour, has 3.6 million rows; with braces some 600 million numbers, 5 GB.
+MOST_ROWS, MOST_CELLS = 10_000_000, 700_000_000
+MOST_TEXT, LONGEST_LINE = 2**30, 65_536  # [bytes] of a log that is text; characters
 
 
 def finite_or_none(value: float) -> float | None:
@@ -21,6 +30,30 @@ def finite_or_none(value: float) -> float | None:
         The number, or None if it is not finite.
     """
     return float(value) if math.isfinite(value) else None
+
+
+def permitted(mode: int) -> int:
+    """What a mode comes to under the mask of the user, which temporary files and folders do not ask.
+
+    Args:
+        mode: Of a file or a folder, such as ``0o644``.
+
+    Returns:
+        The mode without what the mask takes away.
+    """
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mode & ~mask
+
+
+@contextlib.contextmanager
+def private_files() -> Iterator[None]:
+    """Make new files and folders, also those of processes started here, for the user alone."""
+    mask = os.umask(0o077)
+    try:
+        yield
+    finally:
+        os.umask(mask)
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
@@ -41,9 +74,79 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     try:
         with os.fdopen(descriptor, "wb") as file:
             file.write(data)
-        os.chmod(name, 0o644)
+        os.chmod(name, permitted(0o644))
         os.replace(name, path)
     except OSError as error:
         with contextlib.suppress(OSError):
             os.unlink(name)
         raise RunDirectoryError(f"{path}: cannot be written ({error.strerror})") from error
+
+
+def require_table_size(path: Path, rows: int, columns: int) -> None:
+    """Refuse a table that is larger than any log of a walk, before it fills the memory.
+
+    Args:
+        path: Its file.
+        rows: Of the table.
+        columns: Of the table.
+
+    Raises:
+        ParameterFileError: If it is too large.
+    """
+    if rows > MOST_ROWS or rows * columns > MOST_CELLS:
+        raise ParameterFileError(
+            path,
+            "",
+            f"has {rows} rows of {columns} columns; at most {MOST_ROWS} rows and {MOST_CELLS} numbers are "
+            "read: cut it in parts",
+        )
+
+
+def read_parquet(path: Path) -> pd.DataFrame:
+    """Read a parquet file, unless it unpacks to more than any log of a walk.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Its table.
+
+    Raises:
+        ParameterFileError: If it is too large.
+        pyarrow.ArrowException: If it is no such file.
+        OSError: If it cannot be read.
+    """
+    import pyarrow.parquet as pq
+
+    declared = pq.read_metadata(path)
+    require_table_size(path, declared.num_rows, declared.num_columns)
+    table: pd.DataFrame = pq.read_table(path).to_pandas()
+    return table
+
+
+def read_log_text(path: Path) -> str:
+    """Read a log that is text, unless it or one of its lines is larger than that of any log of a walk.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Its text.
+
+    Raises:
+        ParameterFileError: If it or a line is too long.
+        OSError: If it cannot be read.
+        UnicodeDecodeError: If it is not UTF-8.
+    """
+    size = path.stat().st_size
+    if size > MOST_TEXT:
+        raise ParameterFileError(path, "", f"has {size} bytes; at most {MOST_TEXT} are read: cut it in parts")
+    text = path.read_text(encoding="utf-8-sig")
+    for number, line in enumerate(text.splitlines(), start=1):
+        if len(line) > LONGEST_LINE:
+            raise ParameterFileError(
+                path,
+                f"line {number}",
+                f"has {len(line)} characters; a log has at most {LONGEST_LINE}",
+            )
+    return text

@@ -1,12 +1,14 @@
 """Colours that pictures and the viewer share.
 
-They are those of Okabe and Ito (2008), which people with any common colour blindness can tell apart;
-stance phases are cold and swing phases warm. Nothing heavy is imported here.
+One meaning a colour: what is told apart by phase, side, joint, part of a torque, source of work or event
+shares its colour with nothing else, by day and by night. The phases have those of Okabe and Ito (2008);
+stance is cold and swing warm. People with any common colour blindness can tell the colours of a group apart.
+The plain names are for figures with a legend of their own. Nothing heavy is imported here.
 """
 
 from __future__ import annotations
 
-from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, JointName, Side
+from twin_gait.vocabulary import FIRST_SWING, HOLD, STAND, GaitPhase, JointName, Side
 
 BLACK = "#000000"
 ORANGE = "#E69F00"
@@ -25,37 +27,45 @@ PHASE_COLOURS: dict[GaitPhase, str] = {
     GaitPhase.SWING_FLEXION: ORANGE,
     GaitPhase.SWING_EXTENSION: VERMILLION,
 }
-# Beside the five: standing is neither cold nor warm, the first swing is warm.
-_OTHER_PHASES = {STAND: GREY, FIRST_SWING: YELLOW}
+# Faults, trips and falls, and nothing else.
+EVENT_COLOUR = "#C1121F"
+HELD_COLOUR = "#BFBFBF"
+EVENT_ON_DARK = "#FF6B7F"
+# Beside the five: standing is neither cold nor warm, the first swing is warm; a hold is no phase of gait.
+_OTHER_PHASES = {STAND: "#6E6E6E", FIRST_SWING: YELLOW, HOLD: EVENT_COLOUR}
 JOINT_COLOURS: dict[JointName, str] = {
-    JointName.HIP: BLUE,
-    JointName.KNEE: VERMILLION,
-    JointName.ANKLE: BLUISH_GREEN,
+    JointName.HIP: "#0B2A5B",
+    JointName.KNEE: "#A83250",
+    JointName.ANKLE: "#87A96B",
 }
-SIDE_COLOURS: dict[Side, str] = {Side.LEFT: BLUE, Side.RIGHT: VERMILLION}
-REFERENCE_COLOUR = REDDISH_PURPLE
-LIMIT_COLOUR = GREY
+SIDE_COLOURS: dict[Side, str] = {Side.LEFT: "#5128B0", Side.RIGHT: "#7B4B10"}
+SIDE_COLOURS_ON_DARK: dict[Side, str] = {Side.LEFT: "#B8A6FF", Side.RIGHT: "#E6C79C"}
+REFERENCE_COLOUR = "#7A0177"
+LIMIT_COLOUR = "#979797"
+GROUND_FORCE_COLOUR = REDDISH_PURPLE
+# Of the arrows of motor torques.
+FLEXION_COLOUR, EXTENSION_COLOUR = "#6E9A00", "#B5179E"
 # Parts of the commanded torque, by the words of the log columns.
 TORQUE_COLOURS: dict[str, str] = {
-    "impedance": REDDISH_PURPLE,
-    "friction_compensation": BLUISH_GREEN,
-    "gravity_compensation": ORANGE,
-    "inertia_compensation": SKY_BLUE,
-    "target": BLUE,
+    "impedance": "#9A6BF0",
+    "friction_compensation": "#3FA7A3",
+    "gravity_compensation": "#A0785A",
+    "inertia_compensation": "#6C7FA8",
+    "target": "#A9B331",
 }
 # Sources of work, by the words of the log columns.
 WORK_COLOURS: dict[str, str] = {
-    "motor": BLUE,
-    "friction": VERMILLION,
-    "stop": YELLOW,
-    "spring": BLUISH_GREEN,
-    "contact": ORANGE,
-    "patient": REDDISH_PURPLE,
-    "brace": SKY_BLUE,
+    "motor": "#3B4252",
+    "friction": "#E8836B",
+    "stop": "#F7B7D2",
+    "spring": "#8FD694",
+    "contact": GROUND_FORCE_COLOUR,
+    "patient": "#4F6D1F",
+    "brace": "#12716F",
 }
 
 # For phases of a table that does not use the five names.
-_FURTHER_COLOURS = (REDDISH_PURPLE, YELLOW, GREY, *reversed(PHASE_COLOURS.values()))
+_FURTHER_COLOURS = ("#F4B183", "#A9D8C8", "#C9B8E8", *reversed(PHASE_COLOURS.values()))
 
 
 def phase_colour(phase: str, position: int = 0) -> str:

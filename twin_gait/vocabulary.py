@@ -25,6 +25,7 @@ class GaitPhase(StrEnum):
 
 # Phases beside the five of the cycle: standing still, and the swing that begins a walk.
 STAND, FIRST_SWING = "stand", "first_swing"
+HOLD = "hold"  # what is shown in place of a phase after a trip of the safety monitor
 
 STANCE_PHASES = frozenset({GaitPhase.EARLY_STANCE, GaitPhase.MIDDLE_STANCE, GaitPhase.LATE_STANCE})
 
@@ -45,6 +46,17 @@ class Side(StrEnum):
 
     LEFT = "left"
     RIGHT = "right"
+
+
+class Outcome(StrEnum):
+    """What came of a run; :mod:`twin_gait.measures.verdict` decides it."""
+
+    WALKED = "walked"
+    STALLED = "stalled"
+    HUNG = "hung"
+    HELD = "held"
+    FELL = "fell"
+    DIVERGED = "diverged"
 
 
 class Sex(StrEnum):

@@ -25,7 +25,7 @@ from twin_gait.checking.signals import ANY_ANGLE, HIGHEST_VELOCITY, JOINT_RANGES
 from twin_gait.checking.waiving import unknown_rule, unused_waiver, waive
 from twin_gait.configuration import load_experiment, load_gait_table, packaged_gait_tables
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
-from twin_gait.configuration.gait_table_file import packaged_table_path
+from twin_gait.configuration.table_inheritance import packaged_table_path
 from twin_gait.exceptions import GaitTableError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
@@ -48,6 +48,7 @@ _MODULES = (
     sense,
 )
 RULES: tuple[Rule, ...] = tuple(rule for module in _MODULES for rule in module.RULES)
+NOTES: tuple[Rule, ...] = (stability.stability_margin,)  # rules that find notes only
 REPORT_VERSION = 1
 
 
@@ -57,14 +58,17 @@ def rules() -> dict[str, str]:
     return {rule.__name__: (rule.__doc__ or "").splitlines()[0] for rule in everything}
 
 
-def load_subject(source: str | Path, experiment: str | Path | None = None) -> Subject:
+def load_subject(
+    source: str | Path | None, experiment: str | Path | None = None, settings: Sequence[str] = ()
+) -> Subject:
     """Load a table and what it is checked against.
 
     Args:
-        source: Name of a packaged table, or path of a table file.
+        source: Name of a packaged table, or path of a table file; None for the experiment's own table.
         experiment: Preset, or path of an experiment file or run directory. Without it a table for hip
             and knee is checked against the preset of its name, or the default one, and a table for other
             joints by itself.
+        settings: Laid over the experiment, as in :func:`~twin_gait.configuration.load_experiment`.
 
     Returns:
         The subject; its table may be a draft.
@@ -72,12 +76,15 @@ def load_subject(source: str | Path, experiment: str | Path | None = None) -> Su
     Raises:
         TwinGaitError: If a file has a mistake, or the experiment cannot drive the joints of the table.
     """
+    if source is None:
+        own = load_experiment(experiment or DEFAULT_PRESET, settings).experiment
+        return build_subject(own.table, own)
     table = _load_table(source)
     if experiment is None:
         if table.joints != (JointName.HIP, JointName.KNEE):
             return build_subject(table)
         experiment = table.name if table.name in presets() else DEFAULT_PRESET
-    return build_subject(table, load_experiment(experiment).experiment)
+    return build_subject(table, load_experiment(experiment, settings).experiment)
 
 
 def _load_table(source: str | Path) -> GaitTable:
@@ -143,6 +150,20 @@ def check(subject: Subject, chosen: Sequence[Rule] = RULES) -> list[Finding]:
     known = rules()
     found += [*unknown_rule(subject, known), *unused_waiver(subject, found, known)]
     return sorted(waive(subject.table, found), key=lambda finding: _order(subject.table, finding))
+
+
+def check_before_run(experiment: Experiment) -> list[Finding]:
+    """Check an experiment's own table for what matters to a run.
+
+    Args:
+        experiment: The experiment.
+
+    Returns:
+        Errors and warnings that nobody has waived.
+    """
+    chosen = [rule for rule in RULES if rule not in NOTES]
+    findings = check(build_subject(experiment.table, experiment), chosen)
+    return [item for item in findings if item.severity is not Severity.NOTE and not item.waived]
 
 
 def _order(table: GaitTable, finding: Finding) -> tuple[int, bool, int]:

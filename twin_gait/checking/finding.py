@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Any
 
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, Transition
@@ -59,12 +60,14 @@ class Subject:
         experiment: What the table drives; None if it has joints that no leg model here has.
         limits: Lowest and highest angle of each joint of the table in [rad].
         velocity_limits: Highest speed of each joint of the table in [rad] / [s].
+        shared: What one rule has worked out and another needs too.
     """
 
     table: GaitTable
     experiment: Experiment | None
     limits: Mapping[str, tuple[float, float]]
     velocity_limits: Mapping[str, float] = field(default_factory=dict)
+    shared: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def has_other_leg(self) -> bool:

@@ -13,6 +13,7 @@ from twin_gait.checking.frame_map import LinearLoop, leg_motion
 from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.experiment import Experiment
 from twin_gait.leg_model import LegModel, PelvisGuide
 from twin_gait.parameters import ActuatorParameters, FrictionParameters
 from twin_gait.scenario.world import build_leg_model
@@ -189,7 +190,13 @@ def hanging_legs(subject: Subject) -> list[HangingLeg]:
     """
     if subject.experiment is None:
         return []
-    experiment = subject.experiment
+    if hanging_legs not in subject.shared:
+        subject.shared[hanging_legs] = _hanging_legs(subject.experiment)
+    legs: list[HangingLeg] = subject.shared[hanging_legs]
+    return legs
+
+
+def _hanging_legs(experiment: Experiment) -> list[HangingLeg]:
     problem = build_problem(experiment)
     plant = build_leg_model(
         experiment.leg,

@@ -69,6 +69,7 @@ class SignalSpace:
         )
         self.program = compile_guards(self.table)
         self.names = all_signal_names(self.table.joints)
+        self._scales = {name: signal_scale(name) for name in self.names}
         self._clauses = [disjunctive_form(item.guard, self.others) for item in self.table.transitions]
 
     # ------------------------------------------------------------------ the table
@@ -171,7 +172,7 @@ class SignalSpace:
 
     def array(self, point: Point) -> np.ndarray:
         """Signal array of a point as the evaluator reads it; signals that it leaves open are 0."""
-        values = np.array([point.signals.get(name, 0.0) * signal_scale(name) for name in self.names])
+        values = np.array([point.signals.get(name, 0.0) * scale for name, scale in self._scales.items()])
         if point.other is None:
             values[len(values) // 2 :] = np.nan
         return values

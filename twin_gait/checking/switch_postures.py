@@ -149,20 +149,30 @@ def first_entries(space: SignalSpace, leg: HangingLeg, phase: str, depth: int = 
         depth: Phases before this one that are followed; the first of them is entered at rest.
 
     Returns:
-        Postures in [rad], one for each way into the phase.
+        Postures in [rad], each once, of all ways into the phase.
     """
+    shared = space.subject.shared
+    key = (first_entries, leg.side, phase, depth)
+    if key not in shared:
+        shared[key] = _first_entries(space, leg, phase, depth)
+    found: list[np.ndarray] = shared[key]
+    return found
+
+
+def _first_entries(space: SignalSpace, leg: HangingLeg, phase: str, depth: int) -> list[np.ndarray]:
     number = space.table.phase_index(phase)
-    found = []
+    found: dict[bytes, np.ndarray] = {}  # ways that meet again have one end
     for index, item in enumerate(space.table.transitions):
         if item.target != phase or item.is_time_out or depth == 0:
             continue
         source = space.table.phase_index(item.source)
         for start in first_entries(space, leg, item.source, depth - 1):
-            rest = find_rest(leg, source, start)
+            rest = _shared_rest(space, leg, source, start)
             opened = postures(space, index, leg, rest, _ENTRY_SAMPLES)
             if opened is not None:
-                found.append(opened.angles[np.abs(opened.angles - start).sum(axis=1).argmin()])
-    return found or entries(leg, number)
+                angles = opened.angles[np.abs(opened.angles - start).sum(axis=1).argmin()]
+                found[angles.tobytes()] = angles
+    return list(found.values()) or entries(leg, number)
 
 
 def first_rests(space: SignalSpace, leg: HangingLeg, phase: str) -> list[Rest]:
@@ -177,4 +187,13 @@ def first_rests(space: SignalSpace, leg: HangingLeg, phase: str) -> list[Rest]:
         One rest for each way into the phase.
     """
     number = space.table.phase_index(phase)
-    return [find_rest(leg, number, start) for start in first_entries(space, leg, phase)]
+    return [_shared_rest(space, leg, number, start) for start in first_entries(space, leg, phase)]
+
+
+def _shared_rest(space: SignalSpace, leg: HangingLeg, phase: int, start: np.ndarray) -> Rest:
+    """Rest of a leg in a phase, found once for all rules and ways."""
+    shared, key = space.subject.shared, (find_rest, leg.side, phase, start.tobytes())
+    if key not in shared:
+        shared[key] = find_rest(leg, phase, start)
+    found: Rest = shared[key]
+    return found

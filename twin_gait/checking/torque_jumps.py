@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.balance import Rest
 from twin_gait.checking.finding import Finding, Severity, Subject, label
 from twin_gait.checking.hanging_leg import HangingLeg, friction_torque, hanging_legs
 from twin_gait.checking.signals import SignalSpace
@@ -56,20 +55,17 @@ def _blend(leg: HangingLeg) -> tuple[np.ndarray, np.ndarray]:
 def _commands(leg: HangingLeg, old: int, new: int, joint: int, samples: Postures) -> np.ndarray:
     """Commanded torque of a joint through a blend, postures held, in [N m], ``(n_samples, n_ticks)``."""
     law = leg.problem.experiment.control.friction_model[leg.joints[joint]]
-    gravity = np.array([leg.reckoned_gravity(angles)[joint] for angles in samples.angles])
-    friction = np.array(
-        [friction_torque(law, velocity) for velocity in samples.velocities[:, joint].tolist()]
-    )
-    states = np.array([samples.angles[:, joint], samples.velocities[:, joint]]).T.tolist()
+    gravity = np.array([leg.reckoned_gravity(posture)[joint] for posture in samples.angles])
+    angles, velocities = samples.angles[:, joint], samples.velocities[:, joint]
+    friction = np.array([friction_torque(law, velocity) for velocity in velocities.tolist()])
+    columns = [leg.column(which)[:, joint] for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
     commands = []
     for share in _blend(leg)[1].tolist():
-        k, b, zero, gain = (
-            blend(leg.column(which)[old, joint], leg.column(which)[new, joint], share)
-            for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)
-        )
+        k, b, zero, gain = (blend(column[old], column[new], share) for column in columns)
         carried = blend(leg.gravity_shares[old], leg.gravity_shares[new], share)
-        impedance = [impedance_torque(angle, velocity, k, b, zero) for angle, velocity in states]
-        commands.append(np.array(impedance) + gain * friction + carried * gravity)
+        # The law is linear: arrays of postures pass as numbers do.
+        impedance = np.asarray(impedance_torque(angles, velocities, k, b, zero))  # type: ignore[arg-type]
+        commands.append(impedance + gain * friction + carried * gravity)
     return np.array(commands).T
 
 
@@ -116,13 +112,10 @@ def torque_jump(subject: Subject) -> list[Finding]:
     space = SignalSpace(subject)
     findings = []
     for leg in hanging_legs(subject):
-        rests: dict[str, list[Rest]] = {}
         for index, item in enumerate(space.table.transitions):
-            if item.source not in rests:
-                rests[item.source] = first_rests(space, leg, item.source)
             jumps = [
                 jump
-                for rest in rests[item.source]
+                for rest in first_rests(space, leg, item.source)
                 if (samples := postures(space, index, leg, rest)) is not None
                 for jump in largest_jumps(leg, item, samples)
             ]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import argparse
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from twin_gait.cli.options import add_settings
 from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.exceptions import ParameterError
 
@@ -27,7 +28,12 @@ def add_parser(commands: Any) -> None:
         ),
     )
     parser.add_argument("table", nargs="?", metavar="TABLE", help="packaged table or YAML file")
-    parser.add_argument("--experiment", metavar="FILE", help="preset or experiment file that it drives")
+    parser.add_argument(
+        "--experiment",
+        metavar="FILE",
+        help="preset, experiment file or run directory that it drives; without TABLE its own is checked",
+    )
+    add_settings(parser, "change any value of the experiment, as for simulate")
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
     parser.add_argument("--rules", action="store_true", help="list the rules and end")
     parser.set_defaults(run=run)
@@ -43,16 +49,16 @@ def run(arguments: argparse.Namespace) -> int:
         width = max(map(len, rules()))
         print("\n".join(f"{name:<{width}}  {meaning}" for name, meaning in rules().items()))
         return DONE
-    if arguments.table is None:
-        raise ParameterError("check: expected a gait table; --rules lists the rules")
-    subject = load_subject(arguments.table, arguments.experiment)
+    if arguments.table is None and arguments.experiment is None:
+        raise ParameterError("check: expected a gait table or --experiment; --rules lists the rules")
+    subject = load_subject(arguments.table, arguments.experiment, arguments.settings)
     findings = check(subject)
     if arguments.json:
         print(json.dumps(report(subject, findings), indent=2, ensure_ascii=False, allow_nan=False))
     else:
         against = "by itself" if subject.experiment is None else f"against {subject.experiment.name}"
         print("\n".join(draw(findings)))
-        print(f"{subject.table.name}, {against}: {_counted(counts(findings))}")
+        print(f"{subject.table.name}, {against}: {counted(counts(findings))}")
     return FAILED if counts(findings)["errors"] else DONE
 
 
@@ -63,11 +69,7 @@ def draw(findings: Sequence[Finding]) -> Iterator[str]:
         findings: In the order of the check.
     """
     for finding in findings:
-        place = " · ".join(
-            part for part in (finding.transition or finding.phase, finding.side) if part is not None
-        )
-        heading = f"waived {finding.severity}" if finding.waived else str(finding.severity)
-        yield f"{heading} {finding.rule}" + (f": {place}" if place else "")
+        yield f"{'waived ' if finding.waived else ''}{heading(finding)}"
         if finding.waived:
             yield from _wrapped(finding.waived)
             continue
@@ -78,6 +80,12 @@ def draw(findings: Sequence[Finding]) -> Iterator[str]:
             yield from _wrapped(f"→ {finding.suggestion}")
 
 
+def heading(finding: Finding) -> str:
+    """Severity, rule and place of a finding."""
+    parts = [str(part) for part in (finding.transition or finding.phase, finding.side) if part is not None]
+    return f"{finding.severity} {finding.rule}" + (f": {' · '.join(parts)}" if parts else "")
+
+
 def _wrapped(text: str) -> list[str]:
     return textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="    ")
 
@@ -86,7 +94,8 @@ def _signal(name: str, value: float | str) -> str:
     return f"{name} {value if isinstance(value, str) else format(value, '.7g')}"
 
 
-def _counted(numbers: dict[str, int]) -> str:
+def counted(numbers: Mapping[str, int]) -> str:
+    """Numbers of findings in words, by the plurals that name them."""
     parts = []
     for plural, number in numbers.items():
         word = plural if number != 1 or plural == "waived" else plural.removesuffix("s")

@@ -53,6 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.configuration import load_experiment
     from twin_gait.exceptions import ParameterError
     from twin_gait.experiment import LONGEST_RUN
+    from twin_gait.files import private_files
     from twin_gait.studies.live.protocol import LONGEST_NAME
     from twin_gait.studies.live.session import LiveSession
     from twin_gait.studies.live.session_records import default_database
@@ -64,17 +65,18 @@ def run(arguments: argparse.Namespace) -> int:
     duration = LONGEST_RUN if arguments.duration is None else arguments.duration
     loaded = load_experiment(arguments.experiment, [*arguments.settings, f"duration_s={duration:g}"])
     name = loaded.experiment.name
-    session = LiveSession(
-        loaded,
-        arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{name}-live",
-        user=arguments.user,
-        force=arguments.force,
-        pictures=not arguments.no_pictures,
-        database=None if arguments.no_record else default_database(),
-        on_compile=note_compilation,
-        on_step=note_step,
-    )
-    interrupted = asyncio.run(_serve(session, loaded.experiment, arguments))
+    with private_files():
+        session = LiveSession(
+            loaded,
+            arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{name}-live",
+            user=arguments.user,
+            force=arguments.force,
+            pictures=not arguments.no_pictures,
+            database=None if arguments.no_record else default_database(),
+            on_compile=note_compilation,
+            on_step=note_step,
+        )
+        interrupted = asyncio.run(_serve(session, loaded.experiment, arguments))
     return _finish(session, interrupted and arguments.duration is not None)
 
 

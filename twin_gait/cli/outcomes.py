@@ -34,6 +34,7 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.configuration import load_experiment
     from twin_gait.files import write_atomically
     from twin_gait.studies.people.outcome_map import draw_map, experiment_of, grid, map_outcomes
+    from twin_gait.vocabulary import Outcome
 
     workers = workers_of(arguments)
     if arguments.out is not None:
@@ -43,8 +44,8 @@ def run(arguments: argparse.Namespace) -> int:
     experiment_of(base, cases[0])
     with progress_bar("walking", "case") as progress:
         table = map_outcomes(base, cases, workers=workers, progress=progress)
-    walking = (table["outcome"] == "walks").mean()
-    print(f"{base.name}, {base.duration:g} s each, {len(table)} cases: {walking:.0%} walk")
+    walking = (table["outcome"] == Outcome.WALKED).mean()
+    print(f"{base.name}, {base.duration:g} s each, {len(table)} cases: {walking:.0%} walked")
     print(draw_map(table))
     if arguments.out is not None:
         write_atomically(arguments.out, table.to_csv(index=False, lineterminator="\n"))

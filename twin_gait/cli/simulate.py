@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +24,7 @@ from twin_gait.cli.terminal import (
 )
 
 if TYPE_CHECKING:
+    from twin_gait.experiment import Experiment
     from twin_gait.simulation import Run
 
 
@@ -54,6 +57,9 @@ def add_parser(commands: Any) -> None:
         action="store_true",
         help="run again at a tenth of the step and report the difference (takes ten times as long)",
     )
+    parser.add_argument(
+        "--unchecked", action="store_true", help="run a gait table in which the check finds errors"
+    )
     parser.set_defaults(run=run)
 
 
@@ -74,6 +80,8 @@ def run(arguments: argparse.Namespace) -> int:
         settings.append(f"faults={json.dumps(arguments.faults)}")
     loaded = load_experiment(arguments.experiment, settings)
     loaded.experiment.build_world()
+    if not arguments.unchecked:
+        check_table(loaded.experiment, arguments.experiment, arguments.settings)
     out = arguments.out or Path("runs") / f"{time.strftime('%Y%m%d-%H%M%S')}-{loaded.experiment.name}"
     with (
         stop_on_interrupt() as should_stop,
@@ -100,23 +108,57 @@ def run(arguments: argparse.Namespace) -> int:
     if result.status is RunStatus.INTERRUPTED:
         return INTERRUPTED
     if arguments.view:
-        from twin_gait.cli.view import show_log
+        from twin_gait.cli.view import show_run
 
-        show_log(loaded.experiment, result.log)
+        show_run(result)
     if result.status is RunStatus.DIVERGED:
         return FAILED
     return FAILED if result.status is RunStatus.FELL and arguments.fail_on_fall else DONE
 
 
+def check_table(experiment: Experiment, source: str, settings: Sequence[str]) -> None:
+    """Stop at errors of the gait table, and say on one line how many warnings there are.
+
+    Args:
+        experiment: What is going to run.
+        source: How the user named it.
+        settings: What they laid over it.
+
+    Raises:
+        GaitTableError: If there is an error.
+    """
+    from twin_gait.checking.check import check_before_run, counts
+    from twin_gait.cli.check import counted, heading
+    from twin_gait.exceptions import GaitTableError
+
+    note_step("nothing yet: checking the gait table")
+    note_step("the gait table", "checking")
+    findings = check_before_run(experiment)
+    clear_line()
+    if not findings:
+        return
+    numbers = {name: number for name, number in counts(findings).items() if number}
+    words = [word for text in settings for word in ("--set", text)]
+    table = f"gait table {experiment.table.name}: {counted(numbers)}"
+    see = f"see {shlex.join(['twin-gait', 'check', '--experiment', source, *words])}"
+    if "errors" in numbers:
+        worst = findings[0]
+        raise GaitTableError(
+            f"{table}; {heading(worst)}: {worst.reason}; {see}; --unchecked runs it as it is"
+        )
+    print(f"{table}; {see}", file=sys.stderr)
+
+
 def report(result: Run, summary: dict[str, Any], out: Path) -> None:
     """Print what came out, in a few lines."""
+    from twin_gait.simulation import RunStatus
+
     pace = summary["realtime_factor"]
-    print(f"{result.status}: {result.duration:g} s in {result.wall_s:.1f} s ({pace:.1f} x real time)")
-    if result.reason:
-        print(f"  {result.reason}")
-    if result.trip is not None:
-        trip = result.trip
-        print(f"  tripped at {trip.time:.3f} s: {trip.cause} ({trip.place}); held from there on")
+    ended = f"{result.status}, " if result.status is RunStatus.INTERRUPTED else ""
+    word = result.verdict.outcome or result.status
+    print(f"{ended}{word}: {result.duration:g} s in {result.wall_s:.1f} s ({pace:.1f} x real time)")
+    if result.verdict.reason:
+        print(f"  {result.verdict.reason}")
     for line in summary_lines(summary):
         print(f"  {line}")
     print(f"  {out}")
@@ -124,13 +166,18 @@ def report(result: Run, summary: dict[str, Any], out: Path) -> None:
 
 def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
     """The figures that a reader wants first."""
+    from twin_gait.measures.strides import stride_count
+
     for side, values in summary["sides"].items():
-        if not values.get("strides_counted"):
+        found, counted = values.get("strides"), values.get("strides_counted")
+        if found is None:
             continue
-        line = (
-            f"{side}: {values['strides']} strides of {values['stride_time_mean_s']:.2f} s, "
-            f"swing {values['swing_share'] * 100:.0f} %"
-        )
+        if not counted:
+            yield f"{side}: {stride_count(0, found)}"
+            continue
+        line = f"{side}: {stride_count(counted, found)} of {values['stride_time_mean_s']:.2f} s"
+        if values["swing_share"] is not None:
+            line = f"{line}, swing {values['swing_share'] * 100:.0f} %"
         hip, knee = values["rmse_hip_by_contact_deg"], values["rmse_knee_by_contact_deg"]
         if hip is not None:
             line = f"{line}, off the Koopman reference by {hip:.1f}° (hip) and {knee:.1f}° (knee) RMS"

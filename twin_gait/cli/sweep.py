@@ -94,4 +94,6 @@ def report(result: SweepResult) -> None:
     if last["episodes"]:
         pace = last["worker_s_per_episode"]
         print(f"  {last['wall_s']:.1f} s, {pace:.3g} s of a worker's time per episode")
+    if result.not_drawn:
+        print(f"  not drawn, because no completed episode has it: {', '.join(result.not_drawn)}")
     print(f"  {result.directory}")

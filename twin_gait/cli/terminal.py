@@ -1,13 +1,22 @@
-"""What the commands share: exit statuses, progress bars, Ctrl-C."""
+"""What the commands share: exit statuses, the terminal, progress bars, Ctrl-C."""
 
 from __future__ import annotations
 
+import io
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
+
+
+def write_on_any_terminal() -> None:
+    """Print on terminals that know no ° or σ too: what they cannot show becomes a question mark."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 @contextmanager
@@ -42,10 +51,24 @@ def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
         yield update
 
 
-def note_step(name: str) -> None:
-    """Say on a terminal which file is being written."""
+def note_step(name: str, doing: str = "writing") -> None:
+    """Say on a terminal what is being done, such as which file is being written."""
     if sys.stderr.isatty():
-        print(f"\r\033[Kwriting {name}", end="", file=sys.stderr, flush=True)
+        print(f"\r\033[K{doing} {name}", end="", file=sys.stderr, flush=True)
+
+
+def warn_on_one_line() -> None:
+    """Print warnings of Python on one line, each once, however often a model is built."""
+    shown: set[str] = set()
+
+    def line(message: Warning | str, *_: object, **__: object) -> str:
+        text = f"twin-gait: warning: {' '.join(str(message).split())}\n"
+        if text in shown:
+            return ""
+        shown.add(text)
+        return text
+
+    warnings.formatwarning = line
 
 
 def note_compilation() -> None:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import atexit
+import html
 import math
 import os
 import re
+import shutil
 import sys
+import tempfile
 import time
 import webbrowser
 from pathlib import Path
@@ -17,11 +21,9 @@ from twin_gait.cli.terminal import DONE, stop_on_interrupt
 from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
-    import pandas as pd
-
-    from twin_gait.experiment import Experiment
+    from twin_gait.simulation.run import Run
     from twin_gait.studies.shown_run import ShownRun
     from twin_gait.viewer.picture import PictureSize
 
@@ -33,8 +35,8 @@ def add_parser(commands: Any) -> None:
     parser = commands.add_parser(
         "view",
         help="show one run, two beside each other, or a URDF in the browser; draw a picture",
-        description="Show a run directory, two of them beside each other, or any URDF in the browser until "
-        "Ctrl-C; or write the page or a picture of it.",
+        description="Show a run directory, two of them beside each other, or any URDF with a slider for each "
+        "joint in the browser until Ctrl-C; or write the page or a picture of it.",
     )
     parser.add_argument(
         "targets", type=Path, nargs="+", metavar="RUN|URDF", help="one or two run directories, or a URDF file"
@@ -44,6 +46,7 @@ def add_parser(commands: Any) -> None:
         "--png", type=Path, metavar="FILE", help="draw a picture with Chromium and open nothing"
     )
     parser.add_argument("--at", type=float, metavar="S", help="moment of the picture, or to open at, in s")
+    parser.add_argument("--up", choices=("x", "y", "z"), help="vertical of a URDF (z)")
     parser.add_argument("--size", metavar="WxH", help="size of the picture in pixels (1600x1000)")
     parser.add_argument("--dark", action="store_true", help="draw the dark page")
     parser.add_argument("--force", action="store_true", help="replace an existing FILE")
@@ -56,13 +59,15 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Show or draw the targets."""
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
-    from twin_gait.studies.shown_run import read_shown_run
+    from twin_gait.studies.shown_run import page_of, read_shown_run
 
     _check(arguments)
     urdfs = [path for path in arguments.targets if path.is_file() or str(path) in PACKAGED_URDFS]
     if urdfs:
         _refuse_beside_a_urdf(arguments, urdfs[0])
-        return show_urdf(urdfs[0], port=arguments.port)
+        return _show_urdf(urdfs[0], arguments)
+    if arguments.up is not None:
+        raise ParameterError("--up: is for a URDF; the experiment of a run says what its vertical is")
     runs = [read_shown_run(path) for path in arguments.targets]
     longest = max(one.duration for one in runs)
     if arguments.at is not None and not 0.0 <= arguments.at <= longest + 1e-9:
@@ -76,7 +81,25 @@ def run(arguments: argparse.Namespace) -> int:
             repeat=not arguments.once,
             dark=arguments.dark,
         )
-    return _write(runs, arguments)
+    moments = () if arguments.at is None else (arguments.at,)
+    return _write(lambda: page_of(runs, moments=moments), arguments)
+
+
+def _show_urdf(urdf: Path, arguments: argparse.Namespace) -> int:
+    """Show a URDF until Ctrl-C, or draw it."""
+    from twin_gait.viewer.page_server import PageServer
+    from twin_gait.viewer.urdf_page import urdf_page
+
+    def page() -> str:
+        return urdf_page(urdf, up_axis=arguments.up or "z")
+
+    if arguments.out is not None or arguments.png is not None:
+        return _write(page, arguments)
+    with stop_on_interrupt() as should_stop, PageServer(page(), port=arguments.port) as server:
+        announce(f"{server.url}{_fragment(None, 1.0, arguments.dark)}")
+        while not should_stop():
+            time.sleep(0.1)
+    return DONE
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -99,10 +122,8 @@ def _check(arguments: argparse.Namespace) -> None:
 def _refuse_beside_a_urdf(arguments: argparse.Namespace, urdf: Path) -> None:
     if len(arguments.targets) > 1:
         raise ParameterError(f"{urdf}: is a URDF, and only runs can be shown beside each other")
-    given = {"--out": arguments.out, "--png": arguments.png, "--at": arguments.at}
-    for option, value in given.items():
-        if value is not None:
-            raise ParameterError(f"{option}: needs a run directory, and {urdf} is a URDF")
+    if arguments.at is not None:
+        raise ParameterError(f"--at: needs a run directory, and {urdf} is a URDF")
 
 
 def picture_size(text: str | None) -> PictureSize:
@@ -130,16 +151,15 @@ def picture_size(text: str | None) -> PictureSize:
     return size
 
 
-def _write(runs: Sequence[ShownRun], arguments: argparse.Namespace) -> int:
+def _write(make: Callable[[], str], arguments: argparse.Namespace) -> int:
     """Write the page, the picture, or both."""
     from twin_gait.files import write_atomically
-    from twin_gait.studies.shown_run import page_of
     from twin_gait.viewer.picture import find_browser, take_picture
 
     size = picture_size(arguments.size)
     if arguments.png is not None:
         find_browser()  # before the work, not after it
-    page = page_of(runs, moments=() if arguments.at is None else (arguments.at,))
+    page = make()
     if arguments.out is not None:
         write_atomically(arguments.out.expanduser(), page)
         print(arguments.out)
@@ -182,15 +202,12 @@ def _fragment(at: float | None, speed: float, dark: bool) -> str:
     return f"#{'&'.join(words)}" if words else ""
 
 
-def show_log(
-    experiment: Experiment, log: pd.DataFrame, *, speed: float = 1.0, repeat: bool = True, port: int = 7000
-) -> int:
-    """Show a log in the browser until Ctrl-C, or for as long as it lasts.
+def show_run(run: Run, *, speed: float = 1.0, repeat: bool = True, port: int = 7000) -> int:
+    """Show a run in the browser until Ctrl-C, or for as long as it lasts.
 
     Args:
-        experiment: What was run.
-        log: One row per tick.
-        speed: Seconds of the log per second.
+        run: The run.
+        speed: Seconds of the run per second.
         repeat: Whether to go on after that.
         port: First port to try.
 
@@ -199,27 +216,9 @@ def show_log(
     """
     from twin_gait.studies.shown_run import ShownRun
 
-    shown = ShownRun(f"twin_gait · {experiment.name}", experiment, log)
+    name = f"twin_gait · {run.experiment.name}"
+    shown = ShownRun(name, run.experiment, run.log, (), run.events, run.status)
     return _serve([shown], speed=speed, repeat=repeat, port=port)
-
-
-def show_urdf(path: Path, *, port: int = 7000) -> int:
-    """Show a URDF until Ctrl-C.
-
-    Args:
-        path: The file, or the name of a packaged one.
-        port: First port to try.
-
-    Returns:
-        Exit status.
-    """
-    from twin_gait.viewer import view_urdf
-
-    with stop_on_interrupt() as should_stop, view_urdf(path, port=port) as viewer:
-        announce(viewer.url)
-        while not should_stop():
-            time.sleep(0.1)
-    return DONE
 
 
 def announce(url: str) -> None:
@@ -227,4 +226,16 @@ def announce(url: str) -> None:
     print(f"open {url} in a browser; Ctrl-C ends", flush=True)
     # Without a screen Python would start a text browser in this terminal.
     if sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        webbrowser.open(url)
+        webbrowser.open(_signpost(url).as_uri())
+
+
+def _signpost(url: str) -> Path:
+    """A page of the user's own that leads to the address, until the program ends.
+
+    Every user of the machine can read what a browser is started with, and the address holds the token.
+    """
+    folder = tempfile.mkdtemp(prefix="twin_gait_")  # nobody else may look into it
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    path = Path(folder) / "open.html"
+    path.write_text(f'<meta http-equiv="refresh" content="0;url={html.escape(url)}">', encoding="utf-8")
+    return path

@@ -204,7 +204,13 @@ def _scenario(scenario: TreadmillScenario | BenchLegScenario) -> dict[str, Any]:
         "kind": "treadmill",
         "belt_speed_m_per_s": scenario.belt_speed,
         **({} if scenario.belt is None else {"belt": _belt(scenario.belt)}),
-        "support": {"share": scenario.support.share, "damping_Ns_per_m": scenario.support.damping},
+        "stop_ramp_s": None if math.isinf(scenario.stop_ramp) else scenario.stop_ramp,
+        "support": {
+            "share": scenario.support.share,
+            "damping_Ns_per_m": scenario.support.damping,
+            "catch_stiffness_N_per_m": scenario.support.catch_stiffness,
+            "catch_dissipation_s_per_m": scenario.support.catch_dissipation,
+        },
         "contact": {
             "stiffness_N_per_m1p5": contact.stiffness,
             "dissipation_s_per_m": contact.dissipation,

@@ -10,13 +10,15 @@ from typing import Any
 
 from twin_gait.configuration.documents import content_hash, experiment_document, integration_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.configuration.gait_table_file import (
+from twin_gait.configuration.gait_table_file import gait_table_from_mapping
+from twin_gait.configuration.overrides import assign, merge, parse_assignments
+from twin_gait.configuration.people import SIDES, names_a_person, person_document
+from twin_gait.configuration.table_inheritance import (
     extended_table,
+    own_entries_named,
     packaged_gait_tables,
     read_gait_table,
 )
-from twin_gait.configuration.overrides import assign, merge, parse_assignment
-from twin_gait.configuration.people import SIDES, names_a_person, person_document
 from twin_gait.configuration.validation import converting, read_yaml
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
@@ -67,7 +69,7 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     path = _find(source)
     where = f"preset {path.stem}" if path.parent == _folder() else str(path)
     data = _resolve_preset(read_yaml(path), path)
-    assignments = [parse_assignment(text) for text in settings]
+    assignments = parse_assignments(settings)
     for keys, value in assignments:
         if keys == ["table"]:
             data["table"] = value
@@ -172,7 +174,7 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
     base = _resolve_preset(read_yaml(_folder() / f"{name}.yaml"), _folder() / f"{name}.yaml")
     rest = {key: value for key, value in data.items() if key != "preset"}
     table = rest.pop("table", base.get("table"))
-    if isinstance(table, dict) and "schema_version" not in table:
+    if isinstance(table, dict) and not {"schema_version", "extends"} & set(table):
         table = merge(_resolve_table(base.get("table"), path), table)
     if named:  # he takes the place of the preset's, with nothing of it left underneath
         base = {**base, "patient": None}
@@ -181,7 +183,13 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
 
 def _resolve_table(table: Any, path: Path) -> dict[str, Any]:
     if isinstance(table, dict):
-        return extended_table(table, path)
+        if "extends" not in table:
+            return table
+        source = f"{path}: table"
+        data, places = extended_table(table, path, source)
+        with own_entries_named(places):
+            gait_table_from_mapping(data, source, path.stem)
+        return data
     if not isinstance(table, str):
         raise ParameterFileError(
             path,
@@ -191,7 +199,10 @@ def _resolve_table(table: Any, path: Path) -> dict[str, Any]:
     packaged = Path(str(files("twin_gait.configuration"))) / "tables" / f"{table}.yaml"
     for candidate in (path.parent / table, Path(table).expanduser(), packaged):
         if candidate.is_file():
-            return {"name": candidate.stem, **read_gait_table(candidate)}
+            data, places = read_gait_table(candidate)
+            with own_entries_named(places):  # while it is known what was written where
+                gait_table_from_mapping(data, str(candidate), candidate.stem)
+            return {"name": candidate.stem, **data}
     return converting(str(path), "table", lambda: _no_table(table))
 
 

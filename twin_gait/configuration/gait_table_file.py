@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import math
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.validation import Count, Number, Strict, converting, read_yaml, short, validate
+from twin_gait.configuration.table_inheritance import own_entries_named, packaged_table_path, read_gait_table
+from twin_gait.configuration.validation import (
+    DEGREE,
+    Count,
+    Number,
+    Strict,
+    converting,
+    one_of,
+    short,
+    validate,
+)
 from twin_gait.exceptions import GaitTableError, ParameterFileError
 from twin_gait.gait.guards import AllOf, AnyOf, Guard, parse_guard
 from twin_gait.gait.table import (
@@ -30,7 +39,6 @@ from twin_gait.gait.table import (
 )
 from twin_gait.vocabulary import GaitPhase, Side
 
-_DEGREE = math.pi / 180.0
 _PER_DEGREE = 180.0 / math.pi
 SCHEMA_VERSION = 1
 # Far beyond any drive, mass and speed; squares and powers of such numbers still are numbers.
@@ -64,21 +72,13 @@ class JointEntry(Strict):
 
     def convert(self) -> JointImpedance:
         """Convert to SI."""
-        stiffness = self.stiffness_Nm_per_rad
-        if self.stiffness_Nm_per_deg is not None:
-            stiffness = self.stiffness_Nm_per_deg * _PER_DEGREE
-        damping = self.damping_Nms_per_rad
-        if self.damping_Nms_per_deg is not None:
-            damping = self.damping_Nms_per_deg * _PER_DEGREE
-        equilibrium = self.equilibrium_rad
-        if self.equilibrium_deg is not None:
-            equilibrium = self.equilibrium_deg * _DEGREE
-        assert stiffness is not None and equilibrium is not None  # _one_unit_each checked it
         return JointImpedance(
-            stiffness=stiffness,
-            equilibrium_angle=equilibrium,
+            stiffness=one_of(self, {"stiffness_Nm_per_deg": _PER_DEGREE, "stiffness_Nm_per_rad": 1.0}),
+            equilibrium_angle=one_of(self, {"equilibrium_deg": DEGREE, "equilibrium_rad": 1.0}),
             friction_compensation_gain=self.friction_compensation_gain,
-            damping=damping,
+            damping=None
+            if self.damping_ratio is not None
+            else one_of(self, {"damping_Nms_per_deg": _PER_DEGREE, "damping_Nms_per_rad": 1.0}),
             damping_ratio=self.damping_ratio,
         )
 
@@ -97,9 +97,12 @@ class TransitionEntry(Strict):
     after_s: Number | None = Field(default=None, gt=0, le=LONGEST * TICK)
     dwell_ms: Count | None = Field(default=None, ge=1)
     driven_by: DrivenBy = DrivenBy.JOINT
+    remove: bool = False
 
     @model_validator(mode="after")
     def _one_condition(self) -> TransitionEntry:
+        if self.remove:
+            raise ValueError("remove: there is nothing inherited to remove; it goes with extends")
         if self.all is not None and self.any is not None:
             raise ValueError("give either all or any at this level; nest the other inside it")
         if self.all is None and self.any is None and self.after_s is None:
@@ -149,12 +152,6 @@ class WaiverEntry(Strict):
         return Waiver(rule=self.rule, reason=self.reason, phase=self.phase, transition=self.transition)
 
 
-def _hip_centre(entry: ScalingEntry) -> float:
-    if entry.hip_centre_rad is not None:
-        return entry.hip_centre_rad
-    return 0.0 if entry.hip_centre_deg is None else entry.hip_centre_deg * _DEGREE
-
-
 class GaitTableFile(Strict):
     """A gait table file."""
 
@@ -185,68 +182,9 @@ def load_gait_table(path: str | Path, *, draft: bool = False) -> GaitTable:
         ParameterFileError: If the file has a mistake; the message names file, key and value.
     """
     path = Path(path)
-    return gait_table_from_mapping(read_gait_table(path), str(path), path.stem, draft=draft)
-
-
-def read_gait_table(path: Path) -> dict[str, Any]:
-    """Read a gait table file as a mapping, laid over the table that it extends.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The mapping, without ``extends``.
-
-    Raises:
-        ParameterFileError: If a file has a mistake, or a chain of tables comes back to where it began.
-    """
-    return extended_table(read_yaml(path), path)
-
-
-def extended_table(data: dict[str, Any], path: Path, below: tuple[Path, ...] = ()) -> dict[str, Any]:
-    """Lay a table over the one that its key ``extends`` names.
-
-    Mappings are laid over each other key by key, as presets are. Transitions and waivers follow those of the
-    table underneath, which therefore come first where two exits are due at once. The name is not taken over.
-
-    Args:
-        data: The parsed file.
-        path: Where it stands; a relative path starts from its folder.
-        below: Files of the tables that extend this one.
-
-    Returns:
-        The mapping, without ``extends``; itself where there is none.
-
-    Raises:
-        ParameterFileError: If there is no such table, or the chain comes back to where it began.
-    """
-    if "extends" not in data:
-        return data
-    found = _extended_file(data["extends"], path)
-    chain = (*below, path.resolve())
-    if found.resolve() in chain:
-        raise ParameterFileError(path, "extends", f"{data['extends']!r} extends this table itself")
-    base = extended_table(read_yaml(found), found, chain)
-    rest = {key: value for key, value in data.items() if key != "extends"}
-    for key in ("transitions", "waive"):
-        rest[key] = [*_listed(base, key, found), *_listed(rest, key, path)]
-    return merge({key: value for key, value in base.items() if key != "name"}, rest)
-
-
-def _extended_file(name: Any, path: Path) -> Path:
-    if isinstance(name, str):
-        for candidate in (path.parent / name, Path(name).expanduser(), _tables() / f"{name}.yaml"):
-            if candidate.is_file():
-                return candidate
-    known = ", ".join(packaged_gait_tables())
-    raise ParameterFileError(path, "extends", f"no gait table {name!r}: neither a file nor one of {known}")
-
-
-def _listed(data: dict[str, Any], key: str, path: Path) -> list[Any]:
-    items = data.get(key) or []
-    if not isinstance(items, list):
-        raise ParameterFileError(path, key, f"expected a list, got {short(items)}")
-    return items
+    data, places = read_gait_table(path)
+    with own_entries_named(places):
+        return gait_table_from_mapping(data, str(path), path.stem, draft=draft)
 
 
 def packaged_gait_table(name: str) -> GaitTable:
@@ -262,32 +200,6 @@ def packaged_gait_table(name: str) -> GaitTable:
         GaitTableError: If there is no such table.
     """
     return load_gait_table(packaged_table_path(name))
-
-
-def packaged_table_path(name: str) -> Path:
-    """File of a gait table that ships with the package.
-
-    Args:
-        name: For example ``treadmill``.
-
-    Returns:
-        The path.
-
-    Raises:
-        GaitTableError: If there is no such table.
-    """
-    if name not in packaged_gait_tables():
-        raise GaitTableError(f"no gait table {name!r} ships; there are {', '.join(packaged_gait_tables())}")
-    return _tables() / f"{name}.yaml"
-
-
-def packaged_gait_tables() -> list[str]:
-    """Names of the gait tables that ship with the package."""
-    return sorted(path.stem for path in _tables().glob("*.yaml"))
-
-
-def _tables() -> Path:
-    return Path(str(files("twin_gait.configuration"))) / "tables"
 
 
 def gait_table_from_mapping(
@@ -351,7 +263,7 @@ def gait_table_from_mapping(
                 stance_phases=scaling.stance_phases,
                 speed=scaling.speed_m_per_s,
                 **{name: getattr(scaling, name) for name in SCALING_EXPONENTS},
-                hip_centre=_hip_centre(scaling),
+                hip_centre=one_of(scaling, {"hip_centre_deg": DEGREE, "hip_centre_rad": 1.0}, 0.0),
             ),
             description=entry.description,
             cycles=tuple(tuple(cycle) for cycle in entry.cycles),
@@ -403,8 +315,7 @@ def _at(model: type[Any], data: Any, source: str, key: str) -> Any:
     try:
         return validate(model, data, source)
     except ParameterFileError as error:
-        problem = str(error).split(f"{error.key}: ", 1)[-1] if error.key else str(error).split(": ", 1)[-1]
-        raise ParameterFileError(source, f"{key}.{error.key}".rstrip("."), problem) from error
+        raise ParameterFileError(source, f"{key}.{error.key}".rstrip("."), error.problem) from error
 
 
 def _transition(

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from twin_gait.exceptions import ParameterError
+from twin_gait.exceptions import ParameterError, ParameterFileError
 
 # Keys that name the same quantity in another unit; the longest suffix wins.
 _UNIT_SUFFIX = re.compile(
@@ -22,6 +22,39 @@ _NO_UNIT = frozenset({"friction_ratio"})
 def quantity_of(key: str) -> str:
     """Name of a key without its unit: ``damping_ratio`` and ``damping_Nms_per_rad`` are one quantity."""
     return key if key in _NO_UNIT else _UNIT_SUFFIX.sub("", key)
+
+
+def refuse_two_units(data: Mapping[str, Any], source: str) -> None:
+    """Refuse a mapping that gives one quantity in two units: nobody could say which is meant.
+
+    Args:
+        data: As it was written, in one file or on one command line.
+        source: Where, for messages.
+
+    Raises:
+        ParameterFileError: With both keys.
+    """
+    seen: set[int] = set()  # aliases are looked at once
+
+    def visit(node: Any, place: str) -> None:
+        if not isinstance(node, (Mapping, list)) or id(node) in seen:
+            return
+        seen.add(id(node))
+        if isinstance(node, list):
+            for index, item in enumerate(node):
+                visit(item, f"{place}[{index}]")
+            return
+        first: dict[str, str] = {}
+        for key, value in node.items():
+            if not isinstance(key, str):
+                continue  # the schema refuses it
+            other = first.setdefault(quantity_of(key), key)
+            if other != key:
+                problem = f"expected exactly one of {other} or {key}, got both; leave one out"
+                raise ParameterFileError(source, place, problem)
+            visit(value, f"{place}.{key}" if place else key)
+
+    visit(data, "")
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -47,6 +80,7 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
     return merged
 
 
+_DIGITS, _SHOWN = 9, 100  # of a list position, no list is longer; of a text in a message
 _STEP = re.compile(r"([A-Za-z_][\w]*)((?:\[\d+\])*)")
 
 
@@ -71,11 +105,31 @@ def parse_assignment(text: str) -> tuple[list[str | int], Any]:
         if not match:
             raise ParameterError(f"--set {text!r}: {part!r} is not a key; write names joined by dots")
         path.append(match.group(1))
-        path += [int(number) for number in re.findall(r"\d+", match.group(2))]
+        path += [int(number[:_DIGITS]) for number in re.findall(r"\d+", match.group(2))]
     try:
         return path, yaml.safe_load(value)
-    except yaml.YAMLError as error:
-        raise ParameterError(f"--set {text!r}: the value is not valid YAML") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        shown = text if len(text) < _SHOWN else f"{text[:_SHOWN]}…"
+        raise ParameterError(f"--set {shown!r}: the value is not valid YAML") from error
+
+
+def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]:
+    """Split the assignments of one command line.
+
+    Args:
+        texts: Each as :func:`parse_assignment` takes it; of those with the same key the last one counts.
+
+    Returns:
+        Their paths and values.
+
+    Raises:
+        ParameterError: If a text is not an assignment.
+        ParameterFileError: If a quantity is given in two units.
+    """
+    assignments = [parse_assignment(text) for text in texts]
+    keys = [text.partition("=")[0].strip() for text in texts]
+    refuse_two_units({key: value for key, (_, value) in zip(keys, assignments, strict=True)}, "--set")
+    return assignments
 
 
 def assign(mapping: Mapping[str, Any], path: Sequence[str | int], value: Any) -> dict[str, Any]:

@@ -75,10 +75,17 @@ class SupportEntry(Strict):
 
     share: Number = SupportParameters.share
     damping_Ns_per_m: Number = SupportParameters.damping
+    catch_stiffness_N_per_m: Number = SupportParameters.catch_stiffness
+    catch_dissipation_s_per_m: Number = SupportParameters.catch_dissipation
 
     def convert(self) -> SupportParameters:
         """Convert."""
-        return SupportParameters(share=self.share, damping=self.damping_Ns_per_m)
+        return SupportParameters(
+            share=self.share,
+            damping=self.damping_Ns_per_m,
+            catch_stiffness=self.catch_stiffness_N_per_m,
+            catch_dissipation=self.catch_dissipation_s_per_m,
+        )
 
 
 class BeltEntry(Strict):
@@ -118,6 +125,7 @@ class TreadmillEntry(Strict):
     belt_speed_m_per_s: Number | None = None
     belt_speed_km_per_h: Number | None = None
     belt: BeltEntry | None = None
+    stop_ramp_s: Number | None = TreadmillScenario.stop_ramp
     support: SupportEntry = SupportEntry()
     contact: ContactEntry = ContactEntry()
     leading: Side = Side.LEFT
@@ -133,6 +141,7 @@ class TreadmillEntry(Strict):
         return TreadmillScenario(
             belt_speed=one_of(self, {"belt_speed_m_per_s": 1.0, "belt_speed_km_per_h": 1.0 / 3.6}),
             belt=None if self.belt is None else self.belt.convert(),
+            stop_ramp=math.inf if self.stop_ramp_s is None else self.stop_ramp_s,
             support=self.support.convert(),
             contact=self.contact.convert(),
             leading=self.leading,

@@ -12,6 +12,7 @@ from typing import Annotated, Any, TypeVar
 import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from twin_gait.configuration.overrides import refuse_two_units
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 
 MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand
@@ -76,7 +77,7 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
         The mapping.
 
     Raises:
-        ParameterFileError: If it is not YAML, or not a mapping.
+        ParameterFileError: If it is not YAML, not a mapping, or gives one quantity in two units.
     """
     try:
         data = yaml.load(text, Loader=_UniqueKeyLoader)  # a SafeLoader subclass
@@ -89,6 +90,7 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
         raise ParameterFileError(source, "", f"not valid YAML: {_one_line(str(error))}") from error
     if not isinstance(data, dict):
         raise ParameterFileError(source, "", f"expected keys and values, got {type(data).__name__}")
+    refuse_two_units(data, source)
     return data
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
 import math
+import reprlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from numbers import Real
+from typing import Any, NamedTuple
 
 from twin_gait.core.control_tick import controller_torques
 from twin_gait.core.friction import rotational_friction_torque
-from twin_gait.exceptions import MeasurementError
+from twin_gait.exceptions import MeasurementError, ParameterError
 from twin_gait.parameters import FrictionParameters
 
 
@@ -99,7 +102,59 @@ class Controller:
             model.breakaway_velocity,
             model.viscous_friction,
         )
-        return ControllerTorques(*self.law(*measurement, *setpoint, friction))
+        answer = self.law(*measurement, *setpoint, friction)
+        if self.law is not controller_torques:
+            require_torques(self.law, answer)
+        return ControllerTorques(*answer)
+
+
+def name_of(law: ControllerFunction) -> str:
+    """What messages call a control law of the user's."""
+    return f"controller {getattr(law, '__name__', law)!r}"
+
+
+def require_arguments(law: ControllerFunction) -> None:
+    """Refuse a control law that does not take what it is handed.
+
+    Args:
+        law: The law.
+
+    Raises:
+        ParameterError: If it takes more or fewer arguments.
+    """
+    expected = inspect.signature(controller_torques).parameters
+    try:
+        signature = inspect.signature(law)
+    except (TypeError, ValueError):  # written in C, for example
+        return
+    try:
+        signature.bind(*expected)
+    except TypeError as error:
+        raise ParameterError(
+            f"{name_of(law)}: expected {len(expected)} arguments ({', '.join(expected)}), got {signature}"
+        ) from error
+
+
+def require_torques(law: ControllerFunction, answer: Any) -> None:
+    """Refuse what is not two torques.
+
+    Args:
+        law: The law that answered.
+        answer: What it returned.
+
+    Raises:
+        ParameterError: If it is anything else; a torque that is not finite is for the safety monitor.
+    """
+    try:
+        impedance, friction = answer
+        fits = isinstance(impedance, Real) and isinstance(friction, Real)
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        raise ParameterError(f"{name_of(law)}: {EXPECTED_TORQUES}, got {reprlib.repr(answer)}")
+
+
+EXPECTED_TORQUES = "expected two torques in [N m], of the impedance and of the friction compensation"
 
 
 def _refuse(measurement: JointMeasurement) -> None:

@@ -1,13 +1,20 @@
-"""The belt of a treadmill that starts, runs and stops, and the command to walk that goes with it."""
+"""The belt of a treadmill that starts, runs and stops, and the command to walk that goes with it.
+
+A belt without a profile (a ramp of 0) runs evenly. A trip of the safety monitor, or the operator's Stop,
+brings either to rest.
+"""
 
 from __future__ import annotations
+
+import math
 
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend_share
 
 # Positions in the array of a belt: speed between the ramps, begin and end of the command to walk, length of a
-# ramp, and how long after the command the belt follows.
-BELT_CRUISE, BELT_START, BELT_STOP, BELT_RAMP, BELT_DELAY = range(5)
-BELT_COUNT = BELT_DELAY + 1
+# ramp, how long after the command the belt follows, and the ramp to rest after a trip.
+BELT_CRUISE, BELT_START, BELT_STOP, BELT_RAMP, BELT_DELAY, BELT_STOP_RAMP = range(6)
+BELT_COUNT = BELT_STOP_RAMP + 1
+NO_BELT = (0.0, 0.0, math.inf, 0.0, 0.0, math.inf)
 
 
 def belt_speed(time: float, cruise: float, start: float, stop: float, ramp: float) -> float:
@@ -55,6 +62,79 @@ def belt_travel(time: float, cruise: float, start: float, stop: float, ramp: flo
         Way in [m], backwards positive.
     """
     return cruise * ramp * (_ramp_way((time - start) / ramp) - _ramp_way((time - stop) / ramp))
+
+
+def treadmill_speed(
+    time: float,
+    trip_time: float,
+    cruise: float,
+    start: float,
+    stop: float,
+    ramp: float,
+    delay: float,
+    stop_ramp: float,
+) -> float:
+    r"""Speed of the belt of a treadmill, with or without a profile, which a trip brings to rest.
+
+    .. math::
+
+        u(t) = u(t_0)\,\Bigl[1 - s\Bigl(\frac{t - t_0}{T_0}\Bigr)\Bigr] \quad\text{for}\quad t > t_0
+
+    Args:
+        time: In [s].
+        trip_time: :math:`t_0` of the trip in [s]; infinite if there is none.
+        cruise: As in :func:`belt_speed`.
+        start: Likewise.
+        stop: Likewise.
+        ramp: Likewise; 0 for a belt that runs evenly at ``cruise``.
+        delay: From a command until the belt follows it in [s].
+        stop_ramp: Time :math:`T_0` to rest after a trip in [s], positive; infinite for one that runs on.
+
+    Returns:
+        Speed in [m] / [s], backwards positive.
+    """
+    speed = cruise
+    if ramp > 0.0:
+        speed = belt_speed(min(time, trip_time) - delay, cruise, start, stop, ramp)
+    if time > trip_time:
+        speed *= 1.0 - blend_share((time - trip_time) / stop_ramp, BLEND_MINIMUM_JERK)
+    return speed
+
+
+def treadmill_travel(
+    time: float,
+    trip_time: float,
+    cruise: float,
+    start: float,
+    stop: float,
+    ramp: float,
+    delay: float,
+    stop_ramp: float,
+) -> float:
+    """Way that the belt has gone since time 0: the integral of :func:`treadmill_speed`.
+
+    Args:
+        time: In [s].
+        trip_time: As in :func:`treadmill_speed`.
+        cruise: Likewise.
+        start: Likewise.
+        stop: Likewise.
+        ramp: Likewise.
+        delay: Likewise.
+        stop_ramp: Likewise.
+
+    Returns:
+        Way in [m], backwards positive.
+    """
+    before = min(time, trip_time)
+    way = belt_travel(before - delay, cruise, start, stop, ramp) if ramp > 0.0 else cruise * before
+    if time > trip_time:
+        speed = treadmill_speed(trip_time, trip_time, cruise, start, stop, ramp, delay, stop_ramp)
+        since = time - trip_time
+        way += speed * since
+        if stop_ramp < math.inf:
+            way -= speed * stop_ramp * _ramp_way(since / stop_ramp)
+    return way
 
 
 def _ramp_way(progress: float) -> float:

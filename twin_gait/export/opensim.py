@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +10,14 @@ import pandas as pd
 
 from twin_gait.conventions import DEGREES, RADIANS, Convention
 from twin_gait.exceptions import ParameterError
-from twin_gait.files import write_atomically
+from twin_gait.export.storage import write_storage
+from twin_gait.measures.leg_record import wearer_column
 from twin_gait.vocabulary import JointName, Side
 
 
-def export_motion(log: pd.DataFrame, path: Path, convention: Convention, *, unit: str = DEGREES) -> list[str]:
+def export_motion(
+    log: pd.DataFrame, path: Path, convention: Convention, *, unit: str = DEGREES, device: bool = False
+) -> list[str]:
     """Write the joint angles of a log as a motion of an OpenSim model.
 
     Hip and knee, and the ankle where the log has one, under the names and signs of the model. The pelvis is
@@ -24,6 +28,7 @@ def export_motion(log: pd.DataFrame, path: Path, convention: Convention, *, unit
         path: The file; OpenSim reads .mot and .sto alike.
         convention: Names and signs of the model.
         unit: ``deg``, which is usual in .mot files, or ``rad``; the header says which.
+        device: Whether the angles are the device's where braces let the wearer move against it.
 
     Returns:
         Names of the columns.
@@ -34,31 +39,38 @@ def export_motion(log: pd.DataFrame, path: Path, convention: Convention, *, unit
     """
     if unit not in (DEGREES, RADIANS):
         raise ParameterError(f"unit: expected {DEGREES} or {RADIANS}, got {unit!r}")
-    columns = _columns(log, convention, unit)
-    rows = np.column_stack(list(columns.values()))
-    header = [
-        path.stem,
-        "version=1",
-        f"nRows={len(rows)}",
-        f"nColumns={len(columns)}",
-        f"inDegrees={'yes' if unit == DEGREES else 'no'}",
-        "endheader",
-        "\t".join(columns),
-    ]
-    lines = ["\t".join(map(repr, row)) for row in rows.tolist()]  # all digits
-    write_atomically(path, "\n".join([*header, *lines]) + "\n")
+    columns = {"time": log["time_s"].to_numpy(dtype=float)}
+    columns |= joint_angles(log, convention, unit, device=device)
+    write_storage(path, columns, in_degrees=unit == DEGREES)
     return list(columns)
 
 
-def _columns(log: pd.DataFrame, convention: Convention, unit: str) -> dict[str, np.ndarray]:
+def joint_angles(
+    log: pd.DataFrame, convention: Convention, unit: str, *, device: bool
+) -> dict[str, np.ndarray]:
+    """Angles of all joints of a log under the names and signs of a model.
+
+    Args:
+        log: One row per tick.
+        convention: Names and signs of the model.
+        unit: ``deg`` or ``rad``.
+        device: Whether the angles are the device's where braces let the wearer move against it.
+
+    Returns:
+        Angles by column, shape ``(n,)`` each.
+
+    Raises:
+        ParameterError: If the convention has no column names of its own.
+    """
     if not convention.columns:
         raise ParameterError(f"convention: {convention.name} has no column names of its own")
-    columns = {"time": log["time_s"].to_numpy(dtype=float)}
+    own: Container[str] = () if device else log.columns
+    columns = {}
     for side in Side:
         for joint in JointName:
-            name = convention.columns.get((side, joint))
-            if name is None or f"{side}_{joint}_angle_rad" not in log:
+            name, column = convention.columns.get((side, joint)), wearer_column(own, side, joint, "angle_rad")
+            if name is None or column not in log:
                 continue
-            angle = convention.from_house(joint, log[f"{side}_{joint}_angle_rad"].to_numpy(dtype=float))
+            angle = convention.from_house(joint, log[column].to_numpy(dtype=float))
             columns[name] = np.degrees(angle) if unit == DEGREES else angle
     return columns

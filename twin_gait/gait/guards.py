@@ -135,6 +135,15 @@ def all_signal_names(joints: Sequence[str]) -> list[str]:
     return [*own, *(OTHER + name for name in own), WALK]
 
 
+# In words, by the end of a signal's name; the command to walk has none.
+UNITS = {"_deg": "deg", "_deg_per_s": "deg/s", "_bw": "body weights", "_s": "s", "": "no unit"}
+
+
+def signal_unit(name: str) -> str:
+    """Unit of a signal: the longest key of ``UNITS`` that its name ends with."""
+    return max((end for end in UNITS if name.endswith(end)), key=len)
+
+
 def signal_scale(name: str) -> float:
     """Factor from the unit in a signal's name to SI."""
     return _DEGREE if name.endswith(("_deg", "_deg_per_s")) else 1.0
@@ -186,8 +195,9 @@ def parse_guard(text: str, joints: Sequence[str], phases: Sequence[str]) -> Guar
                 f"guard {text!r}: no signal {name!r}; there are {', '.join(signal_names(joints))}, "
                 f"the same with 'other.' in front, and {WALK}"
             )
-    if minus is not None and signal_scale(signal) != signal_scale(minus):
-        raise GaitTableError(f"guard {text!r}: {signal} and {minus} have different units")
+    if minus is not None and signal_unit(signal) != signal_unit(minus):
+        units = " and ".join(UNITS[signal_unit(name)] for name in (signal, minus))
+        raise GaitTableError(f"guard {text!r}: {signal} and {minus} have different units: {units}")
     return Comparison(signal=signal, minus=minus, operator=operator, threshold=_finite(text, number))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.files import MOST_ROWS, require_table_size
 from twin_gait.identification.quantities import (
     KNOWN_NAMES,
     UNITS,
@@ -132,6 +133,8 @@ def _layout(path: Path, asked: set[str]) -> _Layout:
     while skipped < len(lines) and (not lines[skipped].strip() or lines[skipped].lstrip()[0] in _REMARKS):
         skipped += 1
     skipped = _header_line(lines, skipped, {name.lstrip("-") for name in asked})
+    if skipped == len(lines) - 1 and path.stat().st_size > _HEAD:
+        raise ParameterFileError(path, f"line {skipped + 1}", "is too long for the column names of a log")
     if skipped == len(lines):
         raise ParameterFileError(path, "", "is empty; expected column names and rows of numbers")
     first, following = lines[skipped], lines[skipped + 1] if skipped + 1 < len(lines) else ""
@@ -295,6 +298,7 @@ def _numbers(path: Path, layout: _Layout, places: list[int]) -> dict[int, np.nda
         frame = _frame(path, layout, places, float)
     except (ValueError, OverflowError):
         frame = _frame_of_texts(path, layout, places)
+    require_table_size(path, len(frame), len(places))
     values = {place: frame[place].to_numpy(dtype=float) for place in places}
     for place, column in values.items():
         if np.isinf(column).any():
@@ -315,6 +319,7 @@ def _frame(path: Path, layout: _Layout, places: list[int], dtype: type) -> pd.Da
                 names=list(range(len(layout.names))),
                 usecols=places,
                 skiprows=layout.header_rows,
+                nrows=MOST_ROWS + 1,
                 index_col=False,
                 comment="#",
                 skipinitialspace=True,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
+from twin_gait.leg_model.axes import FORWARD, plain_names, reversed_joints
 from twin_gait.leg_model.joints import PELVIS_JOINT, LegJoints, PelvisGuide
 from twin_gait.leg_model.urdf import build_model
 from twin_gait.leg_model.wearer import (
@@ -31,6 +32,7 @@ class Assembly:
 
     Attributes:
         model: The Pinocchio model as it is so far.
+        legs: Joint names of each leg in the URDF, without signs.
     """
 
     def __init__(self, path: Path, legs: Mapping[Side, LegJoints], pelvis: PelvisGuide, up_axis: str) -> None:
@@ -38,18 +40,22 @@ class Assembly:
 
         Args:
             path: Of the URDF.
-            legs: Joint names of each leg.
+            legs: Joint names of each leg; a minus in front turns a joint round.
             pelvis: Fixed in the world, or free to move vertically.
             up_axis: ``"z"`` or ``"y"``.
 
         Raises:
             ModelError: If the URDF cannot be read or lacks a joint or frame.
         """
-        self._path, self._legs, self._pelvis, self._up_axis = path, legs, pelvis, up_axis
+        self._path, self._pelvis, self._up_axis = path, pelvis, up_axis
         model = self._read()
+        self.legs = plain_names(legs, model.names)
         self._check_names(model)
         self.model = self._lock_other_joints(model)
         self._check_degrees_of_freedom()
+        turned = reversed_joints(path, self.model, legs, self._up())
+        if turned:
+            self.model = self._lock_other_joints(self._read(turned))
 
     def fit(self, sizes: DeviceSizes) -> None:
         """Set femur, tibia and waist: joint placements and the device's own inertia.
@@ -63,7 +69,7 @@ class Assembly:
         Raises:
             ModelError: If two joints coincide, so that there is no tube between them.
         """
-        for leg in self._legs.values():
+        for leg in self.legs.values():
             placements = self.model.jointPlacements
             hip, knee = self._id(leg.hip), self._id(leg.knee)
             side_offset = placements[hip].translation.copy()
@@ -90,7 +96,7 @@ class Assembly:
             ModelError: If hip and knee coincide, so that there is no thigh between them.
         """
         segments = segments_of(patient)
-        for leg in self._legs.values():
+        for leg in self.legs.values():
             hip, knee = self._id(leg.hip), self._id(leg.knee)
             thigh = self.model.jointPlacements[knee].translation.copy()
             if not thigh.any():
@@ -125,21 +131,21 @@ class Assembly:
             armature: Per joint name in [kg m²]; 0 if absent.
         """
         values = np.zeros(self.model.nv)
-        for leg in self._legs.values():
+        for leg in self.legs.values():
             for joint, name in leg.items():
                 values[self.model.joints[self._id(name)].idx_v] = armature.get(joint, 0.0)
         self.model.armature = values
 
-    def _read(self) -> pin.Model:
+    def _read(self, turned: Collection[str] = ()) -> pin.Model:
         if self._pelvis is PelvisGuide.FIXED:
-            return build_model(self._path)
+            return build_model(self._path, None, turned)
         joint = pin.JointModelPZ() if self._up_axis == "z" else pin.JointModelPY()
-        return build_model(self._path, (joint, PELVIS_JOINT))
+        return build_model(self._path, (joint, PELVIS_JOINT), turned)
 
     def _check_names(self, model: pin.Model) -> None:
         joints = [name for name in model.names if name != "universe"]
         frames = {frame.name for frame in model.frames}
-        for side, leg in self._legs.items():
+        for side, leg in self.legs.items():
             for joint, name in leg.items():
                 if name not in joints:
                     raise ModelError(
@@ -154,14 +160,14 @@ class Assembly:
                     )
 
     def _lock_other_joints(self, model: pin.Model) -> pin.Model:
-        wanted = {name for leg in self._legs.values() for _, name in leg.items()} | {PELVIS_JOINT}
+        wanted = {name for leg in self.legs.values() for _, name in leg.items()} | {PELVIS_JOINT}
         locked = [model.getJointId(name) for name in model.names if name not in wanted | {"universe"}]
         if not locked:
             return model
         return pin.buildReducedModel(model, locked, pin.neutral(model))
 
     def _check_degrees_of_freedom(self) -> None:
-        for leg in self._legs.values():
+        for leg in self.legs.values():
             for _, name in leg.items():
                 joint = self.model.joints[self.model.getJointId(name)]
                 if joint.nv == 1 and not joint.shortname().startswith("JointModelR"):
@@ -189,7 +195,7 @@ class Assembly:
         )
 
     def _append_foot(self, ankle: int, patient: Patient) -> None:
-        forward_and_up = np.array([[1.0, 0.0, 0.0], self._up()])
+        forward_and_up = np.array([FORWARD, self._up()])
         start, axis = (vector @ forward_and_up for vector in foot_line(patient))
         mass, from_start, inertia = segment_inertia(segments_of(patient)["foot"], patient.mass, axis)
         self._append(ankle, mass, start + from_start, inertia)

@@ -29,6 +29,9 @@ class Bodies(StrEnum):
 class LegJoints:
     """Names of the joints and contact frames of one leg in the URDF.
 
+    A minus in front of a joint's name, as in ``-KneeFE``, counts its angle the other way; a plus says that
+    the URDF's way is meant. Without a sign the direction of the axis decides.
+
     Attributes:
         hip: Name of the hip flexion joint.
         knee: Name of the knee joint.

@@ -1,8 +1,8 @@
 """What the rigid bodies of legs, device and wearer are asked: torques, inertias, energies, places.
 
-Conventions: joint angles in [rad] with hip flexion, knee flexion and ankle dorsiflexion positive (a
-URDF given by the user must follow them or be adapted); all joints have one degree of freedom, so
-``q`` and ``v`` have the same length; torques act on the joints.
+Conventions: joint angles in [rad] with hip flexion, knee flexion and ankle dorsiflexion positive (joints
+that a user's URDF counts the other way are turned round, see :mod:`twin_gait.leg_model.axes`); all joints
+have one degree of freedom, so ``q`` and ``v`` have the same length; torques act on the joints.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class LegModel:
 
     Attributes:
         model: The Pinocchio model.
-        legs: Joint names per side.
+        legs: Joint names per side, as in the URDF.
         sizes: Device sizes after fitting to the wearer, or None if the URDF was left as it is.
         urdf_path: The file.
         urdf_hash: SHA-256 of the file's content.
@@ -51,7 +51,8 @@ class LegModel:
 
         Args:
             urdf: Path of a URDF, or the name of a packaged one.
-            legs: Joint names of each leg; every other joint of the URDF is locked at zero.
+            legs: Joint names of each leg, one with a minus in front turned round; every other joint of the
+                URDF is locked at zero.
             patient: Wearer whose segments are added to the links; None adds nothing.
             fit_device: Whether to set femur, tibia and waist to the wearer's size.
             pelvis: Fixed in the world, or free to move vertically.
@@ -73,10 +74,10 @@ class LegModel:
             raise ParameterError("legs: expected at least one leg, got none")
         self.urdf_path = find_urdf(urdf)
         self.urdf_hash = urdf_hash(self.urdf_path)
-        self.legs = dict(legs)
         self.pelvis = pelvis
         self.up_axis = up_axis
-        assembly = Assembly(self.urdf_path, self.legs, pelvis, up_axis)
+        assembly = Assembly(self.urdf_path, legs, pelvis, up_axis)
+        self.legs = assembly.legs
         self.sizes = device_sizes(patient) if patient is not None and fit_device else None
         if self.sizes is not None:
             assembly.fit(self.sizes)

@@ -10,7 +10,7 @@ import os
 import sys
 import threading
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
@@ -156,12 +156,17 @@ def urdf_hash(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def build_model(path: Path, root_joint: tuple[pin.JointModel, str] | None = None) -> pin.Model:
+def build_model(
+    path: Path,
+    root_joint: tuple[pin.JointModel, str] | None = None,
+    reversed_joints: Collection[str] = (),
+) -> pin.Model:
     """Build a Pinocchio model of a URDF file.
 
     Args:
         path: The file.
         root_joint: Joint between world and root link with its name; None fixes the root link.
+        reversed_joints: Joints whose angle is counted the other way than in the file.
 
     Returns:
         The model.
@@ -170,6 +175,8 @@ def build_model(path: Path, root_joint: tuple[pin.JointModel, str] | None = None
         ModelError: If Pinocchio refuses the file.
     """
     text = read_urdf(path)
+    if reversed_joints:
+        text = _with_reversed(text, reversed_joints)
     try:
         with quiet_stderr():
             if root_joint is None:
@@ -179,6 +186,25 @@ def build_model(path: Path, root_joint: tuple[pin.JointModel, str] | None = None
     except (ValueError, RuntimeError, IndexError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ModelError(f"{path}: Pinocchio cannot build a model from it ({reason})") from error
+
+
+def _with_reversed(text: str, names: Collection[str]) -> str:
+    """URDF text in which some joints turn about the opposite axis, limits turned with them."""
+    root = ElementTree.fromstring(text)
+    for joint in root.iter("joint"):
+        if joint.get("name") not in names:
+            continue
+        axis = joint.find("axis")
+        if axis is None:
+            axis = ElementTree.SubElement(joint, "axis")
+        # 0 - x, so that no zero becomes -0.
+        axis.set("xyz", " ".join(repr(0.0 - float(word)) for word in axis.get("xyz", "1 0 0").split()))
+        limit = joint.find("limit")
+        if limit is not None:
+            low, high = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
+            limit.set("lower", repr(0.0 - high))
+            limit.set("upper", repr(0.0 - low))
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 @contextlib.contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,6 +16,22 @@ from twin_gait.measures.strides import SKIPPED_STRIDES, stride_bounds
 from twin_gait.vocabulary import JointName, Side
 
 
+def wearer_column(columns: Container[str], side: Side, joint: JointName, quantity: str) -> str:
+    """Column of the wearer's own motion, which is the gait: where they are one body with the device, its own.
+
+    Args:
+        columns: Of the log.
+        side: The leg.
+        joint: The joint.
+        quantity: ``angle_rad`` or ``velocity_rad_per_s``.
+
+    Returns:
+        Its name.
+    """
+    own = f"{side}_{joint}_wearer_{quantity}"
+    return own if own in columns else f"{side}_{joint}_{quantity}"
+
+
 @dataclass(frozen=True, eq=False)
 class LegRecord:
     """One leg over a run.
@@ -24,7 +40,7 @@ class LegRecord:
         side: The leg.
         tick: Sampling period in [s].
         phases: Index of the phase, shape ``(n,)``.
-        angles: Of each actuated joint in [rad], shape ``(n,)`` each.
+        angles: The wearer's at each actuated joint in [rad], shape ``(n,)`` each; the device's if asked for.
         normal_force: Of the foot in [N], shape ``(n,)``, or None without ground.
         clearance: Of the foot in [m], shape ``(n,)``, or None without ground.
         steady: From when to when in [s] the leg walks evenly; strides outside of it do not count.
@@ -90,6 +106,7 @@ def leg_record(
     tick: float,
     *,
     steady: tuple[float, float] = (0.0, math.inf),
+    device: bool = False,
 ) -> LegRecord:
     """Take one leg out of a log.
 
@@ -99,12 +116,14 @@ def leg_record(
         phase_names: Phases of the table in order.
         tick: Sampling period in [s].
         steady: From when to when in [s] the leg walks evenly.
+        device: Whether the angles are the device's where braces let the wearer move against it.
 
     Returns:
         The leg.
     """
+    columns = () if device else log.columns
     angles = {
-        joint: log[f"{side}_{joint}_angle_rad"].to_numpy()
+        joint: log[wearer_column(columns, side, joint, "angle_rad")].to_numpy()
         for joint in JointName
         if f"{side}_{joint}_motor_torque_Nm" in log
     }

@@ -31,6 +31,20 @@ def stride_bounds(events: np.ndarray, *, skip: int = SKIPPED_STRIDES) -> np.ndar
     return np.column_stack((ticks[:-1], ticks[1:]))[skip:]
 
 
+def stride_count(counted: int, found: int) -> str:
+    """How many strides a mean is taken over, in words that say why others are left out.
+
+    Args:
+        counted: Strides that count.
+        found: All strides.
+
+    Returns:
+        ``6 strides (the first 2 of 8 settle)``.
+    """
+    text = f"{counted} stride" + ("" if counted == 1 else "s")
+    return text if counted == found else f"{text} (the first {found - counted} of {found} settle)"
+
+
 def normalise_strides(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
     """Bring every stride to the same length by linear interpolation.
 

@@ -97,15 +97,25 @@ class AnkleParameters:
 class SupportParameters:
     """Body-weight support and guide of the treadmill.
 
+    At a trip the rope locks: from then on the harness also carries what sinks below the height of the trip,
+    as a spring of one side that only pulls upwards, :func:`twin_gait.core.contact.mechanical_stop_torque`.
+
     Attributes:
         share: Share of the weight of wearer and device that the support carries.
         damping: Of the vertical guide in [N s] / [m].
+        catch_stiffness: Of the locked harness in [N] / [m]; 0 for one that does not lock. About a metre of
+            rope that stretches by 5 % under 100 kg, the most that EN 1891 allows a low-stretch rope.
+        catch_dissipation: Of the locked harness in [s] / [m] (an assumption).
     """
 
     share: float = 0.6
     damping: float = 90.0
+    catch_stiffness: float = 20.0e3
+    catch_dissipation: float = 2.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         require_share("support share", self.share)
         require_non_negative("support damping", self.damping)
+        require_non_negative("catch_stiffness", self.catch_stiffness)
+        require_non_negative("catch_dissipation", self.catch_dissipation)

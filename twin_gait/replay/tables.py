@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from twin_gait.exceptions import ParameterFileError
+from twin_gait.files import read_log_text, read_parquet, require_table_size
 from twin_gait.replay.opensim import parse_storage
 
 _SEPARATORS = ",;\t"
@@ -127,16 +127,18 @@ def read_table(path: Path) -> LogTable:
 
 def _read_parquet(path: Path) -> LogTable:
     try:
-        frame: pd.DataFrame = pq.read_table(path).to_pandas()
+        frame = read_parquet(path)
     except (pa.ArrowException, ValueError, TypeError, KeyError, OverflowError) as error:
         raise ParameterFileError(path, "", f"is not a parquet table ({_short(error)})") from error
     return LogTable(str(path), tuple(str(name) for name in frame.columns), frame)
 
 
 def _read_csv(path: Path) -> LogTable:
-    text = path.read_text(encoding="utf-8-sig")
-    first = next((line for line in text.splitlines() if line.strip() and not line.startswith("#")), "")
+    text = read_log_text(path)
+    lines = text.splitlines()
+    first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
     separator = max(_SEPARATORS, key=first.count)
+    require_table_size(path, len(lines), first.count(separator) + 1)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # rows longer than the header
@@ -159,7 +161,7 @@ def _read_csv(path: Path) -> LogTable:
 
 
 def _read_storage(path: Path) -> LogTable:
-    storage = parse_storage(path.read_text(encoding="utf-8-sig"), str(path))
+    storage = parse_storage(read_log_text(path), str(path))
     frame = pd.DataFrame(storage.values)
     return LogTable(str(path), storage.names, frame, storage.unit, opensim=True)
 

@@ -7,31 +7,42 @@ needed.
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from twin_gait.palette import phase_colour
+from twin_gait.files import write_atomically
+from twin_gait.palette import HELD_COLOUR, phase_colour
 from twin_gait.parameters import Patient
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
 
+FORMATS = ("pdf", "svg", "png")
 RESOLUTION = 130  # [dots per inch]
 BAND_OPACITY = 0.14
+SCREEN_WIDTH = 11.0  # [inches]
+LEGEND_COLUMN = 1.65  # [inches]
+MOST_EVENTS = 3  # in a title
+HELD = -1  # in the place of a phase, after a trip
 STRIP = 0.975  # the top of a panel above this share of its height shows the phases in full colour
 
 
-def new_figure(run: Run, title: str, *, height: float, width: float = 11.0) -> Figure:
-    """Begin a picture.
+def new_figure(run: Run, title: str, *, height: float, width: float = SCREEN_WIDTH) -> Figure:
+    """Begin a picture; its label says what it shows and of which run.
+
+    One for print has no title inside.
 
     Args:
-        run: For the second line of the title.
+        run: For the second line of the title, and a third where faults struck or the monitor tripped.
         title: What the picture shows.
         height: In inches.
         width: In inches.
@@ -40,7 +51,13 @@ def new_figure(run: Run, title: str, *, height: float, width: float = 11.0) -> F
         An empty figure.
     """
     figure = Figure(figsize=(width, height), layout="constrained")
-    figure.suptitle(f"{title}\n{describe(run)}", fontsize="large")
+    events = [f"{event.text}, {event.time:.2f} s" for event in run.events]
+    more = [f"and {len(events) - MOST_EVENTS} more"] * (len(events) > MOST_EVENTS)
+    lines = [title, describe(run), " · ".join([*events[:MOST_EVENTS], *more])]
+    text = "\n".join(line for line in lines if line)
+    figure.set_label(text)
+    if width >= SCREEN_WIDTH:
+        figure.suptitle(text, fontsize="large")
     return figure
 
 
@@ -58,7 +75,7 @@ def describe(run: Run) -> str:
     if isinstance(experiment.scenario, TreadmillScenario):
         parts.append(f"{experiment.scenario.belt_speed:.2f} m/s")
         parts.append(f"{100.0 * experiment.scenario.support.share:.0f} % of the weight supported")
-    return " · ".join([*parts, f"{run.duration:.1f} s", str(run.status)])
+    return " · ".join([*parts, f"{run.duration:.1f} s", str(run.verdict.outcome or run.status)])
 
 
 def _wearer(patient: Patient | None) -> str:
@@ -86,17 +103,22 @@ def shade_phases(axes: Axes, places: np.ndarray, phases: np.ndarray, names: Sequ
     Args:
         axes: The panel.
         places: Horizontal coordinate of each sample, ascending, shape ``(n,)``.
-        phases: Index of the phase at each sample, shape ``(n,)``.
+        phases: Index of the phase at each sample, or ``HELD``, shape ``(n,)``.
         names: Names of the phases.
     """
     changes = np.flatnonzero(phases[1:] != phases[:-1]) + 1
     edges = [0, *changes.tolist(), len(phases)]
     for start, end in pairwise(edges):
         left, right = places[start], places[min(end, len(places) - 1)]
-        colour = phase_colour(names[phases[start]], int(phases[start]))
+        colour = colour_of(int(phases[start]), names)
         axes.axvspan(left, right, color=colour, alpha=BAND_OPACITY, linewidth=0)
         axes.axvspan(left, right, ymin=STRIP, color=colour, alpha=0.9, linewidth=0)
     axes.set_xlim(places[0], places[-1])
+
+
+def colour_of(phase: int, names: Sequence[str]) -> str:
+    """Colour of a phase by its index, or of ``HELD``."""
+    return HELD_COLOUR if phase == HELD else phase_colour(names[phase], phase)
 
 
 def phase_handles(names: Sequence[str], occurring: np.ndarray) -> list[Artist]:
@@ -110,8 +132,12 @@ def phase_handles(names: Sequence[str], occurring: np.ndarray) -> list[Artist]:
         One coloured patch per phase, in the order of the table.
     """
     return [
-        Patch(color=phase_colour(names[index], int(index)), alpha=0.9, label=readable(names[index]))
-        for index in np.unique(occurring)
+        Patch(
+            color=colour_of(int(index), names),
+            alpha=0.9,
+            label="held after the trip" if index == HELD else readable(names[index]),
+        )
+        for index in sorted(np.unique(occurring), key=lambda index: index == HELD)
     ]
 
 
@@ -121,20 +147,27 @@ def readable(name: str) -> str:
 
 
 def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist] = ()) -> None:
-    """Put one legend under all panels, where it covers nothing: a row of lines, a row of phases.
+    """Put one legend under all panels, where it covers nothing: rows of lines, rows of phases.
 
     Args:
         figure: The figure.
         lines: Entries of lines and areas; of equal labels one is kept.
         phases: Entries of phases.
     """
-    rows = [list({str(item.get_label()): item for item in row}.values()) for row in (lines, phases) if row]
+    most = int(figure.get_figwidth() / LEGEND_COLUMN)
+    entries = [list({str(item.get_label()): item for item in row}.values()) for row in (lines, phases) if row]
+    rows = [row for items in entries for row in _even_rows(items, most)]
     columns = max(len(row) for row in rows)
     blank = Patch(alpha=0.0, label=" ")
     padded = [[*row, *[blank] * (columns - len(row))] for row in rows]
     # matplotlib fills a legend column by column.
     handles = [row[column] for column in range(columns) for row in padded]
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
+
+
+def _even_rows(items: list[Artist], most: int) -> list[list[Artist]]:
+    length = math.ceil(len(items) / math.ceil(len(items) / most))
+    return [items[start : start + length] for start in range(0, len(items), length)]
 
 
 def picture_bytes(figure: Figure, ground: str = "auto") -> bytes:
@@ -152,15 +185,28 @@ def picture_bytes(figure: Figure, ground: str = "auto") -> bytes:
     return room.getvalue()
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write a figure as PNG.
+def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLUTION) -> Path:
+    """Write a figure.
+
+    Letters stay letters in PDF (TrueType) and become outlines in SVG, so that they look the same everywhere.
+    The same figure gives the same file.
 
     Args:
         figure: The figure.
         path: The file.
+        form: ``png``, ``pdf`` or ``svg``; what the name of the file says by default.
+        resolution: Of a PNG in dots per inch.
 
     Returns:
         The file.
+
+    Raises:
+        RunDirectoryError: If it cannot be written.
     """
-    figure.savefig(path, dpi=RESOLUTION)
+    form = form or path.suffix[1:]
+    undated: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
+    room = io.BytesIO()
+    with mpl.rc_context({"pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "twin_gait"}):
+        figure.savefig(room, format=form, dpi=resolution, metadata=undated.get(form))
+    write_atomically(path, room.getvalue())
     return path

@@ -9,17 +9,26 @@ from matplotlib.figure import Figure
 
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.palette import BLACK, LIMIT_COLOUR, ORANGE, VERMILLION
-from twin_gait.report.canvas import new_figure, phase_handles, put_legend, shade_phases, style_panel
+from twin_gait.report.canvas import (
+    SCREEN_WIDTH,
+    new_figure,
+    phase_handles,
+    put_legend,
+    shade_phases,
+    style_panel,
+)
+from twin_gait.report.marks import mark_events, shown_phases
 from twin_gait.report.window import Window, last_strides, leg_records
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 
 
-def draw_currents(run: Run) -> Figure:
+def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw target and measured current of every motor, and the battery's power under them.
 
     Args:
         run: The run.
+        width: Of the figure in inches; one narrower than a screen is for print.
 
     Returns:
         The figure.
@@ -27,18 +36,19 @@ def draw_currents(run: Run) -> Figure:
     records = leg_records(run)
     window = last_strides(run, records)
     joints = list(records[0].angles)
-    figure = new_figure(run, "Motor currents and battery power", height=9.0)
+    figure = new_figure(run, "Motor currents and battery power", height=9.0, width=width)
     rows = len(joints) + 1
     grid = figure.add_gridspec(rows, len(records))
     lines: list[Artist] = []
     for row, joint in enumerate(joints):
         for column, record in enumerate(records):
             axes = figure.add_subplot(grid[row, column])
-            shade_phases(axes, window.time, record.phases[window.rows], run.table.phase_names)
+            shade_phases(axes, window.time, shown_phases(run, record, window), run.table.phase_names)
             lines += _draw_motor(axes, run, record.side, joint, window)
+            lines += mark_events(axes, run, window)
             style_panel(axes, f"{record.side} {joint}", "current [A]" if column == 0 else "")
     lines += _draw_battery(figure.add_subplot(grid[rows - 1, :]), run, window)
-    shown = np.concatenate([record.phases[window.rows] for record in records])
+    shown = np.concatenate([shown_phases(run, record, window) for record in records])
     put_legend(figure, lines, phase_handles(run.table.phase_names, shown))
     return figure
 
@@ -77,6 +87,7 @@ def _draw_battery(axes: Axes, run: Run, window: Window) -> list[Artist]:
             continuous, color=LIMIT_COLOUR, linestyle="-.", linewidth=1.2, label="continuous battery power"
         ),
     ]
+    lines += mark_events(axes, run, window)
     axes.axhline(0.0, color="0.6", linewidth=0.8)
     axes.set_xlim(window.time[0], window.time[-1])
     axes.set_xlabel("time [s]")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
+
+import numpy as np
 
 from twin_gait.gait.table import GaitTable, Transition
 
@@ -12,6 +14,12 @@ GAP = 7.0  # [px] between a box and an arrow, or an arrow and its label
 # Bends of an arrow over its length, to the left of its direction, which on the ring is outwards. A
 # time-out bends the other way, unless the arrows of the way back lie there.
 _BEND, _BEND_TIME_OUT, _BEND_TIME_OUT_OF_PAIR = 0.16, -0.14, 0.08
+# Shares of its bend that an arrow may take instead, the first that passes no box, and places of its label.
+_BENDS = (1.0, 0.6, 0.2, 1.5, -0.5, -1.0, 2.0)
+_PLACES = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8)
+_SAMPLES = 41  # of an arrow
+_ROUNDS, _GROWTH = 12, 0.1  # of the ring
+_COLLISION = 1000  # a label on a label or a box, in samples of arrows that it covers
 
 
 class Point(NamedTuple):
@@ -48,6 +56,20 @@ class Arrow(NamedTuple):
     normal: Point
 
 
+class Layout(NamedTuple):
+    """Where everything of a diagram lies.
+
+    Attributes:
+        boxes: The phases.
+        arrows: Of each group.
+        labels: Of each arrow.
+    """
+
+    boxes: list[Rectangle]
+    arrows: list[Arrow]
+    labels: list[Rectangle]
+
+
 class ArrowGroup(NamedTuple):
     """Transitions that share an arrow: same source and target, all time-outs or all guarded.
 
@@ -73,13 +95,14 @@ def arrow_groups(table: GaitTable) -> list[ArrowGroup]:
     return [ArrowGroup(*key, tuple(items)) for key, items in found.items()]
 
 
-def ring(count: int, width: float, height: float) -> list[Rectangle]:
+def ring(count: int, width: float, height: float, *, spread: float = 1.0) -> list[Rectangle]:
     """Boxes on a ring, clockwise from the top; two lie side by side.
 
     Args:
         count: Number of boxes.
         width: Of a box.
         height: Of a box.
+        spread: Size of the ring; 1 is the usual one.
 
     Returns:
         The boxes, about the origin.
@@ -88,13 +111,13 @@ def ring(count: int, width: float, height: float) -> list[Rectangle]:
         return [Rectangle(0.0, 0.0, width, height)]
     first = math.pi if count == 2 else -math.pi / 2.0
     # Neighbours are as far apart as a label beside or between them needs.
-    horizontal, vertical = width * (0.7 + 0.13 * count), height * (0.8 + 0.4 * count)
+    horizontal, vertical = spread * width * (0.7 + 0.13 * count), spread * height * (0.8 + 0.4 * count)
     angles = [first + 2.0 * math.pi * k / count for k in range(count)]
     return [Rectangle(horizontal * math.cos(a), vertical * math.sin(a), width, height) for a in angles]
 
 
 def arrows(groups: Sequence[ArrowGroup], boxes: Sequence[Rectangle]) -> list[Arrow]:
-    """Lay the arrows of a diagram.
+    """Lay the arrows of a diagram, each around the boxes that it does not join.
 
     Args:
         groups: What they stand for.
@@ -104,17 +127,33 @@ def arrows(groups: Sequence[ArrowGroup], boxes: Sequence[Rectangle]) -> list[Arr
         An arrow for each group.
     """
     joined = {(item.source, item.target) for item in groups}
-    laid = []
+    laid, drawn = list[Arrow](), np.zeros((0, _SAMPLES, 2))
     for item in groups:
         bend = _BEND
         if item.time_out:
             bend = _BEND_TIME_OUT_OF_PAIR if (item.target, item.source) in joined else _BEND_TIME_OUT
-        laid.append(_arrow(boxes[item.source], boxes[item.target], bend, outwards=not item.time_out))
+        best, least = None, math.inf
+        for share in _BENDS:
+            way = _arrow(boxes[item.source], boxes[item.target], bend * share)
+            points = _samples(way)
+            # Under boxes, or along another arrow from the same place to the same.
+            hidden = sum(_inside(points, box) for box in boxes) + int(
+                (np.abs(drawn - points).max(2) < GAP).sum()
+            )
+            if hidden < least:
+                best, least = way, hidden
+            if hidden == 0:
+                break
+        assert best is not None  # one of the bends is the best
+        drawn = np.concatenate((drawn, _samples(best)[None]))
+        if item.time_out:  # its label lies inside of the ring
+            best = best._replace(normal=Point(-best.normal.x, -best.normal.y))
+        laid.append(best)
     return laid
 
 
-def _arrow(source: Rectangle, target: Rectangle, bend: float, *, outwards: bool) -> Arrow:
-    """Lay an arrow between two boxes, its label on the left or on the right of its direction."""
+def _arrow(source: Rectangle, target: Rectangle, bend: float) -> Arrow:
+    """Lay an arrow between two boxes, its label on the left of its direction."""
     dx, dy = target.x - source.x, target.y - source.y
     length = math.hypot(dx, dy)
     left = Point(dy / length, -dx / length)
@@ -123,11 +162,95 @@ def _arrow(source: Rectangle, target: Rectangle, bend: float, *, outwards: bool)
         (source.x + target.x) / 2.0 + height * left.x, (source.y + target.y) / 2.0 + height * left.y
     )
     start, end = _edge(source, control), _edge(target, control)
-    middle = Point(
-        start.x / 4.0 + control.x / 2.0 + end.x / 4.0, start.y / 4.0 + control.y / 2.0 + end.y / 4.0
+    return _labelled(Arrow(start, control, end, start, left), 0.5, 1.0)
+
+
+def _labelled(curve: Arrow, share: float, side: float) -> Arrow:
+    """An arrow with the place of its label at a share of its way, on the left (1) or on the right (-1)."""
+    start, control, end = (np.array(point) for point in curve[:3])
+    middle = (1 - share) ** 2 * start + 2 * share * (1 - share) * control + share**2 * end
+    along = (1 - share) * (control - start) + share * (end - control)
+    x, y = side * along / np.hypot(*along)
+    return curve._replace(middle=Point(*middle.tolist()), normal=Point(float(y), float(-x)))
+
+
+def _samples(curve: Arrow) -> np.ndarray:
+    """Points along an arrow, shape ``(n, 2)``."""
+    start, control, end = (np.array(point) for point in curve[:3])
+    share = np.linspace(0.0, 1.0, _SAMPLES)[:, None]
+    return np.asarray((1 - share) ** 2 * start + 2 * share * (1 - share) * control + share**2 * end)
+
+
+def _inside(points: np.ndarray, box: Rectangle) -> int:
+    """How many points, shape ``(n, 2)``, lie in a rectangle."""
+    half = np.array([box.width, box.height]) / 2.0
+    return int((np.abs(points - [box.x, box.y]) < half).all(axis=1).sum())
+
+
+def _overlap(first: Rectangle, second: Rectangle, gap: float = 0.0) -> bool:
+    """Whether two rectangles have less than a gap between them."""
+    return (
+        abs(first.x - second.x) < (first.width + second.width) / 2.0 + gap
+        and abs(first.y - second.y) < (first.height + second.height) / 2.0 + gap
     )
-    sign = 1.0 if outwards else -1.0
-    return Arrow(start, control, end, middle, Point(sign * left.x, sign * left.y))
+
+
+def lay_out(
+    groups: Sequence[ArrowGroup], count: int, box: tuple[float, float], labels: Sequence[tuple[float, float]]
+) -> Layout:
+    """Lay a whole diagram: boxes on a ring that grows until no label lies on a box, a label or an arrow.
+
+    Args:
+        groups: What the arrows stand for.
+        count: Number of boxes.
+        box: Width and height of a box.
+        labels: Width and height of the label of each arrow.
+
+    Returns:
+        The first layout in which nothing lies on anything; else the one with the least of it.
+    """
+    best, least = None, math.inf
+    for round_ in range(_ROUNDS):
+        boxes = ring(count, *box, spread=1.0 + _GROWTH * round_)
+        laid, cost = _with_labels(arrows(groups, boxes), boxes, labels)
+        if cost < least:
+            best, least = laid, cost
+        if cost == 0:
+            break
+    assert best is not None  # there is at least one round
+    return best
+
+
+def _with_labels(
+    curves: list[Arrow], boxes: list[Rectangle], sizes: Sequence[tuple[float, float]]
+) -> tuple[Layout, int]:
+    """Place the labels, large ones first, each where it covers least; and what is covered in all."""
+    drawn = np.concatenate([np.zeros((0, 2)), *map(_samples, curves)])
+    taken, placed, total = list(boxes), dict[int, Rectangle](), 0
+    for number in sorted(range(len(curves)), key=lambda k: -sizes[k][0] * sizes[k][1]):
+        best, least = curves[number], math.inf
+        for curve in _label_candidates(curves[number]):
+            place = label_place(curve, *sizes[number])
+            cost = sum(_COLLISION for item in taken if _overlap(place, item, GAP / 2.0))
+            cost += _inside(drawn, place)
+            if cost < least:
+                best, least = curve, cost
+            if cost == 0:
+                break
+        curves[number], placed[number] = best, label_place(best, *sizes[number])
+        taken.append(placed[number])
+        total += int(least)
+    return Layout(boxes, curves, [placed[number] for number in range(len(curves))]), total
+
+
+def _label_candidates(curve: Arrow) -> Iterator[Arrow]:
+    """The usual place first, then others along the arrow on either side."""
+    yield curve
+    dx, dy = curve.end.x - curve.start.x, curve.end.y - curve.start.y
+    usual = 1.0 if curve.normal.x * dy - curve.normal.y * dx > 0.0 else -1.0
+    for share in _PLACES:
+        for side in (usual, -usual):
+            yield _labelled(curve, share, side)
 
 
 def _edge(box: Rectangle, towards: Point) -> Point:

@@ -10,19 +10,28 @@ from matplotlib.figure import Figure
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.phases import phase_spells
-from twin_gait.palette import LIMIT_COLOUR, SIDE_COLOURS, phase_colour
-from twin_gait.report.canvas import new_figure, phase_handles, put_legend, style_panel
+from twin_gait.palette import LIMIT_COLOUR, SIDE_COLOURS
+from twin_gait.report.canvas import (
+    SCREEN_WIDTH,
+    colour_of,
+    new_figure,
+    phase_handles,
+    put_legend,
+    style_panel,
+)
+from twin_gait.report.marks import mark_events, shown_phases
 from twin_gait.report.window import Window, last_strides, leg_records
 from twin_gait.simulation.run import Run
 
 BAR = 0.7  # height of a phase bar, in rows
 
 
-def draw_feet(run: Run) -> Figure | None:
+def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     """Draw foot forces and clearances with the phases under them.
 
     Args:
         run: The run.
+        width: Of the figure in inches; one narrower than a screen is for print.
 
     Returns:
         The figure; None without ground.
@@ -31,13 +40,14 @@ def draw_feet(run: Run) -> Figure | None:
     if any(record.contacts is None for record in records):
         return None
     window = last_strides(run, records)
-    figure = new_figure(run, "Feet on the ground", height=8.5)
+    figure = new_figure(run, "Feet on the ground", height=8.5, width=width)
     force, clearance, phases = figure.subplots(3, 1, sharex=True, height_ratios=(3, 2, 1))
     lines = [*_draw_forces(force, run, records, window), *_draw_clearances(clearance, records, window)]
+    lines += [line for axes in (force, clearance) for line in mark_events(axes, run, window)]
     _draw_phase_bars(phases, run, records, window)
     phases.set_xlabel("time [s]")
     phases.set_xlim(window.time[0], window.time[-1])
-    shown = np.concatenate([record.phases[window.rows] for record in records])
+    shown = np.concatenate([shown_phases(run, record, window) for record in records])
     put_legend(figure, lines, phase_handles(run.table.phase_names, shown))
     return figure
 
@@ -99,12 +109,10 @@ def _draw_clearances(axes: Axes, records: list[LegRecord], window: Window) -> li
 def _draw_phase_bars(axes: Axes, run: Run, records: list[LegRecord], window: Window) -> None:
     names = run.table.phase_names
     for row, record in enumerate(records):
-        for spell in phase_spells(record.phases):
-            start = max(spell.start * record.tick, window.time[0])
-            end = min(spell.end * record.tick, window.time[-1])
-            if end > start:
-                colour = phase_colour(names[spell.phase], spell.phase)
-                axes.barh(-row, end - start, left=start, height=BAR, color=colour, alpha=0.9)
+        for spell in phase_spells(shown_phases(run, record, window)):
+            start, end = window.time[[spell.start, min(spell.end, len(window.time) - 1)]]
+            colour = colour_of(spell.phase, names)
+            axes.barh(-row, end - start, left=start, height=BAR, color=colour, alpha=0.9)
     style_panel(axes, "phase", "")
     axes.set_yticks([-row for row in range(len(records))], [str(record.side) for record in records])
     axes.grid(visible=False, axis="y")

@@ -1,13 +1,19 @@
-"""All pictures of a run."""
+"""All pictures of a run: for its directory, and for a paper."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+import re
 from pathlib import Path
+from string import ascii_lowercase
+from typing import Any, Protocol
 
+import matplotlib as mpl
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, MaxNLocator
 
-from twin_gait.report.canvas import save
+from twin_gait.exceptions import ParameterError
+from twin_gait.report.canvas import LEGEND_COLUMN, SCREEN_WIDTH, save
 from twin_gait.report.currents import draw_currents
 from twin_gait.report.cycle import draw_angles, draw_cycle
 from twin_gait.report.energy import draw_energy
@@ -16,16 +22,131 @@ from twin_gait.report.portrait import draw_portrait
 from twin_gait.report.torques import draw_torques
 from twin_gait.simulation.run import Run
 
-# File name and what draws it; a drawing that does not apply to the run gives None.
-PICTURES: dict[str, Callable[[Run], Figure | None]] = {
-    "gait_cycle.png": draw_cycle,
-    "joint_angles.png": draw_angles,
-    "torques.png": draw_torques,
-    "currents.png": draw_currents,
-    "feet.png": draw_feet,
-    "phase_portrait.png": draw_portrait,
-    "energy.png": draw_energy,
+
+class _Drawing(Protocol):
+    """Draws a run in a width in inches, or gives None if the picture does not apply to it."""
+
+    def __call__(self, run: Run, *, width: float) -> Figure | None: ...
+
+
+FIGURES: dict[str, _Drawing] = {
+    "gait_cycle": draw_cycle,
+    "joint_angles": draw_angles,
+    "torques": draw_torques,
+    "currents": draw_currents,
+    "feet": draw_feet,
+    "phase_portrait": draw_portrait,
+    "energy": draw_energy,
 }
+
+WIDTHS = (85, 174)  # [mm], one column and two
+NARROWEST, WIDEST = 60.0, 270.0  # [mm]
+INCH = 25.4  # [mm]
+_ROW, _REST, _LEGEND_ROW = 34.0, 8.0, 3.7  # [mm] of a row of panels, around them, and of a row of the legend
+_THINNER = 0.55  # lines, of their width on a screen
+_PRINT: dict[Any, float] = {
+    "font.size": 7.0,  # [pt]; journals ask for 6 or more
+    "axes.linewidth": 0.5,
+    "xtick.major.width": 0.5,
+    "ytick.major.width": 0.5,
+    "xtick.major.size": 2.0,
+    "ytick.major.size": 2.0,
+    "xtick.major.pad": 2.0,
+    "ytick.major.pad": 2.0,
+    "axes.labelpad": 2.0,
+    "legend.handlelength": 1.6,
+    "legend.columnspacing": 1.0,
+}
+_LACKS = {"gait_cycle": "a leg made no whole stride", "feet": "it is not on the ground"}
+
+
+def available_figures(run: Run) -> list[str]:
+    """Names of the pictures that apply to a run.
+
+    Args:
+        run: The run.
+
+    Returns:
+        Of ``FIGURES``, in order; none of a log of less than two rows.
+    """
+    if len(run.log) < 2:
+        return []
+    return [name for name, draw in FIGURES.items() if draw(run, width=SCREEN_WIDTH) is not None]
+
+
+def draw_figure(run: Run, name: str, *, width: float = SCREEN_WIDTH) -> Figure:
+    """Draw one picture.
+
+    Args:
+        run: The run, with at least two rows in its log.
+        name: One of ``FIGURES``.
+        width: In inches; one narrower than a screen is for print.
+
+    Returns:
+        The figure.
+
+    Raises:
+        ParameterError: If there is no such picture, or none of this run.
+    """
+    if name not in FIGURES:
+        raise ParameterError(f"figure: no {name!r}; there are {', '.join(FIGURES)}")
+    figure = FIGURES[name](run, width=width) if len(run.log) > 1 else None
+    if figure is None:
+        raise ParameterError(f"figure: this run has no {name}: {_LACKS.get(name, 'its log is too short')}")
+    return figure
+
+
+def draw_for_paper(run: Run, name: str, width: float) -> tuple[Figure, str]:
+    """Draw one picture in the size of print: no title inside, a letter on each panel.
+
+    Args:
+        run: The run, with at least two rows in its log.
+        name: One of ``FIGURES``.
+        width: In [mm]; usual are ``WIDTHS``.
+
+    Returns:
+        The figure, and for its caption what it shows, as a whole and panel by panel.
+
+    Raises:
+        ParameterError: If there is no such picture, none of this run, or the width is out of range.
+    """
+    if not NARROWEST <= width <= WIDEST:
+        raise ParameterError(f"width: expected {NARROWEST:g} to {WIDEST:g} mm, got {width:g}")
+    with mpl.rc_context(_PRINT):
+        figure = draw_figure(run, name, width=width / INCH)
+        caption = _letter_panels(figure)
+    _size(figure)
+    return figure, caption
+
+
+def _letter_panels(figure: Figure) -> str:
+    """Letters and a few words in the place of the panels' titles; what the titles said."""
+    parts = [str(figure.get_label()).replace("\n", "; ")]
+    for letter, axes in zip(ascii_lowercase, figure.axes, strict=False):
+        title = axes.get_title()
+        parts.append(f"({letter}) {title}")
+        axes.set_title("")
+        axes.set_title(
+            rf"$\mathbf{{{letter}}}$  {re.split('[,:]', title)[0]}", loc="left", fontsize="medium", pad=3.0
+        )
+    return ". ".join(parts) + "."
+
+
+def _size(figure: Figure) -> None:
+    """Height after the panels and the legend, and lines and ticks after the size."""
+    spots = [axes.get_subplotspec() for axes in figure.axes]
+    rows = 1 + max(spot.rowspan.start for spot in spots if spot is not None)
+    (legend,) = figure.legends
+    entries = math.ceil(len(legend.get_texts()) / max(1, int(figure.get_figwidth() / LEGEND_COLUMN)))
+    width = figure.get_figwidth()
+    row = max(_ROW, width * INCH / 4.0)
+    figure.set_size_inches(width, (rows * row + _REST + entries * _LEGEND_ROW) / INCH)
+    for line in [*legend.get_lines(), *(line for axes in figure.axes for line in axes.get_lines())]:
+        line.set_linewidth(_THINNER * line.get_linewidth())
+        line.set_markersize(_THINNER * line.get_markersize())
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        if not isinstance(axis.get_major_locator(), FixedLocator):
+            axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
 
 
 def write_figures(run: Run, directory: Path) -> list[Path]:
@@ -40,9 +161,5 @@ def write_figures(run: Run, directory: Path) -> list[Path]:
     Returns:
         The files that were written.
     """
-    written = []
-    for name, draw in PICTURES.items():
-        figure = draw(run)
-        if figure is not None:
-            written.append(save(figure, directory / name))
-    return written
+    drawn = ((name, draw(run, width=SCREEN_WIDTH)) for name, draw in FIGURES.items())
+    return [save(figure, directory / f"{name}.png") for name, figure in drawn if figure is not None]

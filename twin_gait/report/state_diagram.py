@@ -15,10 +15,8 @@ from twin_gait.report.diagram_layout import (
     ArrowGroup,
     Rectangle,
     arrow_groups,
-    arrows,
     bounds,
-    label_place,
-    ring,
+    lay_out,
 )
 from twin_gait.report.diagram_words import condition_lines, damping_words, duration, number, readable
 
@@ -93,10 +91,9 @@ def state_diagram_svg(table: GaitTable) -> str:
         SVG, ending with a line break; it needs no other file and follows a dark page.
     """
     lines = max(len(_box_lines(table, phase)) for phase in table.phases)
-    boxes = ring(len(table.phases), _box_width(table), 36.0 + SMALL_LINE * lines)
     groups = arrow_groups(table)
-    curves = arrows(groups, boxes)
-    labels = [_label_box(curve, group) for curve, group in zip(curves, groups, strict=True)]
+    size = _box_width(table), 36.0 + SMALL_LINE * lines
+    boxes, curves, labels = lay_out(groups, len(table.phases), size, [_label_size(item) for item in groups])
     frame = _frame(table, [*boxes, *labels])
     parts = [
         *_head(table, frame),
@@ -214,10 +211,9 @@ def _label_lines(group: ArrowGroup) -> list[tuple[str, str]]:
     return lines
 
 
-def _label_box(curve: Arrow, group: ArrowGroup) -> Rectangle:
+def _label_size(group: ArrowGroup) -> tuple[float, float]:
     lines = _label_lines(group)
-    longest = max(len(text) for text, _ in lines)
-    return label_place(curve, _CHARACTER * longest, LINE * len(lines))
+    return _CHARACTER * max(len(text) for text, _ in lines), LINE * len(lines)
 
 
 def _label(place: Rectangle, curve: Arrow, group: ArrowGroup) -> Iterator[str]:

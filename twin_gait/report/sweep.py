@@ -15,9 +15,9 @@ from matplotlib.figure import Figure
 from twin_gait.palette import BLUE, GREY
 from twin_gait.report.canvas import save, style_panel
 from twin_gait.report.sweep_axes import Axis, axis_of, is_logarithmic, label_of
-from twin_gait.simulation.run import RunStatus
+from twin_gait.vocabulary import Outcome
 
-COMPLETED = "completed"
+WALKED = "walked"
 DEFAULT_MEASURES = ("battery_power_mean_W",)
 SPREAD = (0.1, 0.9)
 MOST_PAIRS = 6
@@ -30,7 +30,7 @@ _COLOURS = LinearSegmentedColormap.from_list("share", ["#F4F6F8", BLUE])
 def write_sweep_figures(
     table: pd.DataFrame, parameters: Sequence[str], measures: Sequence[str], title: str, folder: Path
 ) -> list[Path]:
-    """Draw a sweep: the share that completed, then each measure over the episodes that did.
+    """Draw a sweep: the share that walked, then each measure over the episodes that did.
 
     Args:
         table: One row per episode.
@@ -45,7 +45,7 @@ def write_sweep_figures(
     axes = [axis for axis in (axis_of(table, name) for name in parameters) if axis is not None]
     axes = axes[:MOST_PARAMETERS]
     written = []
-    for measure in (COMPLETED, *(measures or DEFAULT_MEASURES)):
+    for measure in (WALKED, *(measures or DEFAULT_MEASURES)):
         values = values_of(table, measure)
         if not axes or not np.isfinite(values).any():
             continue
@@ -64,18 +64,19 @@ def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
 
     Args:
         table: One row per episode.
-        measure: A column, or ``completed``.
+        measure: A column, or ``walked``.
 
     Returns:
-        Numbers, NaN where the episode did not complete or has none, shape ``(n,)``; 1 or 0 for ``completed``.
+        Numbers, NaN where the wearer did not walk or there is none, shape ``(n,)``; 1 or 0 for ``walked``.
     """
-    completed = (table["status"] == str(RunStatus.COMPLETED)).to_numpy()
-    if measure == COMPLETED:
-        return completed.astype(float)
+    # An episode without a verdict is one that was not asked to walk, such as a held posture on the bench.
+    walked = (table["outcome"].isna() | (table["outcome"] == Outcome.WALKED)).to_numpy()
+    if measure == WALKED:
+        return walked.astype(float)
     if measure not in table:
         return np.full(len(table), np.nan)
     values: np.ndarray = table[measure].to_numpy(dtype=float, na_value=np.nan)
-    return np.where(completed, values, np.nan)
+    return np.where(walked, values, np.nan)
 
 
 def cell_means(values: np.ndarray, first: Axis, second: Axis) -> np.ndarray:
@@ -111,7 +112,7 @@ def draw_main_effects(axes: Sequence[Axis], values: np.ndarray, measure: str, ti
         The figure.
     """
     what = _what(measure)
-    if measure != COMPLETED:
+    if measure != WALKED:
         what += f"\nline: mean, shade: {SPREAD[0]:.0%} to {SPREAD[1]:.0%} of the episodes, dots: episodes"
     figure, panels = _panels(f"{title}: {what}", len(axes), height=3.0)
     for panel, axis in zip(panels, axes, strict=True):
@@ -144,14 +145,14 @@ def draw_heat_maps(axes: Sequence[Axis], values: np.ndarray, measure: str, title
         panel.set_yticks(range(len(second.names)), second.names)
         panel.set_xlabel(_axis_label(first))
         panel.set_ylabel(_axis_label(second))
-    figure.colorbar(image, ax=panels, label=label_of(measure) if measure != COMPLETED else "share completed")
+    figure.colorbar(image, ax=panels, label=label_of(measure) if measure != WALKED else "share that walked")
     return figure
 
 
 def _what(measure: str) -> str:
-    if measure == COMPLETED:
-        return "share of the episodes that completed"
-    return f"{label_of(measure, unit=False)}, mean over the episodes that completed"
+    if measure == WALKED:
+        return "share of the episodes that walked"
+    return f"{label_of(measure, unit=False)}, mean over the episodes that walked"
 
 
 def _panels(title: str, count: int, *, height: float) -> tuple[Figure, list[Axes]]:
@@ -172,7 +173,7 @@ def _draw_effect(panel: Axes, axis: Axis, values: np.ndarray, measure: str) -> N
     filled = [place for place, group in enumerate(groups) if len(group)]
     centres = np.asarray(axis.centres, dtype=float)[filled]
     means = np.array([groups[place].mean() for place in filled])
-    if measure != COMPLETED:
+    if measure != WALKED:
         _draw_spread(panel, axis, values, there, centres, [groups[place] for place in filled])
     panel.plot(centres, means, "o" if axis.numbers is None else "o-", color=BLUE, linewidth=1.8, markersize=5)
     if axis.numbers is None:
@@ -180,7 +181,7 @@ def _draw_effect(panel: Axes, axis: Axis, values: np.ndarray, measure: str) -> N
         panel.set_xlim(-0.5, len(axis.names) - 0.5)
     elif is_logarithmic(axis):
         panel.set_xscale("log")
-    style_panel(panel, "", "share completed" if measure == COMPLETED else label_of(measure))
+    style_panel(panel, "", "share that walked" if measure == WALKED else label_of(measure))
     panel.set_xlabel(label_of(axis.column))
 
 
@@ -211,7 +212,7 @@ def _share_range(panels: Sequence[Axes]) -> None:
 
 
 def _range(cells: Sequence[np.ndarray], measure: str) -> tuple[float, float]:
-    if measure == COMPLETED:
+    if measure == WALKED:
         return 0.0, 1.0
     finite = np.concatenate([means[np.isfinite(means)] for means in cells])
     return float(finite.min()), float(finite.max())
@@ -225,7 +226,7 @@ def _write_cells(panel: Axes, means: np.ndarray, measure: str, lowest: float, hi
     for (row, column), mean in np.ndenumerate(means):
         if np.isfinite(mean):
             dark = mean > lowest + 0.55 * (highest - lowest)
-            text = f"{100 * mean:.0f}%" if measure == COMPLETED else f"{mean:.3g}"
+            text = f"{100 * mean:.0f}%" if measure == WALKED else f"{mean:.3g}"
             panel.text(
                 column, row, text, ha="center", va="center", fontsize=8, color="white" if dark else "black"
             )

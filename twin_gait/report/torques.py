@@ -9,17 +9,27 @@ from matplotlib.figure import Figure
 
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.palette import BLACK, LIMIT_COLOUR, TORQUE_COLOURS
-from twin_gait.report.canvas import new_figure, phase_handles, put_legend, readable, shade_phases, style_panel
+from twin_gait.report.canvas import (
+    SCREEN_WIDTH,
+    new_figure,
+    phase_handles,
+    put_legend,
+    readable,
+    shade_phases,
+    style_panel,
+)
+from twin_gait.report.marks import mark_events, shown_phases
 from twin_gait.report.window import Window, last_strides, leg_records
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
 
-def draw_torques(run: Run) -> Figure:
+def draw_torques(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw what the controller asks for, part by part, and what the motor gives.
 
     Args:
         run: The run.
+        width: Of the figure in inches; one narrower than a screen is for print.
 
     Returns:
         The figure.
@@ -27,18 +37,19 @@ def draw_torques(run: Run) -> Figure:
     records = leg_records(run)
     window = last_strides(run, records)
     joints = list(records[0].angles)
-    figure = new_figure(run, "Motor torques and their parts", height=8.0)
+    figure = new_figure(run, "Motor torques and their parts", height=8.0, width=width)
     panels = figure.subplots(len(joints), len(records), sharex=True, sharey="row", squeeze=False)
     lines: list[Artist] = []
     for row, joint in enumerate(joints):
         for column, record in enumerate(records):
             axes = panels[row, column]
-            shade_phases(axes, window.time, record.phases[window.rows], run.table.phase_names)
+            shade_phases(axes, window.time, shown_phases(run, record, window), run.table.phase_names)
             lines += _draw_parts(axes, run, record, joint, window)
+            lines += mark_events(axes, run, window)
             style_panel(axes, f"{record.side} {joint}", "torque [N m]" if column == 0 else "")
     for axes in panels[-1]:
         axes.set_xlabel("time [s]")
-    shown = np.concatenate([record.phases[window.rows] for record in records])
+    shown = np.concatenate([shown_phases(run, record, window) for record in records])
     put_legend(figure, lines, phase_handles(run.table.phase_names, shown))
     return figure
 

@@ -13,6 +13,7 @@ from twin_gait.simulation.run import Run
 
 SHOWN_STRIDES = 2
 SHOWN_WITHOUT_STRIDES = 6.0  # [s]
+SHOWN_BEFORE_EVENT = 1 / 3  # of a window
 # More points than this do not show in a picture.
 MOST_POINTS = 20_000
 
@@ -38,14 +39,11 @@ def leg_records(run: Run) -> list[LegRecord]:
     Returns:
         One record a leg.
     """
-    return [
-        leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
-        for side in run.sides
-    ]
+    return [leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady) for side in run.sides]
 
 
 def last_strides(run: Run, records: list[LegRecord]) -> Window:
-    """The last strides of the first leg, or the last seconds of a run without strides.
+    """What befell the run, or the last strides of the first leg, or the last seconds without strides.
 
     Args:
         run: The run.
@@ -55,13 +53,13 @@ def last_strides(run: Run, records: list[LegRecord]) -> Window:
         The rows to show.
     """
     events = records[0].stride_events
-    if len(events) <= SHOWN_STRIDES:
-        return last_seconds(run, SHOWN_WITHOUT_STRIDES)
+    if run.events or len(events) <= SHOWN_STRIDES:
+        return end_or_events(run, SHOWN_WITHOUT_STRIDES)
     return _window(run, slice(int(events[-1 - SHOWN_STRIDES]), int(events[-1]) + 1))
 
 
-def last_seconds(run: Run, duration: float) -> Window:
-    """The end of a run.
+def end_or_events(run: Run, duration: float) -> Window:
+    """The end of a run, or what led to its first event and came of it.
 
     Args:
         run: The run.
@@ -70,7 +68,12 @@ def last_seconds(run: Run, duration: float) -> Window:
     Returns:
         The rows to show.
     """
-    return _window(run, slice(max(0, len(run.log) - round(duration / TICK)), len(run.log)))
+    length = round(duration / TICK)
+    start = len(run.log) - length
+    if run.events:
+        start = min(start, round(run.events[0].time / TICK - SHOWN_BEFORE_EVENT * length))
+    start = max(0, start)
+    return _window(run, slice(start, min(start + length, len(run.log))))
 
 
 def whole_run(run: Run) -> Window:

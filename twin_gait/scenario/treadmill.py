@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin_gait.core import plant
-from twin_gait.core.belt import belt_speed, belt_travel
+from twin_gait.core.belt import treadmill_speed, treadmill_travel
 from twin_gait.leg_model import LegModel, PelvisGuide
 from twin_gait.parameters import (
     AnkleParameters,
@@ -39,6 +39,8 @@ class TreadmillScenario:
         belt_speed: In [m] / [s]; 1.5 km/h is the device's target speed (thesis, table 2.1).
         belt: How the belt starts and stops, and when the legs are told to walk; None for a belt that runs
             evenly under legs that always walk.
+        stop_ramp: Time in [s] in which a trip of the monitor or the operator's Stop brings the belt to rest
+            (an assumption: device and treadmill share one stop circuit); infinite for a belt that runs on.
         support: Body-weight support and guide.
         contact: Of heels and toes.
         leading: Leg that starts in front.
@@ -49,6 +51,7 @@ class TreadmillScenario:
 
     belt_speed: float = 1.5 / 3.6
     belt: BeltProfile | None = None
+    stop_ramp: float = 0.5
     support: SupportParameters = field(default_factory=SupportParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
     leading: Side = Side.LEFT
@@ -65,34 +68,38 @@ class TreadmillScenario:
             "above 0 and at most 2 m/s",
             self.belt_speed,
         )
+        require(self.stop_ramp > 0.0, "stop_ramp", "a time above 0", self.stop_ramp)
 
-    def belt_speed_at(self, time: float) -> float:
+    def _belt(self) -> tuple[float, float, float, float, float, float]:
+        """The belt as :func:`twin_gait.core.belt.treadmill_speed` takes it."""
+        start, stop, ramp, delay = 0.0, math.inf, 0.0, 0.0
+        if self.belt is not None:
+            start, stop, ramp, delay = self.belt.start, self.belt.stop, self.belt.ramp, self.belt.delay
+        return self.belt_speed, start, stop, ramp, delay, self.stop_ramp
+
+    def belt_speed_at(self, time: float, trip_time: float = math.inf) -> float:
         """Speed of the belt at a time.
 
         Args:
             time: In [s].
+            trip_time: Of the trip that brings the belt to rest, in [s]; infinite if there is none.
 
         Returns:
             Speed in [m] / [s], backwards positive.
         """
-        if self.belt is None:
-            return self.belt_speed
-        belt = self.belt
-        return belt_speed(time - belt.delay, self.belt_speed, belt.start, belt.stop, belt.ramp)
+        return treadmill_speed(time, trip_time, *self._belt())
 
-    def belt_travel(self, time: float) -> float:
+    def belt_travel(self, time: float, trip_time: float = math.inf) -> float:
         """Way that the belt has gone since time 0.
 
         Args:
             time: In [s].
+            trip_time: As in :meth:`belt_speed_at`.
 
         Returns:
             Way in [m], backwards positive.
         """
-        if self.belt is None:
-            return self.belt_speed * time
-        belt = self.belt
-        return belt_travel(time - belt.delay, self.belt_speed, belt.start, belt.stop, belt.ramp)
+        return treadmill_travel(time, trip_time, *self._belt())
 
     @property
     def steady(self) -> tuple[float, float]:
@@ -157,9 +164,11 @@ class TreadmillScenario:
             start_v=np.zeros(model.nv),
             initial_phases=phases,
             belt_speed=self.belt_speed,
-            belt=self.belt,
+            belt=self._belt(),
             contact=self.contact,
             support_force=support_force,
+            catch_stiffness=self.support.catch_stiffness,
+            catch_dissipation=self.support.catch_dissipation,
             body_weight=weight,
             fall_height=FALL_SHARE * q[pelvis],
             contact_frames=frames,

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin_gait.core import plant
+from twin_gait.core.belt import NO_BELT
 from twin_gait.leg_model import Bodies, LegJoints, LegModel, PelvisGuide
 from twin_gait.parameters import (
     ActuatorParameters,
     AnkleParameters,
-    BeltProfile,
     ContactParameters,
     FrictionParameters,
     Patient,
@@ -86,12 +86,14 @@ class World:
         model: The plant; with braces, device and wearer as if they were one.
         plant_rows: Parameters of the passive torques, shape ``(n, PLANT_COLUMNS)``.
         belt_speed: In [m] / [s], with a profile between its ramps; 0 on the bench.
-        belt: How the belt starts and stops, or None if it runs evenly.
+        belt: What sets its speed, as :func:`twin_gait.core.belt.treadmill_speed` takes it.
         contact: Contact parameters, or None without ground.
         start_q: Coordinates at time 0, shape ``(n,)``.
         start_v: Velocities at time 0, shape ``(n,)``.
         initial_phases: Phase of each leg at time 0.
         support_force: Constant upward force on the pelvis in [N].
+        catch_stiffness: In [N] / [m] of the harness that locks at a trip; 0 for none.
+        catch_dissipation: Of that harness in [s] / [m].
         body_weight: Weight of the wearer and device in [N].
         fall_height: Pelvis height in [m] below which the wearer has fallen, or None.
         hand: A hand, which grips the device, or None.
@@ -104,9 +106,11 @@ class World:
     start_v: np.ndarray
     initial_phases: Mapping[Side, str | None]
     belt_speed: float = 0.0
-    belt: BeltProfile | None = None
+    belt: tuple[float, ...] = NO_BELT
     contact: ContactParameters | None = None
     support_force: float = 0.0
+    catch_stiffness: float = 0.0
+    catch_dissipation: float = 0.0
     body_weight: float = 0.0
     fall_height: float | None = None
     hand: Hand | None = None

@@ -6,6 +6,7 @@ from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from twin_gait.leg_model import LegModel
 from twin_gait.vocabulary import JointName, Side
 
 LOG_SCHEMA_VERSION = 1
@@ -87,20 +88,28 @@ def work_sources(columns: Container[str]) -> tuple[str, ...]:
     return BRACED_WORK_SOURCES if f"{BRACED_WORK_SOURCES[-1]}_work_J" in columns else WORK_SOURCES
 
 
-def wearer_column(columns: Container[str], side: Side, joint: JointName, quantity: str) -> str:
-    """Column of the wearer's own motion: where he is one body with the device, that of the joint.
+def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], list[str]]:
+    """Columns that hold the state of a model.
 
     Args:
-        columns: Of the log.
-        side: The leg.
-        joint: The joint.
-        quantity: ``angle_rad`` or ``velocity_rad_per_s``.
+        model: The leg model that was simulated.
+        wearer: Whether the state is the wearer's own, where braces bind them to the device.
 
     Returns:
-        Its name.
+        Columns of its coordinates and of its velocities, in the order of the model.
     """
-    own = f"{side}_{joint}_wearer_{quantity}"
-    return own if own in columns else f"{side}_{joint}_{quantity}"
+    own = "wearer_" * wearer
+    names = {
+        model.index(side, joint): (
+            f"{side}_{joint}_{own}angle_rad",
+            f"{side}_{joint}_{own}velocity_rad_per_s",
+        )
+        for side, leg in model.legs.items()
+        for joint, _ in leg.items()
+    }
+    if model.pelvis_index is not None:
+        names[model.pelvis_index] = (f"{own}pelvis_height_m", f"{own}pelvis_velocity_m_per_s")
+    return [names[index][0] for index in range(model.nv)], [names[index][1] for index in range(model.nv)]
 
 
 def unit_of(column: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from twin_gait.control import ControllerFunction, Trip
-from twin_gait.core import belt, safety
+from twin_gait.core import safety
 from twin_gait.experiment import ControlMode, IntegrationMethod
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
@@ -137,7 +137,7 @@ class CompiledEngine:
             bodies=np.array(body_values(bodies, points)),
             control_bodies=np.array(body_values(control_bodies)),
             contact=self._contact(),
-            belt=self._belt(),
+            belt=np.array(world.belt),
             plant_rows=np.ascontiguousarray(world.plant_rows),
             coordinates=np.array([joint.coordinate for joint in problem.joints], dtype=np.int64),
             control_coordinates=np.array(
@@ -197,6 +197,8 @@ class CompiledEngine:
         numbers[episode_arrays.ASSISTANCE_GAIN] = assistance.gain
         numbers[episode_arrays.ALLOWANCE] = assistance.allowance
         numbers[episode_arrays.LEAST_ASSISTANCE] = assistance.least
+        numbers[episode_arrays.CATCH_STIFFNESS] = world.catch_stiffness
+        numbers[episode_arrays.CATCH_DISSIPATION] = world.catch_dissipation
         return numbers
 
     def _contact(self) -> np.ndarray:
@@ -212,13 +214,6 @@ class CompiledEngine:
                 contact.transition_velocity,
             ]
         )
-
-    def _belt(self) -> np.ndarray:
-        world = self.problem.world
-        if world.belt is None:
-            return np.zeros(belt.BELT_COUNT)
-        profile = world.belt
-        return np.array([world.belt_speed, profile.start, profile.stop, profile.ramp, profile.delay])
 
     def _friction_model(self) -> np.ndarray:
         models = self.problem.experiment.control.friction_model

@@ -9,22 +9,26 @@ from __future__ import annotations
 
 import ctypes
 import gc
-import importlib.util
-import sys
-from collections.abc import Callable
+import importlib
 from functools import lru_cache
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 import numba
+from numba.core import types
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 from numba.extending import register_jitable
 
 from twin_gait import core
-from twin_gait.control import ControllerFunction
-from twin_gait.files import write_atomically
-from twin_gait.simulation.keeping import CORE_MODULES, cache_folder, usable_folder
+from twin_gait.control.controller import (
+    EXPECTED_TORQUES,
+    ControllerFunction,
+    name_of,
+    require_arguments,
+)
+from twin_gait.exceptions import ParameterError
+from twin_gait.simulation.keeping import CORE_MODULES
 from twin_gait.simulation.machine_code import MachineCode, NativeFunction, function_at
 
 
@@ -72,6 +76,8 @@ def compile_loop(text: str, controller: ControllerFunction | None = None) -> Com
     module = ModuleType("twin_gait_episode")
     exec(compile(text, module.__name__, "exec"), module.__dict__)
     if controller is not None:
+        if not compiles(controller):
+            raise ParameterError(f"{name_of(controller)}: numba cannot compile it")
         module.__dict__["controller_torques"] = _jitted(controller)
     loop, arrays = module.__dict__["run_ticks"], tuple(module.__dict__["LOOSE_ARRAYS"])
     signature = (numba.intp,) * loop.py_func.__code__.co_argcount
@@ -89,7 +95,8 @@ def compile_loop(text: str, controller: ControllerFunction | None = None) -> Com
     address = result.library.get_pointer_to_function(symbol)
     code = MachineCode(result.library._get_compiled_object(), symbol, arrays)
     standalone = controller is None and _stands_alone(result.library)
-    return CompiledLoop(function_at(address, len(signature), loop), arrays, code if standalone else None)
+    function = function_at(address, len(signature), loop, None if controller is None else name_of(controller))
+    return CompiledLoop(function, arrays, code if standalone else None)
 
 
 def _stands_alone(library: Any) -> bool:
@@ -111,50 +118,21 @@ def compiles(function: ControllerFunction) -> bool:
         function: An ``njit`` function, or a Python function.
 
     Returns:
-        True if it gives two numbers for eight.
+        Whether it can.
+
+    Raises:
+        ParameterError: If it does not take eight numbers, or gives anything but two.
     """
     register_core()
+    require_arguments(function)
+    numbers = (numba.float64,) * 8
     try:
-        _jitted(function).compile((numba.float64,) * 8)
+        compiled = _jitted(function)
+        compiled.compile(numbers)
     except (NumbaError, TypeError, AttributeError):
         return False
+    answer = compiled.overloads[numbers].signature.return_type
+    pair = answer.types if isinstance(answer, types.BaseTuple) else ()  # type: ignore[attr-defined]
+    if len(pair) != 2 or not all(isinstance(item, (types.Integer, types.Float)) for item in pair):
+        raise ParameterError(f"{name_of(function)}: {EXPECTED_TORQUES}, got {answer}")
     return True
-
-
-# ------------------------------------------------------------------ modules that numba keeps itself
-
-
-def load_module(key: str, write: Callable[[], str]) -> ModuleType:
-    """Import the generated module of a key from the cache folder, writing it there first if needed.
-
-    Two processes may do this at once: the file is put in place in one step and both write the same.
-
-    Args:
-        key: From :func:`twin_gait.simulation.keeping.source_key`.
-        write: Gives the text of the module; its functions are kept by numba, beside it.
-
-    Returns:
-        The module.
-    """
-    register_core()
-    name = _module_name(key)
-    if name in sys.modules:
-        return sys.modules[name]
-    path = usable_folder(cache_folder()) / f"{name}.py"
-    if not path.is_file():
-        write_atomically(path, write())
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None and spec.loader is not None  # a .py file always has a loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    sys.modules[name] = module
-    return module
-
-
-def _module_name(key: str) -> str:
-    return f"twin_gait_module_{key}"
-
-
-def compiled_before(key: str) -> bool:
-    """Whether numba has kept ``run_ticks`` of a generated module."""
-    return any((cache_folder() / "__pycache__").glob(f"{_module_name(key)}.run_ticks-*.nbi"))

@@ -74,13 +74,15 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
     ASSISTANCE_GAIN,
     ALLOWANCE,
     LEAST_ASSISTANCE,
-) = range(20)
+    CATCH_STIFFNESS,
+    CATCH_DISSIPATION,
+) = range(22)
 # Positions in the array of numbers that change: bus voltage, time of the step, hand, contact power.
 BUS_VOLTAGE, TIME, HAND_TORQUE, CONTACT_POWER, LAST_CONTACT_POWER = range(5)
 # Positions in the array of what the monitor has done: tick of the trip or -1, its cause and place (a joint,
 # or the number of joints plus a leg), drives that are cut off, ticks with too low a bus voltage.
 TRIP_TICK, TRIP_CAUSE, TRIP_PLACE, DRIVES_OFF, LOW_VOLTAGE_STREAK = range(5)
-INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = WEARER_SHIFT + 1, LEAST_ASSISTANCE + 1, LAST_CONTACT_POWER + 1
+INTEGER_COUNT, NUMBER_COUNT, CHANGING_COUNT = WEARER_SHIFT + 1, CATCH_DISSIPATION + 1, LAST_CONTACT_POWER + 1
 SAFETY_COUNT = LOW_VOLTAGE_STREAK + 1
 
 # Blocks of the log, and where groups of columns begin in the block of a joint.
@@ -104,8 +106,8 @@ class EpisodeInputs(NamedTuple):
         bodies: Run-time values of the plant's kernel.
         control_bodies: Run-time values of the controller's kernel.
         contact: Present belt speed and contact parameters, shape ``(5,)``.
-        belt: Profile of its speed as :mod:`twin_gait.core.belt` reads it, shape ``(BELT_COUNT,)``; all 0 if
-            it runs evenly.
+        belt: What sets its speed, as :mod:`twin_gait.core.belt` reads it, shape ``(BELT_COUNT,)``; the ramp
+            is 0 if it runs evenly.
         plant_rows: Passive torques, shape ``(n, PLANT_COLUMNS)``.
         coordinates: Positions of the actuated joints in ``q``, shape ``(n_joints,)``.
         control_coordinates: Likewise in the controller's model.

@@ -2,18 +2,21 @@
 
 Whatever is compiled is kept under a hash over every source that it depends on: the generated text, all of
 core, the loop, the versions of numba, llvmlite, numpy and Python, and the processor. An edit of any of them
-is used by the next run. Nothing here needs the compiler.
+is used by the next run. Code is loaded only from the user's own files, and only if a seal with the user's
+secret says that this program wrote them. Nothing here needs the compiler.
 """
 
 from __future__ import annotations
 
-import atexit
+import contextlib
 import hashlib
+import hmac
 import importlib.util
 import os
 import platform
-import shutil
+import secrets
 import tempfile
+import warnings
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
@@ -23,6 +26,7 @@ from llvmlite import binding
 from twin_gait import core
 
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
+SECRET_BYTES = 32
 CORE_MODULES = (
     "articulated_body",
     "actuator",
@@ -51,7 +55,7 @@ LOOP_MODULES = ("columns", "compiling", "episode_arrays", "flattening", "module_
 # The loop itself.
 EPISODE_ROOMS = (
     "tick",
-    "belt",
+    "surroundings",
     "sensors",
     "monitor",
     "phases",
@@ -64,40 +68,93 @@ EPISODE_ROOMS = (
 _PACKAGE = __name__.rpartition(".")[0]
 
 
-def cache_folder() -> Path:
-    """Folder of the compiled code: ``$TWIN_GAIT_CACHE``, or twin_gait in the user's cache folder."""
-    chosen = os.environ.get(CACHE_VARIABLE)
-    if chosen:
-        return Path(chosen)
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "twin_gait"
-
-
-def usable_folder(wanted: Path) -> Path:
-    """The wanted folder, made if needed, or a private temporary one where it cannot be written.
-
-    The temporary one lasts as long as the process: compiled code is not kept where others could write.
-
-    Args:
-        wanted: From :func:`cache_folder`.
+def cache_folder() -> Path | None:
+    """Folder of the compiled code: ``$TWIN_GAIT_CACHE``, or twin_gait in the user's cache folder.
 
     Returns:
-        A folder that can be written.
+        The folder, made if needed; None if it cannot be had, belongs to somebody else, or others may write
+        there. What is compiled then stays in memory.
+    """
+    chosen = os.environ.get(CACHE_VARIABLE)
+    try:
+        return private_folder(Path(chosen) if chosen else _home("XDG_CACHE_HOME", ".cache") / "twin_gait")
+    except (OSError, RuntimeError):  # pathlib's error where the user has no home
+        return None
+
+
+@lru_cache(maxsize=8)
+def private_folder(folder: Path) -> Path | None:
+    """A folder that is the user's alone to write, made if needed; a warning and None if it is not."""
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if only_mine(folder.stat()):
+        return folder
+    warnings.warn(
+        f"{folder}: not used, because somebody else owns it or may write there; compiled code stays in memory"
+        f" (chmod go-w, or choose another folder by {CACHE_VARIABLE})",
+        RuntimeWarning,
+        stacklevel=2,
+    )
+    return None
+
+
+def only_mine(status: os.stat_result) -> bool:
+    """Whether a file or folder belongs to the user and nobody else may write to it."""
+    return status.st_uid == os.geteuid() and not status.st_mode & 0o022
+
+
+def read_own(path: Path) -> bytes | None:
+    """Content of a file that is the user's own to write, and not a link; None of any other.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The content.
     """
     try:
-        wanted.mkdir(parents=True, exist_ok=True)
-        if os.access(wanted, os.W_OK):
-            return wanted
+        with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), "rb") as file:
+            return file.read() if only_mine(os.fstat(file.fileno())) else None
     except OSError:
-        pass
-    return _private_folder()
+        return None
+
+
+def seal(name: str, content: bytes) -> str | None:
+    """Proof that this user's own program kept a content under a name: HMAC-SHA256 with the user's secret.
+
+    Args:
+        name: Of the file; one file in place of another is noticed too.
+        content: What is kept.
+
+    Returns:
+        The proof in hexadecimal digits, or None if there is no place for a secret.
+    """
+    try:
+        secret = _secret(_home("XDG_DATA_HOME", ".local/share") / "twin_gait" / "cache.key")
+    except (OSError, RuntimeError):
+        return None
+    return hmac.new(secret, name.encode() + b"\n" + content, "sha256").hexdigest() if secret else None
 
 
 @lru_cache(maxsize=1)
-def _private_folder() -> Path:
-    folder = tempfile.mkdtemp(prefix="twin_gait_")
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return Path(folder)
+def _secret(path: Path) -> bytes | None:
+    """The user's secret, apart from the code that it protects; made at the first use, read by nobody else."""
+    if not path.exists():
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        descriptor, new = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)  # 0600
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(secrets.token_bytes(SECRET_BYTES))
+        # Of two processes that get here at once, both go on with the secret of the first.
+        with contextlib.suppress(FileExistsError):
+            os.link(new, path)
+        os.unlink(new)
+    secret = read_own(path)
+    readable = path.stat().st_mode & 0o077
+    return None if secret is None or len(secret) < SECRET_BYTES or readable else secret
+
+
+def _home(variable: str, folder: str) -> Path:
+    chosen = os.environ.get(variable)
+    return Path(chosen) if chosen else Path.home() / folder
 
 
 @lru_cache(maxsize=8)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +12,9 @@ import numpy as np
 from twin_gait.control import ControllerFunction
 from twin_gait.simulation import episode_arrays
 from twin_gait.simulation.flat_episode import FlatEpisode, fields_of
-from twin_gait.simulation.keeping import cache_folder, source_key, usable_folder
+from twin_gait.simulation.keeping import cache_folder, source_key
 from twin_gait.simulation.machine_code import (
+    MachineCode,
     NativeFunction,
     load_function,
     prepare_linking,
@@ -77,13 +79,27 @@ def loop_of(
     """
     ingredients = kernel, flat.places, _constants(flat.episode), columns
     if controller is None:
-        loop = _kept_loop(source_key(repr(ingredients)), lambda: module_source(*ingredients), on_compile)
+        loop = kept_loop(source_key(repr(ingredients)), lambda: module_source(*ingredients), on_compile)
     else:
-        if on_compile is not None:
-            on_compile()
-        loop = _loop_with(module_source(*ingredients), controller)
-    fields = fields_of(flat.episode)
-    arrays = [flat.numbers, flat.integers, *(fields[name] for name in loop.arrays)]
+        loop = loop_with(module_source(*ingredients), controller, on_compile)
+    return bound(loop, flat.numbers, flat.integers, fields_of(flat.episode))
+
+
+def bound(
+    loop: Loop, numbers: np.ndarray, integers: np.ndarray, fields: Mapping[str, np.ndarray]
+) -> RunTicks:
+    """A compiled loop bound to the arrays that it reads and changes.
+
+    Args:
+        loop: The loop.
+        numbers: First array it takes, of floating-point numbers.
+        integers: Second one, of whole numbers.
+        fields: The loose arrays, by their names.
+
+    Returns:
+        The loop: first tick, one past the last, log; returns the ticks run since tick 0.
+    """
+    arrays = [numbers, integers, *(fields[name] for name in loop.arrays)]
 
     def run_ticks(first: int, end: int, rows: np.ndarray) -> int:
         addresses = [item.ctypes.data for item in arrays]
@@ -100,37 +116,57 @@ def _constants(whole: episode_arrays.Episode) -> tuple[tuple[str, int], ...]:
 _loops: dict[str, Loop] = {}
 
 
-def _kept_loop(key: str, write: Callable[[], str], on_compile: Callable[[], None] | None) -> Loop:
-    """The loop of a key, from this process, from the cache folder, or compiled and put there."""
+def kept_loop(key: str, write: Callable[[], str], on_compile: Callable[[], None] | None) -> Loop:
+    """The loop of a key, from this process, from the cache folder, or compiled and put there.
+
+    Args:
+        key: From :func:`twin_gait.simulation.keeping.source_key`.
+        write: Gives the text of the module to compile.
+        on_compile: Called if it has to be compiled.
+
+    Returns:
+        The loop.
+    """
     if key not in _loops:
-        path = cache_folder() / f"twin_gait_episode_{key}.loop"
-        code = read_code(path)
-        if code is not None:
-            prepare_linking()
-            _loops[key] = Loop(load_function(code, _arguments(code.arrays)), code.arrays)
-        else:
-            if on_compile is not None:
-                on_compile()
-            _loops[key] = _compiled_loop(key, write())
+        folder = cache_folder()
+        path = None if folder is None else folder / f"twin_gait_{key}.loop"
+        code = None if path is None else read_code(path)
+        _loops[key] = _compiled_loop(path, write(), on_compile) if code is None else _linked(code)
     return _loops[key]
 
 
-def _arguments(arrays: tuple[str, ...]) -> int:
-    return _FLAT_ARRAYS + len(arrays) + _MORE_ARGUMENTS
+def _linked(code: MachineCode) -> Loop:
+    prepare_linking()
+    return Loop(load_function(code, _FLAT_ARRAYS + len(code.arrays) + _MORE_ARGUMENTS), code.arrays)
 
 
-def _compiled_loop(key: str, text: str) -> Loop:
-    """Compile a loop and keep it, with its text beside it to be read."""
-    from twin_gait.files import write_atomically
+def _compiled_loop(path: Path | None, text: str, on_compile: Callable[[], None] | None) -> Loop:
+    """Compile a loop and keep it, if there is a place for it."""
     from twin_gait.simulation.compiling import compile_loop
 
+    if on_compile is not None:
+        on_compile()
     compiled = compile_loop(text)
-    if compiled.code is not None:
-        stem = usable_folder(cache_folder()) / f"twin_gait_episode_{key}"
-        write_atomically(stem.with_suffix(".py"), text)
-        # Two processes may do this at once: each file is put in place in one step, and both are as good.
-        write_code(stem.with_suffix(".loop"), compiled.code)
+    if compiled.code is not None and path is not None:
+        # Two processes may do this at once: the file is put in place in one step, and both are as good.
+        write_code(path, compiled.code)
     return Loop(compiled.function, compiled.arrays)
+
+
+def loop_with(text: str, controller: ControllerFunction, on_compile: Callable[[], None] | None) -> Loop:
+    """A loop with a control law of the user's, compiled once in this process and not kept.
+
+    Args:
+        text: Of the module to compile.
+        controller: Takes the place of the thesis's law.
+        on_compile: Called before each use of it.
+
+    Returns:
+        The loop.
+    """
+    if on_compile is not None:
+        on_compile()
+    return _loop_with(text, controller)
 
 
 @lru_cache(maxsize=16)

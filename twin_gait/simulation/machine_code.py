@@ -1,14 +1,15 @@
 """Machine code of a compiled loop: kept in one file, and loaded without the compiler.
 
 numba is needed to compile and for nothing else. Loading it takes as long as all else that happens before the
-first tick, and what it keeps itself is a pickle. Here the object code lies in a file behind a line that says
-what is in it, and LLVM links it into the process.
+first tick, and what it keeps itself is a pickle. Here the object code lies in a file behind a seal and a line
+that says what is in it, and LLVM links it into the process.
 """
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
-import hashlib
+import hmac
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +17,9 @@ from typing import Any, NamedTuple
 
 from llvmlite import binding
 
+from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.files import write_atomically
+from twin_gait.simulation.keeping import read_own, seal
 
 NativeFunction = Callable[..., int]
 
@@ -36,18 +39,18 @@ class MachineCode(NamedTuple):
 
 
 def write_code(path: Path, code: MachineCode) -> None:
-    """Keep compiled code.
+    """Keep compiled code, sealed; where that is not possible it is not kept.
 
     Args:
         path: The file, replaced in one step.
         code: The code.
-
-    Raises:
-        RunDirectoryError: If the file cannot be written.
     """
-    digest = hashlib.sha256(code.object_code).hexdigest()
-    header = {"symbol": code.symbol, "arrays": code.arrays, "sha256": digest}
-    write_atomically(path, json.dumps(header).encode() + b"\n" + code.object_code)
+    content = json.dumps({"symbol": code.symbol, "arrays": code.arrays}).encode() + b"\n" + code.object_code
+    proof = seal(path.name, content)
+    if proof is not None:
+        # A full or read-only disk: the code is in memory and need not be kept.
+        with contextlib.suppress(RunDirectoryError):
+            write_atomically(path, proof.encode() + b"\n" + content)
 
 
 def read_code(path: Path) -> MachineCode | None:
@@ -57,16 +60,15 @@ def read_code(path: Path) -> MachineCode | None:
         path: The file.
 
     Returns:
-        The code, or None if there is none or the file is damaged.
+        The code, or None if there is none, it is not the user's own, or it is not what was kept.
     """
-    try:
-        header, object_code = path.read_bytes().split(b"\n", 1)
-        known = json.loads(header)
-        if known["sha256"] != hashlib.sha256(object_code).hexdigest():
-            return None
-        return MachineCode(object_code, known["symbol"], tuple(known["arrays"]))
-    except (OSError, ValueError, KeyError, TypeError):
+    proof, _, content = (read_own(path) or b"").partition(b"\n")
+    expected = seal(path.name, content)
+    if expected is None or not hmac.compare_digest(proof, expected.encode()):
         return None
+    header, _, object_code = content.partition(b"\n")
+    known = json.loads(header)
+    return MachineCode(object_code, known["symbol"], tuple(known["arrays"]))
 
 
 def load_function(code: MachineCode, n_arguments: int) -> NativeFunction:
@@ -86,16 +88,17 @@ def load_function(code: MachineCode, n_arguments: int) -> NativeFunction:
     return function_at(engine.get_function_address(code.symbol), n_arguments, engine)
 
 
-def function_at(address: int, n_arguments: int, owner: Any) -> NativeFunction:
+def function_at(address: int, n_arguments: int, owner: Any, controller: str | None = None) -> NativeFunction:
     """A compiled function by its address.
 
     Args:
         address: Of the native function, which returns a status and writes its result through a pointer.
         n_arguments: Of the function; all are whole numbers, as is its result.
         owner: What has to live as long as the function.
+        controller: Name of the user's control law in it, if there is one.
 
     Returns:
-        The function.
+        The function; it raises ParameterError if the user's law raises something.
     """
     pointers = ctypes.POINTER(ctypes.c_int64), ctypes.POINTER(ctypes.c_void_p)
     native = ctypes.CFUNCTYPE(ctypes.c_int, *pointers, *(ctypes.c_int64,) * n_arguments)(address)
@@ -103,7 +106,11 @@ def function_at(address: int, n_arguments: int, owner: Any) -> NativeFunction:
     def call(*arguments: int, _owner: Any = owner) -> int:
         result, exception = ctypes.c_int64(), ctypes.c_void_p()
         status = native(ctypes.byref(result), ctypes.byref(exception), *arguments)
-        # The loop raises nothing: what it calls divides as the processor does and asserts nothing.
+        # The loop itself raises nothing: what it calls divides as the processor does and asserts nothing.
+        if status != 0 and controller is not None:
+            raise ParameterError(
+                f"{controller}: raised an error, such as a division by zero; engine=pinocchio shows which"
+            )
         assert status == 0, f"compiled code ended with status {status}"
         return result.value
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from numba.core import types
 from numba.extending import intrinsic
+from numba.np.arrayobj import np_cfarray
 
 
 def _pointer_to(kind: Any) -> Any:
@@ -37,3 +38,11 @@ def _shifted(context: Any, pointer: Any, places: Any) -> Any:
 
 # Pointer so many places further on.
 shifted = intrinsic(_shifted)
+
+
+def _array_at(context: Any, pointer: Any, shape: Any) -> Any:
+    return types.Array(pointer.dtype, len(shape), "C")(pointer, shape), np_cfarray
+
+
+# Array over numbers at a pointer; unlike numba's carray it may be made where no references are counted.
+array_at = intrinsic(_array_at)

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pandas as pd
@@ -12,12 +16,22 @@ from twin_gait.control import Trip
 from twin_gait.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.measures.events import RunEvent, run_events
+from twin_gait.measures.leg_record import LegRecord, leg_record
+from twin_gait.measures.verdict import Verdict, gait_verdict
 from twin_gait.simulation.columns import LogLayout
-from twin_gait.vocabulary import Side
+from twin_gait.vocabulary import Outcome, Side
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Report and studies stand above the simulation. What a user calls on a run is looked up by name when it is
+# called, in the namespace that they import from, so that no module here depends on those floors.
+_PUBLIC = "twin_gait"
 
 
 class RunStatus(StrEnum):
-    """How a run ended."""
+    """How the integration ended; what came of the wearer is :attr:`Run.verdict`."""
 
     COMPLETED = "completed"
     FELL = "fell"
@@ -25,9 +39,12 @@ class RunStatus(StrEnum):
     INTERRUPTED = "interrupted"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Run:
     """A finished simulation.
+
+    ``save`` and ``plot`` are those of the public namespace: a simulation itself touches no disk and draws
+    nothing.
 
     Attributes:
         experiment: What was run.
@@ -51,6 +68,24 @@ class Run:
     body_weight: float
     trip: Trip | None = None
 
+    def __repr__(self) -> str:
+        """One line: what was run and how it ended."""
+        events = "".join(f", {event.text} at {event.time:.2f} s" for event in self.events)
+        size = f"{len(self.log)} ticks x {self.log.shape[1]} columns, {len(self.switches)} switches"
+        word = self.verdict.outcome or self.status
+        return f"<Run {self.experiment.name}: {word}, {self.duration:g} s ({size}){events}>"
+
+    def save(self, folder: str | Path, *, force: bool = False) -> Path:
+        """Write the run directory; see :func:`twin_gait.save_run`."""
+        return cast(Path, import_module(_PUBLIC).save_run(self, folder, force=force))
+
+    def plot(
+        self, figure: str = "gait_cycle", *, width_mm: float | None = None, out: str | Path | None = None
+    ) -> Figure:
+        """Draw a picture of the run; see :func:`twin_gait.plot_run`."""
+        drawn = import_module(_PUBLIC).plot_run(self, figure, width_mm=width_mm, out=out)
+        return cast("Figure", drawn)
+
     @property
     def duration(self) -> float:
         """Simulated time in [s]."""
@@ -60,6 +95,42 @@ class Run:
     def sides(self) -> tuple[Side, ...]:
         """Legs in the log."""
         return tuple(self.experiment.leg.legs)
+
+    def leg_records(self) -> list[LegRecord]:
+        """What gait measures read of each leg, in the order of :attr:`sides`."""
+        names = self.table.phase_names
+        return [leg_record(self.log, side, names, TICK, steady=self.steady) for side in self.sides]
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """What came of the wearer, in one word and one line; see :mod:`twin_gait.measures.verdict`."""
+        if self.status is RunStatus.DIVERGED:
+            return Verdict(Outcome.DIVERGED, self.reason)
+        if self.status is RunStatus.FELL:
+            after = "" if self.trip is None else f", {self._held_text}"
+            return Verdict(Outcome.FELL, f"{self.reason}{after}")
+        if self.trip is not None:
+            return Verdict(Outcome.HELD, self._held_text)
+        if not self.table.transitions:
+            return Verdict(None, "no walk was asked for: the gait table has no transitions")
+        return gait_verdict(self.leg_records())
+
+    @property
+    def _held_text(self) -> str:
+        assert self.trip is not None
+        return f"held from {self.trip.time:.3f} s on: {self.trip.cause} ({self.trip.place})"
+
+    @property
+    def steady(self) -> tuple[float, float]:
+        """From when to when in [s] the legs walk evenly: as the experiment has it, and not in a safe hold."""
+        first, last = self.experiment.steady
+        return first, last if self.trip is None else min(last, self.trip.time)
+
+    @property
+    def events(self) -> tuple[RunEvent, ...]:
+        """Faults that struck, trip, fall and divergence in the order of time."""
+        end = (len(self.log) - 1) * TICK
+        return run_events(self.experiment.faults, self.trip, self.status, end)
 
 
 def log_table(rows: np.ndarray, layout: LogLayout, table: GaitTable) -> pd.DataFrame:

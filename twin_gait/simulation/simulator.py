@@ -6,7 +6,7 @@ import time
 import warnings
 from collections.abc import Callable
 
-from twin_gait.control import ControllerFunction
+from twin_gait.control.controller import ControllerFunction, require_arguments
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.pinocchio.engine import PinocchioEngine
@@ -46,7 +46,8 @@ def simulate(
 
     Raises:
         ModelError: If the URDF cannot be used.
-        ParameterError: If something in the experiment does not fit together.
+        ParameterError: If something in the experiment does not fit together, or the controller does not take
+            or give what it should.
         MeasurementError: If, without a safety monitor, the state machine is handed something not finite.
     """
     problem = build_problem(experiment)
@@ -79,6 +80,8 @@ def _engine(
     problem: Problem, controller: ControllerFunction | None, on_compile: Callable[[], None] | None
 ) -> PinocchioEngine | CompiledEngine:
     if problem.experiment.engine is Engine.PINOCCHIO:
+        if controller is not None:
+            require_arguments(controller)
         return PinocchioEngine(problem, controller)
     if controller is None or _compiles(controller):
         return CompiledEngine(problem, controller=controller, on_compile=on_compile)

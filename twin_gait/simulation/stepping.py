@@ -16,14 +16,16 @@ from typing import Any
 import numpy as np
 
 from twin_gait.control import ControllerFunction, Trip
-from twin_gait.core.belt import BELT_RAMP
+from twin_gait.core.belt import BELT_CRUISE
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.faults import START_TICK
 from twin_gait.core.guards import DWELL_TICKS, SOURCE
-from twin_gait.core.plant import CONSTANT_FORCE
+from twin_gait.core.plant import CONSTANT_FORCE, STOP_STIFFNESS
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.gait.table import TICK
+from twin_gait.measures.events import RunEvent, run_events
 from twin_gait.scenario.faults import Fault, FaultKind
 from twin_gait.simulation import episode_arrays
 from twin_gait.simulation.compiled_engine import CompiledEngine
@@ -37,7 +39,6 @@ FADE_TICKS = 300  # over which a change fades in where the caller says nothing
 MOST_FAULTS = 16  # that can be injected into one walk
 CHUNK_TICKS = 2000  # rows of the log that are made at a time
 _UNCHANGING = {"inputs_noise", "inputs_effort_noise", "state_switches"}  # and long
-BELT_SPEED = 0  # position in the array of contact parameters, and in that of a belt with a profile
 
 
 def packed(array: np.ndarray) -> str:
@@ -143,6 +144,17 @@ class SteppedRun:
     def tripped(self) -> bool:
         """Whether the legs are in the safe hold."""
         return bool(self._state.safety[episode_arrays.TRIP_TICK] >= 0)
+
+    @property
+    def trip(self) -> Trip | None:
+        """What the safety monitor tripped on, or None."""
+        return self._engine.trip()
+
+    @property
+    def events(self) -> tuple[RunEvent, ...]:
+        """Faults that struck, trip, fall and divergence so far, in the order of time."""
+        faults = (*self.problem.experiment.faults, *self._struck)
+        return run_events(faults, self.trip, self.status, max(self.tick - 1, 0) * TICK)
 
     @property
     def q(self) -> np.ndarray:
@@ -252,11 +264,6 @@ class SteppedRun:
         """
         return self._engine.switches(first)
 
-    @property
-    def trip(self) -> Trip | None:
-        """What the safety monitor tripped on, or None."""
-        return self._engine.trip()
-
     # ------------------------------------------------------------------ moments
 
     def moment(self) -> dict[str, Any]:
@@ -303,15 +310,12 @@ class SteppedRun:
     def _values(self, name: str) -> np.ndarray:
         """What fades under a name."""
         inputs = self._inputs
-        if name == "belt_speed":
-            values: np.ndarray = inputs.belt if inputs.belt[BELT_RAMP] > 0.0 else inputs.contact
-            return values[BELT_SPEED : BELT_SPEED + 1]
-        if name == "support":
-            pelvis = self.problem.world.model.pelvis_index
-            assert pelvis is not None  # set_support_force() has looked
-            row: np.ndarray = inputs.plant_rows[pelvis + self.problem.world.wearer_shift]
-            return row[CONSTANT_FORCE : CONSTANT_FORCE + 1]
         found: np.ndarray = inputs.phase_rows if name == "phase_rows" else inputs.target_torque
+        if name == "belt_speed":
+            found = inputs.belt[BELT_CRUISE : BELT_CRUISE + 1]
+        if name == "support":
+            assert self._hung is not None  # set_support_force() has looked
+            found = inputs.plant_rows[self._hung, CONSTANT_FORCE : CONSTANT_FORCE + 1]
         return found
 
     def _fade(self, name: str, target: np.ndarray, ticks: int) -> None:
@@ -367,9 +371,15 @@ class SteppedRun:
         Raises:
             ParameterError: If the pelvis hangs in no support.
         """
-        if self.problem.world.model.pelvis_index is None:
+        if self._hung is None:
             raise ParameterError("support: the pelvis of this experiment is fixed; choose a treadmill")
         self._fade("support", np.array([force]), fade_ticks)
+
+    @property
+    def _hung(self) -> int | None:
+        """The pelvis that hangs in the support, the wearer's, or None on a stand."""
+        world = self.problem.world
+        return None if world.model.pelvis_index is None else world.model.pelvis_index + world.wearer_shift
 
     def push(self, joint: int, torque: float, ticks: int) -> None:
         """Push a joint from outside, as a hand does, with a torque that is held.
@@ -401,6 +411,7 @@ class SteppedRun:
         self._inputs.faults[spare[0]] = arrays.faults[0]
         self._inputs.faults[spare[0], START_TICK] = self.tick
         self._inputs.magnitudes[spare[0]] = arrays.magnitudes[0]
+        self._struck.append(replace(fault, time=self.tick * TICK))
         self._note_first_fault()
 
     def _note_first_fault(self) -> None:
@@ -409,6 +420,7 @@ class SteppedRun:
     def _forget_faults(self) -> None:
         """Leave the faults of the experiment alone; all others have not happened yet."""
         self._inputs.faults[len(self.problem.experiment.faults) :, START_TICK] = NEVER
+        self._struck: list[Fault] = []
         self._note_first_fault()
 
     # ------------------------------------------------------------------ steps by hand
@@ -486,6 +498,8 @@ class SteppedRun:
     def stop(self) -> None:
         """Trip the monitor by hand: from the next tick on the legs are held and lowered.
 
+        The belt comes to rest and the harness locks, as after any trip.
+
         Nothing but :meth:`restart` takes it back.
         """
         if self.tripped:
@@ -502,6 +516,9 @@ class SteppedRun:
         self._apply_fades()
         for name, start in self._start.items():
             getattr(self._state, name)[...] = start
+        pelvis = self._hung
+        if pelvis is not None:
+            self._inputs.plant_rows[pelvis, STOP_STIFFNESS] = 0.0  # the harness lets go
         for leg in range(len(self.problem.sides)):
             self._state.blended[leg] = self._inputs.phase_rows[leg, self._state.phase[leg]]
         self._state.blend_start[...] = self._state.blended

@@ -43,6 +43,7 @@ Flat = dict[str, float | str | bool | None]
 
 RUN_COLUMNS = (
     "status",
+    "outcome",
     "fell",
     "seed",
     "duration_s",
@@ -91,7 +92,7 @@ SUMMARY_COLUMNS = (
         )
     ),
 )
-_TEXTS = frozenset({"status"})
+_TEXTS = frozenset({"status", "outcome"})
 _TRUTHS = frozenset({"fell", "phases_in_order"})
 _COUNTS = frozenset(
     {"strides", "strides_counted", "further_contacts", "scuffs", "strides_by_phase", "time_outs"}

@@ -18,7 +18,6 @@ from twin_gait.report.blending import TorqueTrace
 from twin_gait.report.canvas import readable
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation import Run, simulate
-from twin_gait.studies.people.outcome_map import outcome_of
 from twin_gait.studies.summary.side import blend_length, switch_ticks
 from twin_gait.studies.summary.summary import summarise
 
@@ -52,7 +51,7 @@ class BlendingComparison(NamedTuple):
     """What a comparison gives back.
 
     Attributes:
-        table: One row per case: law, duration, outcome (off the belt, how the run ended) and stride time,
+        table: One row per case: law, duration, outcome and stride time,
             then measures of each joint under the names of the summary, torques without ``switch_`` in front.
             Torques are the larger of the two sides, all else is their mean.
         switches: One row per case, switch and joint; see :func:`switch_effects`.
@@ -159,7 +158,7 @@ def _row(run: Run) -> dict[str, Any]:
     summary = summarise(run)
     sides = list(summary["sides"].values())
     row: dict[str, Any] = {
-        "outcome": outcome_of(run) if _walks_on_a_belt(run) else str(run.status),
+        "outcome": str(run.verdict.outcome),
         "stride_time_s": _over([side.get("stride_time_mean_s") for side in sides], np.mean),
     }
     for joint in run.table.joints:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from twin_gait.exceptions import RunDirectoryError
+from twin_gait.files import permitted
 
 
 class FolderKind(NamedTuple):
@@ -57,7 +58,7 @@ def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> 
         ) from error
     try:
         yield staging
-        os.chmod(staging, 0o755)
+        os.chmod(staging, permitted(0o755))
         _put_in_place(staging, target)
     except OSError as error:
         raise RunDirectoryError(f"{target}: cannot be written ({error.strerror})") from error

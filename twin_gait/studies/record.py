@@ -5,31 +5,39 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.experiments import load_experiment, resolved_document
+from twin_gait.control import Trip, TripCause
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment
-from twin_gait.files import write_atomically
+from twin_gait.files import read_parquet, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.measures.events import RunEvent, run_events
 from twin_gait.parameters import Patient
 from twin_gait.report.figures import write_figures
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, unit_of
-from twin_gait.simulation.run import Run
+from twin_gait.simulation.problem import scaled_table
+from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.studies.folders import FolderKind
 from twin_gait.studies.live.journal import journal_of
 from twin_gait.studies.summary.summary import summarise, versions
 from twin_gait.viewer.animation import write_animation
 from twin_gait.viewer.surroundings import Belt
+from twin_gait.vocabulary import JointName, Side
 
 EXPERIMENT_FILE = "experiment.yaml"
 LOG_FILE = "log.parquet"
@@ -55,6 +63,52 @@ class StoredRun:
     experiment: Experiment
     log: pd.DataFrame
     summary: dict[str, Any]
+
+    @property
+    def trip(self) -> Trip | None:
+        """What the safety monitor tripped on, or None."""
+        safety = self.summary.get("safety", {})  # runs of earlier versions have none
+        if not safety.get("tripped"):
+            return None
+        side, _, joint = safety["place"].partition(" ")
+        return Trip(
+            round(safety["time_s"] / TICK),
+            TripCause(safety["cause"]),
+            Side(side) if joint else None,
+            JointName(joint) if joint in list(JointName) else None,
+        )
+
+    @property
+    def outcome(self) -> str:
+        """What came of it, in a word; of runs of earlier versions how they ended."""
+        return str(self.summary.get("outcome") or self.summary.get("status", ""))
+
+    @property
+    def events(self) -> tuple[RunEvent, ...]:
+        """Faults that struck, trip, fall and divergence in the order of time."""
+        end = float(self.log["time_s"].iloc[-1]) if len(self.log) else 0.0
+        return run_events(self.experiment.faults, self.trip, str(self.summary.get("status", "")), end)
+
+    @cached_property
+    def run(self) -> Run:
+        """The run as :func:`twin_gait.simulate` gave it back.
+
+        Raises:
+            RunDirectoryError: If the switches cannot be read.
+        """
+        world = self.experiment.build_world()
+        table = scaled_table(self.experiment, world)
+        return Run(
+            experiment=self.experiment,
+            table=table,
+            log=self.log,
+            switches=_read_switches(self.directory / SWITCHES_FILE, table),
+            status=RunStatus(self.summary["status"]),
+            reason=self.summary["reason"],
+            wall_s=self.summary["wall_s"],
+            body_weight=world.body_weight,
+            trip=self.trip,
+        )
 
 
 def write_run(
@@ -95,7 +149,7 @@ def write_run(
         (directory / FIGURES_FOLDER).mkdir()
         write_figures(run, directory / FIGURES_FOLDER)
         tell(ANIMATION_FILE)
-        write_run_animation(run.experiment, run.log, directory / ANIMATION_FILE)
+        write_run_animation(run, directory / ANIMATION_FILE)
     return summary
 
 
@@ -141,23 +195,38 @@ def switches_csv(switches: tuple[PhaseSwitch, ...], log: pd.DataFrame) -> str:
     return buffer.getvalue()
 
 
-def write_run_animation(experiment: Experiment, log: pd.DataFrame, path: Path) -> None:
-    """Write the animation of a log.
+def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
+    places = {(item.source, item.target, item.cause): k for k, item in enumerate(table.transitions)}
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = [
+                (int(row["tick"]), Side(row["side"]), row["from"], row["to"], row["cause"])
+                for row in csv.DictReader(file)
+            ]
+        return tuple(PhaseSwitch(*row, places[row[2:]]) for row in rows)
+    except (OSError, ValueError, KeyError) as error:
+        raise RunDirectoryError(f"{path}: cannot be read ({error!r})") from error
+
+
+def write_run_animation(run: Run, path: Path) -> None:
+    """Write the animation of a run.
 
     Args:
-        experiment: What was run.
-        log: One row per tick.
+        run: The run.
         path: The HTML file.
     """
+    experiment = run.experiment
     belt = belt_speed_of(experiment)
     write_animation(
         path,
-        log,
+        run.log,
         experiment.build_world().model,
         title=f"twin_gait · {experiment.name}",
         subtitle=describe(experiment.patient, belt),
-        belt_speed=belt_motion_of(experiment),
+        belt_speed=belt_motion_of(experiment, run.log),
         patient=experiment.patient,
+        events=run.events,
+        outcome=run.verdict.outcome or run.status,
     )
 
 
@@ -167,12 +236,18 @@ def belt_speed_of(experiment: Experiment) -> float:
     return scenario.belt_speed if isinstance(scenario, TreadmillScenario) else 0.0
 
 
-def belt_motion_of(experiment: Experiment) -> Belt:
-    """How the belt moves, as the viewer takes it."""
-    scenario = experiment.scenario
-    if isinstance(scenario, TreadmillScenario) and scenario.belt is not None:
-        return scenario.belt_travel
+def belt_motion_of(experiment: Experiment, log: pd.DataFrame) -> Belt:
+    """How the belt moved in a run, as the viewer takes it."""
+    scenario, tripped = experiment.scenario, trip_time_of(log)
+    if isinstance(scenario, TreadmillScenario) and (scenario.belt is not None or math.isfinite(tripped)):
+        return partial(scenario.belt_travel, trip_time=tripped)
     return belt_speed_of(experiment)
+
+
+def trip_time_of(log: pd.DataFrame) -> float:
+    """Time of the trip in a log in [s]; infinite without one."""
+    held = np.flatnonzero(log["safety_state"].to_numpy())
+    return float(log["time_s"].iloc[held[0]]) if len(held) else math.inf
 
 
 def describe(patient: Patient | None, belt_speed: float) -> str:
@@ -209,9 +284,24 @@ def load_run(directory: Path) -> StoredRun:
     for name in (EXPERIMENT_FILE, LOG_FILE, SUMMARY_FILE):
         if not (directory / name).is_file():
             raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")
-    experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
+    return read_run(directory, load_experiment(directory / EXPERIMENT_FILE).experiment)
+
+
+def read_run(directory: Path, experiment: Experiment) -> StoredRun:
+    """Read log and summary of a run.
+
+    Args:
+        directory: A run directory.
+        experiment: What was run.
+
+    Returns:
+        The run.
+
+    Raises:
+        RunDirectoryError: If they cannot be read.
+    """
     try:
-        log: pd.DataFrame = pq.read_table(directory / LOG_FILE).to_pandas()
+        log = read_parquet(directory / LOG_FILE)
         summary = json.loads((directory / SUMMARY_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError, pa.ArrowException) as error:
         raise RunDirectoryError(f"{directory}: cannot be read ({error})".replace("\n", " ")) from error

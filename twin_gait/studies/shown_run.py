@@ -9,13 +9,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.validation import read_yaml
 from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError, ViewerError
 from twin_gait.experiment import Experiment
+from twin_gait.measures.events import RunEvent
 from twin_gait.studies.record import (
     EXPERIMENT_FILE,
     LOG_FILE,
@@ -23,6 +22,7 @@ from twin_gait.studies.record import (
     belt_speed_of,
     describe,
     load_run,
+    read_run,
 )
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, phase_changes
@@ -42,12 +42,16 @@ class ShownRun:
         experiment: What was run.
         log: One row per tick.
         notes: What somebody who looks at it has to know.
+        events: What befell it.
+        outcome: How it ended, in a word.
     """
 
     name: str
     experiment: Experiment
     log: pd.DataFrame
     notes: tuple[str, ...] = ()
+    events: tuple[RunEvent, ...] = ()
+    outcome: str = ""
 
     @property
     def duration(self) -> float:
@@ -73,12 +77,13 @@ def read_shown_run(directory: Path) -> ShownRun:
     directory = Path(directory).expanduser()
     name = f"twin_gait · {directory.absolute().name}"
     try:
+        notes: tuple[str, ...] = ()
         stored = load_run(directory)
-        shown = ShownRun(name, stored.experiment, stored.log)
     except ParameterFileError as error:
         if error.key != _URDF_KEY:
             raise
-        shown = ShownRun(name, _as_it_is_now(directory), _read_log(directory), (_URDF_NOTE,))
+        stored, notes = read_run(directory, _as_it_is_now(directory)), (_URDF_NOTE,)
+    shown = ShownRun(name, stored.experiment, stored.log, notes, stored.events, stored.outcome)
     if "time_s" not in shown.log.columns or shown.log.empty:
         raise RunDirectoryError(f"{directory / LOG_FILE}: has no rows to show; run the simulation again")
     return shown
@@ -88,14 +93,6 @@ def _as_it_is_now(directory: Path) -> Experiment:
     path = directory / EXPERIMENT_FILE
     data = {key: value for key, value in read_yaml(path).items() if key != "provenance"}
     return experiment_from_mapping(data, str(path), directory)
-
-
-def _read_log(directory: Path) -> pd.DataFrame:
-    try:
-        log: pd.DataFrame = pq.read_table(directory / LOG_FILE).to_pandas()
-    except (OSError, ValueError, pa.ArrowException) as error:
-        raise RunDirectoryError(f"{directory}: cannot be read ({error})") from error
-    return log
 
 
 def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
@@ -118,7 +115,13 @@ def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
     if not 1 <= len(runs) <= MOST_RUNS:
         raise ParameterError(f"expected one run or two to show beside each other, got {len(runs)}")
     wanted = np.unique(
-        np.concatenate([np.asarray(moments, dtype=float), *(phase_changes(run.log) for run in runs)])
+        np.concatenate(
+            [
+                np.asarray(moments, dtype=float),
+                *(phase_changes(run.log) for run in runs),
+                *([event.time for event in run.events] for run in runs),
+            ]
+        )
     )
     rate = min(frame_rate(run.duration) for run in runs)
     return recorded_page([_entry(run, rate, wanted.tolist()) for run in runs])
@@ -132,11 +135,13 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
             run.experiment.build_world().model,
             title=run.name,
             subtitle=describe(run.experiment.patient, belt),
-            belt_speed=belt_motion_of(run.experiment),
+            belt_speed=belt_motion_of(run.experiment, run.log),
             patient=run.experiment.patient,
             frames_per_second=frames_per_second,
             moments=moments,
             notes=run.notes,
+            events=run.events,
+            outcome=run.outcome,
         )
     except ViewerError as error:
         raise ViewerError(f"{run.name.split(' · ')[-1]}: {error}") from error

@@ -10,14 +10,21 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context, parent_process
+from functools import partial
+from multiprocessing import active_children, current_process, get_context, parent_process
 from multiprocessing.connection import wait as wait_for_sentinels
+from multiprocessing.process import BaseProcess
 from typing import Any, Protocol, TypeVar
 
 from twin_gait.exceptions import TwinGaitError
 
 # A process that dies takes what is under way with it; the third time it is no accident.
 LOSSES_ALLOWED = 3
+UNGUARDED = 113  # exit status of a worker that would start workers of its own
+_UNGUARDED = (
+    "every worker process runs this script from its beginning; put the script's own code under "
+    "if __name__ == '__main__': (or take workers=1)"
+)
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -85,6 +92,7 @@ class StandingRunner:
         """Use so many processes."""
         self._workers = workers
         self._processes: ProcessPoolExecutor | None = None
+        self._started = set[BaseProcess]()
 
     def __enter__(self) -> StandingRunner:
         """Begin."""
@@ -110,14 +118,22 @@ class StandingRunner:
             try:
                 self._processes = self._processes or _pool(self._workers)
                 attempts = _lost_first(lost, fresh)
-                yield from _work_off(self._processes, function, attempts, under_way, lost, self._workers)
+                submit = partial(self._submit, self._processes, function, under_way, lost)
+                yield from _work_off(submit, attempts, under_way, self._workers)
                 return
             except BrokenProcessPool:
                 self._end()
+                if any(process.exitcode == UNGUARDED for process in self._started):
+                    raise WorkersLost(_UNGUARDED) from None
                 yield from _sort_out(under_way, lost)
             finally:
                 for future in under_way:
                     future.cancel()  # nobody waits for it if the caller has left
+
+    def _submit(self, *arguments: Any) -> None:
+        """Hand an item over, and remember who works here: a pool that broke no longer knows."""
+        _submit(*arguments)
+        self._started.update(active_children())
 
     def _end(self) -> None:
         if self._processes is not None:
@@ -134,16 +150,14 @@ class _Attempt:
 
 
 def _work_off(
-    pool: ProcessPoolExecutor,
-    function: Callable[[Item], Result],
+    submit: Callable[[_Attempt], None],
     attempts: Iterable[_Attempt],
     under_way: dict[Future[Result], _Attempt],
-    lost: deque[_Attempt],
     workers: int,
 ) -> Iterator[Result]:
     """Results as they come, until a process dies; no more under way than keeps every process busy."""
     for attempt in attempts:
-        _submit(pool, function, attempt, under_way, lost)
+        submit(attempt)
         if len(under_way) > workers:
             yield from _finished(under_way)
     while under_way:
@@ -151,6 +165,8 @@ def _work_off(
 
 
 def _pool(workers: int) -> ProcessPoolExecutor:
+    if getattr(current_process(), "_inheriting", False):  # as multiprocessing itself asks before its trace
+        os._exit(UNGUARDED)  # a worker that runs the script of its parent: the parent says so, once
     # Forked children would share the BLAS and OpenMP threads of this process; spawned ones do not.
     return ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_begin_worker)
 
@@ -166,9 +182,9 @@ def _lost_first(lost: deque[_Attempt], fresh: Iterator[_Attempt]) -> Iterator[_A
 def _submit(
     pool: ProcessPoolExecutor,
     function: Callable[[Item], Result],
-    attempt: _Attempt,
     under_way: dict[Future[Result], _Attempt],
     lost: deque[_Attempt],
+    attempt: _Attempt,
 ) -> None:
     # A process inherits what is blocked while it is started: Ctrl-C reaches every process of a terminal, and
     # one that is still importing would answer with a traceback.

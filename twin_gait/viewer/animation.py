@@ -11,6 +11,7 @@ import pandas as pd
 
 from twin_gait.files import write_atomically
 from twin_gait.leg_model import LegModel
+from twin_gait.measures.events import RunEvent
 from twin_gait.palette import phase_colour
 from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
@@ -42,6 +43,8 @@ def write_animation(
     phases: Sequence[str] | None = None,
     frames_per_second: float = FRAMES_PER_SECOND,
     moments: Sequence[float] = (),
+    events: Sequence[RunEvent] = (),
+    outcome: str = "",
 ) -> Path:
     """Write a run as one self-contained HTML page.
 
@@ -60,6 +63,8 @@ def write_animation(
         phases: Names of the phases in order; those of the log if None.
         frames_per_second: Frames recorded per second of the run; each change of a phase has one too.
         moments: Further moments to have a frame of, in [s].
+        events: What befell the run; each has a frame too.
+        outcome: How it ended, in a word.
 
     Returns:
         The file.
@@ -72,7 +77,7 @@ def write_animation(
     path = Path(path)
     run = recorded_run(
         log, model, title=title, subtitle=subtitle, belt_speed=belt_speed, patient=patient, phases=phases,
-        frames_per_second=frames_per_second, moments=moments,
+        frames_per_second=frames_per_second, moments=moments, events=events, outcome=outcome,
     )  # fmt: skip
     write_atomically(path, recorded_page([run]))
     return path
@@ -90,6 +95,8 @@ def recorded_run(
     frames_per_second: float = FRAMES_PER_SECOND,
     moments: Sequence[float] = (),
     notes: Sequence[str] = (),
+    events: Sequence[RunEvent] = (),
+    outcome: str = "",
 ) -> dict[str, Any]:
     """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
 
@@ -105,6 +112,8 @@ def recorded_run(
         frames_per_second: Frames recorded per second of the run.
         moments: Further moments to have a frame of, in [s].
         notes: What the page is to say below the heading.
+        events: What befell the run; each has a frame too.
+        outcome: How it ended, in a word.
 
     Returns:
         The data.
@@ -113,6 +122,7 @@ def recorded_run(
         ModelError: If the URDF cannot be read.
         ViewerError: If the log does not fit the model.
     """
+    moments = [*moments, *(event.time for event in events)]
     motion = read_motion(log, model, frames_per_second=frames_per_second, phases=phases, moments=moments)
     recorder = Recorder()
     scene = build_scene(recorder, model, patient=patient)
@@ -125,6 +135,8 @@ def recorded_run(
         subtitle=subtitle,
         missing_meshes=scene.missing_meshes,
         notes=notes,
+        events=events,
+        outcome=outcome,
         view=scene.view,
         phases=motion.phase_names,
         legs=[_leg(side, leg) for side, leg in motion.legs.items()],
@@ -146,11 +158,18 @@ def _frames(motion: Motion) -> dict[str, Any]:
         spells = leg.phases
         phases = spells and {"starts": np.round(spells.starts, 3).tolist(), "codes": spells.codes.tolist()}
         series = {
-            name: _numbers(values, _FORCE_DECIMALS if name == "force" else _CURVE_DECIMALS)
-            for name, values in leg.curves.items()
+            name: {
+                "steps": np.diff(_milliseconds(curve.times), prepend=0).tolist(),
+                "values": _numbers(curve.values, _FORCE_DECIMALS if name == "force" else _CURVE_DECIMALS),
+            }
+            for name, curve in leg.curves.items()
         }
         legs.append({"series": series, "phases": phases})
-    return {"times": np.round(1000.0 * motion.times).astype(int).tolist(), "legs": legs}
+    return {"times": _milliseconds(motion.times).tolist(), "legs": legs}
+
+
+def _milliseconds(times: np.ndarray) -> np.ndarray:
+    return np.round(1000.0 * times).astype(int)
 
 
 def _numbers(values: np.ndarray, decimals: int) -> list[float | None]:

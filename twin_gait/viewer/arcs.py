@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from twin_gait.palette import EXTENSION_COLOUR, FLEXION_COLOUR
 from twin_gait.viewer import shapes
 from twin_gait.viewer.commands import Material, rgb
-from twin_gait.viewer.legend import EXTENSION_COLOUR, FLEXION_COLOUR
 from twin_gait.viewer.shapes import Shape
 
 LEVELS = 6  # lengths of the arrow, each way

@@ -23,6 +23,12 @@ _COVER_MARGIN = 0.003  # by which the coloured cover of a motor is larger than t
 _SHORTEST_SEGMENT = 0.02  # [m]
 _SOME_SEGMENT = np.array([0.0, 0.0, -0.4])  # of a leg whose joints coincide [m]
 _ARC_CLEARANCE, _ARC_GAP = 0.036, 0.014  # of a torque's arrow around and beside its motor [m]
+# From the axes of a model, by its vertical, to those of the scene, whose vertical is z: the shortest turn.
+_UPRIGHT = {
+    "x": [[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]],
+    "y": [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
+    "z": [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+}
 _COAXIAL = 0.02  # a cylinder this close to a joint's axis is its motor [m]
 
 
@@ -57,14 +63,13 @@ class Figure:
         Args:
             window: Where commands go.
             model: The Pinocchio model.
-            up_axis: ``"z"`` or ``"y"``: the vertical of the model.
+            up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the model.
         """
         self.model = model
         self._window = window
         self._data = model.createData()
         self.base = np.eye(4)
-        if up_axis == "y":
-            self.base[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+        self.base[:3, :3] = _UPRIGHT[up_axis]
         self.paths = {FIXED_JOINT: ROOT}
         for index in range(1, model.njoints):
             parent = self.paths[str(model.names[model.parents[index]])]
@@ -260,15 +265,12 @@ class Figure:
         return TorqueArc(paths, full_torque)
 
     def axis(self, joint: str) -> np.ndarray:
-        """Axis of a revolute joint in its own frame, shape ``(3,)``."""
-        index = self.model.getJointId(joint)
-        q = pin.neutral(self.model)
-        pin.forwardKinematics(self.model, self._data, q)
-        before = np.asarray(self._data.liMi[index].rotation).copy()
-        q[self.model.joints[index].idx_q] += 0.5
-        pin.forwardKinematics(self.model, self._data, q)
-        turn = np.asarray(pin.log3(before.T @ np.asarray(self._data.liMi[index].rotation)))
-        return np.asarray(turn / np.linalg.norm(turn))
+        """Axis of a joint that turns or slides, in its own frame, unit vector of shape ``(3,)``."""
+        moving = self.model.joints[self.model.getJointId(joint)]
+        data = moving.createData()
+        moving.calc(data, pin.neutral(self.model))
+        motion = np.asarray(data.S).reshape(6, -1)[:, 0]  # linear and angular velocity per joint velocity
+        return motion[3:] if np.any(motion[3:]) else motion[:3]
 
     def posture(self, q: np.ndarray) -> dict[str, tuple[list[float], list[float]]]:
         """Where every joint group is in the group of the joint before it.

@@ -1,11 +1,17 @@
-"""Ports of this machine that no other machine can reach."""
+"""Ports of this machine that no other machine can reach, and how many may come in."""
 
 from __future__ import annotations
 
+import asyncio
+import resource
 import socket
+from collections.abc import Callable
+from typing import Any
 
 LOOPBACK = "127.0.0.1"
 PORTS_TRIED = 100
+MOST_CONNECTIONS = 256  # a page has three
+_RETRY = 0.5  # [s] until a process that has no files left looks again whether somebody waits
 
 
 def bind_loopback(first_port: int) -> socket.socket:
@@ -29,3 +35,55 @@ def bind_loopback(first_port: int) -> socket.socket:
         listener.setblocking(False)
         return listener
     raise OSError(f"no free port from {first_port} to {tried[-1]}")
+
+
+class Door:
+    """Lets callers in while there is room and hangs up on the others, in the running event loop.
+
+    Asyncio and tornado log a trace each time that they look at a caller whom a process without free files
+    cannot take, thousands of times a second.
+    """
+
+    def __init__(self, listener: socket.socket, welcome: Callable[[socket.socket, Any], None]) -> None:
+        """Open.
+
+        Args:
+            listener: Of :func:`bind_loopback`; belongs to the door from now on.
+            welcome: Takes the socket of a caller, which does not block, and its address.
+        """
+        self._listener, self._welcome = listener, welcome
+        self._inside: list[socket.socket] = []
+        self._loop = asyncio.get_running_loop()
+        self._open()
+
+    def close(self) -> None:
+        """Let nobody in any more."""
+        self._loop.remove_reader(self._listener)
+        self._listener.close()
+
+    def _open(self) -> None:
+        if self._listener.fileno() >= 0:
+            self._loop.add_reader(self._listener, self._answer)
+
+    def _answer(self) -> None:
+        try:
+            caller, address = self._listener.accept()
+        except (BlockingIOError, ConnectionAbortedError):
+            return
+        except OSError:  # no files left
+            self._loop.remove_reader(self._listener)
+            self._loop.call_later(_RETRY, self._open)
+            return
+        self._inside = [other for other in self._inside if other.fileno() >= 0]
+        if len(self._inside) >= most_connections():
+            caller.close()
+            return
+        caller.setblocking(False)
+        self._inside.append(caller)
+        self._welcome(caller, address)
+
+
+def most_connections() -> int:
+    """How many callers may be in at a time: at most half of the files that this process may open."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return MOST_CONNECTIONS if limit == resource.RLIM_INFINITY else min(MOST_CONNECTIONS, limit // 2)

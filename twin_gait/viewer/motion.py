@@ -9,10 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from twin_gait.control import SafetyState
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegModel
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.simulation.columns import state_columns
+from twin_gait.viewer.curves import Curve, faithful_curve
+from twin_gait.vocabulary import HOLD, JointName, Side
 
 FRAMES_PER_SECOND = 30.0
 _MOST_FRAMES = 3000  # longer runs get fewer frames per second, so that a page stays small
@@ -58,14 +61,15 @@ class LegMotion:
         phases: Its phases, or None if the log has none.
         curves: Angles in [deg] as ``hip`` and ``knee``, motor torques in [N m] as ``hip_torque`` and
             ``knee_torque``, the parts of the commanded torque in [N m] as ``hip_impedance`` and so on, and
-            the normal force of the foot in [N] as ``force``; shape ``(n,)`` each.
+            the normal force of the foot in [N] as ``force``; each with the frames and the points between
+            them that its shape takes.
         footing: Ground force, or None off the ground.
         torques: Torque of each motor in [N m] by the name of its joint, positive in increasing angle;
             shape ``(n,)`` each, empty where the log has none.
     """
 
     phases: PhaseSpells | None
-    curves: Mapping[str, np.ndarray]
+    curves: Mapping[str, Curve]
     footing: Footing | None
     torques: Mapping[str, np.ndarray] = field(default_factory=dict)
 
@@ -78,7 +82,7 @@ class Motion:
         times: In [s], shape ``(n,)``.
         q: Coordinates of the model, shape ``(n, nv)``.
         legs: Per side.
-        phase_names: Phases in the order of their codes.
+        phase_names: Phases in the order of their codes; after them a hold, if there is one.
         duration: Time of the last frame in [s].
     """
 
@@ -126,6 +130,8 @@ def read_motion(
         raise ViewerError("the log has no row that can be shown; run the simulation again")
     clock = log["time_s"].to_numpy(dtype=float)[:n_rows]
     names = tuple(phases) if phases is not None else phase_names(log, model.sides)
+    if _held(log).any():
+        names = (*names, HOLD)
     spells = {side: _spells(log.iloc[:n_rows], clock, side, names) for side in model.sides}
     switches = [one.starts for one in spells.values() if one is not None]
     rows = _rows_to_show(
@@ -134,7 +140,10 @@ def read_motion(
     legs = {
         side: LegMotion(
             phases=spells[side],
-            curves=_curves(log, side, rows),
+            curves={
+                name: faithful_curve(clock - clock[0], values[:n_rows], rows)
+                for name, values in leg_values(log, side).items()
+            },
             footing=_footing(log, model, side, rows, q[rows]),
             torques=_torques(log, model, side, rows),
         )
@@ -176,7 +185,7 @@ def frame_rate(duration: float) -> float:
 
 
 def phase_changes(log: pd.DataFrame) -> np.ndarray:
-    """Moments at which a leg changes its phase.
+    """Moments at which a leg changes its phase, or a hold begins.
 
     Args:
         log: One row per tick.
@@ -189,27 +198,18 @@ def phase_changes(log: pd.DataFrame) -> np.ndarray:
     for side in Side:
         column = log.get(f"{side}_phase")
         if column is not None:
-            codes = pd.factorize(column)[0]
+            codes = np.where(_held(log), -1, pd.factorize(column)[0])
             changed[1:] |= codes[1:] != codes[:-1]
     return np.asarray(clock[changed] - clock[0])
 
 
 def _coordinates(log: pd.DataFrame, model: LegModel) -> np.ndarray:
     """Coordinates of the model for every row, shape ``(n, nv)``."""
-    columns = {
-        model.index(side, joint): f"{side}_{joint}_angle_rad"
-        for side, leg in model.legs.items()
-        for joint, _ in leg.items()
-    }
-    if model.pelvis_index is not None:
-        columns[model.pelvis_index] = "pelvis_height_m"
-    absent = [name for name in ("time_s", *columns.values()) if name not in log.columns]
+    columns, _ = state_columns(model)
+    absent = [name for name in ("time_s", *columns) if name not in log.columns]
     if absent:
         raise ViewerError(f"the log has no column {absent[0]!r}; is it a log of {model.urdf_path.name}?")
-    q = np.zeros((len(log), model.nv))
-    for index, name in columns.items():
-        q[:, index] = log[name].to_numpy(dtype=float)
-    return q
+    return log[columns].to_numpy(dtype=float)
 
 
 def _rows_to_show(clock: np.ndarray, frames_per_second: float, moments: np.ndarray) -> np.ndarray:
@@ -228,6 +228,7 @@ def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[st
         return None
     position = {name: index for index, name in enumerate(names)}
     codes = np.array([position.get(str(name), -1) for name in column], dtype=int)
+    codes[_held(log)] = position.get(HOLD, -1)
     if (codes < 0).any():
         unknown = str(column.iloc[int(np.argmax(codes < 0))])
         raise ViewerError(f"the log has a phase {unknown!r}; expected one of {', '.join(names)}")
@@ -235,19 +236,39 @@ def _spells(log: pd.DataFrame, clock: np.ndarray, side: Side, names: Sequence[st
     return PhaseSpells(clock[first] - clock[0], codes[first])
 
 
-def _curves(log: pd.DataFrame, side: Side, rows: np.ndarray) -> dict[str, np.ndarray]:
-    curves = {}
+def _held(log: pd.DataFrame) -> np.ndarray:
+    """Rows after a trip, in which the phase no longer says what the legs do; shape ``(n,)``."""
+    state = log.get("safety_state")
+    return np.zeros(len(log), dtype=bool) if state is None else state.to_numpy() == SafetyState.HOLD.code
+
+
+def leg_values(log: pd.DataFrame, side: Side) -> dict[str, np.ndarray]:
+    """What a page reads out of a leg, one value per row.
+
+    Args:
+        log: One row per tick.
+        side: Which leg.
+
+    Returns:
+        Values by the names of :class:`LegMotion`, in the unit that is shown; parts of the torque that
+        are never used are left out.
+    """
+    values = {}
+    for name, column in leg_columns(side).items():
+        if column in log.columns and not (name.endswith(_RARE_PARTS) and not log[column].any()):
+            found = log[column].to_numpy(dtype=float)
+            values[name] = np.degrees(found) if name in _CURVES else found
+    return values
+
+
+def leg_columns(side: Side) -> dict[str, str]:
+    """Columns of the log that a page reads out of a leg, by the names of :class:`LegMotion`."""
+    columns = {}
     for name, joint in _CURVES.items():
-        curves[name] = np.degrees(log[f"{side}_{joint}_angle_rad"].to_numpy(dtype=float)[rows])
-        for key in ("motor", *_PARTS):
-            column = log.get(f"{side}_{joint}_{key}_torque_Nm")
-            if column is None or (key in _RARE_PARTS and not column.any()):
-                continue
-            curves[f"{name}_{'torque' if key == 'motor' else key}"] = column.to_numpy(dtype=float)[rows]
-    force = f"{side}_foot_normal_force_N"
-    if force in log.columns:
-        curves["force"] = log[force].to_numpy(dtype=float)[rows]
-    return curves
+        columns[name] = f"{side}_{joint}_angle_rad"
+        columns[f"{name}_torque"] = f"{side}_{joint}_motor_torque_Nm"
+        columns |= {f"{name}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in _PARTS}
+    return columns | {"force": f"{side}_foot_normal_force_N"}
 
 
 def _torques(log: pd.DataFrame, model: LegModel, side: Side, rows: np.ndarray) -> dict[str, np.ndarray]:

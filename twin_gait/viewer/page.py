@@ -7,21 +7,26 @@ import html
 import json
 import re
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.exceptions import ViewerError
-from twin_gait.palette import ORANGE, SIDE_COLOURS, SKY_BLUE, TORQUE_COLOURS, phase_colour
-from twin_gait.viewer.legend import (
+from twin_gait.measures.events import RunEvent
+from twin_gait.palette import (
+    EVENT_COLOUR,
+    EVENT_ON_DARK,
     EXTENSION_COLOUR,
     FLEXION_COLOUR,
-    FORCE_COLOUR,
-    FULL_TORQUE,
-    METRES_PER_NEWTON,
+    GROUND_FORCE_COLOUR,
+    SIDE_COLOURS,
+    SIDE_COLOURS_ON_DARK,
+    TORQUE_COLOURS,
+    phase_colour,
 )
+from twin_gait.viewer.legend import FULL_TORQUE, METRES_PER_NEWTON
 from twin_gait.vocabulary import Side
 
 if TYPE_CHECKING:
@@ -30,7 +35,8 @@ if TYPE_CHECKING:
 PAGE_FOLDER = Path(__file__).with_name("page")
 # The scripts stand in the page in this order.
 SCRIPTS = (
-    "basics.js", "stage.js", "readout.js", "plots.js", "timeline.js", "player.js", "live.js", "start.js",
+    "basics.js", "stage.js", "readout.js", "plots.js", "timeline.js", "player.js", "live.js", "joints.js",
+    "start.js",
 )  # fmt: skip
 FOOTNOTE = "Simulation, not a medical device"
 FLOOR = "/meshcat/surroundings/floor"  # what a dark page darkens
@@ -38,11 +44,7 @@ FLOOR = "/meshcat/surroundings/floor"  # what a dark page darkens
 RECORDED_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
-LIVE_POLICY = (
-    "default-src 'none'; script-src 'self' 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src data: blob:; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
-)
-_SIDE_COLOURS_ON_DARK = {Side.LEFT: SKY_BLUE, Side.RIGHT: ORANGE}
+LIVE_POLICY = f"{RECORDED_POLICY}; connect-src 'self' ws://127.0.0.1:* ws://localhost:*"
 _PART_LABELS = {
     "impedance": "impedance",
     "friction_compensation": "friction comp.",
@@ -79,12 +81,13 @@ def page_data(
     arrows: bool,
     duration: float | None = None,
     notes: Sequence[str] = (),
+    events: Iterable[RunEvent] = (),
     **more: Any,
 ) -> dict[str, Any]:
     """What the scripts of the page read of a run, or of a live scene.
 
     Args:
-        mode: ``recorded`` or ``live``.
+        mode: ``recorded``, ``live`` or ``model``.
         title: Heading.
         subtitle: Line below it.
         missing_meshes: Mesh files that were not found.
@@ -94,6 +97,7 @@ def page_data(
         arrows: Whether ground forces are drawn.
         duration: In [s], or None if there is no end.
         notes: What else the card is to say.
+        events: What befell the run.
         more: Further entries.
 
     Returns:
@@ -106,9 +110,10 @@ def page_data(
         "notes": [*map(_unicode, notes), *_notes(missing_meshes)],
         "view": asdict(view),
         "phases": _phase_entries(phases),
+        "events": event_entries(events),
         "parts": _part_entries(legs),
         "legs": list(legs),
-        "arrow": {"label": _arrow_label(), "colour": FORCE_COLOUR} if arrows else None,
+        "arrow": {"label": _arrow_label(), "colour": GROUND_FORCE_COLOUR} if arrows else None,
         "arcs": _arc_entries() if legs else [],
         "floor": FLOOR,
         "duration": duration,
@@ -128,8 +133,13 @@ def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
         Side, label, colours on a light and a dark page, and what is shown.
     """
     label = str(side).capitalize()
-    colours = {"colour": SIDE_COLOURS[side], "dark": _SIDE_COLOURS_ON_DARK[side]}
+    colours = {"colour": SIDE_COLOURS[side], "dark": SIDE_COLOURS_ON_DARK[side]}
     return {"side": str(side), "label": label, **colours, "shows": list(shows)}
+
+
+def event_entries(events: Iterable[RunEvent]) -> list[dict[str, Any]]:
+    """What a page needs to know of what befell a run: kind, time in [s] and words."""
+    return [{"kind": str(event.kind), "time": event.time, "text": event.text} for event in events]
 
 
 def _unicode(text: str) -> str:
@@ -194,25 +204,26 @@ def _notes(missing_meshes: Sequence[str]) -> list[str]:
     return [f"Mesh not found: {first}{more}."]
 
 
-def recorded_page(runs: Sequence[Mapping[str, Any]]) -> str:
+def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") -> str:
     """A page that holds everything it needs.
 
     Args:
         runs: One run, or two to be seen beside each other: :func:`page_data` with ``frames`` and ``scene``,
-            both through :func:`packed`.
+            both through :func:`packed`. A model has a scene and ``joints`` instead of frames.
+        mode: ``recorded``, or ``model`` for one model.
 
     Returns:
         HTML.
     """
     folder = viewer_folder()
-    bundle = packed((folder / "dist" / "main.min.js").read_bytes())
+    bundle = packed(_bundle().encode())
     licences = [folder / "LICENSE", folder / "dist" / "main.min.js.LICENSE.txt"]
     notice = "\n\n".join(path.read_text(encoding="utf-8") for path in licences if path.is_file())
     return _fill(
         policy=RECORDED_POLICY,
         title=html.escape(" | ".join(run["title"] for run in runs)),
         notice=f"<!-- The viewer in this page is meshcat:\n{notice.replace('--', '- -')}\n-->",
-        data=embedded_json({"mode": "recorded", "runs": list(runs)}),
+        data=embedded_json({"mode": mode, "runs": list(runs)}),
         bundle=f'<script type="text/plain" id="bundle">{bundle}</script>',
     )
 
@@ -234,11 +245,16 @@ def live_page(*, style: str = "", panel: str = "", script: str = "", socket: str
         title="twin_gait",
         notice="",
         data=embedded_json({"mode": "live", "socket": socket}),
-        bundle='<script src="/static/main.min.js"></script>',
+        bundle=f"<script>{_inside_script(_bundle())}</script>",
         more_style=style,
         panel=panel,
         extra=f"<script>{_inside_script(script)}</script>" if script else "",
     )
+
+
+def _bundle() -> str:
+    """Script of meshcat's viewer."""
+    return (viewer_folder() / "dist" / "main.min.js").read_bytes().decode("utf-8")
 
 
 def packed(content: bytes) -> str:
@@ -280,7 +296,9 @@ def embedded_json(data: Mapping[str, Any]) -> str:
 
 def _fill(*, more_style: str = "", panel: str = "", extra: str = "", **parts: str) -> str:
     template = (PAGE_FOLDER / "page.html").read_text(encoding="utf-8")
-    parts["style"] = (PAGE_FOLDER / "page.css").read_text(encoding="utf-8") + more_style
+    style = (PAGE_FOLDER / "page.css").read_text(encoding="utf-8")
+    style = style.replace("{{alarm}}", EVENT_COLOUR).replace("{{alarm_on_dark}}", EVENT_ON_DARK)
+    parts["style"] = style + more_style
     scripts = [(PAGE_FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS]
     parts |= {"script": _inside_script("\n".join(scripts)), "panel": panel, "extra": extra}
     # One pass: what is filled in is never looked at again.

@@ -1,84 +1,109 @@
-"""Serve one finished page on this machine, for as long as a block of code runs."""
+"""Serve a page on this machine from a thread of this process, for as long as a block of code runs."""
 
 from __future__ import annotations
 
-import re
+import asyncio
 import threading
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from collections.abc import Callable
+from concurrent.futures import CancelledError
 from types import TracebackType
-from typing import Any, Self
+from typing import Self, TypeVar
 
 from twin_gait.exceptions import ViewerError
-from twin_gait.viewer.loopback import LOOPBACK, bind_loopback
+from twin_gait.viewer.live.scene_server import SceneServer
+from twin_gait.viewer.live.window import LiveWindow
 
-_OWN_NAMES = re.compile(rf"({re.escape(LOOPBACK)}|localhost)(:\d+)?")
+_Result = TypeVar("_Result")
 
 
 class PageServer:
-    """Serves one page on the loopback interface; use it as a context manager.
+    """Serves one page, and a scene that may change, on the loopback interface; a context manager.
 
     It runs in a thread of this process, so that nothing is left of it when the process ends in any way.
 
     Attributes:
-        url: Address of the page.
+        url: Address of the page, with the token that lets in.
+        window: The scene; only :meth:`call` may touch it.
     """
 
-    def __init__(self, page: str, *, port: int) -> None:
-        """Listen.
+    def __init__(self, page: str, *, port: int, timeout: float = 10.0) -> None:
+        """Listen, and begin to answer.
 
         Args:
             page: The HTML.
             port: First port to try; 0 lets the system choose.
+            timeout: Longest wait for the thread in [s].
 
         Raises:
             ViewerError: If the port is out of range or none is free.
         """
         if not 0 <= port <= 65535:
             raise ViewerError(f"port: expected a number from 0 to 65535, got {port!r}")
+        self._timeout = timeout
+        self.window = LiveWindow()
+        self._loop = asyncio.new_event_loop()
+        self._thread = threading.Thread(target=self._loop.run_forever, name="page server", daemon=True)
+        self._thread.start()
         try:
-            listener = bind_loopback(port)
-        except OSError as error:
-            raise ViewerError(f"the page cannot be served: {error}; give another --port") from error
-        listener.setblocking(True)
-        self._server = ThreadingHTTPServer(listener.getsockname(), _handler(page), bind_and_activate=False)
-        self._server.socket.close()
-        self._server.socket = listener
-        self._server.daemon_threads = True
-        self._thread = threading.Thread(target=self._server.serve_forever, args=(0.1,), daemon=True)
-        self.url = f"http://{LOOPBACK}:{listener.getsockname()[1]}/"
+            self._server = self.call(lambda: SceneServer(page, first_port=port, scene=self.window.everything))
+        except BaseException:
+            self._end()
+            raise
+        self.url = self._server.url
+
+    def call(self, function: Callable[[], _Result]) -> _Result:
+        """Call a function in the thread of the server, and return what it returns.
+
+        Args:
+            function: Any; it must not block.
+
+        Raises:
+            ViewerError: If the server has been closed or does not answer.
+        """
+
+        async def run() -> _Result:
+            return function()
+
+        if not self._thread.is_alive():
+            raise ViewerError("the viewer has been closed; start it again")
+        try:
+            return asyncio.run_coroutine_threadsafe(run(), self._loop).result(self._timeout)
+        except (TimeoutError, CancelledError) as error:
+            raise ViewerError("the viewer's server does not answer; start the viewer again") from error
+
+    def show(self) -> None:
+        """Bring what has changed in the scene to all pages.
+
+        Raises:
+            ViewerError: If the server has been closed or does not answer.
+        """
+        self.call(lambda: self._server.show(self.window.changes()))
+
+    def pages(self) -> int:
+        """How many pages show the scene.
+
+        Raises:
+            ViewerError: If the server has been closed or does not answer.
+        """
+        return self.call(lambda: len(self._server.views))
+
+    def close(self) -> None:
+        """Stop."""
+        if self._thread.is_alive():
+            asyncio.run_coroutine_threadsafe(self._server.close(), self._loop).result(self._timeout)
+            self._end()
 
     def __enter__(self) -> Self:
-        """Begin to answer."""
-        self._thread.start()
+        """Return itself."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Stop."""
-        self._server.shutdown()
-        self._server.server_close()
+        self.close()
+
+    def _end(self) -> None:
+        self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join()
-
-
-def _handler(page: str) -> type[BaseHTTPRequestHandler]:
-    content = page.encode("utf-8")
-
-    class Handler(BaseHTTPRequestHandler):
-        timeout = 10.0
-
-        def do_GET(self) -> None:
-            # Another site cannot point its own name here.
-            known = _OWN_NAMES.fullmatch(self.headers.get("Host", "")) and self.path.split("?")[0] == "/"
-            answer = content if known else b"there is nothing here\n"
-            self.send_response(200 if known else 404)
-            self.send_header("Content-Type", f"text/{'html' if known else 'plain'}; charset=utf-8")
-            self.send_header("Content-Length", str(len(answer)))
-            self.send_header("Cache-Control", "no-store")
-            self.end_headers()
-            self.wfile.write(answer)
-
-        def log_message(self, format: str, *arguments: Any) -> None:
-            """Keep requests out of the terminal."""
-
-    return Handler
+        self._loop.close()

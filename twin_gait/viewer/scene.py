@@ -12,12 +12,12 @@ import pinocchio as pin
 
 from twin_gait.leg_model import LegJoints
 from twin_gait.measures.foot_contact import CONTACT_FORCE
-from twin_gait.palette import phase_colour
+from twin_gait.palette import GROUND_FORCE_COLOUR, phase_colour
 from twin_gait.viewer import ropes, shapes, surroundings, trail
 from twin_gait.viewer.arcs import TorqueArc
 from twin_gait.viewer.commands import Material, Window, rgb, set_object, set_property
 from twin_gait.viewer.figure import Figure, Motor
-from twin_gait.viewer.legend import FORCE_COLOUR, FULL_TORQUE, METRES_PER_NEWTON
+from twin_gait.viewer.legend import FULL_TORQUE, METRES_PER_NEWTON
 from twin_gait.viewer.motion import Motion
 from twin_gait.viewer.ropes import Rope
 from twin_gait.viewer.shapes import Shape
@@ -189,7 +189,9 @@ class Scene:
         """
         path = f"{FORCE_ROOT}/{side}"
         self._window.send(
-            set_object(path, shapes.arrow(), Material(colour=rgb(FORCE_COLOUR), roughness=0.8, glow=0.2))
+            set_object(
+                path, shapes.arrow(), Material(colour=rgb(GROUND_FORCE_COLOUR), roughness=0.8, glow=0.2)
+            )
         )
         for name in ("castShadow", "receiveShadow"):
             self._window.send(set_property(f"{path}/<object>", name, False))

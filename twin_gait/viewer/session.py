@@ -15,15 +15,31 @@ from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.parameters import Patient
+from twin_gait.viewer.commands import Command
+from twin_gait.viewer.live.window import LiveWindow
 from twin_gait.viewer.motion import FRAMES_PER_SECOND, Motion, read_motion
-from twin_gait.viewer.page import leg_entry, page_data
+from twin_gait.viewer.page import leg_entry, live_page, page_data
+from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.scene import Scene
-from twin_gait.viewer.server_link import ServerWindow, end_server, read_addresses, start_server
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
 from twin_gait.viewer.surroundings import Belt
+from twin_gait.viewer.urdf_page import counted
 from twin_gait.vocabulary import Side
 
 FIRST_PORT = 7000
+
+
+class _Batch:
+    """Window that keeps what is drawn until the server's thread takes it."""
+
+    def __init__(self) -> None:
+        self.calls: list[Callable[[LiveWindow], None]] = []
+
+    def send(self, command: Command) -> None:
+        self.post(lambda window: window.send(command))
+
+    def post(self, call: Callable[[LiveWindow], None]) -> None:
+        self.calls.append(call)
 
 
 class LiveViewer:
@@ -34,7 +50,7 @@ class LiveViewer:
     the state at 30 Hz.
 
     Attributes:
-        url: Address of the page.
+        url: Address of the page, with the token that lets in.
     """
 
     def __init__(self, *, port: int = FIRST_PORT, timeout: float = 10.0) -> None:
@@ -47,20 +63,12 @@ class LiveViewer:
         Raises:
             ViewerError: If the port is out of range or the server does not start.
         """
-        if not 0 <= port <= 65535:
-            raise ViewerError(f"port: expected a number from 0 to 65535, got {port!r}")
-        self._process = start_server(port)
-        try:
-            addresses = read_addresses(self._process, timeout)
-            self._window = ServerWindow(addresses["zmq_url"], timeout)
-        except BaseException:
-            end_server(self._process)
-            raise
-        self.url = addresses["web_url"]
+        self._server = PageServer(live_page(), port=port, timeout=timeout)
+        self._window = _Batch()
+        self.url = self._server.url
         self._model: LegModel | None = None
         self._scene: Scene | None = None
         self._belt_speed: Belt = 0.0
-        self._closed = False
 
     def show(
         self,
@@ -95,11 +103,12 @@ class LiveViewer:
         legs = [leg_entry(side, shows) for side in model.sides]
         self._describe(title, subtitle, phases, legs)
 
-    def show_urdf(self, path: str | Path) -> None:
+    def show_urdf(self, path: str | Path, *, up_axis: str = "z") -> None:
         """Draw any URDF with all its coordinates at zero.
 
         Args:
             path: The file, or the name of a packaged one.
+            up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF.
 
         Raises:
             ModelError: If the URDF cannot be read.
@@ -109,9 +118,8 @@ class LiveViewer:
         urdf = find_urdf(path)
         model = build_model(urdf)
         self._model = None
-        self._scene = build_urdf_scene(self._window, model, urdf)
-        subtitle = f"{model.njoints - 1} joints, {model.nv} degrees of freedom"
-        self._describe(urdf.name, subtitle, [], [])
+        self._scene = build_urdf_scene(self._window, model, urdf, up_axis=up_axis)
+        self._describe(urdf.name, counted(model), [], [])
 
     def pose(
         self,
@@ -134,6 +142,7 @@ class LiveViewer:
         scene.apply(scene.posture_state(np.asarray(q, dtype=float)))
         if self._model is not None:
             self._sample(time, [_angles(self._model, side, q, phases) for side in self._model.sides])
+        self._bring()
 
     def play(
         self, log: pd.DataFrame, *, speed: float = 1.0, should_stop: Callable[[], bool] | None = None
@@ -155,10 +164,11 @@ class LiveViewer:
         motion = read_motion(log, self._model, frames_per_second=FRAMES_PER_SECOND)
         self._drawn().draw_trails(motion)
         began = time.monotonic()
-        frame, last = 0, len(motion.times) - 1
+        shown, frame, last = -1.0, 0, len(motion.times) - 1
         while not (should_stop is not None and should_stop()):
             time.sleep(max(0.0, float(motion.times[frame]) / speed - (time.monotonic() - began)))
-            self._show_frame(motion, frame)
+            self._show_frame(motion, frame, shown)
+            shown = float(motion.times[frame])
             if frame == last:
                 return
             # A slow page misses frames rather than falling behind.
@@ -171,15 +181,11 @@ class LiveViewer:
         Raises:
             ViewerError: If the server does not answer.
         """
-        return int(self._window.request(b"pages", b"", b""))
+        return self._server.pages()
 
     def close(self) -> None:
         """End the server."""
-        if self._closed:
-            return
-        self._closed = True
-        self._window.close()
-        end_server(self._process)
+        self._server.close()
 
     def __enter__(self) -> Self:
         """Return itself."""
@@ -198,7 +204,13 @@ class LiveViewer:
 
     def _clear(self) -> None:
         if self._scene is not None:
-            self._window.send({"type": "delete", "path": "/meshcat"})
+            self._window.post(LiveWindow.clear)
+
+    def _bring(self) -> None:
+        """Bring what has been drawn to the pages."""
+        calls, self._window.calls = self._window.calls, []
+        self._server.call(lambda: [call(self._server.window) for call in calls])
+        self._server.show()
 
     def _describe(
         self, title: str, subtitle: str, phases: Sequence[str], legs: Sequence[Mapping[str, Any]]
@@ -208,20 +220,24 @@ class LiveViewer:
             mode="live", title=title, subtitle=subtitle, missing_meshes=scene.missing_meshes,
             view=scene.view, phases=phases, legs=legs, arrows=bool(scene.arrows),
         )  # fmt: skip
-        self._window.send({"type": "page", "path": "", "page": page})
+        self._window.post(lambda window: window.describe(page))
+        self._bring()
 
-    def _sample(self, time: float, legs: Sequence[Mapping[str, float]]) -> None:
-        self._window.send({"type": "sample", "path": "", "sample": {"time": float(time), "legs": list(legs)}})
+    def _sample(self, time: float, legs: Sequence[Mapping[str, float]], **more: Any) -> None:
+        sample = {"time": float(time), "legs": list(legs), **more}
+        self._window.post(lambda window: window.sample(sample))
 
-    def _show_frame(self, motion: Motion, frame: int) -> None:
+    def _show_frame(self, motion: Motion, frame: int, shown: float) -> None:
         scene = self._drawn()
         scene.apply(scene.state_at(motion, frame, self._belt_speed))
         when = float(motion.times[frame])
-        legs = []
+        legs, curves = [], []
         for leg in motion.legs.values():
-            values = {name: float(curve[frame]) for name, curve in leg.curves.items()}
+            values = {name: curve.at(when) for name, curve in leg.curves.items()}
             legs.append(values | {"phase": -1 if leg.phases is None else leg.phases.at(when)})
-        self._sample(when, legs)
+            curves.append({name: curve.between(shown, when).to_dict() for name, curve in leg.curves.items()})
+        self._sample(when, legs, curves=curves)
+        self._bring()
 
 
 def show_run(

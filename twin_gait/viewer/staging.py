@@ -71,7 +71,7 @@ def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: s
         window: Where commands go.
         model: Pinocchio model of it.
         urdf: The file.
-        up_axis: ``"z"`` or ``"y"``: the vertical of the URDF.
+        up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF.
 
     Returns:
         The scene.

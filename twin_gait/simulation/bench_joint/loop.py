@@ -7,17 +7,15 @@ import re
 from collections.abc import Callable
 from functools import lru_cache
 from types import ModuleType
-from typing import Any
 
-import numba
 import numpy as np
 
 from twin_gait.control import ControllerFunction
 from twin_gait.core.control_tick import controller_torques
-from twin_gait.simulation.bench_joint import tick
+from twin_gait.simulation.bench_joint import arrays, tick
 from twin_gait.simulation.bench_joint.arrays import BenchArrays
-from twin_gait.simulation.compiling import compiled_before, load_module, register_core
 from twin_gait.simulation.keeping import source_key, source_of
+from twin_gait.simulation.loops import bound, kept_loop, loop_with
 from twin_gait.simulation.module_text import one_module
 
 RunTicks = Callable[[BenchArrays, int, int, np.ndarray], int]
@@ -53,27 +51,52 @@ def compiled_loop(law: ControllerFunction, on_compile: Callable[[], None] | None
     Returns:
         Its ``run_ticks``.
     """
-    if law is not controller_torques:
-        run_ticks: RunTicks = _module_with(law).__dict__["run_ticks"]
-        return run_ticks
     text = loop_text()
-    key = source_key(text)
-    if on_compile is not None and not compiled_before(key):
-        on_compile()
-    kept: RunTicks = load_module(key, lambda: text).run_ticks
-    return kept
+    if law is controller_torques:
+        loop = kept_loop(source_key(text), lambda: text, on_compile)
+    else:
+        loop = loop_with(text, law, on_compile)
+
+    def run_ticks(bench: BenchArrays, first: int, end: int, rows: np.ndarray) -> int:
+        fields = bench._asdict()
+        assert all(array.flags.c_contiguous and array.dtype == float for array in fields.values())
+        sizes = np.array([len(array) for array in bench], dtype=np.int64)
+        return bound(loop, bench.numbers, sizes, fields)(first, end, rows)
+
+    return run_ticks
 
 
 @lru_cache(maxsize=1)
 def loop_text() -> str:
-    """The loop as it is compiled: the rooms' text with decorators; its hash is part of the cache's key."""
-    text = _text().replace("import numpy as np\n", _PREAMBLE, 1)
-    # compiling.compiled_before looks for what numba has kept under this name.
-    text = text.replace("def run_ticks(", "@_kept\ndef run_ticks(", 1)
+    """The loop as it is compiled, with addresses for arrays; its hash is part of the cache's key."""
+    text = (
+        _text().replace("import numpy as np\n", _PREAMBLE, 1).replace("def run_ticks(", "def run_bench(", 1)
+    )
     # numba compiles at the first call, when all functions of the module exist, whatever their order.
-    text = re.sub(r"^(?<!@_kept\n)def ", "@_jit\ndef ", text, flags=re.MULTILINE)
-    # What is imported from there is compiled too, and numba does not look whether it has changed.
-    return f"{text}\n\n# arrays: {hashlib.sha256(source_of(f'{_PACKAGE}.arrays').encode()).hexdigest()}\n"
+    text = re.sub(r"^def ", "@_jit\ndef ", text, flags=re.MULTILINE)
+    # What is imported from there is compiled too, and the text does not show whether it has changed.
+    return (
+        f"{text}\n\n{_entry()}# arrays: {hashlib.sha256(source_of(arrays.__name__).encode()).hexdigest()}\n"
+    )
+
+
+def _entry() -> str:
+    """The function that is called from outside: it makes arrays of addresses and lengths."""
+    loose = [name for name in BenchArrays._fields if name != "numbers"]
+    addresses = ", ".join(f"{name}_address" for name in ("numbers", "sizes", *loose))
+    values = [
+        f"array_at(float_pointer({name}_address), (sizes[{place}],{_ROWS.get(name, '')}))"
+        for place, name in enumerate(BenchArrays._fields)
+    ]
+    return f"""LOOSE_ARRAYS = {loose!r}
+
+
+@_jit
+def run_ticks({addresses}, first, end, rows_address):
+    sizes = integer_pointer(sizes_address)
+    bench = BenchArrays({", ".join(values)})
+    return run_bench(bench, first, end, array_at(float_pointer(rows_address), (end, {len(arrays.COLUMNS)})))
+"""
 
 
 def _text() -> str:
@@ -81,23 +104,14 @@ def _text() -> str:
     return one_module({name: source_of(name) for name in names})
 
 
+# Numbers in a row of the arrays that have rows.
+_ROWS = {"measured": " 3", "ring": " 1"}
 _PREAMBLE = """import numba
 import numpy as np
 
-_kept = numba.njit(cache=True, nogil=True, error_model="numpy")
-_jit = numba.njit(nogil=True, error_model="numpy")
+from twin_gait.simulation.pointers import array_at, float_pointer, integer_pointer
+
+_jit = numba.njit(
+    nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False
+)
 """
-
-
-@lru_cache(maxsize=8)
-def _module_with(law: ControllerFunction) -> ModuleType:
-    """Generated module with a controller of the user's, compiled for this process only."""
-    register_core()
-    module = ModuleType("twin_gait_bench_with_controller")
-    exec(compile(loop_text().replace("cache=True, ", ""), module.__name__, "exec"), module.__dict__)
-    module.__dict__["controller_torques"] = _jitted(law)
-    return module
-
-
-def _jitted(law: Any) -> Any:
-    return law if isinstance(law, numba.core.dispatcher.Dispatcher) else numba.njit(nogil=True)(law)

@@ -76,7 +76,8 @@ def record(episode: Episode, tick: int, battery_power: float, rows: Array) -> No
     if pelvis >= 0:
         rows[row, place] = state.q[pelvis]
         rows[row, place + 1] = state.v[pelvis]
-        rows[row, place + 2] = state.passive[pelvis + inputs.integers[WEARER_SHIFT], SPRING]
+        hung = pelvis + inputs.integers[WEARER_SHIFT]
+        rows[row, place + 2] = state.passive[hung, SPRING] + state.passive[hung, STOP]
         rows[row, place + 3] = force
         rows[row, place + 4] = moment
         place += PELVIS_WIDTH

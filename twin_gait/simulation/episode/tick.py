@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from twin_gait.simulation.episode.belt import command
 from twin_gait.simulation.episode.monitor import watch
 from twin_gait.simulation.episode.motion import integrate
 from twin_gait.simulation.episode.motors import control, feed_forward, supply
@@ -12,6 +11,7 @@ from twin_gait.simulation.episode.path import follow, judge
 from twin_gait.simulation.episode.phases import decide
 from twin_gait.simulation.episode.record import record
 from twin_gait.simulation.episode.sensors import measure
+from twin_gait.simulation.episode.surroundings import catch, command
 from twin_gait.simulation.episode.wearer import push
 from twin_gait.simulation.episode_arrays import (
     ADAPTS,
@@ -62,6 +62,7 @@ def run_ticks(episode: Episode, first: int, end: int, rows: Array) -> int:
         for joint in range(inputs.coordinates.shape[0]):
             battery_power += control(episode, joint, tick, rows)
         push(episode, tick)
+        catch(episode, tick)
         if recording:
             record(episode, tick, battery_power, rows)
         supply(episode, tick, battery_power)

@@ -13,7 +13,7 @@ from twin_gait.control import (
     JointSetpoint,
 )
 from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
-from twin_gait.core.belt import belt_speed, walk_command
+from twin_gait.core.belt import BELT_RAMP, BELT_START, BELT_STOP, treadmill_speed, walk_command
 from twin_gait.core.control_tick import (
     COLUMNS_PER_JOINT,
     blend_phase,
@@ -180,22 +180,22 @@ class PinocchioEngine:
             battery_power += self._control(tick, number, joint, feed_forward, row)
         phases = [machine.phase_index for machine in self.machines.values()]
         self._wearer.act(tick, self.plant, phases)
-        self._row.write(row, self.plant, phases)
         trip = self._monitor.trip
+        if trip is not None and trip[0] == tick:
+            self.plant.catch()
+        self._row.write(row, self.plant, phases)
         self._row.write_surroundings(row, self.plant, self._bus_voltage, battery_power, trip)
         self._supply(tick, battery_power)
         self._integrate()
 
     def _command(self, tick: int) -> None:
-        """Let the belt follow its profile, and tell the legs to walk or to stand."""
-        world = self.problem.world
-        if world.belt is None:
+        """Let the belt follow its profile or come to rest after a trip; tell the legs to walk or to stand."""
+        belt, time, trip = self.problem.world.belt, tick * TICK, self._monitor.trip
+        tripped = np.inf if trip is None else trip[0] * TICK
+        self.plant.belt_speed = treadmill_speed(time, tripped, *belt)
+        if belt[BELT_RAMP] == 0.0:
             return
-        belt, time = world.belt, tick * TICK
-        self.plant.belt_speed = belt_speed(
-            time - belt.delay, world.belt_speed, belt.start, belt.stop, belt.ramp
-        )
-        self._signals[-1] = walk_command(time, belt.start, belt.stop)
+        self._signals[-1] = walk_command(time, belt[BELT_START], belt[BELT_STOP])
         if self._signals[-1] == 0.0:
             self._last_rest = tick
 

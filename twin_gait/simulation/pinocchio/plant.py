@@ -17,6 +17,10 @@ from twin_gait.core.plant import (
     PASSIVE_COLUMNS,
     PATIENT_WORK,
     SPRING_WORK,
+    STOP_DISSIPATION,
+    STOP_LOWER,
+    STOP_STIFFNESS,
+    STOP_UPPER,
     STOP_WORK,
     brace_torque,
     hand_torque,
@@ -26,6 +30,7 @@ from twin_gait.experiment import IntegrationMethod
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.scenario.world import World
 from twin_gait.simulation.columns import BRACED_WORK_SOURCES, WORK_SOURCES
+from twin_gait.vocabulary import Side
 
 
 class _FootPoints(NamedTuple):
@@ -91,6 +96,16 @@ class PinocchioPlant:
         self.acceleration(self.q, self.v, self._recorded_a)
         self._evaluated = True
 
+    def catch(self) -> None:
+        """Let the harness lock at the present height of the wearer's pelvis, a stop from below."""
+        world, pelvis = self.world, self.world.model.pelvis_index
+        if pelvis is None:
+            return
+        row = list(self._rows[pelvis + world.wearer_shift])
+        row[STOP_LOWER], row[STOP_UPPER] = float(self.q[pelvis + world.wearer_shift]), np.inf
+        row[STOP_STIFFNESS], row[STOP_DISSIPATION] = world.catch_stiffness, world.catch_dissipation
+        self._rows[pelvis + world.wearer_shift] = tuple(row)
+
     def _foot(self, names: tuple[str, ...]) -> _FootPoints:
         frames = [self.model.frames[self.model.getFrameId(name)] for name in names]
         points = tuple(tuple(float(x) for x in frame.placement.translation) for frame in frames)
@@ -143,6 +158,18 @@ class PinocchioPlant:
             if normal > 0.0 or loaded:
                 self.external[foot.joint] = pin.Force(np.array([fx, fy, fz, mx, my, mz]))
         self.contact_power = power
+
+    def ground_wrench(self, side: Side) -> np.ndarray:
+        """What the ground does on a foot at the last evaluation of the contacts.
+
+        Args:
+            side: Leg.
+
+        Returns:
+            Force in [N] and moment about the origin of the world in [N m], shape ``(6,)``.
+        """
+        joint = self.feet[side].joint
+        return np.array(self.data.oMi[joint].act(self.external[joint]).vector)
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
         """Accelerations of a state; keeps the torques and forces of this evaluation."""

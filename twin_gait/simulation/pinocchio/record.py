@@ -84,7 +84,8 @@ class RowOfTick:
             row[first : first + 5] = (
                 plant.q[pelvis],
                 plant.v[pelvis],
-                plant.passive[pelvis + world.wearer_shift, SPRING],
+                plant.passive[pelvis + world.wearer_shift, SPRING]
+                + plant.passive[pelvis + world.wearer_shift, STOP],
                 *plant.guide_wrench(),
             )
         first = layout.first("bus_voltage_V")

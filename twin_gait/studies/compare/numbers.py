@@ -22,7 +22,7 @@ from twin_gait.measures.clearance import scuffs, swing_clearances
 from twin_gait.measures.effort import battery_life, load
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.gait_score import gait_profile_score, gait_variable_score
-from twin_gait.measures.leg_record import LegRecord, leg_record
+from twin_gait.measures.leg_record import LegRecord, leg_record, wearer_column
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.spatiotemporal import cadence, double_support_share, step_times, stride_lengths
 from twin_gait.measures.strides import (
@@ -37,12 +37,11 @@ from twin_gait.measures.switching import dimensionless_jerk, joint_jerk
 from twin_gait.replay.normative import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.simulation.columns import wearer_column
-from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.simulation.run import Run
 from twin_gait.studies.compare.wearer_torque import voluntary_torque
-from twin_gait.studies.record import belt_speed_of
+from twin_gait.studies.record import belt_speed_of, trip_time_of
 from twin_gait.studies.summary.side import blend_length
-from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
+from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Outcome, Side
 
 LEAST_STRIDES = 2  # a leg that has made fewer after the first two has not walked
 
@@ -60,8 +59,7 @@ class _Leg(NamedTuple):
 def numbers_of(run: Run) -> Numbers:
     """All numbers of a run, by names with their units.
 
-    ``walked`` is 1 for a run that came to its end without a fall or a trip of the monitor; of any other, the
-    gait has no numbers but ``walked_s``.
+    ``walked`` is 1 for a run whose verdict is so; of any other, the gait has no numbers but ``walked_s``.
 
     Args:
         run: A run on the treadmill.
@@ -70,10 +68,10 @@ def numbers_of(run: Run) -> Numbers:
         Numbers by name; NaN where one is not defined.
     """
     end = len(run.log) if run.trip is None else run.trip.tick
-    whole = run.status is RunStatus.COMPLETED and run.trip is None
-    numbers: Numbers = {"walked": float(whole), "walked_s": end * TICK}
+    walked = run.verdict.outcome is Outcome.WALKED
+    numbers: Numbers = {"walked": float(walked), "walked_s": end * TICK}
     legs = {side: _leg(run, side) for side in run.sides}
-    if not whole or any(len(leg.strides) < LEAST_STRIDES for leg in legs.values()):
+    if not walked or any(len(leg.strides) < LEAST_STRIDES for leg in legs.values()):
         return numbers
     for side, leg in legs.items():
         other = next(item for name, item in legs.items() if name is not side)
@@ -85,7 +83,7 @@ def numbers_of(run: Run) -> Numbers:
 
 
 def _leg(run: Run, side: Side) -> _Leg:
-    record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
+    record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
     strides = record.strides()
     span = slice(int(strides[0, 0]), int(strides[-1, 1])) if len(strides) else slice(0, 0)
     return _Leg(record, strides, span)
@@ -115,12 +113,13 @@ def _gait(run: Run, leg: _Leg, other: _Leg) -> Numbers:
 
 
 def _mean_belt_speed(run: Run) -> float:
-    """Speed of the belt in [m] / [s], over the whole run if it starts and stops."""
+    """Speed of the belt in [m] / [s], over the whole run if it starts or stops in it."""
     scenario = run.experiment.scenario
     assert isinstance(scenario, TreadmillScenario)  # there is a belt
-    if scenario.belt is None:
+    tripped = trip_time_of(run.log)
+    if scenario.belt is None and math.isinf(tripped):
         return scenario.belt_speed
-    return scenario.belt_travel(len(run.log) * TICK) / (len(run.log) * TICK)
+    return scenario.belt_travel(len(run.log) * TICK, tripped) / (len(run.log) * TICK)
 
 
 def _mean(values: np.ndarray) -> float:
@@ -133,7 +132,7 @@ def _shape(run: Run, leg: _Leg, joint: JointName) -> Numbers:
     angle, strides = leg.record.angles[joint], leg.strides
     extremes = np.degrees(stride_extremes(angle, strides))
     cycles = np.degrees(normalise_strides(angle, strides))
-    velocity = run.log[f"{leg.record.side}_{joint}_velocity_rad_per_s"].to_numpy()
+    velocity = run.log[wearer_column(run.log, leg.record.side, joint, "velocity_rad_per_s")].to_numpy()
     jerk = dimensionless_jerk(velocity, joint_jerk(velocity, TICK), strides, TICK)
     reference = reference_cycle(run.experiment, joint)
     return {
@@ -218,7 +217,7 @@ def help_share(run: Run, side: Side, joint: JointName, since: int) -> float:
     if control.mode is not ControlMode.IMPEDANCE:
         return control.assistance.share[joint]
     phases = [run.table.phases_of(side)[name] for name in run.table.phase_names]
-    codes = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady).phases
+    codes = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady).phases
     given = run.log[f"{side}_{joint}_stiffness_Nm_per_rad"].to_numpy()
     shares = []
     for spell in phase_spells(codes)[1:-1]:

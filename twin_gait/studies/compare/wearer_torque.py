@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
+from twin_gait.measures.leg_record import wearer_column
 from twin_gait.parameters import JointCondition, Patient
-from twin_gait.simulation.columns import wearer_column
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 

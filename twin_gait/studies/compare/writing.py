@@ -117,7 +117,7 @@ def figure_of(comparison: Comparison, *, dark: bool = False) -> Figure:
 def _cycles(run: Run) -> dict[str, np.ndarray]:
     cycles = {}
     for side in run.sides:
-        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
+        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
         for joint in MOTOR_JOINTS:
             strides = normalise_strides(record.angles[joint], record.strides())
             cycles[f"{side} {joint}"] = np.degrees(strides.mean(axis=0))

@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,10 +19,12 @@ from twin_gait.scenario.faults import Fault, FaultKind
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.faults.audit import audit
 from twin_gait.studies.workers import LocalRunner
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, Outcome
 
 _DEGREE = math.pi / 180.0
 FIRST_TIME = 1.0  # [s]: the gait is under way
+# As the table of outcomes lists them: best first.
+OUTCOMES = (Outcome.WALKED, Outcome.HELD, Outcome.STALLED, Outcome.HUNG, Outcome.FELL, Outcome.DIVERGED)
 REST = 2.0  # [s] after the last fault, to see what comes of it
 
 # Smallest and largest magnitude that is drawn, in SI units; from hardly noticeable to gross.
@@ -35,16 +36,6 @@ MAGNITUDES = {
     FaultKind.CONTROLLER_RUNAWAY: (20.0, 2000.0),
     FaultKind.SUPPLY_DIP: (2.0, 25.0),
 }
-
-
-class FaultOutcome(StrEnum):
-    """What came of a fault."""
-
-    HOLD = "hold"
-    HOLD_AND_FALL = "hold, pelvis sinks"
-    GOES_ON = "goes on"
-    FALL = "falls"
-    DIVERGED = "diverged"
 
 
 @dataclass(frozen=True)
@@ -65,7 +56,7 @@ class FaultCampaign:
     def violations(self) -> pd.DataFrame:
         """Rows in which something that must hold did not."""
         table = self.table
-        kept = table["within_limits"] & (table["null_values"] == 0) & (table["outcome"] != "diverged")
+        kept = table["within_limits"] & (table["null_values"] == 0) & (table["outcome"] != Outcome.DIVERGED)
         return table[~(kept & table["hold_kept"] & table["in_time"])]
 
 
@@ -211,22 +202,13 @@ def fault_row(run: Run) -> dict[str, Any]:
         "joint": None if fault.joint is None else str(fault.joint),
         "time_s": fault.time,
         "magnitude": fault.strength if fault.kind.units else math.nan,
-        "outcome": str(outcome_of(run)),
+        "outcome": str(run.verdict.outcome),
         "cause": "" if trip is None else str(trip.cause),
         "trip_place": "" if trip is None else trip.place,
         "trip_time_s": math.nan if trip is None else trip.time,
         "detection_s": math.nan if trip is None else round((trip.time - fault.time) / TICK) * TICK,
         **audit(run)._asdict(),
     }
-
-
-def outcome_of(run: Run) -> FaultOutcome:
-    """What came of a run."""
-    if run.status is RunStatus.DIVERGED:
-        return FaultOutcome.DIVERGED
-    if run.status is RunStatus.FELL:
-        return FaultOutcome.FALL if run.trip is None else FaultOutcome.HOLD_AND_FALL
-    return FaultOutcome.GOES_ON if run.trip is None else FaultOutcome.HOLD
 
 
 def outcome_table(table: pd.DataFrame) -> str:
@@ -239,15 +221,15 @@ def outcome_table(table: pd.DataFrame) -> str:
         The text. Detection is the time from the fault to the trip: a frozen encoder on a joint that stands
         still is no danger yet, and is noticed when the joint moves.
     """
-    head = ["fault", "runs", *FaultOutcome, "detected by", "detection: median", "longest"]
-    lines = [_line(head), _line(["---", *["--:"] * (1 + len(FaultOutcome)), "---", "--:", "--:"])]
+    head = ["fault", "runs", *OUTCOMES, "detected by", "detection: median", "longest"]
+    lines = [_line(head), _line(["---", *["--:"] * (1 + len(OUTCOMES)), "---", "--:", "--:"])]
     for kind in [item for item in FaultKind if (table["kind"] == item).any()]:
         lines.append(_line(_kind_cells(str(kind), table[table["kind"] == kind])))
     return "\n".join([*lines, _line(_kind_cells("all", table))])
 
 
 def _kind_cells(name: str, rows: pd.DataFrame) -> list[str]:
-    outcomes = [str(int((rows["outcome"] == item).sum())) for item in FaultOutcome]
+    outcomes = [str(int((rows["outcome"] == item).sum())) for item in OUTCOMES]
     tripped = rows[rows["cause"] != ""]
     causes = ", ".join(f"{cause} {count}" for cause, count in tripped["cause"].value_counts().items())
     if len(tripped) == 0:

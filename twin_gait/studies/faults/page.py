@@ -23,20 +23,23 @@ from twin_gait.gait.table import TICK
 from twin_gait.palette import BLACK, BLUE, GREY, ORANGE, SIDE_COLOURS, SKY_BLUE, VERMILLION
 from twin_gait.parameters import SafetyParameters
 from twin_gait.report.canvas import picture_bytes
+from twin_gait.scenario import TreadmillScenario
 from twin_gait.scenario.faults import FaultKind
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.faults.audit import stated_reaction
-from twin_gait.studies.faults.faults import FaultCampaign, FaultOutcome, limit_lines, outcome_table
+from twin_gait.studies.faults.faults import FaultCampaign, limit_lines, outcome_table
+from twin_gait.vocabulary import Outcome
 
 EXAMPLE = "encoder_freeze:left_knee@4.2s"
 _SHOWN = (3.4, 6.4)  # [s]
 _TEXTS = ("side", "joint", "cause", "trip_place")
 _COLOURS = {
-    FaultOutcome.HOLD: BLUE,
-    FaultOutcome.HOLD_AND_FALL: SKY_BLUE,
-    FaultOutcome.GOES_ON: GREY,
-    FaultOutcome.FALL: ORANGE,
-    FaultOutcome.DIVERGED: VERMILLION,
+    Outcome.WALKED: GREY,
+    Outcome.HELD: BLUE,
+    Outcome.STALLED: SKY_BLUE,
+    Outcome.HUNG: BLACK,
+    Outcome.FELL: ORANGE,
+    Outcome.DIVERGED: VERMILLION,
 }
 _WORDS = {
     TripCause.ENCODER_MISSING: "the encoder gives no number",
@@ -69,17 +72,25 @@ A monitor stands between controller and motor. After a trip both legs are in a h
 leg's weight, fading out over {lowering:g} s: the leg is lowered. The hold never ends by itself. Cause, place
 and time are in the summary and in the log (`safety_state`, `trip_cause`).
 
+A trip, or the operator's Stop, also stops the treadmill. The belt comes to rest in {ramp:g} s
+(`scenario.stop_ramp_s`), without a jump of its speed or acceleration. The harness locks at the present
+height of the pelvis: beside the {share:.0%} of the weight that the support always carries, it carries what
+sinks below, as a spring that only pulls upwards. Its stiffness (`scenario.support.catch_stiffness_N_per_m`,
+{stiffness:g} kN/m) is that of a metre of rope that stretches by 5 % under 100 kg, the most that EN 1891
+allows a low-stretch rope; its dissipation (`catch_dissipation_s_per_m`, {dissipation:g} s/m) is an
+assumption. The force is part of `support_force_N`, the work of `stop_work_J`. `stop_ramp_s: null` is a belt
+that runs on, a stiffness of 0 a harness that does not lock; with both, a Stop ends in a fall within seconds.
+
 `twin-gait simulate --fault {example}` strikes one fault; the campaign below is
 `twin-gait faults --count {count} --out docs/{name}.csv`: seeded faults over kind, joint, time and
 magnitude on the default walk.
 
 {table}
 
-- **hold**: the run ended in the hold. **hold, pelvis sinks**: it did, and the wearer's pelvis sank below the
-  height that counts as a fall: a leg that is being lowered does not carry its wearer, the support does.
-- **goes on**: no trip to the end of the run. These are faults that are too small or too short for the
+- **held**: the run ended in the hold, without a fall.
+- **walked**: no trip to the end of the run. These are faults that are too small or too short for the
   bounds below, or that the gait does not feel, such as a load sensor stuck at zero.
-- **falls**: a fall without a trip.
+- **fell**: the pelvis sank below the height that counts as a fall, with a trip or without.
 - Detection is the time from the fault to the trip. A frozen encoder on a joint that stands still, or a dead
   motor that has nothing to do, is noticed when it matters.
 
@@ -105,9 +116,12 @@ from them.
 
 ## What the model leaves out
 
-The belt runs on after a trip. A drop of the supply leaves the bus at the highest back-EMF of the motors,
-because nothing but its capacitors takes what they feed back. An encoder that drifts more slowly than
-{drift:.0f}°/s, or a load sensor that is stuck at zero, is not told from a healthy one. Not a medical device.
+That belt and support stop with the device is an assumption: all three are on one stop circuit. The harness
+has no slack, and the wearer does nothing to save themselves. Where the drive of a knee is cut off in swing,
+nothing brakes the shank: this foot may land a second later and slide, with some 50 N on it, while it is put
+down. A drop of the supply leaves the bus at the highest back-EMF of the motors, because nothing but its
+capacitors takes what they feed back. An encoder that drifts more slowly than {drift:.0f}°/s, or a load
+sensor that is stuck at zero, is not told from a healthy one. Not a medical device.
 """
 
 
@@ -147,11 +161,17 @@ def page_text(campaign: FaultCampaign, name: str) -> str:
     """Text of the page."""
     experiment = load_experiment("treadmill").experiment
     settings, limits = experiment.control.safety, experiment.control.limits
+    scenario = experiment.scenario
+    assert isinstance(scenario, TreadmillScenario)  # the default walk
     return _TEXT.format(
         name=name,
         example=EXAMPLE,
         count=len(campaign.table),
         damping=settings.hold_damping,
+        ramp=scenario.stop_ramp,
+        share=scenario.support.share,
+        stiffness=scenario.support.catch_stiffness * 1e-3,
+        dissipation=scenario.support.catch_dissipation,
         lowering=settings.lowering_time,
         table=outcome_table(campaign.table),
         limits="\n".join(f"- {line}" for line in limit_lines(campaign)),

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation.run import RunStatus
@@ -22,8 +23,12 @@ from twin_gait.studies.live.deadlines import BLOCK_TICKS, PERIOD, BlockClock
 from twin_gait.studies.live.pieces import AppliedChange, Piece
 from twin_gait.studies.live.protocol import Frame
 from twin_gait.studies.live.walk import LiveWalk
+from twin_gait.viewer.curves import extremes
+from twin_gait.viewer.motion import leg_columns
+from twin_gait.viewer.page import event_entries
 
 FRAME_BLOCKS = 2  # a frame every 20 ms: 50 a second
+MOST_TRACES = 400  # kept for who does not read: eight seconds, which is what a page remembers
 STILL_FRAME = 10 * PERIOD  # [s] between two frames while nothing moves
 PIECE_TICKS = 500  # between two pieces: a kill loses no more than this and what waits to be written
 
@@ -90,6 +95,14 @@ class LiveLoop:
         self._kept = _Kept()
         self._began = now()
         self._last_frame = -np.inf
+        self._traced = 0
+        layout = run.layout
+        self._columns = {
+            name: layout.positions[name]
+            for side in layout.legs
+            for name in leg_columns(side).values()
+            if name in layout.positions
+        }
         self.clock = BlockClock()
 
     # ------------------------------------------------------------------ the loop
@@ -187,9 +200,25 @@ class LiveLoop:
             status=str(self.status),
             q=tuple((run.q if q is None else q).tolist()),
             log=self._named(rows[-1].tolist()) if len(rows) else {},
+            events=tuple(event_entries(run.events)),
             deadlines=self.clock.statistics(),
         )
+        self._send_trace()
         self._send(frame.to_dict())
+
+    def _send_trace(self) -> None:
+        """Send what the curves of a page did since the last frame."""
+        first, self._traced = self._traced, self._run.tick
+        if first == self._run.tick:
+            return
+        values = self._run.rows(first)[:, list(self._columns.values())]
+        rows, found = extremes(values)
+        ticks, shown = (first + rows).T.tolist(), found.T.tolist()
+        columns = {
+            name: [ticks[k], [finite_or_none(value) for value in shown[k]]]
+            for k, name in enumerate(self._columns)
+        }
+        self._send({"kind": "trace", "first": first, "end": self._run.tick, "columns": columns})
 
     def _named(self, row: list[float]) -> dict[str, float | str]:
         layout, names = self._run.layout, self._run.problem.table.phase_names
@@ -265,6 +294,7 @@ class LiveLoop:
             self._keep_piece(over=True)
             self._kept = _Kept()
         self._walk.restart()
+        self._traced = 0
         self._paused, self._began = False, self._now()
         self.clock.pause()
 

@@ -7,6 +7,7 @@ says becomes a message of the session, or is refused if it is none.
 from __future__ import annotations
 
 import json
+import secrets
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
@@ -60,10 +61,12 @@ class LivePage:
         self._session, self._user = session, user
         self._belt_speed = belt_speed_of(experiment)
         self._scenario = experiment.scenario
+        self._walked_until = 0.0  # the last moment seen without a trip
         self._sides = tuple(str(side) for side in experiment.leg.legs)
         self._state: State | None = None
         self._short: dict[str, Any] | None = None
         self._number = self._serial = self._told_at = 0
+        self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
         self.figure = LiveFigure(
             experiment.build_world().model,
             title=f"twin_gait live · {experiment.name}",
@@ -102,20 +105,25 @@ class LivePage:
             frame: The moment.
         """
         if frame.log:  # empty before the first tick
-            belt_speed = self._belt_speed * self._belt_share(frame.time_s)
-            self.figure.show(frame.time_s, frame.q, frame.log, belt_speed=belt_speed)
+            belt_speed = self._belt_speed * self._belt_share(frame)
+            self.figure.show(
+                frame.time_s, frame.q, frame.log, belt_speed=belt_speed, traces=self._session.traces(),
+                events=frame.events,
+            )  # fmt: skip
             self.server.show(self.figure.window.changes())
         before, self._short = self._short, self._shortened(frame)
         if before is None or before["status"] != frame.status or abs(frame.tick - self._told_at) >= READ_OUT:
             self._told_at = frame.tick
             self.server.tell(self._short, key="frame")
 
-    def _belt_share(self, time: float) -> float:
-        """Share of the speed that is set which a belt with a profile has at a time."""
+    def _belt_share(self, frame: Frame) -> float:
+        """Share of the speed that is set which the belt has, by its profile and after a trip."""
         scenario = self._scenario
-        if not isinstance(scenario, TreadmillScenario) or scenario.belt is None:
+        if not isinstance(scenario, TreadmillScenario):
             return 1.0
-        return scenario.belt_speed_at(time) / scenario.belt_speed
+        if not frame.log["safety_state"]:
+            self._walked_until = frame.time_s
+        return scenario.belt_speed_at(frame.time_s, self._walked_until) / scenario.belt_speed
 
     async def close(self) -> None:
         """End the server."""
@@ -124,8 +132,10 @@ class LivePage:
     def _shortened(self, frame: Frame) -> dict[str, Any]:
         """What a panel reads out of a frame; the scene has the rest."""
         entries = frame.to_dict()
-        short = {key: entries[key] for key in ("kind", "tick", "time_s", "status", "deadlines")}
-        return short | {"phases": {side: frame.log.get(f"{side}_phase") for side in self._sides}}
+        short = {key: entries[key] for key in ("kind", "tick", "time_s", "status", "events", "deadlines")}
+        held = bool(frame.log.get("safety_state"))
+        phases = {side: None if held else frame.log.get(f"{side}_phase") for side in self._sides}
+        return short | {"phases": phases}
 
     def _tell_events(self) -> None:
         for event in self._session.events(self._serial):
@@ -144,7 +154,7 @@ class LivePage:
         self.server.tell(state.to_dict(), key="state")
 
     def _greeting(self) -> Iterator[dict[str, Any]]:
-        yield {"kind": "page", "phases": self.figure.page["phases"]}
+        yield {"kind": "page", "session": self._id, "phases": self.figure.page["phases"]}
         if self._state is not None:
             yield self._state.to_dict()
         for event in self._session.events()[-EVENTS_SHOWN:]:

@@ -26,7 +26,7 @@ from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.live.finishing import complete_all
 from twin_gait.studies.live.journal import Journal, journal_of, next_free
-from twin_gait.studies.live.loop import LiveLoop
+from twin_gait.studies.live.loop import MOST_TRACES, LiveLoop
 from twin_gait.studies.live.pieces import Piece
 from twin_gait.studies.live.protocol import dump
 
@@ -37,13 +37,15 @@ REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real
 class Sender:
     """Writes messages in a thread of its own: the loop never waits for a pipe.
 
-    All messages are kept in order, but for frames, of which only the newest is.
+    All messages are kept in order, but for frames, of which only the newest is, and traces, of which those of
+    some seconds are.
     """
 
     def __init__(self, stream: IO[str]) -> None:
         """Start the thread."""
         self._stream = stream
         self._messages: deque[Mapping[str, Any]] = deque()
+        self._traces: deque[Mapping[str, Any]] = deque(maxlen=MOST_TRACES)
         self._frame: Mapping[str, Any] | None = None
         self._awake, self._closed = threading.Event(), False
         self._thread = threading.Thread(target=self._write, name="sender", daemon=True)
@@ -53,6 +55,8 @@ class Sender:
         """Take a message; returns at once."""
         if message["kind"] == "frame":
             self._frame = message
+        elif message["kind"] == "trace":
+            self._traces.append(message)
         else:
             self._messages.append(message)
         self._awake.set()
@@ -71,6 +75,8 @@ class Sender:
                 closing = self._closed
                 while self._messages:
                     self._stream.write(dump(self._messages.popleft()) + "\n")
+                while self._traces:
+                    self._stream.write(dump(self._traces.popleft()) + "\n")
                 frame, self._frame = self._frame, None
                 if frame is not None:
                     self._stream.write(dump(frame) + "\n")

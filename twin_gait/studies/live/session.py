@@ -28,6 +28,7 @@ from twin_gait.studies.live.controls import KM_PER_H, Panel
 from twin_gait.studies.live.finishing import complete, complete_all
 from twin_gait.studies.live.handle import LoopProcess
 from twin_gait.studies.live.journal import journal_of
+from twin_gait.studies.live.loop import MOST_TRACES
 from twin_gait.studies.live.protocol import (
     Action,
     DoAction,
@@ -44,6 +45,7 @@ from twin_gait.studies.live.rules import Place, Verdict, described, judge, refus
 from twin_gait.studies.live.session_records import SessionRecorder
 from twin_gait.studies.live.settings import Settings, effect_of, loop_numbers
 from twin_gait.studies.record import RUN_DIRECTORY
+from twin_gait.viewer.live.figure import Trace
 
 MOST_EVENTS = 10_000  # that are kept for pages that come late
 # Actions that go straight to the walk, whatever is being checked meanwhile.
@@ -126,6 +128,7 @@ class LiveSession:
         self._judged: tuple[Settings, frozenset[Place], Verdict] | None = None
         self._recorder: SessionRecorder | None = None
         self._frame = LatestFrame(0, "")
+        self._traces: deque[Trace] = deque(maxlen=MOST_TRACES)
         self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
         self._serial = 0
         self._state: State | None = None
@@ -258,6 +261,10 @@ class LiveSession:
     def newest_frame(self) -> LatestFrame:
         """The newest frame; its number tells whether it is a new one."""
         return self._frame
+
+    def traces(self) -> list[Trace]:
+        """What the curves did since the last call, in order; of a long time the last eight seconds."""
+        return [self._traces.popleft() for _ in range(len(self._traces))]
 
     def events(self, after: int = 0) -> list[Event]:
         """Events since one of them.
@@ -499,7 +506,8 @@ class LiveSession:
         if status != self._status:
             before, self._status = self._status, status
             if status in ("holding", "fell", "diverged") and before not in ("starting", "ended"):
-                self._emit(Outcome.NOTE, _ENDINGS[status], tick=self._tick)
+                told = "; ".join([*(event["text"] for event in head["events"]), _ENDINGS[status]])
+                self._emit(Outcome.NOTE, told, tick=self._tick)
         if self._recorder is not None:
             self._recorder.progress(self._tick, status)
             if self._recorder.failure:
@@ -524,6 +532,8 @@ class LiveSession:
             self._on_step(message["step"])
         elif kind == "folder":
             self._note_folder(message)
+        elif kind == "trace":
+            self._traces.append(Trace(message["first"], message["end"], message["columns"]))
 
     def _note_folder(self, message: Mapping[str, Any]) -> None:
         if message["failed"]:

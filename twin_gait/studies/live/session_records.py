@@ -125,6 +125,7 @@ def _opened(path: Path, *, make: bool = False) -> Iterator[sqlite3.Connection]:
     try:
         if make:
             path.parent.mkdir(parents=True, exist_ok=True)
+            _keep_private(path)
         elif not path.is_file():
             raise SessionError(f"{path}: there is no record of sessions yet; twin-gait live makes one")
         with closing(sqlite3.connect(path, timeout=BUSY_TIME, isolation_level=None)) as database:
@@ -138,6 +139,13 @@ def _opened(path: Path, *, make: bool = False) -> Iterator[sqlite3.Connection]:
         raise SessionError(
             f"{path}: cannot be written ({error.strerror}); set {DATABASE_VARIABLE}"
         ) from error
+
+
+def _keep_private(path: Path) -> None:
+    """Make the file for its owner alone, and one of an earlier version so; SQLite's own follow it."""
+    os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
+    if path.stat().st_uid == os.geteuid():
+        path.chmod(0o600)
 
 
 def _prepare(database: sqlite3.Connection, path: Path) -> None:

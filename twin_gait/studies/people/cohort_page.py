@@ -26,8 +26,7 @@ from twin_gait.studies.people.cohort_walks import (
     GENERATIONS,
     SPEEDS,
     SUPPORT,
-    WALKS,
-    Outcome,
+    Walk,
     Work,
     draw_walkers,
     walk_cohort,
@@ -46,6 +45,7 @@ from twin_gait.studies.people.scaling_fit import (
 )
 from twin_gait.studies.tune.stages import START_TABLES
 from twin_gait.studies.workers import Runner, StandingRunner
+from twin_gait.vocabulary import Outcome
 
 FIT_PEOPLE, FIT_SEED = 48, 3
 # The second of the cohorts' seeds, and this one, were never used while tables and laws were made.
@@ -161,9 +161,9 @@ def fit_rows(name: str, runner: Runner) -> list[dict[str, object]]:
 
 def cohort_text(
     fits: pd.DataFrame,
-    cohorts: Mapping[tuple[str, int], Sequence[Outcome]],
-    tuned: Sequence[Outcome],
-    plain: Sequence[Outcome],
+    cohorts: Mapping[tuple[str, int], Sequence[Walk]],
+    tuned: Sequence[Walk],
+    plain: Sequence[Walk],
 ) -> str:
     """Text of the page.
 
@@ -222,7 +222,7 @@ def _worth(fits: pd.DataFrame, table: str) -> str:
     return f"With the law of `{table}` the others cost {abs(gain):.1%} {word} than without one."
 
 
-def _tuned_text(tuned: Sequence[Outcome], plain: Sequence[Outcome]) -> str:
+def _tuned_text(tuned: Sequence[Walk], plain: Sequence[Walk]) -> str:
     rows = ((f"{START_TABLES[0]}, scaled", plain), ("tuned", tuned))
     return _TUNED_TEXT.format(
         count=len(tuned),
@@ -232,8 +232,8 @@ def _tuned_text(tuned: Sequence[Outcome], plain: Sequence[Outcome]) -> str:
     )
 
 
-def _cohort_row(table: str, seed: str, walks: Sequence[Outcome]) -> tuple[str, ...]:
-    others = Counter(item.outcome for item in walks if item.outcome != WALKS)
+def _cohort_row(table: str, seed: str, walks: Sequence[Walk]) -> tuple[str, ...]:
+    others = Counter(item.outcome for item in walks if item.outcome != Outcome.WALKED)
     interval = stats.binomtest(len(walks) - others.total(), len(walks)).proportion_ci(CONFIDENCE, "wilson")
     return (
         table,
@@ -246,22 +246,23 @@ def _cohort_row(table: str, seed: str, walks: Sequence[Outcome]) -> tuple[str, .
     )
 
 
-def _median(walks: Sequence[Outcome], part: str) -> str:
-    values = [item.parts[part] for item in walks if item.outcome == WALKS and item.parts[part] is not None]
+def _median(walks: Sequence[Walk], part: str) -> str:
+    found = [item.parts[part] for item in walks if item.outcome == Outcome.WALKED]
+    values = [value for value in found if value is not None]
     return f"{float(np.median(np.array(values, dtype=float))):.1f}" if values else "–"
 
 
-def _failures(cohorts: Mapping[tuple[str, int], Sequence[Outcome]]) -> str:
+def _failures(cohorts: Mapping[tuple[str, int], Sequence[Walk]]) -> str:
     lines = [
         f"- {table}, seed {seed}, number {item.walker.number}: {item.walker.condition}, "
         f"{item.walker.sizes['patient.mass_kg']:.0f} kg, {item.walker.sizes['patient.height_m']:.2f} m, "
         f"{item.walker.speed:.2f} m/s {item.outcome} after {item.lasted:.1f} s "
-        f"({item.reason or 'hardly a stride'})"
+        f"({item.reason})"
         for (table, seed), walks in cohorts.items()
         for item in walks
-        if item.outcome != WALKS
+        if item.outcome != Outcome.WALKED
     ]
-    return "Those who do not walk:\n\n" + "\n".join(lines) if lines else "Nobody falls."
+    return "Those who do not walk:\n\n" + "\n".join(lines) if lines else "Everybody walks."
 
 
 def _markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

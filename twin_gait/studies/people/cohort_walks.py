@@ -18,7 +18,6 @@ from twin_gait.gait.table import GaitTable
 from twin_gait.simulation import simulate
 from twin_gait.studies.batch import overridden
 from twin_gait.studies.people.cohort import cohort, overrides
-from twin_gait.studies.people.outcome_map import outcome_of
 from twin_gait.studies.people.trials import MASS_ALONE
 from twin_gait.studies.tune.outcome import choose
 from twin_gait.studies.tune.parts import part_values
@@ -26,11 +25,11 @@ from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.tune import tune
 from twin_gait.studies.tune.walks import experiment_of as experiment_with
 from twin_gait.studies.workers import LocalRunner, Runner
+from twin_gait.vocabulary import Outcome
 
 SPEEDS = (0.36, 0.42)  # [m/s]
 SUPPORT = 0.6
 DURATION = 60.0  # [s]
-WALKS = "walks"
 # Enough to bring a table closer; a whole tuning takes ten minutes.
 GENERATIONS = 12
 
@@ -65,13 +64,13 @@ class Work(NamedTuple):
     tuned: bool = False
 
 
-class Outcome(NamedTuple):
+class Walk(NamedTuple):
     """What came of it.
 
     Attributes:
         walker: Who.
-        outcome: ``walks``, ``falls``, ``stalls`` or ``diverges``.
-        reason: Why, if the run did not complete.
+        outcome: See :mod:`twin_gait.measures.verdict`.
+        reason: Why, if they did not walk.
         lasted: In [s].
         parts: Of the walk, see :mod:`twin_gait.studies.tune.parts`.
     """
@@ -122,13 +121,14 @@ def experiment_for(walker: Walker, table: str) -> Experiment:
     return overridden(base, {**walker.sizes, "scenario.belt_speed_m_per_s": walker.speed})
 
 
-def do_walk(work: Work) -> Outcome:
+def do_walk(work: Work) -> Walk:
     """Tune if that is asked for, and walk."""
     experiment = experiment_for(work.walker, work.table)
     if work.tuned:
         experiment = replace(experiment, table=_tuned(experiment, work.walker.number))
     run = simulate(experiment)
-    return Outcome(work.walker, outcome_of(run), run.reason, run.duration, part_values(run))
+    verdict = run.verdict
+    return Walk(work.walker, str(verdict.outcome), verdict.reason, run.duration, part_values(run))
 
 
 def _tuned(experiment: Experiment, seed: int) -> GaitTable:
@@ -142,7 +142,7 @@ def walk_cohort(
     works: Sequence[Work],
     runner: Runner | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> tuple[Outcome, ...]:
+) -> tuple[Walk, ...]:
     """Let everybody walk.
 
     Args:
@@ -161,6 +161,6 @@ def walk_cohort(
     return tuple(sorted(done, key=lambda item: item.walker.number))
 
 
-def walking_share(outcomes: Sequence[Outcome]) -> float:
+def walking_share(outcomes: Sequence[Walk]) -> float:
     """Share of those who walk."""
-    return sum(item.outcome == WALKS for item in outcomes) / len(outcomes)
+    return sum(item.outcome == Outcome.WALKED for item in outcomes) / len(outcomes)

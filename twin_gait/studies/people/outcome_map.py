@@ -11,16 +11,13 @@ import pandas as pd
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.simulation import Run, RunStatus
-from twin_gait.studies.batch import flat_summary, overridden, simulate_batch
-from twin_gait.vocabulary import Side
+from twin_gait.studies.batch import overridden, simulate_batch
+from twin_gait.vocabulary import Outcome, Side
 
 MASSES = (55.0, 65.0, 75.0, 85.0, 95.0)  # [kg]
 HEIGHTS = (1.60, 1.70, 1.80, 1.90)  # [m]
 SPEEDS = (0.30, 0.34, 0.38, 0.42)  # [m] / [s]
 SUPPORTS = (0.40, 0.50, 0.60, 0.70)  # share of the weight
-# Fewer strides of either leg than one in this time is standing about, not walking.
-LONGEST_STRIDE = 4.0  # [s]
 
 
 class Case(NamedTuple):
@@ -72,18 +69,6 @@ def experiment_of(base: Experiment, case: Case) -> Experiment:
     return overridden(base, changes_of(case), base.name)
 
 
-def outcome_of(run: Run) -> str:
-    """What became of a run, in one word.
-
-    Args:
-        run: The run.
-
-    Returns:
-        ``walks``, ``falls``, ``stalls`` (on its feet, but hardly a stride) or ``diverges``.
-    """
-    return _outcome(flat_summary(run), run.sides)
-
-
 def map_outcomes(
     base: Experiment,
     cases: Iterable[Case],
@@ -121,16 +106,6 @@ def _check_walker(base: Experiment) -> None:
         raise ParameterError(f"{base.name}: expected a treadmill with a wearer; there is nothing to vary")
 
 
-def _outcome(episode: Mapping[Any, Any], sides: Iterable[Side]) -> str:
-    """Outcome in a flat summary."""
-    if episode["status"] == RunStatus.FELL:
-        return "falls"
-    if episode["status"] == RunStatus.DIVERGED:
-        return "diverges"
-    strides = min(episode[f"{side}_strides"] for side in sides)
-    return "walks" if strides >= episode["duration_s"] / LONGEST_STRIDE else "stalls"
-
-
 def _row(case: Case, episode: Mapping[Any, Any], sides: tuple[Side, ...]) -> dict[str, Any]:
     """What the map shows of one case."""
     return {
@@ -138,7 +113,7 @@ def _row(case: Case, episode: Mapping[Any, Any], sides: tuple[Side, ...]) -> dic
         "height_m": case.height,
         "speed_m_per_s": case.speed,
         "support_share": case.support,
-        "outcome": _outcome(episode, sides),
+        "outcome": episode["outcome"],
         "duration_s": episode["duration_s"],
         "strides": min(episode[f"{side}_strides"] for side in sides),
         "further_contacts": sum(episode[f"{side}_further_contacts"] for side in sides),
@@ -146,7 +121,14 @@ def _row(case: Case, episode: Mapping[Any, Any], sides: tuple[Side, ...]) -> dic
     }
 
 
-_SYMBOLS = {"walks": "#", "falls": ".", "stalls": "o", "diverges": "x"}
+_SYMBOLS = {
+    Outcome.WALKED: "#",
+    Outcome.FELL: ".",
+    Outcome.STALLED: "o",
+    Outcome.HUNG: "h",
+    Outcome.HELD: "!",
+    Outcome.DIVERGED: "x",
+}
 
 
 def draw_map(table: pd.DataFrame) -> str:
@@ -158,13 +140,13 @@ def draw_map(table: pd.DataFrame) -> str:
     Returns:
         The map with its legend.
     """
-    lines = ["# walks   . falls   o stalls   x diverges"]
+    lines = ["   ".join(f"{symbol} {outcome}" for outcome, symbol in _SYMBOLS.items())]
     heights, masses = sorted(table["height_m"].unique()), sorted(table["mass_kg"].unique())
     for support, block in table.groupby("support_share"):
         lines.append("")
-        share = (block["outcome"] == "walks").mean()
+        share = (block["outcome"] == Outcome.WALKED).mean()
         within = " ".join(f"{height:.2f}" for height in heights)
-        lines.append(f"support {support:.0%}: {share:.0%} walk   (within a mass: {within} m)")
+        lines.append(f"support {support:.0%}: {share:.0%} walked   (within a mass: {within} m)")
         lines.append("            " + " ".join(f"{mass:>{len(heights)}.0f}" for mass in masses) + "  kg")
         for speed, row in block.groupby("speed_m_per_s"):
             places = zip(row["mass_kg"], row["height_m"], strict=True)

@@ -26,7 +26,7 @@ from twin_gait.studies.people.trials import (
     experiment_of,
     trial,
 )
-from twin_gait.vocabulary import JointName, Sex, Side
+from twin_gait.vocabulary import JointName, Outcome, Sex, Side
 
 NAME = "people"
 DURATION = 30.0  # [s]
@@ -287,10 +287,10 @@ def _pair(flat: Flat, key: str, factor: float, form: str) -> str:
 
 def _verdict(trials: Mapping[str, Sequence[Trial]]) -> str:
     failed = [
-        f"{name} at {support:.0%} support {item.outcome} ({item.reason or 'hardly a stride'})"
+        f"{name} at {support:.0%} support {item.outcome} ({item.reason})"
         for name, results in trials.items()
         for support, item in zip(SUPPORTS, results, strict=True)
-        if item.outcome != "walks"
+        if item.outcome != Outcome.WALKED
     ]
     if not failed:
         return f"All of them walk, at {' and at '.join(f'{support:.0%}' for support in SUPPORTS)} support."

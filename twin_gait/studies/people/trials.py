@@ -10,11 +10,10 @@ import numpy as np
 
 from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment
 from twin_gait.experiment import Experiment
+from twin_gait.measures.leg_record import wearer_column
 from twin_gait.parameters import BraceParameters, Patient
 from twin_gait.simulation import Run, simulate
-from twin_gait.simulation.columns import wearer_column
 from twin_gait.studies.batch import Flat, flat_summary
-from twin_gait.studies.people.outcome_map import outcome_of
 from twin_gait.studies.summary.interaction import interaction_summary
 from twin_gait.vocabulary import JointName, Side
 
@@ -27,8 +26,8 @@ class Trial(NamedTuple):
 
     Attributes:
         patient: Who walked.
-        outcome: ``walks``, ``falls``, ``stalls`` or ``diverges``.
-        reason: Why, if the run did not complete.
+        outcome: See :mod:`twin_gait.measures.verdict`.
+        reason: Why, if they did not walk.
         summary: Of the run.
         peaks: Highest torque of the wearer at any hip and at any knee in [N m].
         powers: Mean power of his torques at both hips and at both knees in [W].
@@ -54,8 +53,8 @@ def trial(experiment: Experiment) -> Trial:
     run = simulate(experiment)
     return Trial(
         patient=experiment.patient or Patient(),
-        outcome=outcome_of(run),
-        reason=run.reason,
+        outcome=str(run.verdict.outcome),
+        reason=run.verdict.reason,
         summary=flat_summary(run),
         peaks=(_peak(run, JointName.HIP), _peak(run, JointName.KNEE)),
         powers=(_power(run, JointName.HIP), _power(run, JointName.KNEE)),
@@ -83,7 +82,7 @@ class BraceTrial(NamedTuple):
 
     Attributes:
         braces: What binds him.
-        outcome: ``walks``, ``falls``, ``stalls`` or ``diverges``.
+        outcome: See :mod:`twin_gait.measures.verdict`.
         interaction: From :func:`twin_gait.studies.summary.interaction.interaction_summary`.
         stride_times: Mean of each leg in [s]; None without strides.
     """
@@ -110,7 +109,7 @@ def brace_trial(experiment: Experiment, factor: float) -> BraceTrial:
     summary = flat_summary(run)
     return BraceTrial(
         braces=braces,
-        outcome=outcome_of(run),
+        outcome=str(run.verdict.outcome),
         interaction=interaction_summary(run)["interaction"],
         stride_times=tuple(summary[f"{side}_stride_time_mean_s"] for side in Side),  # type: ignore[misc]
     )

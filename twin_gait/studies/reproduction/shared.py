@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import fcntl
-import pickle
+import io
+import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 from scipy.stats import t as student
@@ -43,27 +43,6 @@ LETTERS: Mapping[str, tuple[str, str]] = {
 }
 LEVEL = 0.999  # of the intervals in bands: so few of the claims may fail by chance
 _LAW = "rotational"
-
-Kept = TypeVar("Kept")
-
-
-def kept(folder: Path, name: str, make: Callable[[], Kept]) -> Kept:
-    """A result that recipes share: made by the first that asks, while the others wait for it.
-
-    Args:
-        folder: Shared by the recipes of one reproduction.
-        name: Of the result; says everything that it depends on.
-        make: Makes it.
-
-    Returns:
-        The result.
-    """
-    path = folder / f"{name}.pickle"
-    with _alone(folder / f"{name}.lock"):
-        if not path.exists():
-            write_atomically(path, pickle.dumps(make()))
-        result: Kept = pickle.loads(path.read_bytes())
-    return result
 
 
 @contextmanager
@@ -130,6 +109,45 @@ class LawFit:
             0.5 + bootstrap.LEVEL / 2.0, self.blocks - 1
         )
         return float(0.5 * (high - low) * wider)
+
+
+def kept(folder: Path, name: str, make: Callable[[], LawFit]) -> LawFit:
+    """A fit that recipes share: made by the first that asks, while the others wait for it.
+
+    Args:
+        folder: Shared by the recipes of one reproduction.
+        name: Of the fit; says everything that it depends on.
+        make: Makes it.
+
+    Returns:
+        The fit, as numbers that were kept: nothing that a file holds is run.
+    """
+    path = folder / f"{name}.npz"
+    with _alone(folder / f"{name}.lock"):
+        if not path.exists():
+            write_atomically(path, _packed(make()))
+    with np.load(path, allow_pickle=False) as arrays:
+        known = json.loads(str(arrays["numbers"]))
+        intervals = {letter: (low, high) for letter, (low, high) in known["intervals"].items()}
+        goodness = Goodness(**known["goodness"])
+        return LawFit(
+            known["values"], intervals, known["blocks"], goodness, *(arrays[name] for name in _SAMPLES)
+        )
+
+
+_SAMPLES = ("velocity", "torque", "residuals")
+
+
+def _packed(fit: LawFit) -> bytes:
+    numbers = {
+        "values": dict(fit.values),
+        "intervals": dict(fit.intervals),
+        "blocks": fit.blocks,
+        "goodness": asdict(fit.goodness),
+    }
+    buffer = io.BytesIO()
+    np.savez(buffer, numbers=json.dumps(numbers), **{name: getattr(fit, name) for name in _SAMPLES})
+    return buffer.getvalue()
 
 
 def fit_campaign(

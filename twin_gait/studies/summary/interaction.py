@@ -7,27 +7,40 @@ import math
 import numpy as np
 import pandas as pd
 
+from twin_gait.gait.table import TICK
 from twin_gait.measures.assistance import root_mean_square
+from twin_gait.measures.leg_record import leg_record
+from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.simulation.columns import BRACE_COLUMNS, PELVIS_BRACE_COLUMNS
 from twin_gait.simulation.run import Run
+from twin_gait.studies.summary.side import reference_error
 from twin_gait.vocabulary import JointName
 
 
-def interaction_summary(run: Run) -> dict[str, dict[str, dict[str, float]]]:
+def interaction_summary(
+    run: Run, skip_strides: int = SKIPPED_STRIDES
+) -> dict[str, dict[str, dict[str, float]]]:
     """What device and wearer do to each other, and how far they move apart.
 
     Args:
         run: The run.
+        skip_strides: Strides at the start that do not count.
 
     Returns:
-        Under ``interaction``, by joint, root mean square and peak of the torque and peak of the relative
-        angle, at the pelvis of the force and of the relative height; nothing without braces.
+        Under ``interaction``, by joint, root mean square and peak of the torque, peak of the relative angle
+        and the device's own distance from healthy walking by contact (that of the side is the wearer's), at
+        the pelvis of the force and of the relative height; nothing without braces.
     """
     if run.experiment.interface is None or len(run.log) == 0:
         return {}
     columns = (f"{side}_{joint}_{BRACE_COLUMNS[-1]}" for side in run.sides for joint in JointName)
     joints = [name.removesuffix(f"_{BRACE_COLUMNS[-1]}") for name in columns if name in run.log]
     found = {name: _joint(run.log, name) for name in joints}
+    for side in run.sides:
+        device = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady, device=True)
+        for joint in device.angles:
+            error = reference_error(run, device, joint, device.strides(skip=skip_strides))
+            found[f"{side}_{joint}"]["rmse_of_device_deg"] = error
     return {"interaction": found | _pelvis(run.log)}
 
 

@@ -11,7 +11,7 @@ from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.table import TICK, Blending, BlendingLaw
 from twin_gait.measures.clearance import scuffs, swing_clearances
 from twin_gait.measures.effort import changes_at_switches, load, saturation_shares
-from twin_gait.measures.leg_record import LegRecord, leg_record
+from twin_gait.measures.leg_record import LegRecord, leg_record, wearer_column
 from twin_gait.measures.phases import entry_lags, phase_durations, phases_in_order
 from twin_gait.measures.strides import (
     coefficient_of_variation,
@@ -36,21 +36,20 @@ from twin_gait.vocabulary import JointName, Side
 SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start's
 
 
-def summarise_side(run: Run, side: Side, skip: int, *, since: float = 0.0) -> dict[str, Any]:
+def summarise_side(run: Run, side: Side, skip: int, record: LegRecord | None = None) -> dict[str, Any]:
     """Gait and effort of one leg.
 
     Args:
         run: The run.
         side: The leg.
         skip: Strides at the start that do not count.
-        since: Time of the experiment at the first row of the log in [s].
+        record: The leg as gait measures read it, where the log begins later than the experiment.
 
     Returns:
         Numbers by name; NaN or None where a number is not defined.
     """
-    begin, end = run.experiment.steady
-    steady = (begin - since, end - since)
-    record = leg_record(run.log, side, run.table.phase_names, TICK, steady=steady)
+    if record is None:
+        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
     return {
         **_by_contact(run, record, skip),
         **_by_phase(run, record, skip),
@@ -106,7 +105,7 @@ def _by_contact(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
         "stride_time_variation": coefficient_of_variation(stride_times(counted, TICK)),
         "swing_share": _mean(swing_shares(counted, contacts.toe_offs)),
         **{
-            f"rmse_{joint}_by_contact_deg": _reference_error(run, record, joint, counted)
+            f"rmse_{joint}_by_contact_deg": reference_error(run, record, joint, counted)
             for joint in record.angles
         },
         "early_stance_lag_mean_s": _mean(lags),
@@ -131,7 +130,7 @@ def _by_phase(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
         "stride_time_by_phase_mean_s": _mean(stride_times(counted, TICK)),
         "stride_time_by_phase_variation": coefficient_of_variation(stride_times(counted, TICK)),
         **{
-            f"rmse_{joint}_by_phase_deg": _reference_error(run, record, joint, counted)
+            f"rmse_{joint}_by_phase_deg": reference_error(run, record, joint, counted)
             for joint in record.angles
         },
         "phases_in_order": _in_order(run, record),
@@ -164,7 +163,18 @@ def _time_outs(run: Run, record: LegRecord) -> dict[str, Any]:
     return {"time_outs": len(ticks), "time_outs_after_third_stride": later}
 
 
-def _reference_error(run: Run, record: LegRecord, joint: JointName, bounds: np.ndarray) -> float:
+def reference_error(run: Run, record: LegRecord, joint: JointName, bounds: np.ndarray) -> float:
+    """Root mean square distance of a joint's strides from healthy walking.
+
+    Args:
+        run: The run.
+        record: A leg.
+        joint: The joint.
+        bounds: First tick of each stride and of the next one, shape ``(n_strides, 2)``.
+
+    Returns:
+        Distance in [deg]; NaN without strides or without a reference.
+    """
     reference = reference_cycle(run.experiment, joint)
     if reference is None:
         return math.nan
@@ -237,7 +247,7 @@ def _switching(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict
 
 def _jerk(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, float]:
     """Jerk of a joint over the counted strides, filtered as :mod:`twin_gait.measures.switching` says."""
-    velocity = run.log[f"{record.side}_{joint}_velocity_rad_per_s"].to_numpy()
+    velocity = run.log[wearer_column(run.log, record.side, joint, "velocity_rad_per_s")].to_numpy()
     strides, jerk = record.strides(skip=skip), joint_jerk(velocity, TICK)
     ticks = (strides[:, 1] - strides[:, 0]).sum()
     squared = sums_over(jerk * jerk, strides).sum()

@@ -73,6 +73,8 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "realtime_factor": run.duration / run.wall_s if run.wall_s > 0.0 else math.nan,
         "status": str(run.status),
         "reason": run.reason,
+        "outcome": run.verdict.outcome,
+        "outcome_reason": run.verdict.reason,
         "fell": run.status is RunStatus.FELL,
         "reference_stride_time_s": reference_stride_time(run.experiment),
         "strides_skipped": skip_strides,
@@ -82,7 +84,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "largest_torque_jump": _largest_torque_jump(run),
         "safety": safety_summary(run),
         **_guide(run),
-        **interaction_summary(run),
+        **interaction_summary(run, skip_strides),
         **_energy(run),
     }
     plain: dict[str, Any] = _plain(summary)

@@ -16,7 +16,7 @@ import twin_gait
 from twin_gait.configuration.documents import content_hash
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.experiments import load_experiment, resolved_document
-from twin_gait.configuration.overrides import assign, parse_assignment
+from twin_gait.configuration.overrides import assign, parse_assignments
 from twin_gait.configuration.validation import Count, Number, Strict, converting, read_yaml, validate
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
@@ -188,8 +188,7 @@ def _experiment(
         loaded = load_experiment(beside if beside.is_file() else given, assignments)
         return loaded.experiment, loaded.document
     document = dict(given)
-    for text in assignments:
-        keys, value = parse_assignment(text)
+    for keys, value in parse_assignments(assignments):
         document = assign(document, keys, value)
     return experiment_from_mapping(document, f"{source}: experiment", folder), document
 

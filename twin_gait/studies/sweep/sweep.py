@@ -15,7 +15,7 @@ import pandas as pd
 
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.files import write_atomically
-from twin_gait.report.sweep import write_sweep_figures
+from twin_gait.report.sweep import values_of, write_sweep_figures
 from twin_gait.simulation import RunStatus
 from twin_gait.studies.batch import setting_columns
 from twin_gait.studies.sweep.chunk import ChunkResult, check_chunk, chunk_of, run_chunk
@@ -48,6 +48,7 @@ class SweepResult:
         status: ``COMPLETED``, or ``INTERRUPTED`` if it was stopped; the same call goes on with it.
         resumed: Episodes that were there before.
         summary: Content of ``summary.json``.
+        not_drawn: Measures that were asked for and that no completed episode has.
     """
 
     directory: Path
@@ -55,6 +56,7 @@ class SweepResult:
     status: RunStatus
     resumed: int
     summary: dict[str, Any]
+    not_drawn: tuple[str, ...] = ()
 
 
 @dataclass
@@ -135,7 +137,8 @@ def run_sweep(
         write_atomically(directory / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
         if pictures and len(table) > 1:
             write_pictures(sweep, table, directory)
-    return SweepResult(directory, table, RunStatus(summary["status"]), resumed, summary)
+    without = (name for name in sweep.measures if not np.isfinite(values_of(table, name)).any())
+    return SweepResult(directory, table, RunStatus(summary["status"]), resumed, summary, tuple(without))
 
 
 def check_sweep(
@@ -234,7 +237,7 @@ def _summary(sweep: Sweep, table: pd.DataFrame, pace: _Pace, resumed: int, wall:
     status = RunStatus.COMPLETED if len(table) == total else RunStatus.INTERRUPTED
     outcomes = {
         str(name): int(count)
-        for name, count in table.get("status", pd.Series(dtype=str)).value_counts().items()
+        for name, count in table.get("outcome", pd.Series(dtype=str)).value_counts().items()
     }
     return {
         "name": sweep.name,

@@ -242,7 +242,7 @@ def gait_curves(
 
 def _add_cycles(curves: dict[str, dict[str, np.ndarray]], name: str, run: Run) -> None:
     for side in run.sides:
-        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
+        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
         for joint in MOTOR_JOINTS:
             cycles = normalise_strides(record.angles[joint], record.strides())
             if len(cycles):

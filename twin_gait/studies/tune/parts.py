@@ -28,9 +28,9 @@ from twin_gait.measures.strides import (
     root_mean_square_error,
     symmetry_index,
 )
-from twin_gait.simulation import Run, RunStatus
+from twin_gait.simulation import Run
 from twin_gait.studies.summary.summary import summarise
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, Outcome
 
 WORST = 30.0  # cost of the worst walk that does not fall; the shipped table costs some 6
 FALL = 100.0  # cost of a fall at the start
@@ -118,7 +118,7 @@ class Judgement(NamedTuple):
     Attributes:
         cost: See the module.
         values: Of the parts.
-        fell: Whether it ended in a fall or diverged.
+        fell: Whether it ended in a fall, a trip of the safety monitor or diverged.
         lasted: Share of the time.
     """
 
@@ -139,8 +139,9 @@ def judge(run: Run, reference_speed: float | None = None) -> Judgement:
         Cost, and what it is made of.
     """
     values = part_values(run, reference_speed)
-    fell = run.status is not RunStatus.COMPLETED
-    lasted = min(1.0, run.duration / run.experiment.duration)
+    fell = run.verdict.outcome in (Outcome.FELL, Outcome.DIVERGED, Outcome.HELD)
+    end = run.duration if run.trip is None else run.trip.time
+    lasted = min(1.0, end / run.experiment.duration)
     return Judgement(walk_cost(values, lasted, fell), values, fell, lasted)
 
 
@@ -215,7 +216,7 @@ def _error(
     reference = reference_curve(joint, PERCENT, speed=reference_speed, height=height)
     errors = []
     for side in run.sides:
-        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.experiment.steady)
+        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
         cycles = normalise_strides(record.angles[joint], record.strides())
         error = math.degrees(root_mean_square_error(cycles, reference)) if len(cycles) else math.nan
         errors.append(error if math.isfinite(error) else None)

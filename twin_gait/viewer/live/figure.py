@@ -2,23 +2,47 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from twin_gait.control import SafetyState
+from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.live.window import LiveWindow
-from twin_gait.viewer.motion import Footing, LegMotion, Motion, PhaseSpells, centre_of_pressure
+from twin_gait.viewer.motion import (
+    Footing,
+    LegMotion,
+    Motion,
+    PhaseSpells,
+    centre_of_pressure,
+    leg_columns,
+)
 from twin_gait.viewer.page import leg_entry, page_data
 from twin_gait.viewer.staging import build_scene
-from twin_gait.vocabulary import Side
+from twin_gait.vocabulary import HOLD, Side
 
 _JOINTS = ("hip", "knee")
-_PARTS = ("impedance", "friction_compensation", "gravity_compensation", "target")
-_DEGREES = {joint: f"{joint}_angle_rad" for joint in _JOINTS}
+_DEGREES = 180.0 / math.pi
+_UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
+
+
+class Trace(NamedTuple):
+    """What curves did over some ticks.
+
+    Attributes:
+        first: First tick.
+        end: Tick after the last one.
+        columns: Ticks and values by the columns of the log, in the units of the log; None is not a number.
+    """
+
+    first: int
+    end: int
+    columns: Mapping[str, tuple[Sequence[int], Sequence[float | None]]]
 
 
 class LiveFigure:
@@ -52,19 +76,27 @@ class LiveFigure:
             ViewerError: If a mesh cannot be read.
         """
         self.window = LiveWindow()
-        self._model, self._phases = model, tuple(phases)
+        self._model, self._phases = model, (*phases, HOLD)
         self._scene = build_scene(self.window, model, patient=patient)
         self._time, self._travelled = 0.0, 0.0
-        self._columns = _columns(forces=bool(self._scene.arrows))
+        self._columns = {side: self._read_out(side) for side in model.sides}
+        self._traced = 0
         self.page = page_data(
             mode="live", title=title, subtitle=subtitle, missing_meshes=self._scene.missing_meshes,
-            view=self._scene.view, phases=phases, arrows=bool(self._scene.arrows),
-            legs=[leg_entry(side, ["phase", *self._columns]) for side in model.sides],
+            view=self._scene.view, phases=self._phases, arrows=bool(self._scene.arrows),
+            legs=[leg_entry(side, ["phase", *columns]) for side, columns in self._columns.items()],
         )  # fmt: skip
         self.window.describe(self.page)
 
     def show(
-        self, time: float, q: Sequence[float], row: Mapping[str, Any], *, belt_speed: float = 0.0
+        self,
+        time: float,
+        q: Sequence[float],
+        row: Mapping[str, Any],
+        *,
+        belt_speed: float = 0.0,
+        traces: Iterable[Trace] = (),
+        events: Sequence[Mapping[str, Any]] = (),
     ) -> None:
         """Move everything to a moment.
 
@@ -73,6 +105,8 @@ class LiveFigure:
             q: Coordinates of the model, shape ``(nv,)``.
             row: Row of the log of that moment, by column; a phase is a name.
             belt_speed: Of the treadmill since the last moment in [m] / [s].
+            traces: What the curves did since the last moment, in order.
+            events: What befell the walk so far.
         """
         posture = np.asarray(q, dtype=float)
         if not np.isfinite(posture).all():
@@ -81,7 +115,27 @@ class LiveFigure:
         motion = Motion(np.array([time]), posture[None, :], legs, self._phases)
         self._scene.apply(self._scene.state_at(motion, 0, belt_speed) | self._belt(time, belt_speed))
         numbers = [self._numbers(side, row) for side in self._model.sides]
-        self.window.sample({"time": time, "legs": numbers})
+        sample = {"time": time, "legs": numbers, "curves": self._curves(traces), "events": list(events)}
+        self.window.sample(sample)
+
+    def _curves(self, traces: Iterable[Trace]) -> list[dict[str, Any]]:
+        """Times in [s] and values of every curve of every leg; no line where a trace is missing."""
+        curves: list[dict[str, Any]] = [
+            {key: {"times": [], "values": []} for key in columns} for columns in self._columns.values()
+        ]
+        for trace in traces:
+            missing = trace.first != self._traced
+            self._traced = trace.end
+            for leg, columns in zip(curves, self._columns.values(), strict=True):
+                for key, column in columns.items():
+                    ticks, values = trace.columns[column]
+                    factor = _DEGREES if key in _JOINTS else 1.0
+                    if missing:
+                        leg[key]["times"].append(trace.first * TICK)
+                        leg[key]["values"].append(None)
+                    leg[key]["times"] += [round(tick * TICK, 3) for tick in ticks]
+                    leg[key]["values"] += [None if item is None else item * factor for item in values]
+        return curves
 
     def _leg(self, side: Side, time: float, q: np.ndarray, row: Mapping[str, Any]) -> LegMotion:
         footing = None
@@ -89,14 +143,25 @@ class LiveFigure:
             force = [[row[f"{side}_foot_friction_force_N"], row[f"{side}_foot_normal_force_N"]]]
             point = centre_of_pressure(self._model, q, self._model.legs[side].contact_frames)
             footing = Footing(np.array(force), point[None, :])
-        phase = PhaseSpells(np.array([time]), np.array([self._phases.index(row[f"{side}_phase"])]))
+        phase = PhaseSpells(np.array([time]), np.array([self._phase(side, row)]))
         torques = {joint: np.array([row[f"{side}_{joint}_motor_torque_Nm"]]) for joint in _JOINTS}
         return LegMotion(phases=phase, curves={}, footing=footing, torques=torques)
 
+    def _phase(self, side: Side, row: Mapping[str, Any]) -> int:
+        held = row["safety_state"] == SafetyState.HOLD.code
+        return self._phases.index(HOLD if held else row[f"{side}_phase"])
+
+    def _read_out(self, side: Side) -> dict[str, str]:
+        forces = bool(self._scene.arrows)
+        columns = leg_columns(side).items()
+        return {
+            key: column for key, column in columns if not key.endswith(_UNUSED) and (forces or key != "force")
+        }
+
     def _numbers(self, side: Side, row: Mapping[str, Any]) -> dict[str, float]:
-        values = {key: float(row[f"{side}_{column}"]) for key, column in self._columns.items()}
-        values |= {key: float(np.degrees(values[key])) for key in _DEGREES}
-        return values | {"phase": self._phases.index(row[f"{side}_phase"])}
+        values = {key: float(row[column]) for key, column in self._columns[side].items()}
+        values |= {key: _DEGREES * values[key] for key in _JOINTS}
+        return values | {"phase": self._phase(side, row)}
 
     def _belt(self, time: float, speed: float) -> dict[tuple[str, str], Any]:
         # The way that the belt has gone, because its speed may change.
@@ -106,13 +171,3 @@ class LiveFigure:
             return {}
         offset = surroundings.belt_offset(self._travelled, 1.0)
         return {(surroundings.BELT, "position"): [offset, 0.0, 0.0]}
-
-
-def _columns(*, forces: bool) -> dict[str, str]:
-    """Column behind the side for everything that the page reads out."""
-    columns = {}
-    for joint in _JOINTS:
-        columns[joint] = _DEGREES[joint]
-        columns[f"{joint}_torque"] = f"{joint}_motor_torque_Nm"
-        columns |= {f"{joint}_{part}": f"{joint}_{part}_torque_Nm" for part in _PARTS}
-    return columns | ({"force": "foot_normal_force_N"} if forces else {})

@@ -10,7 +10,7 @@ _FOLDER = Path(__file__).parent
 
 
 def panel_page() -> str:
-    """The page, complete but for meshcat's script.
+    """The page, complete.
 
     Returns:
         HTML.

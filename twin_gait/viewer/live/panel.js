@@ -10,7 +10,7 @@
   const PLACES = { push: "disturb", fault: "disturb", save: "table" }; // tab of an action
   const QUICK = ["walk", "pause", "step", "restart"]; // actions without a tab: always in sight
   const STATES = {
-    walking: "Walking", paused: "Paused", waiting: "Waiting for a step", holding: "Stopped: holding",
+    walking: "Walking", paused: "Paused", waiting: "Waiting for a step", holding: "HOLD",
     fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Process died",
   };
   // The three controls of the monitor, each with its quantities.
@@ -62,7 +62,7 @@
     waiting: new Map(), // id: what to do with the answer
 
     open() {
-      this.socket = new WebSocket(`ws://${location.host}/panel`);
+      this.socket = new WebSocket(`ws://${location.host}/panel${location.search}`);
       this.socket.onmessage = (message) => { for (const item of JSON.parse(message.data)) hear(item); };
       this.socket.onopen = () => get("panel").classList.remove("offline");
       this.socket.onclose = () => {
@@ -99,7 +99,7 @@
     },
 
     connect() {
-      const socket = new WebSocket(`ws://${location.host}/socket`);
+      const socket = new WebSocket(`ws://${location.host}/socket${location.search}`);
       socket.binaryType = "arraybuffer";
       socket.onmessage = (message) => {
         twinGait.take(new Uint8Array(message.data));
@@ -137,6 +137,7 @@
   const NO_ANSWER = { outcome: "refused", text: "no answer from the simulation" };
 
   function hear(message) {
+    if (message.kind === "page") log.open(message.session);
     if (message.kind === "page") board.colours = new Map(message.phases.map((phase) => [phase.name, phase]));
     else if (message.kind === "state") board.take(message);
     else if (message.kind === "frame") head.frame(message);
@@ -153,16 +154,19 @@
   const head = {
     status: "",
 
-    state(status) {
-      if (this.status === status) return;
-      this.status = status;
+    // With the cause and the place of a trip, which follows the colon of its text.
+    state(status, events = []) {
+      const trip = events.find((event) => event.kind === "trip")?.text.split(": ")[1];
+      const because = trip && ["holding", "fell"].includes(status) ? `: ${status === "fell" ? "after a hold, " : ""}${trip}` : "";
+      if (this.status === status && this.because === because) return;
+      Object.assign(this, { status, because });
       if (status === "died") {
         this.tell("The process of the walk died. What was walked is kept up to the last second; the terminal says where.");
         clearTimeout(this.timer);
       }
       get("panel-state").dataset.state = status;
       get("panel-state").querySelector("span").textContent =
-        status === "offline" ? "Not connected" : STATES[status] ?? title(status);
+        status === "offline" ? "Not connected" : (STATES[status] ?? title(status)) + because;
       for (const button of get("panel-quick").querySelectorAll("button")) {
         button.setAttribute("aria-pressed", String(
           (button.dataset.action === "walk" && (status === "walking" || status === "waiting"))
@@ -172,7 +176,7 @@
     },
 
     frame(frame) {
-      this.state(frame.status);
+      this.state(frame.status, frame.events);
       get("panel-clock").textContent = `${frame.time_s.toFixed(1)} s`;
       this.deadlines(frame.deadlines);
       board.phases(frame.phases);
@@ -196,7 +200,7 @@
 
   // The socket first; without it, or without an answer at once, the other way.
   function stop() {
-    const otherWay = () => fetch("/stop", { method: "POST" }).catch(() => head.tell("The simulation cannot be reached."));
+    const otherWay = () => fetch(`/stop${location.search}`, { method: "POST" }).catch(() => head.tell("The simulation cannot be reached."));
     const timer = setTimeout(otherWay, 400);
     get("stop").classList.add("pressed");
     setTimeout(() => get("stop").classList.remove("pressed"), 600);
@@ -669,6 +673,15 @@
 
   const log = {
     seen: new Set(),
+    session: null,
+
+    // Another session begins its serial numbers anew: it has a log of its own.
+    open(session) {
+      if (this.session === session) return;
+      this.session = session;
+      this.seen.clear();
+      get("body-log").replaceChildren();
+    },
 
     add(event) {
       if (event.serial) { if (this.seen.has(event.serial)) return; this.seen.add(event.serial); }

@@ -8,6 +8,7 @@ from twin_gait.viewer.commands import Command, pack
 from twin_gait.viewer.recorder import Recorder
 
 Change = tuple[Hashable, bytes]
+SCENE_ROOT = "/meshcat"  # under which everything is drawn
 
 
 class LiveWindow:
@@ -28,6 +29,11 @@ class LiveWindow:
         """
         self._recorder.send(command)
         self._changes[command["type"], command["path"], command.get("property", "")] = command
+
+    def clear(self) -> None:
+        """Forget the scene, and take it out of open pages."""
+        self._recorder, self._notes = Recorder(), {}
+        self._changes = {"clear": {"type": "delete", "path": SCENE_ROOT}}
 
     def describe(self, page: Command) -> None:
         """Take the description of the page.

@@ -4,24 +4,30 @@
 //   basics.js    texts, colours, canvases          plots.js     curves, all on one span of time
 //   stage.js     a scene and its camera            timeline.js  bands of phases, slider, legend
 //   readout.js   the card with the numbers         player.js    recorded runs: clock, keys, address
-//   live.js      data as it comes                  start.js     what runs first
+//   live.js      data as it comes                  joints.js    a model and its sliders
+//   start.js     what runs first
 //
 // Data of the page (element page-data, JSON):
-//   {mode: "recorded", runs: [RUN, ...]} or {mode: "live", socket: path or null}
+//   {mode: "recorded", runs: [RUN, ...]}, {mode: "live", socket: path or null} or {mode: "model", runs: [RUN]}
 // RUN, and what describes a live scene:
 //   {title, subtitle, notes: [text], view: {target, direction, width, height, field_of_view},
 //    phases: [{name, label, short, colour, ink}], legs: [{side, label, colour, dark, shows: [key]}],
 //    parts: [{key, label, colour}], arrow: {label, colour} or null,
-//    arcs: [{label, colour}], floor: path, duration: s or null, footnote}
+//    arcs: [{label, colour}], floor: path, duration: s or null, footnote,
+//    events: [{kind: fault, trip, fall or divergence, time: s, text}], outcome: word}
 // A recorded RUN also holds `frames` and `scene`, deflated, as base64 text: JSON of
-//   {times: [ms], legs: [{series: {key: [value]}, phases: {starts: [s], codes: [n]} or null}]}
+//   {times: [ms], legs: [{series: {key: {steps: [ms], values: [value]}}, phases: {starts: [s], codes: [n]} or null}]}
+// where times are those of frames, and a series has the frames and what lies between them (steps from point to point),
 // and the commands of meshcat's viewer, each after its length in four bytes, lowest first.
+// That of a model holds `scene` and `joints`, see twin_gait/viewer/urdf_page.py.
 //
 // Live messages, binary: one command of meshcat's viewer in msgpack, or several of them each after its length
 // as above. Beside meshcat's own kinds there are two:
 //   {type: "page", path: "", page: DESCRIPTION}      what is shown from now on; starts the curves anew
 //   {type: "sample", path: "", sample: SAMPLE}       one moment
-// SAMPLE: {time: s, legs: [{phase: code or -1, KEY: value, ...}]}, legs in the order of the description.
+// SAMPLE: {time: s, legs: [{phase: code or -1, KEY: value, ...}], curves: [{KEY: {times: [s], values: [value]}, ...}]},
+// legs in the order of the description; curves, if they are there, are all that has been since the last sample.
+// A sample may also have `events`: all of the run so far.
 // Keys of values: hip, knee [deg]; hip_torque, knee_torque [N m]; hip_ and knee_ before impedance,
 // friction_compensation, gravity_compensation, inertia_compensation, target [N m]; force [N].
 // A key that `shows` does not name is not read out; one that is not sent shows as a dash.
@@ -61,6 +67,13 @@ function last_before(sorted, value) {
   return low;
 }
 
+// Value of a series {times, values} at a time between its points.
+function value_at({ times, values }, time) {
+  const low = last_before(times, time), high = Math.min(low + 1, times.length - 1);
+  if (times[high] <= times[low] || time <= times[low] + 1e-9) return values[low];
+  return values[low] + ((values[high] - values[low]) * (time - times[low])) / (times[high] - times[low]);
+}
+
 // ---- light and dark ---------------------------------------------------------------------------------
 
 const theme = {
@@ -79,7 +92,7 @@ const theme = {
   set(dark) {
     document.documentElement.dataset.theme = dark ? "dark" : "light";
     const style = getComputedStyle(document.documentElement);
-    for (const name of ["ink", "soft", "line", "sheet"]) this.inks[name] = style.getPropertyValue(`--${name}`).trim();
+    for (const name of ["ink", "soft", "line", "sheet", "alarm"]) this.inks[name] = style.getPropertyValue(`--${name}`).trim();
     for (const listener of this.listeners) listener();
   },
 
@@ -121,9 +134,34 @@ function draw_band(context, page, spells, box, from, to, end) {
     const shown = Math.min(left + width, box.left + box.width) - Math.max(left, box.left);
     if (shown < 17) return;
     context.fillStyle = phase.ink;
-    context.fillText(phase.short, Math.max(left, box.left) + shown / 2, box.top + box.height / 2 + 3.6);
+    const text = shown > context.measureText(phase.label).width + 10 ? phase.label : phase.short;
+    context.fillText(text, Math.max(left, box.left) + shown / 2, box.top + box.height / 2 + 3.6);
   });
   context.restore();
+}
+
+// What befell the run, across a box: [{kind, time, text}] at the places that x gives.
+function draw_events(context, events, x, box, named = false) {
+  let free = -Infinity;
+  context.strokeStyle = context.fillStyle = theme.inks.alarm;
+  context.font = `650 10px ${FONT}`;
+  context.textAlign = "left";
+  for (const { kind, time } of events) {
+    const at = Math.min(Math.max(x(time), box.left + 1), box.right - 1);
+    if (x(time) < box.left - 1 || x(time) > box.right + 1) continue;
+    context.lineWidth = 2;
+    context.setLineDash(kind === "fault" ? [3, 2] : []);
+    context.beginPath();
+    context.moveTo(at, box.top);
+    context.lineTo(at, box.bottom);
+    context.stroke();
+    context.setLineDash([]);
+    if (!named) continue;
+    // Events that follow each other closely stand below each other.
+    const width = context.measureText(kind).width + 4, row = at < free ? 1 : 0, left = at + 3 + width > box.right;
+    context.fillText(kind, left ? at - width : at + 3, box.top + 9 + 11 * row);
+    free = at + 3 + width;
+  }
 }
 
 const HATCHES = [[], [[3, 3, 3, 3]], [[0, 3, 6, 3]], [[0, 6, 6, 0]], [[0, 0, 6, 6]]];

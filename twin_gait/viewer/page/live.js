@@ -3,7 +3,7 @@
 const LIVE_MEMORY = 8; // seconds that a live page remembers
 
 const live = {
-  page: null, run: null, stage: null, head: null,
+  page: null, run: null, stage: null, head: null, time: -Infinity,
 
   open(page) {
     this.stage = new Stage("Scene");
@@ -21,10 +21,14 @@ const live = {
     if (page.socket !== null) this.connect(page.socket ?? "/socket");
   },
 
+  // The address holds the token that lets in. What comes next waits until this has been drawn.
   connect(path) {
-    const socket = new WebSocket(`ws://${location.host}${path}`);
+    const socket = new WebSocket(`ws://${location.host}${path}${location.search}`);
     socket.binaryType = "arraybuffer";
-    socket.onmessage = (message) => this.stage.take(new Uint8Array(message.data));
+    socket.onmessage = (message) => {
+      this.stage.take(new Uint8Array(message.data));
+      requestAnimationFrame(() => { if (socket.readyState === WebSocket.OPEN) socket.send("drawn"); });
+    };
     socket.onclose = () => tell("The viewer has ended.");
   },
 
@@ -34,9 +38,10 @@ const live = {
     document.body.classList.toggle("still", !page.legs.length);
     const legs = page.legs.map((leg) => ({
       ...leg, phases: null,
-      series: Object.fromEntries(leg.shows.filter((key) => key !== "phase").map((key) => [key, []])),
+      series: Object.fromEntries(leg.shows.filter((key) => key !== "phase").map((key) => [key, { times: [], values: [] }])),
     }));
-    this.run = { name: "", page, legs, times: [] };
+    this.run = { name: "", page, legs };
+    this.time = -Infinity;
     this.head.build(page);
     this.stage.floor = page.floor;
     timeline.legend(page);
@@ -48,24 +53,32 @@ const live = {
   show(...samples) {
     if (!this.run || !this.run.legs.length || !samples.length) return;
     for (const sample of samples) this.note(sample);
-    const last = samples[samples.length - 1];
-    this.forget(last_before(this.run.times, last.time - LIVE_MEMORY));
+    const last = samples.at(-1);
+    this.page.events = last.events ?? [];
+    this.forget(last.time - LIVE_MEMORY);
     this.head.show(last);
     plots.fit();
     plots.show(last.time);
   },
 
   note(sample) {
-    const { times, legs } = this.run;
-    if (times.length && sample.time < times[times.length - 1]) this.forget(times.length);
-    times.push(sample.time);
-    legs.forEach((leg, index) => {
-      for (const [key, values] of Object.entries(leg.series)) values.push(sample.legs[index][key] ?? NaN);
+    if (sample.time < this.time) this.forget(Infinity);
+    this.time = sample.time;
+    this.run.legs.forEach((leg, index) => {
+      for (const [key, series] of Object.entries(leg.series)) {
+        const news = sample.curves ? sample.curves[index][key] : { times: [sample.time], values: [sample.legs[index][key]] };
+        if (!news) continue;
+        series.times.push(...news.times);
+        series.values.push(...news.values.map((value) => value ?? NaN));
+      }
     });
   },
 
-  forget(count) {
-    this.run.times.splice(0, count);
-    for (const leg of this.run.legs) for (const values of Object.values(leg.series)) values.splice(0, count);
+  forget(before) {
+    for (const { times, values } of this.run.legs.flatMap((leg) => Object.values(leg.series))) {
+      const count = times.length && times.at(-1) < before ? times.length : last_before(times, before);
+      times.splice(0, count);
+      values.splice(0, count);
+    }
   },
 };

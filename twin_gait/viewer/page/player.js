@@ -29,7 +29,7 @@ const player = {
 
   async add(page, name) {
     const frames = JSON.parse(new TextDecoder().decode(await inflate(page.frames)));
-    const legs = page.legs.map((leg, index) => ({ ...leg, ...frames.legs[index] }));
+    const legs = page.legs.map((leg, index) => ({ ...leg, phases: frames.legs[index].phases, series: unfolded(frames.legs[index].series) }));
     const run = { name, page, legs, times: frames.times.map((t) => t / 1000) };
     const stage = new Stage(name ? `Scene of run ${name}` : "Scene");
     const head = new Readout(stage.head, name);
@@ -47,18 +47,21 @@ const player = {
 
   // Per joint the largest motor torque, for the little bars.
   scales(run) {
-    const largest = (joint) => run.legs.flatMap((leg) => leg.series[`${joint}_torque`] || [])
+    const largest = (joint) => run.legs.flatMap((leg) => leg.series[`${joint}_torque`]?.values ?? [])
       .reduce((most, value) => (Number.isFinite(value) ? Math.max(most, Math.abs(value)) : most), 1);
     return Object.fromEntries(JOINTS.map(([joint]) => [joint, largest(joint)]));
   },
 
-  // Every change of a phase of any leg: [{time, words}].
+  // Every change of a phase of any leg, and every event: [{time, words}].
   transitions() {
     const found = this.runs.flatMap((run) => run.legs.filter((leg) => leg.phases).flatMap((leg) =>
       leg.phases.starts.slice(1).map((time, index) => ({
         time, words: `${run.name ? `run ${run.name}, ` : ""}${leg.label.toLowerCase()} leg: ${run.page.phases[leg.phases.codes[index + 1]].label.toLowerCase()}`,
       }))));
-    return found.sort((a, b) => a.time - b.time);
+    const events = this.runs.flatMap((run) => run.page.events.map(({ time, text }) => ({
+      time, words: `${run.name ? `run ${run.name}, ` : ""}${text}`,
+    })));
+    return [...found, ...events].sort((a, b) => a.time - b.time);
   },
 
   speeds(asked) {
@@ -191,13 +194,13 @@ const player = {
 
   // Values of the last frame, with the time of that frame.
   sample(run, time) {
-    const frame = last_before(run.times, time), at = run.times[frame];
+    const at = run.times[last_before(run.times, time)];
     const legs = run.legs.map((leg) => {
       const values = { phase: leg.phases ? spell(leg.phases, at) : -1 };
-      for (const [key, series] of Object.entries(leg.series)) values[key] = series[frame] ?? NaN;
+      for (const [key, series] of Object.entries(leg.series)) values[key] = value_at(series, at) ?? NaN;
       return values;
     });
-    return { time: at, legs };
+    return { time: at, legs, events: run.page.events.filter((event) => event.time <= at + 5e-4) };
   },
 
   // Paper gets what the page shows: the picture of this moment, its numbers, and the curves of the whole run.
@@ -237,6 +240,14 @@ const address = {
     try { history.replaceState(null, "", `#t=${time.toFixed(3)}`); } catch { /* as said above */ }
   },
 };
+
+// Series with times in s for the steps in ms.
+function unfolded(series) {
+  return Object.fromEntries(Object.entries(series).map(([key, { steps, values }]) => {
+    let now = 0;
+    return [key, { times: steps.map((step) => (now += step) / 1000), values: values.map((value) => value ?? NaN) }];
+  }));
+}
 
 function spell(phases, time) { return phases.codes[last_before(phases.starts, time)]; }
 

@@ -34,7 +34,7 @@ const plots = {
 
   lines(key, options = {}) {
     return this.runs.flatMap((run) => run.legs.filter((leg) => leg.series[key]).map((leg) => ({
-      run, leg, key, values: leg.series[key], dash: DASHES[run.name] || [], colour: () => theme.of(leg), ...options,
+      run, leg, key, series: leg.series[key], dash: DASHES[run.name] || [], colour: () => theme.of(leg), ...options,
     })));
   },
 
@@ -67,18 +67,16 @@ const plots = {
     const [first, second] = this.runs;
     const lines = panel.lines.filter((line) => line.run === first).flatMap((line) => {
       const other = panel.lines.find((one) => one.run === second && one.key === line.key && one.leg.side === line.leg.side);
-      return other ? [{ ...line, values: this.difference(first, second, line.values, other.values) }] : [];
+      return other ? [{ ...line, series: this.difference(line.series, other.series) }] : [];
     });
     return [panel, ...(lines.length ? [{ label: `B − A: ${panel.label.toLowerCase()}`, unit: panel.unit, lines, below: true }] : [])];
   },
 
-  // At the moments that both runs have a frame of.
-  difference(first, second, here, there) {
-    const at = new Map(second.times.map((time, index) => [Math.round(1000 * time), there[index]]));
-    return first.times.map((time, index) => {
-      const other = at.get(Math.round(1000 * time));
-      return Number.isFinite(other) && Number.isFinite(here[index]) ? other - here[index] : NaN;
-    });
+  // At every point of either, as long as both last.
+  difference(here, there) {
+    const from = Math.max(here.times[0], there.times[0]), to = Math.min(here.times.at(-1), there.times.at(-1));
+    const times = [...new Set([...here.times, ...there.times])].filter((time) => time >= from && time <= to).sort((a, b) => a - b);
+    return { times, values: times.map((time) => value_at(there, time) - value_at(here, time)) };
   },
 
   // Which line is what, in words below the curves.
@@ -102,7 +100,7 @@ const plots = {
   fit() {
     for (const panel of this.panels) {
       let low = Infinity, high = -Infinity;
-      for (const { values } of panel.lines) {
+      for (const { series: { values } } of panel.lines) {
         for (const value of values) if (Number.isFinite(value)) { low = Math.min(low, value); high = Math.max(high, value); }
       }
       if (!(low <= high)) { low = 0; high = 1; }
@@ -263,6 +261,7 @@ const plots = {
       context.globalAlpha = 1;
     }
     for (const line of panel.lines) this.line(context, line, panel.below ? [] : line.dash, x, y, from, to);
+    for (const run of new Set(panel.lines.map((line) => line.run))) draw_events(context, run.page.events, x, box, panel === this.panels[0]);
     context.restore();
     if (this.time < from - 1e-9 || this.time > to + 1e-9) return;
     context.strokeStyle = theme.inks.ink;
@@ -305,21 +304,30 @@ const plots = {
     context.fillText("s", box.right, box.bottom + 18);
   },
 
+  // Where many points share a pixel column its first, lowest, highest and last show the same line.
   line(context, line, dash, x, y, from, to) {
-    const { values, run: { times } } = line;
+    const { times, values } = line.series;
     context.strokeStyle = line.colour();
     context.lineWidth = 1.7;
     context.lineJoin = "round";
     context.setLineDash(dash);
     context.beginPath();
-    let drawing = false;
-    const first = Math.max(last_before(times, from) - 1, 0);
-    for (let i = first; i < times.length; i += 1) {
-      if (!Number.isFinite(values[i])) { drawing = false; continue; }
+    let drawing = false, column = null, place = [];
+    const go = (i) => {
       if (drawing) context.lineTo(x(times[i]), y(values[i])); else context.moveTo(x(times[i]), y(values[i]));
       drawing = true;
+    };
+    const flush = () => { for (const i of new Set([...place].sort((a, b) => a - b))) go(i); place = []; };
+    for (let i = Math.max(last_before(times, from) - 1, 0); i < times.length; i += 1) {
+      const here = Math.floor(2 * x(times[i]));
+      if (here !== column) flush();
+      column = here;
+      if (!Number.isFinite(values[i])) { flush(); drawing = false; continue; }
+      const [first = i, low = i, high = i] = place;
+      place = [first, values[i] < values[low] ? i : low, values[i] > values[high] ? i : high, i];
       if (times[i] > to) break;
     }
+    flush();
     context.stroke();
     context.setLineDash([]);
   },

@@ -14,7 +14,9 @@ class Readout {
     if (this.name) title.prepend(make("span", "badge", this.name));
     this.clock = make("p", "clock");
     this.table = make("table", "read");
-    this.card.replaceChildren(title, make("p", "subtitle", page.subtitle), this.clock, this.table,
+    this.alarm = make("ul", "alarm");
+    this.alarm.setAttribute("role", "status");
+    this.card.replaceChildren(title, make("p", "subtitle", page.subtitle), this.clock, this.alarm, this.table,
       make("p", "notes", page.notes.join(" ")));
     this.cells = page.legs.map(() => ({}));
     this.rows = Readout.rows(page);
@@ -73,7 +75,8 @@ class Readout {
   show(sample, scales = {}) {
     const { page } = this;
     this.clock.textContent = `${sample.time.toFixed(3)} s` +
-      (page.duration === null ? "" : ` of ${page.duration.toFixed(2)} s`);
+      (page.duration === null ? "" : ` of ${page.duration.toFixed(2)} s${page.outcome ? `, ${page.outcome}` : ""}`);
+    this.warn(sample.events ?? []);
     sample.legs.forEach((leg, index) => {
       for (const [key, , digits, unit] of this.rows) {
         const cell = this.cells[index][key];
@@ -83,6 +86,15 @@ class Readout {
         if (cell.bar) this.bar(cell.bar, known ? leg[key] / (scales[key.split("_")[0]] || 20) : 0);
       }
     });
+  }
+
+  // What has happened so far, from the first moment of it on.
+  warn(events) {
+    const words = events.map(({ kind, time, text }) =>
+      `${kind === "trip" ? text.replace("trip", "HOLD") : text.replace(/^./, (letter) => letter.toUpperCase())} (${time.toFixed(3)} s)`);
+    if (words.join() === this.warned) return;
+    this.warned = words.join();
+    this.alarm.replaceChildren(...words.map((text) => make("li", text.startsWith("HOLD") ? "hold" : "", text)));
   }
 
   bar(bar, share) {

@@ -11,7 +11,7 @@ window.ready = (async () => {
   new ResizeObserver(measure).observe(bar);
   try {
     if (page.mode === "live") live.open(page);
-    else { await unpack_bundle(); await player.open(page); }
+    else { await unpack_bundle(); await (page.mode === "model" ? joints : player).open(page); }
     if (asked.picture) { await settled(); console.info("twin_gait: ready"); }
   } catch (error) {
     tell(`This page needs a browser with WebGL that is not older than 2023 (${error.message}).`);
@@ -23,7 +23,7 @@ window.ready = (async () => {
 // Two frames later everything has its size and has been drawn.
 async function settled() {
   for (let frame = 0; frame < 2; frame += 1) await new Promise((done) => { requestAnimationFrame(done); });
-  for (const stage of player.stages) stage.viewer.render();
+  for (const stage of [...player.stages, joints.stage]) stage?.viewer.render();
 }
 
 // A recorded page holds meshcat's viewer deflated.
@@ -40,6 +40,6 @@ window.twinGait = {
   show: (...samples) => live.show(...samples),
   take: (bytes) => live.stage.take(bytes),
   page: () => live.page,
-  get stage() { return live.stage ?? player.stages[0]; },
-  plots, theme, tell, ready: window.ready,
+  get stage() { return live.stage ?? joints.stage ?? player.stages[0]; },
+  plots, joints, theme, tell, ready: window.ready,
 };

@@ -11,6 +11,7 @@ const timeline = {
     for (const [run, leg] of this.banded()) {
       const name = make("span", "", `${run.name}${run.name ? " " : ""}${leg.label[0]}`), canvas = make("canvas");
       name.title = leg.label;
+      canvas.title = run.page.events.map((event) => `${event.time.toFixed(3)} s: ${event.text}`).join("\n");
       canvas.setAttribute("role", "img");
       canvas.setAttribute("aria-label", `Phases of the ${leg.label.toLowerCase()} leg${run.name ? ` of run ${run.name}` : ""}`);
       bands.append(name, canvas);
@@ -30,6 +31,11 @@ const timeline = {
       chip.dataset.code = String(code);
       return item;
     });
+    if (page.events.length) {
+      const item = make("span"), chip = make("i", "event");
+      item.append(chip, [...new Set(page.events.map((event) => event.kind))].join(", "));
+      items.push(item);
+    }
     if (page.arrow) {
       const item = make("span"), chip = make("i", "arrow");
       chip.style.background = page.arrow.colour;
@@ -60,6 +66,8 @@ const timeline = {
       const context = canvas_context(canvases[index], width, BAND);
       const box = { left: 0, top: 0, width: (width * run.page.duration) / Math.max(this.end, 1e-9), height: BAND };
       draw_band(context, run.page, leg.phases, box, 0, run.page.duration, run.page.duration);
+      const x = (time) => (box.width * time) / Math.max(run.page.duration, 1e-9);
+      draw_events(context, run.page.events, x, { left: 0, right: box.width, top: 0, bottom: BAND });
     });
     // The slider covers the bands and nothing else; its thumb is 12 px wide.
     const left = canvases.length ? canvases[0].offsetLeft : 0;

@@ -132,6 +132,8 @@ class Frame:
     Attributes:
         tick: Of the last row of the log.
         time_s: Of that tick.
+        events: What befell the walk: kind, time in [s] and words each, see
+            :func:`twin_gait.viewer.page.event_entries`.
         status: ``walking``, ``paused``, ``waiting`` (for a step by hand), ``holding`` (after a stop or
             a trip), ``fell``, ``diverged``, ``ended`` or ``died`` (the process, not the wearer).
         q: Coordinates of the rigid-body model in [rad] and [m], Pinocchio's order.
@@ -145,6 +147,7 @@ class Frame:
     q: tuple[float, ...]
     log: Mapping[str, float | str]
     deadlines: DeadlineStatistics
+    events: tuple[Mapping[str, Any], ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """The frame as JSON takes it; numbers that are not finite become null."""
@@ -153,6 +156,7 @@ class Frame:
             "tick": self.tick,
             "time_s": self.time_s,
             "status": self.status,
+            "events": list(self.events),
             "q": [_finite(item) for item in self.q],
             "log": {key: _finite(value) for key, value in self.log.items()},
             "deadlines": asdict(self.deadlines),
@@ -168,6 +172,7 @@ class Frame:
             q=tuple(math.nan if item is None else item for item in data["q"]),
             log={key: math.nan if item is None else item for key, item in data["log"].items()},
             deadlines=DeadlineStatistics(**data["deadlines"]),
+            events=tuple(data["events"]),
         )
 
 

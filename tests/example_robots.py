@@ -1,0 +1,31 @@
+"""Robots that are not ours."""
+
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+
+def robot_urdf(name: str) -> Path:
+    """A URDF of example-robot-data, which is a package of data only."""
+    try:
+        recorded = metadata.files("example-robot-data") or []
+    except metadata.PackageNotFoundError:
+        pytest.skip("example-robot-data (400 MB) is not installed: pip install 'twin-gait[robots]'")
+    for item in recorded:
+        if str(item).endswith(f"/robots/{name}"):
+            return Path(str(item.locate()))
+    pytest.skip(f"this version of example-robot-data has no {name}")
+
+
+# One joint of each kind, off the axes; zero is out of the range of the first.
+JOINTS = """<robot name="slides">
+<link name="a"/><link name="b"/><link name="c"/><link name="d"/><link name="e"/>
+<joint name="turns" type="revolute"><parent link="a"/><child link="b"/><origin xyz="0 0 1" rpy="1 -2 3"/>
+  <axis xyz="0 3 4"/><limit lower="0.5" upper="1.5" effort="1" velocity="1"/></joint>
+<joint name="slides" type="prismatic"><parent link="b"/><child link="c"/><origin xyz="0.2 0 0" rpy="0 1 0.4"/>
+  <axis xyz="1 0 0"/><limit lower="-0.1" upper="0.3" effort="1" velocity="1"/></joint>
+<joint name="spins" type="continuous"><parent link="c"/><child link="d"/><origin xyz="0 0.3 0"/>
+  <axis xyz="0 0 -1"/></joint>
+<joint name="fixed" type="fixed"><parent link="d"/><child link="e"/></joint>
+</robot>"""

@@ -1,0 +1,16 @@
+"""What a page gets over the socket of its scene."""
+
+import struct
+from typing import Any
+
+import umsgpack
+
+
+def unpacked(message: bytes) -> list[dict[str, Any]]:
+    """The commands of a message, each after its length in four bytes."""
+    commands, at = [], 0
+    while at < len(message):
+        (length,) = struct.unpack_from("<I", message, at)
+        commands.append(umsgpack.unpackb(message[at + 4 : at + 4 + length]))
+        at += 4 + length
+    return commands

@@ -1,0 +1,173 @@
+"""Compiled code is loaded only if the user's own program kept it; a run needs no place to keep it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from twin_gait.exceptions import RunDirectoryError
+from twin_gait.simulation import keeping, machine_code
+from twin_gait.simulation.keeping import CACHE_VARIABLE, cache_folder
+from twin_gait.simulation.machine_code import MachineCode, read_code, write_code
+
+CODE = MachineCode(bytes(range(256)), "f", ("a", "b"))
+
+
+@pytest.fixture(autouse=True)
+def places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A cache folder and a place for the secret of this test's own."""
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    return tmp_path / "cache"
+
+
+def kept(folder: Path, name: str = "kept.loop") -> Path:
+    folder.mkdir(exist_ok=True)
+    write_code(folder / name, CODE)
+    assert read_code(folder / name) == CODE
+    return folder / name
+
+
+def test_folder_and_secret_are_the_users_alone(places: Path, tmp_path: Path) -> None:
+    assert cache_folder() == places
+    kept(places)
+    secret = tmp_path / "data" / "twin_gait" / "cache.key"
+    assert places.stat().st_mode & 0o777 == 0o700
+    assert secret.stat().st_mode & 0o777 == 0o600 and len(secret.read_bytes()) == keeping.SECRET_BYTES
+
+
+@pytest.mark.parametrize("mode", [0o777, 0o770, 0o702])
+def test_a_folder_that_others_may_write_is_refused(places: Path, mode: int) -> None:
+    places.mkdir()
+    places.chmod(mode)
+    with pytest.warns(RuntimeWarning, match="may write there"):
+        assert cache_folder() is None
+
+
+def test_what_belongs_to_another_user_is_refused(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, other = kept(places), os.geteuid() + 1
+    keeping.private_folder.cache_clear()
+    monkeypatch.setattr(os, "geteuid", lambda: other)
+    with pytest.warns(RuntimeWarning, match="somebody else owns it"):
+        assert cache_folder() is None
+    assert read_code(path) is None
+
+
+def test_a_file_that_others_may_write_and_a_link_are_refused(places: Path) -> None:
+    path = kept(places)
+    (places / "link.loop").symlink_to(path)
+    assert keeping.read_own(places / "link.loop") is None
+    path.chmod(0o664)
+    assert read_code(path) is None
+    assert read_code(places / "missing.loop") is None
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda whole: b"",
+        lambda whole: b"no header",
+        lambda whole: whole[:-1] + b"?",
+        lambda whole: whole[: len(whole) // 2],
+        lambda whole: whole + b"\nmore",
+        lambda whole: b"0" * 64 + whole[64:],
+        lambda whole: b"\xff" * 64 + whole[64:],
+    ],
+)
+def test_a_file_that_was_changed_is_not_loaded(places: Path, change: object) -> None:
+    path = kept(places)
+    path.write_bytes(change(path.read_bytes()))  # type: ignore[operator]
+    assert read_code(path) is None
+
+
+def test_a_file_made_with_another_secret_or_put_in_place_of_another_is_not_loaded(
+    places: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = kept(places)
+    (places / "other.loop").write_bytes(path.read_bytes())
+    assert read_code(places / "other.loop") is None
+    monkeypatch.setattr(keeping, "_secret", lambda place: b"attacker" * 4)
+    write_code(path, CODE)
+    monkeypatch.undo()
+    assert read_code(path) is None
+
+
+def test_a_secret_that_others_may_read_protects_nothing(places: Path, tmp_path: Path) -> None:
+    path = kept(places)
+    (tmp_path / "data" / "twin_gait" / "cache.key").chmod(0o640)
+    keeping._secret.cache_clear()
+    assert read_code(path) is None
+
+
+def test_a_full_disk_does_not_stop_a_run(places: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, content: bytes) -> None:
+        raise RunDirectoryError(f"{path}: cannot be written (No space left on device)")
+
+    places.mkdir()
+    monkeypatch.setattr(machine_code, "write_atomically", full)
+    write_code(places / "kept.loop", CODE)
+    assert not any(places.iterdir())
+
+
+def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch, places: Path) -> None:
+    def nowhere() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    for name in (CACHE_VARIABLE, "XDG_CACHE_HOME", "XDG_DATA_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(Path, "home", nowhere)
+    assert cache_folder() is None
+    assert keeping.seal("name", b"") is None
+
+
+RUN = """
+import json, sys
+from twin_gait import load_experiment, simulate
+from twin_gait.scenario.bench_joint import bench_joint
+from twin_gait.simulation.bench_joint import simulate_bench
+from twin_gait.vocabulary import JointName
+told = []
+{what}
+print(json.dumps([len(told), "numba" in sys.modules, last]))
+"""
+BENCH = """last = simulate_bench(
+    bench_joint(JointName.KNEE, duration=0.1), on_compile=lambda: told.append(1)
+).rows[-1].tolist()"""
+
+
+def run_in_a_process(what: str = BENCH) -> list[object]:
+    result: list[object] = json.loads(subprocess.check_output([sys.executable, "-c", RUN.format(what=what)]))
+    return result
+
+
+def test_nothing_in_the_cache_folder_is_run(places: Path, tmp_path: Path) -> None:
+    """The joint bench once left a module there, and pickles of numba's; a line more in it was run."""
+    told, _, last = run_in_a_process()
+    assert told == 1
+    for path in places.rglob("*"):
+        if path.is_file():
+            with path.open("a") as file:
+                file.write(f"\nopen({str(tmp_path / 'harm')!r}, 'w')\n")
+    assert run_in_a_process()[2] == last
+    assert not (tmp_path / "harm").exists()
+    assert [path.suffix for path in places.rglob("*")] == [".loop"]
+
+
+def test_the_bench_starts_again_without_the_compiler(places: Path) -> None:
+    first, again = run_in_a_process(), run_in_a_process()
+    assert first[0] == 1
+    assert again == [0, False, first[2]]
+
+
+def test_a_cache_that_cannot_be_made_does_not_stop_a_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
+    told, compiler, last = run_in_a_process()
+    assert (told, compiler) == (1, True) and last

@@ -1,0 +1,60 @@
+"""What befell a run: the same events from a run in memory and from its directory."""
+
+from __future__ import annotations
+
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.measures.events import EventKind, held_from, run_events
+from twin_gait.studies.record import load_run, write_run
+
+STRUCK, NEVER = "encoder_freeze:right_knee@0.7s", "supply_dip@1.4s"
+
+
+@pytest.fixture(scope="module")
+def tripped():
+    settings = [f"faults=[{STRUCK!r}, {NEVER!r}]", "duration_s=1.5"]
+    run = simulate(load_experiment("bench_leg", settings).experiment)
+    assert run.trip is not None
+    return run
+
+
+def test_fault_and_trip_are_events_at_their_times(tripped):
+    fault, trip, dip = tripped.events
+    assert (fault.kind, fault.time, fault.cause, fault.place) == (
+        "fault",
+        0.7,
+        "encoder freeze",
+        "right knee",
+    )
+    assert trip.time == tripped.trip.time > fault.time
+    assert trip.text == "trip: encoder frozen, right knee"
+    assert dip.text == "fault: supply dip"  # it has no place
+    assert held_from(tripped.events) == trip.time
+
+
+def test_the_trip_is_the_first_tick_of_the_hold_in_the_log(tripped):
+    held = tripped.log["time_s"][tripped.log["safety_state"] > 0]
+    assert held.iloc[0] == pytest.approx(held_from(tripped.events), abs=1e-9)
+
+
+def test_a_directory_tells_the_same_events(tripped, tmp_path):
+    write_run(tripped, tmp_path, pictures=False)
+    stored = load_run(tmp_path)
+    assert stored.trip == tripped.trip
+    assert stored.events == tripped.events
+
+
+def test_a_fault_after_the_end_did_not_strike(tripped):
+    assert len(run_events(tripped.experiment.faults, None, "fell", 1.0)) == 2
+    struck, fall = run_events(tripped.experiment.faults, None, "fell", 1.0)
+    assert struck.kind is EventKind.FAULT and fall == (EventKind.FALL, 1.0, "", "")
+
+
+@pytest.mark.parametrize(
+    ("status", "kinds"), [("completed", []), ("interrupted", []), ("diverged", ["divergence"])]
+)
+def test_a_run_that_went_well_has_no_events(status, kinds):
+    events = run_events((), None, status, 2.0)
+    assert [event.kind for event in events] == kinds
+    assert held_from(events) is None

@@ -1,0 +1,185 @@
+"""Figures for print, from the command line and from Python, and what else a user does with a run."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pandas as pd
+import pytest
+from synthetic_run import synthetic_run
+
+import twin_gait
+from twin_gait import load_experiment, load_run, plot_run, save_run, simulate, summarise
+from twin_gait.cli import main
+from twin_gait.control import Trip, TripCause
+from twin_gait.exceptions import ParameterError, RunDirectoryError
+from twin_gait.report.canvas import save
+from twin_gait.report.figures import FIGURES, WIDTHS, draw_for_paper
+from twin_gait.simulation.run import RunStatus
+from twin_gait.vocabulary import JointName, Side
+
+MILLIMETRE = 72.0 / 25.4  # [pt]
+LEAST_LETTERS = 5.5  # [pt]: "small" of 7 pt is 5.8
+
+
+@pytest.fixture(scope="module")
+def walk():
+    trip = Trip(6500, TripCause.ENCODER_FROZEN, Side.LEFT, JointName.KNEE)
+    return replace(synthetic_run(), trip=trip, status=RunStatus.FELL, reason="fell at 7.200 s")
+
+
+@pytest.fixture(scope="module")
+def bench():
+    return simulate(load_experiment("bench_leg", ["duration_s=0.6"]).experiment)
+
+
+@pytest.fixture(scope="module")
+def folder(bench, tmp_path_factory):
+    return bench.save(tmp_path_factory.mktemp("runs") / "bench")
+
+
+def texts(figure):
+    legend = [text for legend in figure.legends for text in legend.get_texts()]
+    return [
+        text
+        for text in (*figure.findobj(match=type(legend[0])),)
+        if text.get_visible() and text.get_text().strip()
+    ]
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("name", FIGURES)
+def test_a_figure_for_print_is_legible_and_nothing_leaves_it(walk, name, width):
+    figure, caption = draw_for_paper(walk, name, width)
+    assert figure.get_figwidth() * 25.4 == pytest.approx(width)
+    assert figure.get_suptitle() == ""
+    for letter, axes in zip("abcdefg", figure.axes, strict=False):
+        assert axes.get_title(loc="left").startswith(rf"$\mathbf{{{letter}}}$")
+        assert axes.get_title() == "" and f"({letter}) " in caption
+    figure.draw_without_rendering()
+    whole = figure.bbox
+    # Tick labels outside of the range of an axis are not drawn.
+    drawn = [text for text in texts(figure) if text.get_window_extent().width > 0.0]
+    for text in drawn:
+        box = text.get_window_extent()
+        tick = text.get_text().lstrip("\N{MINUS SIGN}-").replace(".", "").isdigit()
+        assert tick or (whole.x0 - 1 <= box.x0 and box.x1 <= whole.x1 + 1), text.get_text()
+        assert tick or (whole.y0 - 1 <= box.y0 and box.y1 <= whole.y1 + 1), text.get_text()
+        assert text.get_fontsize() >= LEAST_LETTERS, text.get_text()
+    entries = [
+        text.get_window_extent()
+        for legend in figure.legends
+        for text in legend.get_texts()
+        if text.get_text().strip()
+    ]
+    for place, box in enumerate(entries):
+        assert not any(box.overlaps(other) for other in entries[:place])
+
+
+def test_letters_of_a_pdf_are_truetype_and_its_size_is_that_of_print(walk, tmp_path):
+    path = tmp_path / "cycle.pdf"
+    walk.plot("gait_cycle", width_mm=85, out=path)
+    content = path.read_bytes()
+    assert b"/FontFile2" in content and b"/Type3" not in content
+    box = re.search(rb"/MediaBox \[ 0 0 ([\d.]+) ", content)
+    assert float(box[1]) == pytest.approx(85 * MILLIMETRE, abs=0.01)
+
+
+def test_a_figure_gives_the_same_file_each_time(walk, tmp_path):
+    for form in ("pdf", "svg"):
+        first, second = (
+            save(draw_for_paper(walk, "torques", 174)[0], tmp_path / f"{number}.{form}").read_bytes()
+            for number in (1, 2)
+        )
+        assert first == second and first.count(b"2026-") == 0
+    width = re.search(rb'<svg[^>]* width="([\d.]+)pt"', first)
+    assert float(width[1]) == pytest.approx(174 * MILLIMETRE, abs=0.01)
+
+
+def test_what_cannot_be_drawn_is_said(walk, bench, tmp_path):
+    with pytest.raises(ParameterError, match="no 'gait'; there are gait_cycle, joint_angles, torques"):
+        walk.plot("gait")
+    with pytest.raises(ParameterError, match="this run has no feet: it is not on the ground"):
+        bench.plot("feet")
+    with pytest.raises(ParameterError, match="this run has no gait_cycle: a leg made no whole stride"):
+        bench.plot()
+    with pytest.raises(ParameterError, match="width: expected 60 to 270 mm, got 20"):
+        plot_run(walk, width_mm=20)
+    with pytest.raises(ParameterError, match=r"out: expected a name ending in .pdf, .svg, .png, got 'a.doc'"):
+        plot_run(walk, out=tmp_path / "a.doc")
+    with pytest.raises(ParameterError, match="this run has no energy: its log is too short"):
+        plot_run(replace(walk, log=walk.log.iloc[:1]), "energy")
+
+
+# ---------------------------------------------------------------------- the command
+
+
+def test_plot_writes_what_was_asked_for(folder, tmp_path, capsys):
+    out = tmp_path / "angles.svg"
+    assert main(["plot", str(folder), "--figure", "joint_angles", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith(str(out)) and "(a) right hip" in said
+    assert out.read_text().lstrip().startswith("<?xml")
+    assert main(["plot", str(folder), "--figure", "torques", "--format", "pdf", "--width", "174"]) == 0
+    assert (folder / "figures" / "torques-174mm.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_plot_draws_all_that_the_run_has(folder):
+    assert main(["plot", str(folder), "--format", "svg"]) == 0
+    drawn = {path.name for path in (folder / "figures").glob("*.svg")}
+    assert drawn == {f"{name}-85mm.svg" for name in FIGURES if name not in ("gait_cycle", "feet")}
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--figure", "gait"], "figure: no 'gait'; there are gait_cycle"),
+        (["--figure", "gait_cycle"], "this run has no gait_cycle"),
+        (["--out", "all.pdf"], "--out: takes one figure"),
+        (["--figure", "energy", "--width", "3"], "width: expected 60 to 270 mm, got 3"),
+        (["--figure", "energy", "--format", "doc"], "invalid choice"),
+    ],
+)
+def test_a_mistake_is_one_line(folder, capsys, options, said):
+    try:
+        status = main(["plot", str(folder), *options])
+    except SystemExit as stop:
+        status = stop.code
+    error = capsys.readouterr().err
+    assert status == 2 and said in error and error.count("\n") == 1
+
+
+def test_plot_replaces_with_force_only(folder, capsys):
+    command = ["plot", str(folder), "--figure", "energy", "--format", "png"]
+    assert main(command) == 0
+    assert main(command) == 2
+    assert "--force" in capsys.readouterr().err
+    assert main([*command, "--force"]) == 0
+
+
+# ---------------------------------------------------------------------- the public names
+
+
+def test_a_run_is_saved_and_loaded_again(bench, folder, tmp_path):
+    again = load_run(folder)
+    pd.testing.assert_frame_equal(again.log, bench.log, check_exact=True)
+    assert summarise(again) == summarise(bench)
+    with pytest.raises(RunDirectoryError, match="exists"):
+        save_run(bench, folder)
+    without = save_run(bench, tmp_path / "new" / "run", pictures=False)
+    assert not (without / "figures").exists() and (without / "summary.json").is_file()
+    with pytest.raises(RunDirectoryError, match="not a run directory"):
+        load_run(tmp_path)
+
+
+def test_a_run_is_one_line_in_a_notebook(walk):
+    line = repr(walk)
+    assert "\n" not in line and len(line) < 250
+    assert line.startswith("<Run synthetic: fell, 7.2 s (7200 ticks")
+    assert line.endswith(", trip: encoder frozen, left knee at 6.50 s, fall at 7.20 s>")
+
+
+def test_the_public_names_say_what_they_do():
+    for name in ("save_run", "load_run", "plot_run", "summarise"):
+        assert name in twin_gait.__all__ and getattr(twin_gait, name).__doc__

@@ -1,0 +1,182 @@
+"""After a trip or the operator's Stop the belt comes to rest and the harness locks: nobody falls."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from twin_gait import load_experiment, simulate
+from twin_gait.configuration.documents import experiment_document
+from twin_gait.core.belt import treadmill_speed, treadmill_travel
+from twin_gait.exceptions import TwinGaitError
+from twin_gait.gait.table import TICK
+from twin_gait.measures.foot_contact import CONTACT_FORCE
+from twin_gait.scenario import FaultKind
+from twin_gait.scenario.faults import parse_fault
+from twin_gait.simulation import RunStatus
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.studies.record import belt_motion_of, trip_time_of
+
+BELT = (0.42, 2.0, 10.0, 1.0, 0.2, 0.5)  # cruise, start, stop, ramp, delay, ramp to rest
+EVEN = (0.42, 0.0, math.inf, 0.0, 0.0, 0.5)
+STOPS, STRIDE = 40, 2100  # ticks of a stride of the default walk
+SETTLED = 1000  # ticks after which a loaded foot rests
+RUNS_ON = ("scenario.stop_ramp_s=null", "scenario.support.catch_stiffness_N_per_m=0")
+
+
+# ---------------------------------------------------------------------- the belt
+
+
+@pytest.mark.parametrize("belt", [BELT, EVEN])
+@pytest.mark.parametrize("trip_time", [1.0, 2.6, 5.0, 10.9, math.inf])
+def test_way_of_a_belt_that_a_trip_stops_is_the_integral_of_its_speed(belt, trip_time):
+    times = np.arange(14001) * TICK
+    speeds = np.array([treadmill_speed(time, trip_time, *belt) for time in times])
+    ways = np.array([treadmill_travel(time, trip_time, *belt) for time in times])
+    trapezoids = np.concatenate(([0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times))))
+    assert_allclose(ways, trapezoids, atol=1e-6)
+    if math.isfinite(trip_time):
+        assert not speeds[times > trip_time + 0.5 + TICK].any()
+        assert (np.diff(speeds[times > trip_time]) <= 0.0).all()
+
+
+def test_a_belt_that_knows_of_no_trip_runs_on():
+    on = (*EVEN[:-1], math.inf)
+    assert treadmill_speed(9.0, 1.0, *on) == EVEN[0]
+    assert treadmill_travel(9.0, 1.0, *on) == pytest.approx(9.0 * EVEN[0], rel=1e-15)
+
+
+def test_pictures_of_a_held_walk_show_a_belt_at_rest():
+    run = simulate(
+        load_experiment("treadmill", ["duration_s=3", "faults=['motor_dead:left_hip@1s']"]).experiment
+    )
+    belt, speed = belt_motion_of(run.experiment, run.log), run.experiment.scenario.belt_speed
+    assert trip_time_of(run.log) == run.trip.time
+    # The minimum-jerk ramp is symmetric: it goes half as far as the belt would have gone.
+    assert belt(3.0) == pytest.approx(speed * (run.trip.time + 0.25)) == belt(2.0)
+    assert belt_motion_of(run.experiment, run.log[: run.trip.tick]) == speed
+
+
+# ---------------------------------------------------------------------- stops and faults
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return SteppedRun(build_problem(load_experiment("treadmill", ["duration_s=20"]).experiment))
+
+
+def column(run, name, first=0):
+    return run.rows(first)[:, run.layout.positions[name]]
+
+
+def feet(run, tick):
+    """Load in [N] and speed in [m/s] of each foot: the fastest of heel and toe that touch the belt."""
+    model, layout, rows = run.problem.world.model, run.layout, run.rows(tick - 1)
+    postures = np.zeros((2, model.nv))
+    for posture, row in zip(postures, rows, strict=False):
+        for side, leg in model.legs.items():
+            for joint, _ in leg.items():
+                posture[model.index(side, joint)] = row[layout.positions[f"{side}_{joint}_angle_rad"]]
+        posture[model.pelvis_index] = row[layout.positions["pelvis_height_m"]]
+    found = []
+    for side, leg in model.legs.items():
+        ways = [[model.frame_position(q, name) for q in postures] for name in leg.contact_frames]
+        speeds = [abs(after[0] - before[0]) / TICK for before, after in ways if after[2] < 0.0]
+        found.append((rows[1, layout.positions[f"{side}_foot_normal_force_N"]], max(speeds, default=0.0)))
+    return found
+
+
+def test_forty_stops_spread_over_the_stride_end_in_no_fall(walk):
+    for moment in range(3000, 3000 + STRIDE, STRIDE // STOPS):
+        walk.restart()
+        walk.advance(moment)
+        assert walk.status is RunStatus.COMPLETED and not walk.tripped
+        walk.stop()
+        walk.advance(3000)  # with a belt that runs on the falls came within 2.6 s
+        assert walk.status is RunStatus.COMPLETED, (moment, walk.reason)
+        for load, speed in feet(walk, moment + SETTLED):
+            assert load < CONTACT_FORCE or speed < 0.02, (moment, load, speed)
+
+
+PLACES = {FaultKind.FOOT_LOAD_STUCK: ":left_foot", FaultKind.SUPPLY_DIP: ""}
+
+
+@pytest.mark.parametrize("kind", list(FaultKind))
+def test_no_fault_makes_the_wearer_fall(walk, kind):
+    for moment in (3000, 3500, 4200, 4800):
+        walk.restart()
+        walk.advance(moment)
+        walk.inject(parse_fault(f"{kind}{PLACES.get(kind, ':left_knee')}@0s"))
+        walk.advance(5000)
+        assert walk.status is RunStatus.COMPLETED, (moment, walk.reason)
+        trip = walk.result().trip
+        if trip is not None and trip.tick + SETTLED < walk.tick:
+            assert max(feet(walk, trip.tick + SETTLED))[1] < 0.02, moment
+
+
+def test_without_belt_and_harness_a_stop_is_a_fall():
+    run = SteppedRun(build_problem(load_experiment("treadmill", ["duration_s=20", *RUNS_ON]).experiment))
+    run.advance(3000)
+    run.stop()
+    run.advance(3000)
+    assert run.status is RunStatus.FELL
+
+
+# ---------------------------------------------------------------------- the harness
+
+
+@pytest.mark.parametrize("engine", ["compiled", "pinocchio"])
+def test_the_harness_is_a_spring_that_only_pulls_up_and_the_energy_is_accounted_for(engine):
+    settings = ["duration_s=1", "faults=['encoder_missing:left_knee@0.5s']", f"engine={engine}"]
+    settings += ["integration={method: rk4, step_ms: 0.25}"]
+    run = simulate(load_experiment("treadmill", settings).experiment)
+    log, trip, support = run.log, run.trip.tick, run.experiment.scenario.support
+    height, velocity = log["pelvis_height_m"].to_numpy(), log["pelvis_velocity_m_per_s"].to_numpy()
+    depth = np.where(np.arange(len(log)) >= trip, height[trip] - height, 0.0).clip(0.0)
+    caught = support.catch_stiffness * depth * (1.0 - support.catch_dissipation * velocity).clip(0.0)
+    carried = support.share * run.body_weight - support.damping * velocity
+    assert_allclose(log["support_force_N"], carried + caught, atol=1e-9)
+    assert caught.max() > 0.05 * run.body_weight and caught.min() == 0.0
+    energy = (log["kinetic_energy_J"] + log["potential_energy_J"]).to_numpy()
+    works = log.filter(regex="_work_J$").sum(axis=1).to_numpy()
+    assert np.abs(energy - energy[0] - works).max() < 1e-4
+
+
+def test_a_start_after_a_stop_is_the_first_walk_again_bit_for_bit(walk):
+    walk.restart()
+    first = walk.advance(4000).copy()
+    walk.stop()
+    walk.advance(500)
+    walk.restart()
+    assert np.array_equal(walk.advance(4000), first)
+
+
+# ---------------------------------------------------------------------- parameters
+
+
+def test_parameters_are_read_checked_and_written():
+    settings = ["scenario.stop_ramp_s=0.8", "scenario.support.catch_stiffness_N_per_m=5000"]
+    experiment = load_experiment("treadmill", settings).experiment
+    assert experiment.scenario.stop_ramp == 0.8 and experiment.scenario.support.catch_stiffness == 5000.0
+    on = replace(experiment, scenario=replace(experiment.scenario, stop_ramp=math.inf))
+    for item, told in ((experiment, 0.8), (on, None)):
+        assert experiment_document(item)["scenario"]["stop_ramp_s"] == told
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("stop_ramp_s=0", "stop_ramp: expected a time above 0, got 0"),
+        ("support.catch_stiffness_N_per_m=-1", "catch_stiffness: expected a number of 0 or more, got -1"),
+        ("support.catch_dissipation_s_per_m=-1", "catch_dissipation: expected a number of 0 or more, got -1"),
+    ],
+)
+def test_parameters_out_of_range_are_refused_in_one_line(setting, message):
+    with pytest.raises(TwinGaitError, match=message) as caught:
+        load_experiment("treadmill", [f"scenario.{setting}"])
+    assert "\n" not in str(caught.value)

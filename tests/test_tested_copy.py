@@ -1,0 +1,58 @@
+"""An installed copy that is older than the checkout is not tested in its place."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from tested_copy import CHECKOUT, complaint, copies_in_use
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder like that of a plain install: models beside the code."""
+    folder = tmp_path_factory.mktemp("site") / "twin_gait"
+    without = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(CHECKOUT / "twin_gait", folder, ignore=without)
+    shutil.copytree(CHECKOUT / "urdf", folder / "urdf", ignore=without)
+    return folder
+
+
+def test_what_is_tested_here_is_the_checkout() -> None:
+    assert [complaint(copy) for copy in copies_in_use()] == [None, None]
+
+
+def test_an_equal_copy_will_do(installed: Path) -> None:
+    assert complaint(installed) is None
+
+
+def test_an_edit_a_new_file_and_a_lost_one_are_found(installed: Path, tmp_path: Path) -> None:
+    copy = shutil.copytree(installed, tmp_path / "twin_gait")
+    law = copy / "core" / "impedance.py"
+    text = law.read_text()
+    law.write_text(text.replace("stiffness", "hardness"))
+    assert "core/impedance.py" in str(complaint(copy))
+    law.write_text(text)
+    assert complaint(copy) is None
+    (copy / "core" / "new.py").touch()
+    assert "core/new.py" in str(complaint(copy))
+    (copy / "core" / "new.py").unlink()
+    (copy / "urdf" / "twin.urdf").unlink()
+    assert "urdf/twin.urdf" in str(complaint(copy))
+    assert "not installed" in str(complaint(None))
+
+
+def test_pytest_ends_at_once_with_one_line(installed: Path, tmp_path: Path) -> None:
+    copy = shutil.copytree(installed, tmp_path / "twin_gait")
+    (copy / "core" / "friction.py").write_text("")
+    command = [sys.executable, "-P", "-m", "pytest", "-n", "0", str(CHECKOUT / "tests" / "test_readme.py")]
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, cwd=CHECKOUT, env={"PYTHONPATH": str(tmp_path)}
+    )
+    assert done.returncode == 4
+    shown = [line for line in (done.stdout + done.stderr).splitlines() if "core/friction.py" in line]
+    assert len(shown) == 1 and "pip install -e" in shown[0]
+    assert "passed" not in done.stdout and "Traceback" not in done.stdout + done.stderr

@@ -1,0 +1,171 @@
+"""One word for what came of a run, the same wherever it is said."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.cli.program import main
+from twin_gait.cli.simulate import summary_lines
+from twin_gait.measures.leg_record import LegRecord
+from twin_gait.measures.verdict import (
+    HIGHEST_FLIGHT_SHARE,
+    HIGHEST_STRIDE_VARIATION,
+    LONGEST_STRIDE,
+    flight_share,
+    gait_verdict,
+)
+from twin_gait.report.cycle import draw_cycle
+from twin_gait.simulation import RunStatus
+from twin_gait.studies.batch import flat_summary
+from twin_gait.studies.faults.faults import fault_row
+from twin_gait.studies.summary.summary import summarise
+from twin_gait.vocabulary import JointName, Outcome, Side
+
+TICK = 1e-3
+
+
+def leg(
+    side: Side, strikes: list[float], *, stance: float = 0.6, duration: float = 20.0, **changes
+) -> LegRecord:
+    """A leg that is loaded for ``stance`` seconds from each heel strike on; strikes in [s]."""
+    n = round(duration / TICK)
+    force = np.zeros(n)
+    for strike in strikes:
+        force[round(strike / TICK) : round((strike + stance) / TICK)] = 300.0
+    record = LegRecord(side, TICK, np.zeros(n, int), {JointName.HIP: np.zeros(n)}, force, np.zeros(n))
+    return replace(record, **changes)
+
+
+def walker(period: float = 1.2, **changes) -> list[LegRecord]:
+    """Two legs in antiphase, one of them on the ground at any time."""
+    strikes = np.arange(0.2, 20.0, period)
+    return [
+        leg(Side.LEFT, list(strikes), stance=0.55 * period, **changes),
+        leg(Side.RIGHT, list(strikes + 0.5 * period), stance=0.55 * period, **changes),
+    ]
+
+
+def test_a_regular_walk_is_one():
+    assert gait_verdict(walker()) == (Outcome.WALKED, "")
+
+
+@pytest.mark.parametrize("margin, outcome", [(-0.1, Outcome.WALKED), (0.1, Outcome.STALLED)])
+def test_a_gap_between_strides_decides(margin, outcome):
+    """The legs stand on the ground in the gap: nothing but the missing stride is against a walk."""
+    gap = LONGEST_STRIDE + margin
+    strikes = [0.2, 1.4, 2.6, 3.8, 5.0, *np.arange(5.0 + gap, 20.0, 1.2)]
+    # All strides but one are equal, so that the variation is not to decide: it is skipped with the first two.
+    record = leg(Side.LEFT, [5.0 - 1.2, 5.0, *strikes[5:]], stance=0.6)
+    standing = leg(Side.RIGHT, [0.3, 2.3, 4.3, 6.3, 8.3, 10.3, 12.3, 14.3, 16.3, 18.3], stance=1.6)
+    verdict = gait_verdict([record, standing])
+    assert verdict.outcome is outcome
+    if outcome is Outcome.STALLED:
+        assert verdict.reason == f"the left leg began no stride for {gap:.1f} s from 5.0 s on"
+
+
+@pytest.mark.parametrize("factor, outcome", [(0.95, Outcome.WALKED), (1.05, Outcome.STALLED)])
+def test_irregular_strides_are_no_walk(factor, outcome):
+    """Strides of T (1 + e) and T (1 - e) in turn vary by e √(n / (n - 1)): sample deviation over mean."""
+    count = 12
+    spread = factor * HIGHEST_STRIDE_VARIATION / math.sqrt(count / (count - 1))
+    times = [1.2, 1.2, *([1.2 * (1.0 + spread), 1.2 * (1.0 - spread)] * (count // 2))]
+    strikes = list(0.2 + np.cumsum([0.0, *times]))
+    standing = leg(Side.RIGHT, list(np.arange(0.3, 20.0, 2.0)), stance=1.6)
+    end = strikes[-1] + 1.0
+    irregular = leg(Side.LEFT, strikes, steady=(0.0, end))
+    verdict = gait_verdict([irregular, replace(standing, steady=(0.0, end))])
+    assert verdict.outcome is outcome
+
+
+@pytest.mark.parametrize("margin, outcome", [(-0.02, Outcome.WALKED), (0.02, Outcome.HUNG)])
+def test_feet_off_the_ground_are_hung(margin, outcome):
+    """Regular strides of two feet of which none carries for a share of each stride."""
+    share = HIGHEST_FLIGHT_SHARE + margin
+    strikes = np.arange(0.3, 19.0, 2.0)
+    stance = 1.0 * (1.0 - share)
+    legs = [
+        leg(Side.LEFT, list(strikes), stance=stance, duration=18.3, steady=(0.3, 18.3)),
+        leg(Side.RIGHT, list(strikes + 1.0), stance=stance, duration=18.3, steady=(0.3, 18.3)),
+    ]
+    assert flight_share(legs) == pytest.approx(share, abs=2e-3)
+    assert gait_verdict(legs).outcome is outcome
+
+
+def test_only_the_steady_time_counts():
+    legs = walker()
+    late = [
+        replace(item, normal_force=np.where(np.arange(20000) < 9000, 0.0, item.normal_force)) for item in legs
+    ]
+    assert gait_verdict(late).outcome is Outcome.HUNG
+    assert gait_verdict([replace(item, steady=(9.0, 20.0)) for item in late]).outcome is Outcome.WALKED
+
+
+# ---------------------------------------------------------------- runs
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return simulate(load_experiment("treadmill", ["duration_s=9"]).experiment)
+
+
+@pytest.mark.parametrize("support, outcome", [(0.6, "walked"), (0.9, "hung"), (1.0, "hung")])
+def test_a_wearer_who_hangs_in_the_harness_does_not_walk(support, outcome):
+    run = simulate(
+        load_experiment("treadmill", ["duration_s=12", f"scenario.support.share={support}"]).experiment
+    )
+    assert run.status is RunStatus.COMPLETED
+    assert (run.verdict.outcome, flat_summary(run)["outcome"], summarise(run)["outcome"]) == (outcome,) * 3
+
+
+def test_a_run_that_ends_early_says_how(walk):
+    trip = simulate(
+        load_experiment("bench_leg", ["duration_s=2", "faults=['encoder_jump:right_hip@1s']"]).experiment
+    )
+    assert trip.verdict == ("held", "held from 1.000 s on: encoder_jump (right hip)")
+    assert fault_row(trip)["outcome"] == "held"
+    fell = replace(walk, status=RunStatus.FELL, reason="the pelvis fell below 0.60 m at 9.000 s")
+    assert fell.verdict == ("fell", fell.reason)
+    both = replace(fell, trip=trip.trip)
+    assert both.verdict.outcome == "fell" and both.verdict.reason.endswith("s on: encoder_jump (right hip)")
+    assert replace(walk, status=RunStatus.DIVERGED, reason="x").verdict == ("diverged", "x")
+
+
+def test_a_table_without_transitions_asks_for_no_walk():
+    run = simulate(load_experiment("bench_leg", ["duration_s=0.1", "table=examples/hold.yaml"]).experiment)
+    assert run.verdict.outcome is None
+    assert flat_summary(run)["outcome"] is None
+
+
+def test_terminal_figure_and_summary_count_the_same_strides(walk):
+    summary = summarise(walk)
+    left = summary["sides"]["left"]
+    counted, found = left["strides_counted"], left["strides"]
+    assert (counted, found) == (1, 3)
+    told = f"{counted} stride (the first 2 of {found} settle)"
+    assert next(line for line in summary_lines(summary) if line.startswith("left")).startswith(
+        f"left: {told} of "
+    )
+    titles = [axes.get_title(loc=place) for axes in draw_cycle(walk).axes for place in ("left", "center")]
+    assert any(title.startswith(f"left hip, {told}, RMSE") for title in titles)
+
+
+def test_the_command_begins_with_the_outcome(tmp_path, capsys):
+    out = tmp_path / "run"
+    given = [
+        "simulate",
+        "treadmill",
+        "--duration",
+        "9",
+        "--set",
+        "scenario.support.share=0.9",
+        "--no-pictures",
+    ]
+    assert main([*given, "--out", str(out)]) == 0
+    assert capsys.readouterr().out.startswith("hung: 9 s in ")
+    assert json.loads((out / "summary.json").read_text())["outcome"] == "hung"

@@ -1,0 +1,51 @@
+"""Which copy of the package the tests test: that of this checkout, or one that is equal to it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+CHECKOUT = Path(__file__).resolve().parent.parent
+_WHERE = "import importlib.util as u; s = u.find_spec('twin_gait'); print(s.origin if s else '')"
+
+
+def copies_in_use() -> list[Path | None]:
+    """Folders of the package in this process and in one started elsewhere; None if there is none."""
+    import twin_gait
+
+    with tempfile.TemporaryDirectory() as elsewhere:
+        origin = subprocess.check_output([sys.executable, "-c", _WHERE], text=True, cwd=elsewhere).strip()
+    return [Path(twin_gait.__file__).resolve().parent, Path(origin).resolve().parent if origin else None]
+
+
+def complaint(copy: Path | None, checkout: Path = CHECKOUT) -> str | None:
+    """Why a copy does not stand for a checkout.
+
+    Args:
+        copy: Folder of the package that is imported.
+        checkout: Folder that the package's folder lies in.
+
+    Returns:
+        One line, or None if the copy is the checkout's own or equal to it.
+    """
+    way_out = "run: python -m pip install -e '.[test]'"
+    if copy is None:
+        return f"twin_gait is not installed, which tests need that start it elsewhere; {way_out}"
+    package = checkout / "twin_gait"
+    if copy == package:
+        return None
+    ours, theirs = _files(package) | _files(checkout / "urdf", "urdf"), _files(copy)
+    for name in sorted(ours.keys() | theirs.keys()):
+        if name not in ours or name not in theirs or ours[name].read_bytes() != theirs[name].read_bytes():
+            return f"{copy} would be tested, whose {name} is not that of {package}; {way_out}"
+    return None
+
+
+def _files(folder: Path, prefix: str = "") -> dict[str, Path]:
+    return {
+        (Path(prefix) / path.relative_to(folder)).as_posix(): path
+        for path in folder.rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts and not path.name.startswith(".")
+    }

@@ -1,0 +1,312 @@
+r"""A run as OpenSim's InverseDynamicsTool takes it: model, motion, external loads, set-up, and what it finds.
+
+The ground acts on each foot with one force at its centre of pressure,
+
+.. math::
+
+    x = -M_y / F_z, \qquad y = M_x / F_z
+
+of the moment about a point of the belt; heel and toe are taken apart again by the law of the contact at the
+logged state. Support and guide of the pelvis are a load of their own, so that nothing is left over there.
+The moments of hip and knee are what arrives at the leg behind the gear: the torques of the log less what
+accelerates the rotor, :math:`J_{rotor}\,\dot\omega`, which no body of OpenSim has.
+
+With braces the bodies are the wearer's or the device's, and the braces are among the moments. The log has
+the guides of both in one sum, so that what OpenSim finds as ``pelvis_tx_force`` and ``pelvis_tilt_moment`` is
+then what the guide does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.conventions import DEGREES, Convention
+from twin_gait.core.plant import passive_torque
+from twin_gait.exceptions import ParameterError
+from twin_gait.export.opensim import joint_angles
+from twin_gait.export.osim_model import FORMAT, PELVIS, PELVIS_COORDINATES, body_name, osim_text, to_opensim
+from twin_gait.export.storage import write_storage
+from twin_gait.files import write_atomically
+from twin_gait.gait.table import TICK
+from twin_gait.leg_model import LegModel
+from twin_gait.scenario import TreadmillScenario, World
+from twin_gait.simulation.columns import state_columns
+from twin_gait.simulation.pinocchio.plant import PinocchioPlant
+from twin_gait.simulation.run import Run
+from twin_gait.vocabulary import JointName, Side
+
+MODEL_FILE, MOTION_FILE, MOMENTS_FILE = "model.osim", "motion.mot", "joint_moments.sto"
+LOADS_FILE, FORCES_FILE = "external_loads.xml", "external_loads.mot"
+SETUP_FILE, FOUND_FILE = "inverse_dynamics.xml", "inverse_dynamics.sto"
+LEAST_FORCE = 1e-6  # [N]; a lighter contact has no centre of pressure
+
+
+class ExternalLoad(NamedTuple):
+    """What the surroundings do on a body, in the axes of OpenSim.
+
+    Attributes:
+        name: Of the load.
+        body: On which it acts.
+        force: In [N], shape ``(n, 3)``.
+        point: Where it acts, in the world in [m], shape ``(n, 3)``.
+        torque: Beside the force in [N m], shape ``(n, 3)``.
+    """
+
+    name: str
+    body: str
+    force: np.ndarray
+    point: np.ndarray
+    torque: np.ndarray
+
+
+def export_inverse_dynamics(
+    run: Run, folder: Path, convention: Convention, *, device: bool = False
+) -> list[str]:
+    """Write everything that OpenSim needs to find the joint moments of a run.
+
+    ``opensim-cmd run-tool inverse_dynamics.xml`` in the folder then writes ``inverse_dynamics.sto``, to be
+    compared with ``joint_moments.sto``.
+
+    Args:
+        run: The run.
+        folder: An existing, empty folder.
+        convention: Names and signs of the coordinates.
+        device: Whether bodies and motion are the device's where braces bind the wearer to it.
+
+    Returns:
+        Names of the files.
+
+    Raises:
+        ParameterError: If the convention has no column names of its own, or the log is too short.
+        ModelError: If the URDF cannot be read.
+    """
+    if len(run.log) < 2:
+        raise ParameterError(f"log: OpenSim needs two rows or more, this run has {len(run.log)}")
+    world = run.experiment.build_world()
+    time = {"time": run.log["time_s"].to_numpy(dtype=float)}
+    motion = {
+        **time,
+        **joint_angles(run.log, convention, DEGREES, device=device),
+        **_pelvis(run, world, device),
+    }
+    gravity = run.experiment.plant.gravity
+    text = osim_text(bodies_of(world, device), run.experiment.name, convention, gravity)
+    write_atomically(folder / MODEL_FILE, text)
+    write_storage(folder / MOTION_FILE, motion, in_degrees=True)
+    write_storage(
+        folder / MOMENTS_FILE, {**time, **joint_moments(run, world, convention, device)}, in_degrees=False
+    )
+    loads = external_loads(run, world, device=device)
+    if loads:
+        write_storage(folder / FORCES_FILE, {**time, **_load_columns(loads)}, in_degrees=False)
+        write_atomically(folder / LOADS_FILE, _document(_loads_element(loads)))
+    write_atomically(folder / SETUP_FILE, _document(_setup_element(time["time"], bool(loads))))
+    return [MODEL_FILE, MOTION_FILE, MOMENTS_FILE, *([FORCES_FILE, LOADS_FILE] if loads else []), SETUP_FILE]
+
+
+def bodies_of(world: World, device: bool) -> LegModel:
+    """Whose bodies are written: with braces the wearer's or the device's, else those of both in one."""
+    if world.braces is None:
+        return world.model
+    return world.braces.device if device else world.braces.wearer
+
+
+# ---------------------------------------------------------------------- loads
+
+
+def external_loads(run: Run, world: World, *, device: bool = False) -> list[ExternalLoad]:
+    """What ground, support and guide do; nothing on the bench.
+
+    Args:
+        run: The run.
+        world: Of its experiment.
+        device: Whether the bodies are the device's where braces bind the wearer to it.
+
+    Returns:
+        A load for each foot on the ground, and one for the pelvis.
+    """
+    if world.model.pelvis_index is None:
+        return []
+    feet = [] if device and world.braces is not None else list(_ground_loads(run, world))
+    return [*feet, _pelvis_load(run, world, device)]
+
+
+def _ground_loads(run: Run, world: World) -> Iterator[ExternalLoad]:
+    turn = to_opensim(world.model.up_axis)
+    for side, wrench in _ground_wrenches(run, world).items():
+        # A belt that did not run as the scenario says pulled otherwise; the log has what it did.
+        wrench[:, 0] = run.log[f"{side}_foot_friction_force_N"].to_numpy()
+        force, moment = wrench[:, :3], wrench[:, 3:]
+        point = _centres_of_pressure(force, moment)
+        free = moment - np.cross(point, force)
+        body = body_name(side, JointName.ANKLE)
+        yield ExternalLoad(f"ground_{str(side)[0]}", body, force @ turn.T, point @ turn.T, free @ turn.T)
+
+
+def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
+    """Force and moment about the origin on each foot, shape ``(n, 6)``."""
+    scenario, plant = run.experiment.scenario, PinocchioPlant(world)
+    assert isinstance(scenario, TreadmillScenario)  # the only world whose pelvis moves
+    positions, velocities = state_columns(world.model)
+    if world.braces is not None:
+        own = state_columns(world.model, wearer=True)
+        positions, velocities = positions + own[0], velocities + own[1]
+    q, v = run.log[positions].to_numpy(dtype=float), run.log[velocities].to_numpy(dtype=float)
+    found = {side: np.zeros((len(q), 6)) for side in plant.feet}
+    tripped = math.inf if run.trip is None else run.trip.time
+    for tick in range(len(q)):
+        plant.belt_speed = scenario.belt_speed_at(tick * TICK, tripped)
+        plant.update_contacts(q[tick], v[tick])
+        for side, rows in found.items():
+            if plant.normal_force[side] > 0.0:
+                rows[tick] = plant.ground_wrench(side)
+    return found
+
+
+def _centres_of_pressure(force: np.ndarray, moment: np.ndarray) -> np.ndarray:
+    """Where the moment of the ground has no horizontal part; in the air where it was or will be."""
+    loaded = force[:, 2] > LEAST_FORCE
+    point = np.full(force.shape, np.nan)
+    point[loaded, 0] = -moment[loaded, 1] / force[loaded, 2]
+    point[loaded, 1] = moment[loaded, 0] / force[loaded, 2]
+    point[:, 2] = 0.0
+    return np.asarray(pd.DataFrame(point).ffill().bfill().fillna(0.0).to_numpy())
+
+
+def _pelvis_load(run: Run, world: World, device: bool) -> ExternalLoad:
+    log, zero = run.log, np.zeros(len(run.log))
+    own = world.braces is not None and not device
+    height = log["wearer_pelvis_height_m" if own else "pelvis_height_m"].to_numpy()
+    if world.braces is None:
+        along, moment = log["guide_force_N"].to_numpy(), log["guide_moment_Nm"].to_numpy()
+        up = log["support_force_N"].to_numpy()
+    else:
+        along, moment, brace = zero, zero, log["pelvis_brace_force_N"].to_numpy()
+        up = -brace if device else log["support_force_N"].to_numpy() + brace
+    turn = to_opensim(world.model.up_axis)
+    force, point, torque = (
+        np.column_stack(parts) @ turn.T
+        for parts in ((along, zero, up), (zero, zero, height), (zero, moment, zero))
+    )
+    return ExternalLoad("harness", PELVIS, force, point, torque)
+
+
+# ---------------------------------------------------------------------- motion and moments
+
+
+def _pelvis(run: Run, world: World, device: bool) -> dict[str, np.ndarray]:
+    index = world.model.pelvis_index
+    if index is None:
+        return {}
+    positions, _ = state_columns(world.model, wearer=world.braces is not None and not device)
+    still = np.zeros(len(run.log))
+    return dict(zip(PELVIS_COORDINATES, (still, still, run.log[positions[index]].to_numpy()), strict=True))
+
+
+def joint_moments(run: Run, world: World, convention: Convention, device: bool) -> dict[str, np.ndarray]:
+    """Moments at the joints of the bodies that are written, as OpenSim names and counts them.
+
+    Args:
+        run: The run.
+        world: Of its experiment.
+        convention: Names and signs of the coordinates.
+        device: Whether the bodies are the device's where braces bind the wearer to it.
+
+    Returns:
+        In [N m] by column, shape ``(n,)`` each.
+    """
+    moments = {}
+    for side, leg in world.model.legs.items():
+        for joint, _ in leg.items():
+            moment = convention.signs.get(joint, 1.0) * _joint_moment(run, world, side, joint, device)
+            moments[f"{convention.columns[side, joint]}_moment"] = moment
+    return moments
+
+
+def _joint_moment(run: Run, world: World, side: Side, joint: JointName, device: bool) -> np.ndarray:
+    name, log = f"{side}_{joint}", run.log
+    wearers = log[f"{name}_patient_torque_Nm"].to_numpy() if f"{name}_patient_torque_Nm" in log else 0.0
+    if world.braces is not None:
+        brace = log[f"{name}_brace_torque_Nm"].to_numpy()
+        return np.asarray(_device_moment(run, world, side, joint) - brace if device else wearers + brace)
+    return np.asarray(_device_moment(run, world, side, joint) + wearers)
+
+
+def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.ndarray:
+    """Motor, friction and stop less what the rotor takes; of an ankle, orthosis and stop."""
+    name, log, index = f"{side}_{joint}", run.log, world.model.index(side, joint)
+    velocity = log[f"{name}_velocity_rad_per_s"].to_numpy()
+    if f"{name}_motor_torque_Nm" not in log:
+        # The log has the orthosis without its stops.
+        row = world.plant_rows[index].tolist()
+        states = zip(log[f"{name}_angle_rad"].tolist(), velocity.tolist(), strict=True)
+        return np.array([sum(passive_torque(angle, speed, 0.0, *row)) for angle, speed in states])
+    motor, friction, stop = (
+        log[f"{name}_{part}_torque_Nm"].to_numpy() for part in ("motor", "friction", "stop")
+    )
+    # The log has the motor from its tick on, an acceleration at the tick is the mean of before and after.
+    held = np.concatenate((motor[:1], 0.5 * (motor[1:] + motor[:-1])))
+    rotor = run.experiment.plant.actuators[joint].armature * np.gradient(velocity, TICK)
+    return np.asarray(held + friction + stop - rotor)
+
+
+# ---------------------------------------------------------------------- files
+
+
+def _load_columns(loads: list[ExternalLoad]) -> Mapping[str, np.ndarray]:
+    return {
+        f"{load.name}_{kind}{axis}": values[:, column]
+        for load in loads
+        for kind, values in (("v", load.force), ("p", load.point), ("torque_", load.torque))
+        for column, axis in enumerate("xyz")
+    }
+
+
+def _loads_element(loads: list[ExternalLoad]) -> ElementTree.Element:
+    element = ElementTree.Element("ExternalLoads", name="externalloads")
+    objects = ElementTree.SubElement(element, "objects")
+    for load in loads:
+        entry = ElementTree.SubElement(objects, "ExternalForce", name=load.name)
+        for key, text in (
+            ("applied_to_body", load.body),
+            ("force_expressed_in_body", "ground"),
+            ("point_expressed_in_body", "ground"),
+            ("force_identifier", f"{load.name}_v"),
+            ("point_identifier", f"{load.name}_p"),
+            ("torque_identifier", f"{load.name}_torque_"),
+        ):
+            ElementTree.SubElement(entry, key).text = text
+    ElementTree.SubElement(element, "datafile").text = FORCES_FILE
+    return element
+
+
+def _setup_element(time: np.ndarray, loaded: bool) -> ElementTree.Element:
+    element = ElementTree.Element("InverseDynamicsTool", name="twin_gait")
+    for key, text in (
+        ("results_directory", "."),
+        ("model_file", MODEL_FILE),
+        ("time_range", f"{float(time[0])!r} {float(time[-1])!r}"),
+        ("forces_to_exclude", "Muscles"),
+        ("external_loads_file", LOADS_FILE if loaded else ""),
+        ("coordinates_file", MOTION_FILE),
+        ("lowpass_cutoff_frequency_for_coordinates", "-1"),
+        ("output_gen_force_file", FOUND_FILE),
+    ):
+        ElementTree.SubElement(element, key).text = text
+    return element
+
+
+def _document(element: ElementTree.Element) -> str:
+    document = ElementTree.Element("OpenSimDocument", Version=FORMAT)
+    document.append(element)
+    ElementTree.indent(document)
+    return (
+        '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(document, encoding="unicode") + "\n"
+    )

@@ -1,0 +1,104 @@
+"""Which way the joints of a URDF turn, and joints that turn the other way."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from twin_gait.leg_model.joints import LegJoints
+from twin_gait.vocabulary import JointName, Side
+
+FORWARD = np.array([1.0, 0.0, 0.0])
+# About the axis to the left, by the right-hand rule: hip flexion takes the thigh from down to forward, knee
+# flexion the shank from down to backward, dorsiflexion the toes from forward to up.
+_FLEXION = {JointName.HIP: -1.0, JointName.KNEE: 1.0, JointName.ANKLE: -1.0}
+_WRONG_WAY = {
+    JointName.HIP: "moves the ankle backward",
+    JointName.KNEE: "moves the ankle forward",
+    JointName.ANKLE: "moves the toes down",
+}
+_SIDEWAYS = 0.5  # an axis more than 60° off the line from left to right tells no sign
+
+
+class ReversedJointWarning(UserWarning):
+    """A joint of a URDF turns the other way than this package counts."""
+
+
+def plain_names(legs: Mapping[Side, LegJoints], known: Collection[str]) -> dict[Side, LegJoints]:
+    """Joint names without the sign in front of them.
+
+    Args:
+        legs: Names as the user gave them.
+        known: Joints of the URDF; a name that begins with a sign there keeps it.
+
+    Returns:
+        Names of the URDF.
+    """
+
+    def plain(name: str) -> str:
+        return name[1:] if name[:1] in ("-", "+") and name not in known else name
+
+    return {
+        side: replace(
+            leg,
+            hip=plain(leg.hip),
+            knee=plain(leg.knee),
+            ankle=None if leg.ankle is None else plain(leg.ankle),
+        )
+        for side, leg in legs.items()
+    }
+
+
+def reversed_joints(
+    path: Path, model: pin.Model, legs: Mapping[Side, LegJoints], up: np.ndarray
+) -> frozenset[str]:
+    """Joints whose angle has to change its sign, so that flexion and dorsiflexion are positive.
+
+    A minus in front of a name says that it has to, a plus that it has not. Without a sign the joint's axis at
+    zero posture decides, and a warning says so.
+
+    Args:
+        path: Of the URDF, for messages.
+        model: As the URDF has it, x forward.
+        legs: Names as the user gave them.
+        up: Unit vector that points up, shape ``(3,)``.
+
+    Returns:
+        Their names in the URDF.
+    """
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    left = np.cross(up, FORWARD)
+    found = set()
+    for side, leg in plain_names(legs, model.names).items():
+        for (joint, name), (_, given) in zip(leg.items(), legs[side].items(), strict=True):
+            index = model.getJointId(name)
+            jacobian = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+            flexes = _FLEXION[joint] * float(left @ jacobian[3:, model.joints[index].idx_v])
+            sign = given.removesuffix(name)
+            if sign == "-" or (not sign and flexes < -_SIDEWAYS):
+                found.add(name)
+            problem = ""
+            if not sign and flexes < -_SIDEWAYS:
+                problem = (
+                    f"positive {name} {_WRONG_WAY[joint]}, so it is taken as -{name} "
+                    f"({_range(model, index)}); write {joint}: -{name} to say so, or +{name} to keep it"
+                )
+            elif sign == "-" and flexes > _SIDEWAYS:
+                problem = f"positive {given} {_WRONG_WAY[joint]}; write {name} unless that is meant"
+            if problem:
+                warnings.warn(f"{path}: {side} {joint}: {problem}", ReversedJointWarning, stacklevel=1)
+    return frozenset(found)
+
+
+def _range(model: pin.Model, index: int) -> str:
+    """Limits of a joint that is taken the other way round."""
+    place = model.joints[index].idx_q
+    low, high = -model.upperPositionLimit[place], -model.lowerPositionLimit[place]
+    return f"{math.degrees(low):.0f}° to {math.degrees(high):.0f}°"

@@ -1,0 +1,73 @@
+// ---- a model and its joints: the sliders stand where a run has its curves ---------------------------
+
+const joints = {
+  stage: null, rows: [],
+
+  async open({ runs: [page] }) {
+    // What only moves with time is hidden, as on a live page that shows no legs.
+    document.body.classList.add("live", "still");
+    document.title = page.title;
+    this.stage = new Stage("Model");
+    new Readout(this.stage.head).build(page);
+    this.build(page.joints);
+    this.stage.open();
+    this.stage.floor = page.floor;
+    this.stage.take(await inflate(page.scene));
+    this.stage.paint();
+    this.reset();
+    this.stage.look(page.view);
+    element("view").onclick = () => this.stage.look(page.view);
+    window.addEventListener("keydown", (event) => this.key(event));
+  },
+
+  build(entries) {
+    const card = element("plots"), head = make("div"), zero = make("button", "small", "Zero"), list = make("div", "rows");
+    head.id = "plot-tools";
+    zero.type = "button";
+    zero.title = "Every joint to zero, or to its limit that is nearest (Z)";
+    zero.onclick = () => this.reset();
+    head.append(make("h2", "grow", "Joints"), zero);
+    this.rows = entries.map((entry) => this.row(entry, list));
+    card.setAttribute("aria-label", "Joints");
+    card.replaceChildren(head, list);
+    document.body.classList.toggle("posed", entries.length > 0);
+  },
+
+  // Turns are told in degrees, ways in millimetres.
+  row(entry, list) {
+    const [factor, unit, digits] = entry.slides ? [1000, "\u202fmm", 1] : [180 / Math.PI, "°", 1];
+    const label = make("label", "joint"), slider = make("input"), told = make("output");
+    const end = (value) => make("span", "end", entry.free ? "" : number(factor * value, 0) + unit);
+    Object.assign(slider, { type: "range", min: factor * entry.lower, max: factor * entry.upper, step: "any" });
+    label.append(make("span", "name", entry.name), told, end(entry.lower), slider, end(entry.upper));
+    label.title = entry.name + (entry.free ? " (no limits)" : "");
+    list.append(label);
+    const row = { entry, slider, set: (value) => {
+      slider.value = value;
+      told.textContent = number(Number(slider.value), digits) + unit;
+      slider.setAttribute("aria-valuetext", told.textContent);
+      this.move(entry, Number(slider.value) / factor);
+    } };
+    slider.oninput = () => row.set(slider.value);
+    slider.ondblclick = () => row.set(0);
+    return row;
+  },
+
+  // The group of a joint lies where the file puts it, turned or shifted along the axis.
+  move({ path, slides, axis, position, quaternion }, value) {
+    const { Quaternion, Vector3 } = MeshCat.THREE, along = new Vector3(...axis), rest = new Quaternion(...quaternion);
+    const [name, moved] = slides
+      ? ["position", along.applyQuaternion(rest).multiplyScalar(value).add(new Vector3(...position))]
+      : ["quaternion", rest.multiply(new Quaternion().setFromAxisAngle(along, value))];
+    this.stage.viewer.handle_command({ type: "set_property", path, property: name, value: moved.toArray() });
+  },
+
+  reset() { for (const row of this.rows) row.set(0); },
+
+  key(event) {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    if (event.key === "z") this.reset();
+    if (event.key === "r") element("view").click();
+    if (event.key === "t") element("theme").click();
+  },
+};
