@@ -186,7 +186,7 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
     session = LiveSession(loaded, tmp_path / "run", user="Ann", database=database, pictures=False)
     with session:
         changed = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
-        wait_for(lambda: json.loads(session.newest_frame().text)["tick"] > 1800)
+        wait_for(lambda: json.loads(session.newest_frame().text)["tick"] > changed.tick + MOST_LOST)
         os.kill(session.pid, signal.SIGKILL)
         wait_for(lambda: not session.alive)
         last = json.loads(session.newest_frame().text)

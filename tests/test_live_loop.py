@@ -78,7 +78,7 @@ def test_messages_are_read_as_they_were_meant():
         ("[" * 3000, "expected JSON"),
         ("[]", "expected an object"),
         ('"set"', "expected an object"),
-        ('{"kind": "get", "id": "1"}', "kind: expected set or do, got 'get'"),
+        ('{"kind": "get", "id": "1"}', "kind: expected set, try or do, got 'get'"),
         ('{"kind": "set", "id": "", "control": "a", "value": 1}', "id: expected a text of 1 to 64"),
         ('{"kind": "set", "id": 1, "control": "a", "value": 1}', "id: expected a text"),
         ('{"kind": "set", "id": "1", "control": "a\\u0000", "value": 1}', "control: expected a text"),

@@ -310,14 +310,12 @@ class SteppedRun:
     def _values(self, name: str) -> np.ndarray:
         """What fades under a name."""
         inputs = self._inputs
+        found: np.ndarray = inputs.phase_rows if name == "phase_rows" else inputs.target_torque
         if name == "belt_speed":
-            values: np.ndarray = inputs.belt[BELT_CRUISE : BELT_CRUISE + 1]
-            return values
+            found = inputs.belt[BELT_CRUISE : BELT_CRUISE + 1]
         if name == "support":
             assert self._hung is not None  # set_support_force() has looked
-            row: np.ndarray = inputs.plant_rows[self._hung]
-            return row[CONSTANT_FORCE : CONSTANT_FORCE + 1]
-        found: np.ndarray = inputs.phase_rows if name == "phase_rows" else inputs.target_torque
+            found = inputs.plant_rows[self._hung, CONSTANT_FORCE : CONSTANT_FORCE + 1]
         return found
 
     def _fade(self, name: str, target: np.ndarray, ticks: int) -> None:

@@ -23,6 +23,8 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.experiment import Experiment
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
+from twin_gait.measures.leg_record import LegRecord, leg_record
+from twin_gait.measures.verdict import gait_verdict
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import Run, RunStatus, log_table
@@ -30,12 +32,12 @@ from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.live.protocol import dump
 from twin_gait.studies.live.walk import LiveWalk
 from twin_gait.studies.summary.side import summarise_side
+from twin_gait.vocabulary import Outcome
 
 HORIZON = 20_000  # ticks that are looked ahead at most
 LEAST = 8_000  # ticks that are looked ahead in any case: four strides; a change that fells does so by then
 BUDGET = 0.25  # [s] of computing after which the look ahead ends where it is
 PIECE_TICKS, BLOCK_TICKS = 250, 10  # that are run at a time: usually, and while steps wait for a hand
-STALLED_AFTER = 6.0  # [s] without a whole stride, three strides' time
 NICENESS = 5  # the walk goes first
 
 
@@ -45,7 +47,7 @@ class Forecast:
 
     Attributes:
         text: In one sentence.
-        bad: Whether the wearer falls, the monitor trips, the walk stalls or the state diverges.
+        bad: Whether the wearer falls or hangs, the monitor trips, the walk stalls or the state diverges.
         horizon_s: How far ahead was looked, in [s].
         rmse_deg: Mean deviation of both sides from the reference by joint in [deg] RMS, from the second
             stride on; None where there is no reference or no stride.
@@ -84,33 +86,31 @@ def foresee(
     least = min(LEAST, horizon)
     first = _run_ahead(walk, moment, numbers, range(least, horizon + 1), lambda: now() > until)
     run, begun = walk.run, "after a new start " if first == 0 and moment["run"]["tick"] > 0 else ""
-    ends = _endings(walk, first)
-    ahead = (run.tick - first) * TICK
-    sides = _sides(walk, first, numbers)
-    strides = min(item["strides" if item["strides"] is not None else "strides_by_phase"] for item in sides)
-    walks = numbers["watching"] and not run.waiting()
-    stalls = bool(not ends and walks and strides == 0 and ahead >= STALLED_AFTER)
-    found = {
-        "bad": bool(ends) or stalls,
-        "horizon_s": ahead,
-        "rmse_deg": _deviations(sides),
-        "saturated_share": max(
-            joint["saturated_share"] for side in sides for joint in side["joints"].values()
-        ),
-    }
+    ends, ahead = _endings(walk, first), f"for the {(run.tick - first) * TICK:.0f} s looked ahead"
+    shown = _shown(walk, first, numbers)
+    records = _records(shown, first)
+    sides = [summarise_side(shown, record.side, 1, record) for record in records]
+    verdict, bad = gait_verdict(records), bool(ends)
     if ends:
-        # Last, as it lets the walk forget the change.
-        anyway = begun == "" and _ends_anyway(walk, moment, run.tick - first)
-        told = " and ".join(ends) + (", as it does without the change" if anyway else "")
-    elif stalls:
-        told = f"stalls: no stride within {ahead:.0f} s"
+        told = " and ".join(ends)
+        # The look without the change comes last: the walk forgets the change over it.
+        if begun == "" and _ends_anyway(walk, moment, run.tick - first):
+            told += ", as it does without the change"
     elif not numbers["watching"]:
-        told = f"stays up for the {ahead:.0f} s looked ahead"
+        told = f"stays up {ahead}"
     elif run.waiting():
-        told = f"waits for a step within the {ahead:.0f} s looked ahead"
+        told = f"waits for a step {ahead}"
+    elif verdict.outcome is Outcome.WALKED:
+        told = f"walks on {ahead}"
     else:
-        told = f"walks on for the {ahead:.0f} s looked ahead"
-    return Forecast(text=begun + told, **found)
+        told, bad = f"{verdict.outcome} {ahead}: {verdict.reason}", True
+    return Forecast(
+        text=begun + told,
+        bad=bad,
+        horizon_s=len(shown.log) * TICK,
+        rmse_deg=_deviations(sides),
+        saturated_share=max(item["saturated_share"] for side in sides for item in side["joints"].values()),
+    )
 
 
 def _run_ahead(
@@ -159,21 +159,26 @@ def _ends_anyway(walk: LiveWalk, moment: Mapping[str, Any], ticks: int) -> bool:
     return bool(_endings(walk, first))
 
 
-def _sides(walk: LiveWalk, first: int, numbers: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Both legs in numbers, from the first tick on."""
+def _shown(walk: LiveWalk, first: int, numbers: Mapping[str, Any]) -> Run:
+    """What was looked ahead, as a run that begins with its first tick."""
     run, problem = walk.run, walk.run.problem
-    rows = run.rows(first)
-    shown = Run(
+    return Run(
         experiment=_at_speed(problem.experiment, numbers["belt_speed"]),
         table=problem.table,
-        log=log_table(rows, run.layout, problem.table),
+        log=log_table(run.rows(first), run.layout, problem.table),
         switches=tuple(item._replace(tick=item.tick - first) for item in run.switches()),
         status=run.status,
         reason=run.reason,
         wall_s=0.0,
         body_weight=problem.world.body_weight,
     )
-    return [summarise_side(shown, side, 1, since=first * TICK) for side in shown.sides]
+
+
+def _records(shown: Run, first: int) -> list[LegRecord]:
+    """Both legs, with the time of even walking counted from the first tick."""
+    begin, end = (max(time - first * TICK, 0.0) for time in shown.experiment.steady)
+    names = shown.table.phase_names
+    return [leg_record(shown.log, side, names, TICK, steady=(begin, end)) for side in shown.sides]
 
 
 def _at_speed(experiment: Experiment, speed: float | None) -> Experiment:

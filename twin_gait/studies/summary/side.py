@@ -36,21 +36,20 @@ from twin_gait.vocabulary import JointName, Side
 SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start's
 
 
-def summarise_side(run: Run, side: Side, skip: int, *, since: float = 0.0) -> dict[str, Any]:
+def summarise_side(run: Run, side: Side, skip: int, record: LegRecord | None = None) -> dict[str, Any]:
     """Gait and effort of one leg.
 
     Args:
         run: The run.
         side: The leg.
         skip: Strides at the start that do not count.
-        since: Time of the experiment at the first row of the log in [s].
+        record: The leg as gait measures read it, where the log begins later than the experiment.
 
     Returns:
         Numbers by name; NaN or None where a number is not defined.
     """
-    begin, end = run.steady
-    steady = (begin - since, end - since)
-    record = leg_record(run.log, side, run.table.phase_names, TICK, steady=steady)
+    if record is None:
+        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
     return {
         **_by_contact(run, record, skip),
         **_by_phase(run, record, skip),
