@@ -65,7 +65,7 @@ class TreadmillScenario:
         require(
             math.isfinite(self.belt_speed) and 0.0 < self.belt_speed <= 2.0,
             "belt speed",
-            "above 0 and at most 2 m/s",
+            "above 0 and at most 2 m/s (7.2 km/h)",
             self.belt_speed,
         )
         require(self.stop_ramp > 0.0, "stop_ramp", "a time above 0", self.stop_ramp)
