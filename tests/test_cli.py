@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,7 +16,9 @@ import pytest
 
 from twin_gait import load_experiment
 from twin_gait.cli import main
+from twin_gait.cli.program import build_parser
 from twin_gait.configuration.documents import dump_yaml
+from twin_gait.configuration.table_inheritance import packaged_table_path
 
 FAST = ["--no-pictures"]
 
@@ -62,6 +66,26 @@ def test_export_to_csv(bench_run, tmp_path):
     assert run("export", str(bench_run), "--to", "csv", "--out", str(out)) == 2  # it exists now
 
 
+@pytest.mark.parametrize(
+    ("arguments", "written"),
+    [
+        ([], "log.csv"),
+        (["--out", "walk.sto"], "walk.sto"),
+        (["--out", "walk.mot"], "walk.mot"),
+        (["--out", "walk.txt"], "walk.txt"),
+        (["--convention", "rajagopal"], "log.mot"),
+    ],
+)
+def test_export_without_a_format_goes_by_the_ending(arguments, written, bench_run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    copy = tmp_path / "run"
+    shutil.copytree(bench_run, copy)
+    assert run("export", str(copy), *arguments) == 0
+    path = copy / written if "--out" not in arguments else tmp_path / written
+    first = path.read_text().splitlines()[0]
+    assert first.startswith("time_s,") == (path.suffix in (".csv", ".txt"))
+
+
 def test_view_plays_a_run_once_and_ends(bench_run):
     command = [sys.executable, "-m", "twin_gait", "view", str(bench_run), "--once", "--speed", "4"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
@@ -88,6 +112,15 @@ def test_presets_are_listed_and_printed(capsys):
     assert "treadmill" in listed and "bench_leg" in listed
     assert run("presets", "treadmill") == 0
     assert "belt_speed_km_per_h: 1.5" in capsys.readouterr().out
+
+
+def test_a_gait_table_is_printed_as_its_file_and_can_be_checked(tmp_path, capsys):
+    assert run("presets", "sup_2009") == 0
+    printed = capsys.readouterr().out
+    assert printed == packaged_table_path("sup_2009").read_text(encoding="utf-8")
+    assert run("presets", "treadmill", "--table") == 0  # a preset has that name too
+    assert capsys.readouterr().out == packaged_table_path("treadmill").read_text(encoding="utf-8")
+    assert run("presets", "moonwalk", "--table") == 2
 
 
 def test_a_printed_preset_runs_unchanged(tmp_path, capsys):
@@ -117,6 +150,9 @@ BAD = {
     "view port": ["view", "nowhere", "--port", "70000"],
     "export nothing": ["export", "nowhere", "--to", "csv"],
     "export format": ["export", "nowhere", "--to", "xlsx"],
+    "mass of no number": ["simulate", "--mass", "heavy"],
+    "mass beyond the device": ["simulate", "--mass", "200"],
+    "no such table": ["presets", "moonwalk"],
     "map workers": ["map", "--workers", "0"],
     "faults workers": ["faults", "--workers", "-1"],
     "faults into a folder": ["faults", "--out", "."],
@@ -232,9 +268,36 @@ def test_help_answers_without_loading_the_physics():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
-def test_accuracy_reports_the_step_error(tmp_path):
+def test_accuracy_reports_the_step_error(tmp_path, capsys):
     out = tmp_path / "run"
     assert run("simulate", "bench_leg", "--duration", "0.4", "--accuracy", "--out", str(out), *FAST) == 0
     accuracy = json.loads((out / "summary.json").read_text())["accuracy"]
     assert accuracy["reference_step_s"] == pytest.approx(accuracy["step_s"] / 10)
     assert 0.0 < accuracy["largest_angle_error_rad"] < 1e-2
+    largest = f"{math.degrees(accuracy['largest_angle_error_rad']):.2g}°"
+    assert f"moves hip and knee by up to {largest}" in capsys.readouterr().out
+
+
+def test_accuracy_of_a_run_that_did_not_complete_is_said_to_be_missing(tmp_path, capsys):
+    arguments = ["simulate", "--duration", "4", *FALLS, *FAST, "--unchecked", "--accuracy"]
+    assert run(*arguments, "--out", str(tmp_path / "run")) == 0
+    assert "no accuracy: the run fell" in capsys.readouterr().out
+
+
+def test_wearer_belt_and_support_have_flags_of_their_own(tmp_path):
+    out = tmp_path / "run"
+    flags = ["--mass", "80", "--height", "1.8", "--speed", "1.8", "--support", "50%"]
+    assert run("simulate", "--duration", "0.02", *flags, "--out", str(out), *FAST) == 0
+    made = load_experiment(out).experiment
+    assert (made.patient.mass, made.patient.height) == (80.0, 1.8)
+    assert made.scenario.belt_speed == pytest.approx(0.5, rel=1e-15)
+    assert made.scenario.support.share == 0.5
+
+
+def test_flags_and_settings_count_in_their_order():
+    def settings(*arguments):
+        return build_parser().parse_args(["simulate", *arguments]).settings
+
+    assert settings("--set", "patient.mass_kg=70", "--mass", "80")[-1] == "patient.mass_kg=80.0"
+    assert settings("--mass", "80", "--set", "patient.mass_kg=70")[-1] == "patient.mass_kg=70"
+    assert settings("--support", "0.4") == ["scenario.support.share=0.4"]

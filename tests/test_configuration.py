@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -156,11 +157,16 @@ def test_assignment_values_are_yaml():
 
 
 BAD_SETTINGS = {
+    "speed=0.8": "did you mean 'scenario.belt_speed_m_per_s' or 'scenario.belt_speed_km_per_h'",
+    "scenario.speed=2": "scenario.speed: unknown key; did you mean 'belt_speed_m_per_s'",
+    "mass=80": "did you mean 'patient.mass_kg'",
+    "voltage=24": "did you mean 'plant.battery.voltage_V'",
+    "sead=1": "did you mean 'seed'",
     "patient.mass=3": "did you mean 'mass_kg'",
     "patient.mass_kg=-3": "30 to 110 kg",
     "patient.mass_kg=heavy": "valid number",
     "patient.mass_kg=true": "expected a number",
-    "patient.height_m=3": "1.40 to 2.05",
+    "patient.height_m=3": "1.464 to 1.951 m",
     "patient.segment_model=dempster": "'de_leva' or 'winter'",
     "plant.friction_ratio.knee=-1": "friction_ratio of the knee",
     "plant.load_friction.hip=1": "load_friction of the hip",
@@ -290,3 +296,30 @@ def test_each_level_replaces_a_quantity_of_the_one_below_whatever_its_unit(tmp_p
 def test_of_two_settings_with_the_same_key_the_last_one_counts():
     settings = ["scenario.belt_speed_m_per_s=0.4", "scenario.belt_speed_m_per_s=0.5"]
     assert load_experiment("treadmill", settings).experiment.scenario.belt_speed == 0.5
+
+
+@pytest.mark.parametrize(
+    ("key", "outside"),
+    [
+        ("patient.mass_kg", 29),
+        ("patient.height_m", 1.46),
+        ("patient.height_m", 3),
+        ("patient.effort_delay_s", 2),
+        ("patient.both.knee.passive", 4),
+        ("scenario.support.share", 1.2),
+        ("duration_s", 1e9),
+    ],
+)
+def test_a_message_with_a_range_states_the_range_that_is_applied(key, outside):
+    def refusal(value):
+        try:
+            load_experiment("treadmill", [f"{key}={value!r}"]).experiment.build_world()
+        except TwinGaitError as error:
+            return str(error)
+        return ""
+
+    found = re.search(r"expected .*?([\d.]+) to ([\d.]+)", refusal(outside))
+    assert found is not None
+    low, high = map(float, found.groups())
+    assert refusal(low) == refusal(high) == ""
+    assert refusal(low * 0.999 or -0.001) and refusal(high * 1.001)

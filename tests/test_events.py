@@ -6,6 +6,11 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.measures.events import EventKind, held_from, run_events
+from twin_gait.scenario.faults import parse_fault
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.studies.live.finishing import run_of
+from twin_gait.studies.live.pieces import AppliedChange, Take
 from twin_gait.studies.record import load_run, write_run
 
 STRUCK, NEVER = "encoder_freeze:right_knee@0.7s", "supply_dip@1.4s"
@@ -58,3 +63,19 @@ def test_a_run_that_went_well_has_no_events(status, kinds):
     events = run_events((), None, status, 2.0)
     assert [event.kind for event in events] == kinds
     assert held_from(events) is None
+
+
+def test_a_fault_that_somebody_let_strike_in_a_live_walk_is_one_of_its_events(tmp_path):
+    given = "faults=['supply_dip@1.4s']"  # later than the end of the walk
+    problem = build_problem(load_experiment("bench_leg", [given, "duration_s=1.5"]).experiment)
+    run = SteppedRun(problem)
+    run.advance(730)
+    run.inject(parse_fault("encoder_offset:right_hip@0s=-8deg"))
+    run.advance(300)
+    note = {"subject": "fault", "fault": "encoder_offset:right_hip@0s=-8deg"}
+    kept = run_of(Take(run.result(), [AppliedChange(730, note)]), problem)
+    fault, trip = kept.events
+    assert (fault.kind, fault.time, fault.text) == ("fault", 0.73, "fault: encoder offset, right hip")
+    assert trip.time == kept.trip.time >= 0.73
+    write_run(kept, tmp_path, pictures=False)
+    assert load_run(tmp_path).events == kept.events

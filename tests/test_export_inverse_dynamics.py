@@ -192,7 +192,7 @@ def test_the_ground_carries_each_foot_within_its_sole(walk):
     for side in Side:
         name = f"ground_{side[0]}"
         assert np.abs(data[f"{name}_vy"] - log[f"{side}_foot_normal_force_N"]).max() < 1e-6
-        assert (data[f"{name}_vx"] == log[f"{side}_foot_friction_force_N"]).all()
+        assert np.abs(data[f"{name}_vx"] - log[f"{side}_foot_friction_force_N"]).max() < 1e-6
         loaded = np.flatnonzero(log[f"{side}_foot_normal_force_N"] > 20.0)[::50]
         for row in loaded:
             q = np.zeros(model.nv)
@@ -235,6 +235,17 @@ def test_with_braces_the_bodies_are_the_wearers_or_the_devices(tmp_path, device)
     assert pin.computeTotalMass(folder.model) == pytest.approx(chain.total_mass)
     found = inverse_dynamics(folder)
     assert rms(found["pelvis_ty"]) < FORCE_TOLERANCE
+    for name in folder.moments.columns[1:]:
+        assert rms(folder.moments[name] - found[name.removesuffix("_moment")]) < MOMENT_TOLERANCE, name
+
+
+def test_a_belt_that_a_trip_brings_to_rest_pulls_as_it_did(tmp_path):
+    fault = "faults=['encoder_freeze:left_knee@2s']"
+    run = simulate(load_experiment("treadmill", [fault, "duration_s=4"]).experiment)
+    assert run.trip is not None and run.trip.time < 3.0
+    export_inverse_dynamics(run, tmp_path, OPENSIM_GAIT2392)
+    folder = Folder(tmp_path, run)
+    found = inverse_dynamics(folder)
     for name in folder.moments.columns[1:]:
         assert rms(folder.moments[name] - found[name.removesuffix("_moment")]) < MOMENT_TOLERANCE, name
 

@@ -177,3 +177,39 @@ def test_a_series_needs_no_option_but_the_column_names(tmp_path):
     document = json.loads((out / "identification.json").read_text())
     assert document["tests"][0]["samples"]["used"] == 400  # plain series keep every sample
     assert document["models"][0]["cross_validation"][0]["left_out"] == "piece"
+
+
+def test_what_keeps_the_parameter_files_from_being_written_is_said(tmp_path, capsys):
+    log = write_series(tmp_path / "arm.csv", 0)
+    assert call(log, *COLUMNS, "--out", tmp_path / "a", "--no-pictures") == DONE
+    assert (
+        "no plant.yaml and no compensator.yaml: say whose friction it is with --joint"
+        in capsys.readouterr().out
+    )
+    other = ("--joint", "knee", "--model", "coulomb_viscous")
+    assert call(log, *COLUMNS, *other, "--out", tmp_path / "b", "--no-pictures") == DONE
+    assert "rotational law, which was not fitted; add --model rotational" in capsys.readouterr().out
+    assert call(log, *COLUMNS, "--joint", "knee", "--out", tmp_path / "c", "--no-pictures") == DONE
+    assert "plant.yaml" not in capsys.readouterr().out
+    assert (tmp_path / "c" / "plant.yaml").is_file()
+
+
+def test_a_mass_that_the_files_overrule_is_said(tmp_path, capsys):
+    for number, (mass, columns) in zip(range(2), campaign(1, tests=1, duration=2.0), strict=False):
+        write_log(tmp_path / f"knee_{number}.log", columns, mass)
+    given = (
+        "--joint",
+        "knee",
+        "--model",
+        "coulomb_viscous",
+        "--no-pictures",
+        "--no-cross-validation",
+        "--mass-kg",
+        "7",
+    )
+    logs = [tmp_path / f"knee_{number}.log" for number in range(2)]
+    assert call(*logs, *given, "--out", tmp_path / "out") == DONE
+    assert (
+        "warning: --mass-kg 7 is overruled by what knee_0.log (1 kg) and 1 more says"
+        in capsys.readouterr().out
+    )

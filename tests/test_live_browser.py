@@ -103,7 +103,8 @@ class Walk:
 class Page:
     """A page of a walk, and everything that it complained about or asked for."""
 
-    def __init__(self, browser: Any, walk: Walk, *, draws: bool = True) -> None:
+    def __init__(self, browser: Any, walk: Walk, *, draws: bool = True, asks: bool = False) -> None:
+        self.asks = asks  # for a forecast before a change
         self.page = browser.new_page(viewport=SMALL)
         self.page.set_default_timeout(1000.0 * PATIENCE)
         self.walk = walk
@@ -127,6 +128,7 @@ class Page:
     def open(self) -> None:
         self.page.goto(self.walk.url)
         self.page.wait_for_selector(".control >> nth=0", state="attached")
+        self.page.locator("#panel-ask input").set_checked(self.asks)
         until(lambda: self.clock() > 0.0, "the first frame")
 
     def tab(self, name: str) -> None:
@@ -380,6 +382,40 @@ def test_a_page_that_outlives_its_session_shows_the_log_of_the_next(page: Page) 
     assert page.page.evaluate(texts) == ["goes on", "begins"]
 
 
+def test_a_change_waits_for_its_forecast_and_apply_and_discard_leaves_the_walk_alone(
+    browser: Any, tmp_path: Path
+) -> None:
+    walk = Walk(tmp_path, "treadmill")
+    name = "swing_flexion.knee.equilibrium"
+    try:
+        page = Page(browser, walk, asks=True)
+        page.wait(3.0)
+        page.tab("table")
+        page.page.click('.chip[data-phase="swing_flexion"]')
+        before, offer = page.value(name), page.page.locator("#panel-forecast")
+        page.type(name, 60.0)
+        offer.wait_for(state="visible")
+        assert "bad" in offer.get_attribute("class") and re.search(
+            r"(falls|trips) after", offer.inner_text().lower()
+        )
+        assert page.value(name) == 60.0 and page.controls()[name]["value"] == pytest.approx(before)
+        page.page.click("[data-forecast=discard]")
+        assert not offer.is_visible() and page.value(name) == before
+        page.row("swing_flexion.knee.gain").locator("input[type=number]").fill("0.41")
+        page.row("swing_flexion.knee.gain").locator("input[type=number]").press("Enter")
+        offer.wait_for(state="visible")
+        assert "bad" not in (offer.get_attribute("class") or "") and "walks on" in offer.inner_text().lower()
+        page.page.click("[data-forecast=apply]")
+        until(lambda: page.controls()["swing_flexion.knee.gain"]["changed"], "the change")
+        page.type(name, 1e3)
+        assert "expected" in page.refusal(name) and page.value(name) == before
+        page.close()
+        assert walk.end() == 0
+    finally:
+        walk.close()
+    assert [item["subject"] for item in read_changes(walk)] == ["swing_flexion.knee.gain"]
+
+
 def test_malformed_unknown_and_oversized_messages_are_refused_and_the_walk_goes_on(page: Page) -> None:
     begun = page.clock()
     wrong = {
@@ -547,7 +583,7 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     page.wait(0.2)
     page.page.focus("#tab-disturb")
     page.page.keyboard.press("Escape")
-    until(lambda: page.status() == "holding", "the hold")
+    until(lambda: page.status() == "held", "the hold")
     page.wait(0.3)
     shown = ("#panel-state", ".alarm", "#panel-log")
     hold = [page.page.locator(name).text_content() for name in shown]
@@ -556,7 +592,7 @@ def session(browser: Any, treadmill: Walk, joint_paths: dict[str, str]) -> dict[
     until(lambda: page.status() == "walking" and page.clock() > 0.2, "a new walk", 120.0)
     events = page.log()
     page.page.click("#stop")
-    until(lambda: page.status() == "holding", "the second hold")
+    until(lambda: page.status() == "held", "the second hold")
     page.close()
     status = treadmill.end()
     second = treadmill.folder.with_name("run-2")

@@ -25,6 +25,7 @@ from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.live.actions import Actions
 from twin_gait.studies.live.controls import Panel
 from twin_gait.studies.live.deadlines import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
+from twin_gait.studies.live.finishing import run_of
 from twin_gait.studies.live.loop import LiveLoop
 from twin_gait.studies.live.pieces import take_of
 from twin_gait.studies.live.protocol import (
@@ -465,16 +466,24 @@ def test_traces_have_the_extremes_of_every_five_ticks_of_the_log_without_a_gap(b
 
 
 def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem):
-    fault = {"serial": 1, "command": "fault", "fault": "encoder_freeze:right_knee@0s"}
+    fault = {
+        "serial": 1,
+        "command": "fault",
+        "fault": "encoder_freeze:right_knee@0s",
+        "note": {"user": "Ann"},
+    }
     rig = Rig(bench_problem, [(0.3, fault), (0.8, {"serial": 2, "command": "restart"})])
     rig.loop.run()
     assert rig.answers()[1]["refused"] == ""
-    told = next(item["events"] for item in rig.frames() if item["status"] == "holding")
+    told = next(item["events"] for item in rig.frames() if item["status"] == "held")
     trip = rig.takes[0].result.trip
     assert [item["kind"] for item in told] == ["fault", "trip"] and told[1]["time"] == trip.time
     assert told[0]["text"] == "fault: encoder freeze, right knee"
     assert told[1]["text"] == "trip: encoder frozen, right knee"
     assert rig.frames()[0]["events"] == rig.frames()[-1]["events"] == []
+    kept = run_of(rig.takes[0], bench_problem)
+    assert [event.text for event in kept.events] == [item["text"] for item in told]
+    assert [event.time for event in kept.events] == [item["time"] for item in told]
 
 
 def test_a_stop_takes_effect_in_the_next_block_even_in_a_pause_and_ends_every_way_but_one(bench_problem):
@@ -612,7 +621,7 @@ def finished(tmp_path_factory):
         said["table"] = session.table
         said["frame"] = Frame.from_dict(json.loads(wait_for(lambda: session.newest_frame().text)))
         said["stop"] = say(session, kind="do", action="stop")
-        wait_for(lambda: session.status == "holding")
+        wait_for(lambda: session.status == "held")
         said["restart"] = say(session, kind="do", action="restart")
         time.sleep(0.3)
     return session, said, folder

@@ -1,5 +1,6 @@
 """A run that is advanced piece by piece and changed in between."""
 
+import json
 import math
 from dataclasses import replace
 
@@ -285,3 +286,37 @@ def test_a_walk_that_has_fallen_runs_no_further():
     assert run.status is RunStatus.FELL and fell < 5000
     assert len(run.advance(10)) == 0 and run.tick == fell
     assert "fell below" in run.result().reason
+
+
+# ---------------------------------------------------------------------- moments
+
+
+def test_another_run_goes_on_from_a_moment_bit_for_bit_and_the_first_does_not_notice(treadmill):
+    undisturbed, run, other = SteppedRun(treadmill), SteppedRun(treadmill), SteppedRun(treadmill)
+    changed = treadmill.phase_rows * 1.02
+    for one in (undisturbed, run):
+        one.advance(1700)
+        one.set_phase_rows(changed)
+        one.set_belt_speed(0.4)
+        one.push(1, 5.0, 150)
+        one.advance(100)  # in the middle of the fades and of the push
+    other.advance(333)
+    other.stop()
+    other.go_on_from(json.loads(json.dumps(run.moment())))
+    rows = run.advance(1500)
+    np.testing.assert_array_equal(other.advance(1500), rows)
+    np.testing.assert_array_equal(undisturbed.advance(1500), rows)
+    later = [item for item in run.switches() if item.tick >= 1800]
+    assert list(other.switches()) == later and later and not other.tripped
+
+
+def test_a_step_by_hand_that_was_let_go_is_let_go_in_the_copy_too(bench):
+    run, other = SteppedRun(bench), SteppedRun(bench)
+    late = bench.table.phase_index(LATE_STANCE)
+    run.hold_phase(late)
+    while not run.waiting():
+        run.advance(10)
+    run.release()
+    other.go_on_from(run.moment())
+    np.testing.assert_array_equal(run.advance(4000), other.advance(4000))
+    assert run.waiting() == other.waiting() == (0,)

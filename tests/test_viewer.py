@@ -21,6 +21,7 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
+from example_robots import robot_urdf
 from scene_messages import unpacked
 from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import WebSocketClientConnection, websocket_connect
@@ -40,7 +41,7 @@ from twin_gait.viewer.motion import read_motion
 from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.session import LiveViewer, show_run, view_urdf
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
-from twin_gait.viewer.visuals import load_visuals
+from twin_gait.viewer.visuals import LinkPart, load_visuals
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 PATIENT = Patient()
@@ -228,6 +229,102 @@ def test_capsules_meshes_and_missing_meshes_of_a_urdf(tmp_path: Path) -> None:
     assert part.joint == "h"
     np.testing.assert_allclose(part.shape.vertices.max(axis=0), [0.1, 0.2, 0.3])  # the mesh's corners
     np.testing.assert_allclose(part.shape.vertices.min(axis=0), [-0.05, -0.05, -0.15], atol=1e-9)  # capsule
+
+
+# A red and a blue triangle beside a flat one, which readers leave out, on a moved node; one with a texture.
+COLLADA = """<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><up_axis>Z_UP</up_axis></asset>
+<library_effects>{effects}</library_effects><library_materials>{materials}</library_materials>
+<library_geometries><geometry id="g"><mesh>
+<source id="s"><float_array id="f" count="15">0 0 0 1 0 0 0 1 0 0 0 1 2 2 2</float_array><technique_common>
+<accessor source="#f" count="5" stride="3"><param name="X" type="float"/><param name="Y" type="float"/>
+<param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#s"/></vertices>{parts}
+</mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="w"><node id="n"><translate>0 0 5</translate>
+<instance_geometry url="#g">
+<bind_material><technique_common>{bindings}</technique_common></bind_material></instance_geometry></node>
+</visual_scene></library_visual_scenes><scene><instance_visual_scene url="#w"/></scene></COLLADA>"""
+LOOKS = {
+    "red": "<color>1 0 0 1</color>",
+    "blue": "<color>0 0 0.5 1</color>",
+    "wood": '<texture texture="t" texcoord="u"/>',
+}
+CORNERS = {"red": "0 1 2 0 0 1", "blue": "0 2 3 4 3 1", "wood": "0 1 4"}
+
+
+def collada() -> str:
+    def joined(text: str) -> str:
+        return "".join(
+            text.format(name=name, look=look, corners=CORNERS[name], count=len(CORNERS[name].split()) // 3)
+            for name, look in LOOKS.items()
+        )
+
+    return COLLADA.format(
+        effects=joined('<effect id="{name}-e"><profile_COMMON><technique sid="c"><lambert><diffuse>{look}'
+                       "</diffuse></lambert></technique></profile_COMMON></effect>"),
+        materials=joined('<material id="{name}-m"><instance_effect url="#{name}-e"/></material>'),
+        parts=joined('<triangles material="{name}" count="{count}"><input semantic="VERTEX" source="#v" '
+                     'offset="0"/><p>{corners}</p></triangles>'),
+        bindings=joined('<instance_material symbol="{name}" target="#{name}-m"/>'),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("material", "expected"),
+    [
+        ("", {(1, 0, 0): 1, (0, 0, 0.5): 2, (0.9, 0.9, 0.9): 1}),  # as the mesh has them
+        ('<material name="own"><color rgba="0 1 0 1"/></material>', {(0, 1, 0): 4}),
+        ('<material name="lent"/>', {(0, 0.2, 0): 4}),  # stated once, for the whole robot
+        ('<material name="bark"><texture filename="bark.png"/></material>',
+         {(1, 0, 0): 1, (0, 0, 0.5): 2, (0.9, 0.9, 0.9): 1}),
+    ],
+)  # fmt: skip
+def test_a_mesh_has_the_colours_of_the_urdf_or_its_own(material: str, expected: dict, tmp_path: Path) -> None:
+    (tmp_path / "piece.dae").write_text(collada())
+    visual = f'<visual><geometry><mesh filename="piece.dae"/></geometry>{material}</visual>'
+    urdf = tmp_path / "piece.urdf"
+    lent = '<material name="lent"><color rgba="0 0.2 0 1"/></material>'
+    urdf.write_text(f'<robot name="piece">{lent}<link name="a">{visual}</link></robot>')
+    parts = load_visuals(build_model(urdf), urdf).parts
+    assert {part.colour[:3]: len(part.shape.faces) for part in parts} == expected
+    for part in parts:
+        if part.colour[:3] == (1, 0, 0):  # the right triangle has it
+            np.testing.assert_allclose(part.shape.vertices.max(axis=0), [1.0, 1.0, 5.0])
+            np.testing.assert_allclose(part.shape.vertices.min(axis=0), [0.0, 0.0, 5.0])
+
+
+@pytest.mark.parametrize(("normals", "second"), [(True, "shade"), (True, "sun"), (False, "sun")])
+def test_an_obj_has_the_colours_of_its_library(normals: bool, second: str, tmp_path: Path) -> None:
+    (tmp_path / "looks.mtl").write_text("newmtl sun\nKa 1 1 1\nKd 1 0.8 0\nnewmtl shade\nKd 0.1 0.1 0.2\n")
+    corner = "{0}//{0}" if normals else "{0}"
+    first, last = (" ".join(corner.format(n) for n in numbers) for numbers in ((1, 3, 2), (1, 2, 4, 3)))
+    points = "".join(f"{kind} {p}\n" for kind in ("v", "vn") for p in ("0 0 0.1", "1 0 0", "0 1 0", "0 0 1"))
+    (tmp_path / "piece.obj").write_text(
+        f"mtllib looks.mtl\n{points}usemtl sun\nf {first}\nusemtl {second}\nf {last}\n"
+    )
+    urdf = tmp_path / "piece.urdf"
+    visual = '<visual><geometry><mesh filename="piece.obj"/></geometry></visual>'
+    urdf.write_text(f'<robot name="piece"><link name="a">{visual}</link></robot>')
+    parts = load_visuals(build_model(urdf), urdf).parts
+    found = {part.colour[:3]: len(part.shape.faces) for part in parts}
+    assert found == ({(1, 0.8, 0): 3} if second == "sun" else {(1, 0.8, 0): 1, (0.1, 0.1, 0.2): 2})
+
+
+def test_the_colours_of_a_mesh_lie_where_its_file_has_them() -> None:
+    urdf = robot_urdf("ur_description/urdf/ur5_robot.urdf")
+    parts = load_visuals(build_model(urdf), urdf).parts
+    blue = [part for part in parts if part.colour[2] > part.colour[0] + 0.1]
+    assert {part.joint for part in blue} >= {"shoulder_pan_joint", "elbow_joint", "wrist_1_joint"}
+    assert len({part.colour for part in parts}) >= 3
+    # Only the lids of its joints are blue.
+    assert sum(map(surface_of, blue)) < 0.4 * sum(map(surface_of, parts))
+
+
+def surface_of(part: LinkPart) -> float:
+    a, b, c = (part.shape.vertices[part.shape.faces[:, corner]] for corner in range(3))
+    return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
 @pytest.mark.parametrize("name", ["twin.urdf", "twin_leg.urdf"])

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli.options import add_settings
+from twin_gait.cli.options import add_settings, add_wearer
 from twin_gait.cli.terminal import DONE, FAILED
 from twin_gait.exceptions import ParameterError
 
@@ -34,6 +34,7 @@ def add_parser(commands: Any) -> None:
         help="preset, experiment file or run directory that it drives; without TABLE its own is checked",
     )
     add_settings(parser, "change any value of the experiment, as for simulate")
+    add_wearer(parser)
     parser.add_argument("--json", action="store_true", help="print the findings as JSON")
     parser.add_argument("--rules", action="store_true", help="list the rules and end")
     parser.set_defaults(run=run)

@@ -8,7 +8,7 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
-from twin_gait.cli.options import add_settings
+from twin_gait.cli.options import add_settings, add_wearer
 from twin_gait.cli.terminal import (
     DONE,
     INTERRUPTED,
@@ -50,6 +50,7 @@ def add_parser(commands: Any) -> None:
         help="days that differ in weight, friction, belt and effort; from 2 on, means with intervals (1)",
     )
     add_settings(parser)
+    add_wearer(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder to make (compare/WHO)")
     parser.add_argument("--force", action="store_true", help="replace the folder of an earlier comparison")
     parser.set_defaults(run=run)

@@ -32,7 +32,11 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("directory", type=Path, metavar="RUN", help="run directory")
     parser.add_argument(
-        "--format", "--to", choices=FORMATS, dest="format", help="format (that of --out's name, or else csv)"
+        "--format",
+        "--to",
+        choices=FORMATS,
+        dest="format",
+        help="format; without it that of --out's ending, mot with --convention, else csv",
     )
     parser.add_argument(
         "--convention",
@@ -56,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.exceptions import ParameterError
     from twin_gait.studies.record import load_run
 
-    kind = arguments.format or _format_of(arguments.out)
+    kind = arguments.format or _format_of(arguments.out, arguments.convention)
     if kind == CSV and arguments.convention is not None:
         raise ParameterError("--convention: CSV keeps this package's own names and signs; leave it out")
     stored = load_run(arguments.directory)
@@ -69,10 +73,10 @@ def run(arguments: argparse.Namespace) -> int:
     return _write_file(stored, path, kind, convention, device=device)
 
 
-def _format_of(path: Path | None) -> str:
-    """The format that a file's name says, or CSV."""
-    suffix = "" if path is None else path.suffix[1:]
-    return suffix if suffix in FORMATS else CSV
+def _format_of(path: Path | None, convention: str | None) -> str:
+    """The format that a file's name says; a convention asks for a motion, anything else is CSV."""
+    suffix = "" if path is None else path.suffix.removeprefix(".").lower()
+    return suffix if suffix in FORMATS else CSV if convention is None else "mot"
 
 
 def _write_file(stored: StoredRun, path: Path, kind: str, convention: Convention, *, device: bool) -> int:

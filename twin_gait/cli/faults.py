@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from twin_gait.cli.options import add_settings, check_file
+from twin_gait.cli.options import add_settings, add_wearer, check_file
 from twin_gait.cli.runners import add_workers, workers_of
 from twin_gait.cli.terminal import (
     DONE,
@@ -36,6 +36,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the draws (0)")
     parser.add_argument("--duration", type=float, default=DURATION, metavar="S", help="of each run (8 s)")
     add_settings(parser)
+    add_wearer(parser)
     add_workers(parser)
     parser.add_argument("--out", type=Path, metavar="FILE", help="also write one row per fault as CSV")
     parser.add_argument("--force", action="store_true", help="replace an existing file")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -99,7 +99,12 @@ def run(arguments: argparse.Namespace) -> int:
     """Identify, write and print."""
     from twin_gait.identification import identify_logs
     from twin_gait.studies.folders import check_target
-    from twin_gait.studies.identify import IDENTIFICATION, write_identification
+    from twin_gait.studies.identify import (
+        COMPENSATOR_FILE,
+        IDENTIFICATION,
+        PLANT_FILE,
+        write_identification,
+    )
     from twin_gait.vocabulary import JointName
 
     options = make_options(arguments)
@@ -112,8 +117,22 @@ def run(arguments: argparse.Namespace) -> int:
         result, arguments.out, joint, force=arguments.force, pictures=not arguments.no_pictures
     )
     print("\n".join(summary_lines(document)))
+    if not (arguments.out / PLANT_FILE).exists():
+        print(f"no {PLANT_FILE} and no {COMPENSATOR_FILE}: {_why_no_file(document)}")
     print(arguments.out)
     return DONE
+
+
+def _why_no_file(document: Mapping[str, Any]) -> str:
+    from twin_gait.studies.identify import LAW_OF_THE_PLANT
+
+    if document["joint"] is None:
+        return "say whose friction it is with --joint"
+    if any(item["name"] == LAW_OF_THE_PLANT for item in document["models"]):
+        return f"the {LAW_OF_THE_PLANT} law, as fitted, would drive the joint; try --physical"
+    return (
+        f"simulations know the {LAW_OF_THE_PLANT} law, which was not fitted; add --model {LAW_OF_THE_PLANT}"
+    )
 
 
 def make_options(arguments: argparse.Namespace) -> IdentificationOptions:

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli.options import add_settings
+from twin_gait.cli.options import add_settings, add_wearer
 from twin_gait.cli.simulate import summary_lines
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED, clear_line, note_compilation, note_step
 
@@ -39,6 +39,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--duration", type=float, metavar="S", help="end by itself after so many seconds")
     parser.add_argument("--user", default="", metavar="NAME", help="whose session it is in the record")
     add_settings(parser, "change any value to begin with, for example patient.mass_kg=80")
+    add_wearer(parser)
     parser.add_argument(
         "--port", type=int, default=FIRST_PORT, help=f"first port to try ({FIRST_PORT}); 0: any"
     )

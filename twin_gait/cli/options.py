@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 from pathlib import Path
 
 from twin_gait.exceptions import RunDirectoryError
@@ -16,6 +17,34 @@ def add_settings(parser: argparse.ArgumentParser, text: str | None = None) -> No
         text: For the help.
     """
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings", help=text)
+
+
+_SHORTHANDS = {
+    "--mass": ("KG", "patient.mass_kg", "mass of the wearer in kg"),
+    "--height": ("M", "patient.height_m", "height of the wearer in m"),
+    "--speed": ("KM_PER_H", "scenario.belt_speed_km_per_h", "speed of the belt in km/h"),
+    "--support": ("SHARE", "scenario.support.share", "share of the weight that is carried: 0.6 or 60%%"),
+}
+
+
+def add_wearer(parser: argparse.ArgumentParser) -> None:
+    """Add flags for what is changed most; each is a ``--set`` with a shorter name, and counts in its order.
+
+    Args:
+        parser: Of the command; it has ``--set``.
+    """
+    for flag, (unit, key, text) in _SHORTHANDS.items():
+        parser.add_argument(
+            flag, action="append", dest="settings", type=_assigning(key), metavar=unit, help=text
+        )
+
+
+def _assigning(key: str) -> Callable[[str], str]:
+    def number(text: str) -> str:
+        value = float(text.removesuffix("%"))
+        return f"{key}={value / 100.0 if text.endswith('%') else value!r}"
+
+    return number
 
 
 def check_file(flag: str, path: Path, *, force: bool) -> None:

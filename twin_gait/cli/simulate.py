@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import shlex
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli.options import add_settings
+from twin_gait.cli.options import add_settings, add_wearer
 from twin_gait.cli.terminal import (
     DONE,
     FAILED,
@@ -41,6 +42,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--duration", type=float, metavar="S", help="simulated time in seconds")
     parser.add_argument("--engine", help="compiled (the default), or pinocchio, the witness in Python")
     add_settings(parser, "change any value, for example patient.mass_kg=80 or table.blending.duration_ms=40")
+    add_wearer(parser)
     parser.add_argument(
         "--fault",
         action="append",
@@ -105,6 +107,8 @@ def run(arguments: argparse.Namespace) -> int:
         )
     clear_line()
     report(result, summary, out)
+    if arguments.accuracy and accuracy is None:
+        print(f"  no accuracy: the run {result.status}, and only completed ones are run again")
     if result.status is RunStatus.INTERRUPTED:
         return INTERRUPTED
     if arguments.view:
@@ -161,7 +165,23 @@ def report(result: Run, summary: dict[str, Any], out: Path) -> None:
         print(f"  {result.verdict.reason}")
     for line in summary_lines(summary):
         print(f"  {line}")
+    if "accuracy" in summary:
+        print(f"  {accuracy_line(summary['accuracy'])}")
     print(f"  {out}")
+
+
+def accuracy_line(accuracy: Mapping[str, Any]) -> str:
+    """What a tenth of the step changes, in one line.
+
+    Args:
+        accuracy: Of :func:`~twin_gait.studies.accuracy.step_error`.
+    """
+    names = ("largest_angle_error_rad", "largest_angle_error_before_first_slip_rad")
+    whole, before = (f"{math.degrees(accuracy[name]):.2g}°" for name in names)
+    line = f"a tenth of the step ({accuracy['reference_step_s']:g} s) moves hip and knee by up to {whole}"
+    if accuracy["first_slip_s"] is not None:
+        line += f", {before} before the first switch in another tick at {accuracy['first_slip_s']:.3f} s"
+    return line if accuracy["same_phase_order"] else f"{line}; the phases come in another order"
 
 
 def summary_lines(summary: dict[str, Any]) -> Iterator[str]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import difflib
 import math
 import reprlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from twin_gait.configuration.overrides import refuse_two_units
+from twin_gait.configuration.overrides import quantity_of, refuse_two_units
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 
 MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand
@@ -137,7 +137,7 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str) -> _Mode
         mistakes = error.errors(include_url=False)
         # A misspelt key is also a missing one: its own message helps more.
         first = next((item for item in mistakes if item["type"] == "extra_forbidden"), mistakes[0])
-        key = _dotted(first["loc"])
+        key = _dotted(_as_written(first["loc"], data))
         raise ParameterFileError(source, key, _explain(first, model)) from error
 
 
@@ -190,10 +190,10 @@ def one_of(entry: Strict, factors: Mapping[str, float], default: float | None = 
 def _explain(first: Any, model: type[BaseModel]) -> str:
     kind, value = first["type"], first.get("input")
     if kind == "extra_forbidden":
-        known = _known_keys(model, first["loc"][:-1])
-        name = str(first["loc"][-1])
-        near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-        hint = f"did you mean {near[0]!r}? " if near else ""
+        place = _model_at(model, first["loc"][:-1])
+        known = [] if place is None else _keys(place)
+        near = [] if place is None else _nearest(str(first["loc"][-1]), place)
+        hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
         return f"unknown key; {hint}allowed: {', '.join(known)}" if known else "unknown key"
     if kind == "missing":
         return "is missing"
@@ -202,19 +202,47 @@ def _explain(first: Any, model: type[BaseModel]) -> str:
     return f"{_lower_first(first['msg'])}, got {short(value)}"
 
 
-def _known_keys(model: type[BaseModel], location: tuple[Any, ...]) -> list[str]:
-    """Keys that are allowed at a place of the schema, as far as it can be followed."""
-    current: Any = model
+def _nearest(name: str, model: type[BaseModel]) -> list[str]:
+    """Keys that may have been meant: of this place, or below it, where they have the name as a word.
+
+    A slip of the pen at this place comes first, then ``scenario.belt_speed_km_per_h`` for ``speed``.
+    """
+    known = _keys(model)
+    slip = difflib.get_close_matches(name, known, n=1, cutoff=0.9)
+    if slip:
+        return slip
+    found = {}
+    for path in _paths(model):
+        quantity = quantity_of(path.rpartition(".")[2])
+        if set(name.lower().split("_")) <= set(quantity.lower().split("_")):
+            found[path] = (difflib.SequenceMatcher(None, name, quantity).ratio(), -path.count("."))
+    best = [path for path, rank in found.items() if rank == max(found.values())]
+    return best[:2] or difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+
+
+def _keys(model: type[BaseModel]) -> list[str]:
+    return [info.alias or name for name, info in model.model_fields.items()]
+
+
+def _paths(model: type[BaseModel]) -> Iterator[str]:
+    """Dotted keys of a schema and of everything below it."""
+    for name, info in model.model_fields.items():
+        key = info.alias or name
+        yield key
+        for inner in _models_in(info.annotation):
+            yield from (f"{key}.{path}" for path in _paths(inner))
+
+
+def _model_at(model: type[BaseModel], location: tuple[Any, ...]) -> type[BaseModel] | None:
+    """Schema at a place of another, as far as it can be followed."""
+    current: type[BaseModel] | None = model
     for part in location:
-        if not (isinstance(current, type) and issubclass(current, BaseModel)):
-            return []
+        if current is None:
+            return None
         field = _field(current, part)
-        if field is None:
-            continue
-        current = _model_in(field.annotation)
-    if isinstance(current, type) and issubclass(current, BaseModel):
-        return [info.alias or name for name, info in current.model_fields.items()]
-    return []
+        if field is not None:
+            current = next(_models_in(field.annotation), None)
+    return current
 
 
 def _field(model: type[BaseModel], part: Any) -> Any:
@@ -224,15 +252,26 @@ def _field(model: type[BaseModel], part: Any) -> Any:
     return None
 
 
-def _model_in(annotation: Any) -> Any:
-    """First schema class inside an annotation such as ``dict[str, Phase] | None``."""
+def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Schema classes inside an annotation such as ``dict[str, Phase] | None``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
+        yield annotation
     for inner in getattr(annotation, "__args__", ()):
-        found = _model_in(inner)
-        if found is not None:
-            return found
-    return None
+        yield from _models_in(inner)
+
+
+def _as_written(location: tuple[Any, ...], data: Any) -> tuple[Any, ...]:
+    """Place of a mistake without the names of the variants of a section, which no file has."""
+    kept = []
+    for position, part in enumerate(location):
+        inside = part in (
+            data if isinstance(data, Mapping) else range(len(data) if isinstance(data, list) else 0)
+        )
+        if inside or position == len(location) - 1:
+            kept.append(part)
+        if inside:
+            data = data[part]
+    return tuple(kept)
 
 
 def _dotted(location: tuple[Any, ...]) -> str:

@@ -141,8 +141,6 @@ def external_loads(run: Run, world: World, *, device: bool = False) -> list[Exte
 def _ground_loads(run: Run, world: World) -> Iterator[ExternalLoad]:
     turn = to_opensim(world.model.up_axis)
     for side, wrench in _ground_wrenches(run, world).items():
-        # A belt that did not run as the scenario says pulled otherwise; the log has what it did.
-        wrench[:, 0] = run.log[f"{side}_foot_friction_force_N"].to_numpy()
         force, moment = wrench[:, :3], wrench[:, 3:]
         point = _centres_of_pressure(force, moment)
         free = moment - np.cross(point, force)
@@ -151,7 +149,12 @@ def _ground_loads(run: Run, world: World) -> Iterator[ExternalLoad]:
 
 
 def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
-    """Force and moment about the origin on each foot, shape ``(n, 6)``."""
+    """Force and moment about the origin on each foot, shape ``(n, 6)``.
+
+    A belt takes the speed of a tick at once, as a motor its torque, and the log has the pull of the new one:
+    an acceleration at the tick is about that of the mean pull of both speeds. A belt that was changed by hand
+    did not run as the scenario says; there the pull is the log's.
+    """
     scenario, plant = run.experiment.scenario, PinocchioPlant(world)
     assert isinstance(scenario, TreadmillScenario)  # the only world whose pelvis moves
     positions, velocities = state_columns(world.model)
@@ -161,12 +164,21 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     q, v = run.log[positions].to_numpy(dtype=float), run.log[velocities].to_numpy(dtype=float)
     found = {side: np.zeros((len(q), 6)) for side in plant.feet}
     tripped = math.inf if run.trip is None else run.trip.time
+    logged = {side: run.log[f"{side}_foot_friction_force_N"].to_numpy() for side in found}
     for tick in range(len(q)):
         plant.belt_speed = scenario.belt_speed_at(tick * TICK, tripped)
         plant.update_contacts(q[tick], v[tick])
-        for side, rows in found.items():
-            if plant.normal_force[side] > 0.0:
-                rows[tick] = plant.ground_wrench(side)
+        loaded = [side for side in found if plant.normal_force[side] > 0.0]
+        for side in loaded:
+            found[side][tick] = plant.ground_wrench(side)
+            found[side][tick, 0] = logged[side][tick]
+        last, now = scenario.belt_speed_at(max(tick - 1, 0) * TICK, tripped), plant.belt_speed
+        if last != now:
+            new = {side: plant.ground_wrench(side) for side in loaded}
+            plant.belt_speed = last
+            plant.update_contacts(q[tick], v[tick])
+            for side in loaded:
+                found[side][tick] += 0.5 * (plant.ground_wrench(side) - new[side])
     return found
 
 

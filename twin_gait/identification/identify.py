@@ -189,6 +189,7 @@ def identify_tests(
             *flipped,
             *doubts_of_processing(options.processing),
             *_notes(tests),
+            *_overruled(tests, options.rig),
             *_thinning(len(joined), len(samples)),
             *doubts_of_samples(samples),
             *_untimed(samples, skipped),
@@ -257,6 +258,15 @@ def _notes(tests: Sequence[FrictionTest]) -> list[str]:
         f"{names[0]}: {note}" if len(names) == 1 else f"{len(names)} files: {note}"
         for note, names in where.items()
     ]
+
+
+def _overruled(tests: Sequence[FrictionTest], rig: RigParameters | None) -> list[str]:
+    """Say that files name another weight than the bench does: theirs counts."""
+    if rig is None or rig.mass is None:
+        return []
+    others = [f"{test.name} ({test.mass:g} kg)" for test in tests if test.mass not in (None, rig.mass)]
+    more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+    return [f"--mass-kg {rig.mass:g} is overruled by what {others[0]}{more} says"] if others else []
 
 
 def _untimed(samples: Samples, skipped: Mapping[str, tuple[str, ...]]) -> list[str]:

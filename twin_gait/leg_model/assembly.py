@@ -13,7 +13,6 @@ from twin_gait.leg_model.axes import FORWARD, plain_names, reversed_joints
 from twin_gait.leg_model.joints import PELVIS_JOINT, LegJoints, PelvisGuide
 from twin_gait.leg_model.urdf import build_model
 from twin_gait.leg_model.wearer import (
-    SHANK_LENGTH,
     TRUNK_CENTRE_OF_MASS,
     TRUNK_LENGTH,
     TRUNK_RADIUS_OF_GYRATION,
@@ -24,6 +23,7 @@ from twin_gait.leg_model.wearer import (
     trunk_mass,
 )
 from twin_gait.parameters import Patient
+from twin_gait.parameters.wearer import SHANK_LENGTH
 from twin_gait.vocabulary import JointName, Side
 
 

@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import Patient
+from twin_gait.parameters import Patient, require
+from twin_gait.parameters.wearer import HEIGHT_RANGE, SHANK_LENGTH, TIBIA_RANGE
 from twin_gait.vocabulary import SegmentModel, Sex
 
 # Segment lengths as shares of the body height: Drillis and Contini, in Winter (2009), fig. 4.1.
 THIGH_LENGTH = 0.245
-SHANK_LENGTH = 0.246
 FOOT_LENGTH = 0.152
 FOOT_HEIGHT = 0.039
 HIP_BREADTH = 0.191
@@ -30,7 +29,6 @@ TRUNK_RADIUS_OF_GYRATION = 0.496
 # Sizes of the device (thesis, table 2.1: three waists, six femurs, one adjustable tibia). The
 # numbers are an assumption: they cover the 5th to 95th percentile, 1.50 to 1.88 m.
 FEMUR_SIZES = (0.36, 0.38, 0.40, 0.42, 0.44, 0.46)
-TIBIA_RANGE = (0.36, 0.48)
 WAIST_SIZES = (0.34, 0.38, 0.42)
 WAIST_CLEARANCE = 0.05  # of the two hip actuators beside the body [m]
 
@@ -154,11 +152,8 @@ def device_sizes(patient: Patient) -> DeviceSizes:
         ParameterError: If the shank is outside the range of the tibia.
     """
     tibia = SHANK_LENGTH * patient.height
-    if not TIBIA_RANGE[0] <= tibia <= TIBIA_RANGE[1]:
-        raise ParameterError(
-            f"patient height {patient.height:g} m needs a tibia of {tibia:.3f} m; "
-            f"the device adjusts from {TIBIA_RANGE[0]} to {TIBIA_RANGE[1]} m"
-        )
+    fits = TIBIA_RANGE[0] <= tibia <= TIBIA_RANGE[1]
+    require(fits, "patient height", HEIGHT_RANGE, patient.height)
     thigh = THIGH_LENGTH * patient.height
     hips = HIP_BREADTH * patient.height + WAIST_CLEARANCE
     return DeviceSizes(

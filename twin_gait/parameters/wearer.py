@@ -11,6 +11,16 @@ from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
 HEAVIEST_WEARER = 110.0  # [kg] that the device carries (thesis, table 2.1)
 
+# Shank over body height: Drillis and Contini, in Winter (2009), fig. 4.1. The tibia of the device adjusts to
+# it (thesis, table 2.1); from where to where, in [m], is an assumption.
+SHANK_LENGTH = 0.246
+TIBIA_RANGE = (0.36, 0.48)
+_LOW, _HIGH = (length / SHANK_LENGTH for length in TIBIA_RANGE)
+HEIGHT_RANGE = (
+    f"{math.ceil(1e3 * _LOW) / 1e3:g} to {math.floor(1e3 * _HIGH) / 1e3:g} m, which the tibia follows from "
+    f"{TIBIA_RANGE[0]:g} to {TIBIA_RANGE[1]:g} m (1.40 to 2.05 m with leg.fit_device: false)"
+)
+
 
 @dataclass(frozen=True, kw_only=True)
 class JointCondition:
@@ -93,7 +103,7 @@ class Patient:
         require(
             math.isfinite(self.height) and 1.40 <= self.height <= 2.05,
             "patient height",
-            "1.40 to 2.05 m",
+            HEIGHT_RANGE,
             self.height,
         )
         require(

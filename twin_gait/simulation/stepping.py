@@ -8,8 +8,10 @@ belt or the support, push the leg or break something, and go on. Without a chang
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import base64
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +30,7 @@ from twin_gait.scenario.faults import Fault, FaultKind
 from twin_gait.simulation import episode_arrays
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
+from twin_gait.simulation.flat_episode import fields_of
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.watching import NEVER, fault_arrays, overstay_ticks
@@ -35,6 +38,17 @@ from twin_gait.simulation.watching import NEVER, fault_arrays, overstay_ticks
 FADE_TICKS = 300  # over which a change fades in where the caller says nothing
 MOST_FAULTS = 16  # that can be injected into one walk
 CHUNK_TICKS = 2000  # rows of the log that are made at a time
+_UNCHANGING = {"inputs_noise", "inputs_effort_noise", "state_switches"}  # and long
+
+
+def packed(array: np.ndarray) -> str:
+    """An array as text that :func:`unpack` reads, bit for bit; its shape and type are for both to know."""
+    return base64.b64encode(array.tobytes()).decode()
+
+
+def unpack(text: str, array: np.ndarray) -> None:
+    """Fill an array from the text of :func:`packed`."""
+    array[...] = np.frombuffer(base64.b64decode(text), dtype=array.dtype).reshape(array.shape)
 
 
 @dataclass
@@ -103,7 +117,9 @@ class SteppedRun:
         )
         self._engine.warm_up()
         self._inputs, self._state = self._engine.episode.inputs, self._engine.episode.state
-        self._start = [array.copy() for array in self._state]
+        # Not the switches: they are long, and nobody reads more of them than have been counted.
+        changing = {name: array for name, array in self._state._asdict().items() if name != "switches"}
+        self._start = {name: array.copy() for name, array in changing.items()}
         self._forget_faults()
         self._fades: dict[str, _Fade] = {}
         self._push_ends = np.full(len(problem.joints), -1, dtype=np.int64)
@@ -248,9 +264,64 @@ class SteppedRun:
         """
         return self._engine.switches(first)
 
+    # ------------------------------------------------------------------ moments
+
+    def moment(self) -> dict[str, Any]:
+        """The present moment, from which another run of the same problem can go on: plain values for JSON."""
+        return {
+            "tick": self.tick,
+            "arrays": {name: packed(array) for name, array in self._changing().items()},
+            "fades": {
+                name: [packed(fade.start), packed(fade.target), fade.first, fade.ticks]
+                for name, fade in self._fades.items()
+            },
+            "push_ends": packed(self._push_ends),
+            "watching": self._watching,
+            "held": self._held,
+            "released": self._released_at is not None,
+        }
+
+    def go_on_from(self, moment: Mapping[str, Any]) -> None:
+        """Take over a moment of another run of the same problem; rows and switches before it are unknown.
+
+        Args:
+            moment: From :meth:`moment`.
+        """
+        for name, array in self._changing().items():
+            unpack(moment["arrays"][name], array)
+        self._state.counters[0] = 0  # of the switches
+        unpack(moment["push_ends"], self._push_ends)
+        self.tick, self._chunks, self._fades = moment["tick"], {}, {}
+        self._watching, self._held = moment["watching"], moment["held"]
+        self._released_at = 0 if moment["released"] else None
+        for name, (start, target, first, ticks) in moment["fades"].items():
+            values = self._values(name)
+            fade = self._fades[name] = _Fade(values, values.copy(), values.copy(), first, ticks)
+            unpack(start, fade.start)
+            unpack(target, fade.target)
+
+    def _changing(self) -> dict[str, np.ndarray]:
+        """Arrays that time or a caller changes, by name."""
+        fields = fields_of(self._engine.episode)
+        return {name: array for name, array in fields.items() if name not in _UNCHANGING}
+
     # ------------------------------------------------------------------ changes
 
-    def _fade(self, name: str, values: np.ndarray, target: np.ndarray, ticks: int) -> None:
+    def _values(self, name: str) -> np.ndarray:
+        """What fades under a name."""
+        inputs = self._inputs
+        if name == "belt_speed":
+            values: np.ndarray = inputs.belt[BELT_CRUISE : BELT_CRUISE + 1]
+            return values
+        if name == "support":
+            assert self._hung is not None  # set_support_force() has looked
+            row: np.ndarray = inputs.plant_rows[self._hung]
+            return row[CONSTANT_FORCE : CONSTANT_FORCE + 1]
+        found: np.ndarray = inputs.phase_rows if name == "phase_rows" else inputs.target_torque
+        return found
+
+    def _fade(self, name: str, target: np.ndarray, ticks: int) -> None:
+        values = self._values(name)
         shaped = np.array(np.broadcast_to(target, values.shape), dtype=float)
         self._fades[name] = _Fade(values, values.copy(), shaped, self.tick, ticks)
 
@@ -264,7 +335,7 @@ class SteppedRun:
             rows: As in :attr:`~twin_gait.simulation.problem.Problem.phase_rows`.
             fade_ticks: Length of the fade.
         """
-        self._fade("phase_rows", self._inputs.phase_rows, rows, fade_ticks)
+        self._fade("phase_rows", rows, fade_ticks)
 
     def set_comparisons(self, comparisons: np.ndarray) -> None:
         """Give the guards other thresholds, at once.
@@ -281,7 +352,7 @@ class SteppedRun:
             torque: In [N m], shape ``(n_joints,)``.
             fade_ticks: Length of the fade.
         """
-        self._fade("target_torque", self._inputs.target_torque, torque, fade_ticks)
+        self._fade("target_torque", torque, fade_ticks)
 
     def set_belt_speed(self, speed: float, *, fade_ticks: int = FADE_TICKS) -> None:
         """Let the belt run at another speed; with a profile, between its ramps.
@@ -290,8 +361,7 @@ class SteppedRun:
             speed: In [m] / [s]; 0 stops it.
             fade_ticks: Length of the fade.
         """
-        values = self._inputs.belt[BELT_CRUISE : BELT_CRUISE + 1]
-        self._fade("belt_speed", values, np.array([speed]), fade_ticks)
+        self._fade("belt_speed", np.array([speed]), fade_ticks)
 
     def set_support_force(self, force: float, *, fade_ticks: int = FADE_TICKS) -> None:
         """Let the support carry another weight.
@@ -303,11 +373,9 @@ class SteppedRun:
         Raises:
             ParameterError: If the pelvis hangs in no support.
         """
-        pelvis = self._hung
-        if pelvis is None:
+        if self._hung is None:
             raise ParameterError("support: the pelvis of this experiment is fixed; choose a treadmill")
-        values = self._inputs.plant_rows[pelvis, CONSTANT_FORCE : CONSTANT_FORCE + 1]
-        self._fade("support", values, np.array([force]), fade_ticks)
+        self._fade("support", np.array([force]), fade_ticks)
 
     @property
     def _hung(self) -> int | None:
@@ -448,11 +516,10 @@ class SteppedRun:
         for name in list(self._fades):
             self._fades[name].ticks = 0
         self._apply_fades()
-        for array, start in zip(self._state, self._start, strict=True):
-            array[...] = start
-        pelvis = self._hung
-        if pelvis is not None:
-            self._inputs.plant_rows[pelvis, STOP_STIFFNESS] = 0.0  # the harness lets go
+        for name, start in self._start.items():
+            getattr(self._state, name)[...] = start
+        if self._hung is not None:
+            self._inputs.plant_rows[self._hung, STOP_STIFFNESS] = 0.0  # the harness lets go
         for leg in range(len(self.problem.sides)):
             self._state.blended[leg] = self._inputs.phase_rows[leg, self._state.phase[leg]]
         self._state.blend_start[...] = self._state.blended

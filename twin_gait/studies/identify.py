@@ -35,7 +35,7 @@ _DIGITS = 10
 _LISTED_SAMPLES = 100_000
 _TABLE = {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
 # The law that simulations know, in both ways to read its velocities.
-_LAW_OF_THE_PLANT = "rotational"
+LAW_OF_THE_PLANT = "rotational"
 
 
 def write_identification(
@@ -259,7 +259,7 @@ def plant_law(result: Identification) -> FrictionParameters | None:
     Returns:
         Parameters of equation (3.1).
     """
-    item = result.model(_LAW_OF_THE_PLANT)
+    item = result.model(LAW_OF_THE_PLANT)
     if item is None:
         return None
     values = item.fit.model.parameters(item.fit.x)

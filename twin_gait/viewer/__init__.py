@@ -1,7 +1,7 @@
 """See a run or a URDF: one page to keep, or a live page in the browser.
 
-What is offered here is imported when it is first asked for: the live viewer's server starts from this
-package and needs neither Pinocchio nor pandas.
+What is offered here is imported when it is first asked for: a finished page needs neither Pinocchio nor
+pandas.
 """
 
 from __future__ import annotations

@@ -11,8 +11,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from twin_gait.leg_model import LegJoints
-from twin_gait.leg_model.wearer import FOOT_HEIGHT, FOOT_LENGTH, SHANK_LENGTH, TRUNK_LENGTH
+from twin_gait.leg_model.wearer import FOOT_HEIGHT, FOOT_LENGTH, TRUNK_LENGTH
 from twin_gait.parameters import Patient
+from twin_gait.parameters.wearer import SHANK_LENGTH
 from twin_gait.viewer import shapes
 from twin_gait.viewer.commands import Material
 from twin_gait.viewer.figure import Figure

@@ -382,6 +382,20 @@ def moved(shape: Shape, placement: np.ndarray) -> Shape:
     return shape._replace(vertices=shape.vertices @ linear.T + placement[:3, 3], normals=normals, faces=faces)
 
 
+def part_of(shape: Shape, chosen: np.ndarray) -> Shape:
+    """Some faces of a mesh, with their vertices.
+
+    Args:
+        shape: The mesh, without colours of its vertices.
+        chosen: Which faces, shape ``(m,)``.
+
+    Returns:
+        The part.
+    """
+    used, index = np.unique(shape.faces[chosen], return_inverse=True)
+    return Shape(shape.vertices[used], shape.normals[used], index.reshape(-1, 3))
+
+
 def merged(items: Iterable[Shape]) -> Shape:
     """Join meshes into one.
 

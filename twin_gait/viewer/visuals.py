@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +15,7 @@ from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.leg_model.urdf import PACKAGED_URDFS, build_model, packaged_urdf, quiet_stderr, read_urdf
 from twin_gait.viewer import shapes
-from twin_gait.viewer.meshes import read_obj
+from twin_gait.viewer.meshes import Colour, mesh_patches, read_obj
 from twin_gait.viewer.shapes import Shape
 
 FIXED_JOINT = "universe"
@@ -104,8 +105,8 @@ def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
         nominal_joint = str(nominal.names[item.parentJoint])
         joint = carrier.get(nominal_joint, nominal_joint)
         shape, shift = _fit(shapes.moved(raw, item.placement.homogeneous), stretches[nominal_joint])
-        colour = tuple(round(float(value), 4) for value in item.meshColor)
-        shapes_by_colour.setdefault((joint, colour), []).append(shape)
+        for colour, piece in _coloured(item, shape):
+            shapes_by_colour.setdefault((joint, tuple(round(value, 4) for value in colour)), []).append(piece)
         if type(item.geometry).__name__ == "Cylinder":
             discs.append(_disc(joint, item, shift))
     parts = [
@@ -119,9 +120,19 @@ def _read_with_meshes(urdf: Path) -> tuple[str, list[str]]:
     """URDF text with absolute mesh paths, and the meshes that were not found and left out."""
     root = ElementTree.fromstring(read_urdf(urdf))
     missing = _resolve_meshes(root, urdf)
+    _drop_colourless(root)
     if root.find(".//capsule") is not None:
         root.set("version", "1.2")  # Pinocchio overlooks capsules in a file of version 1.0
     return ElementTree.tostring(root, encoding="unicode"), missing
+
+
+def _drop_colourless(root: ElementTree.Element) -> None:
+    """Take out materials that have a texture and no colour: Pinocchio would make them black."""
+    coloured = {item.get("name") for item in root.iter("material") if item.find("color") is not None}
+    for visual in root.iter("visual"):
+        for material in visual.findall("material"):
+            if material.get("name") not in coloured:
+                visual.remove(material)
 
 
 def _disc(joint: str, item: Any, shift: np.ndarray) -> Disc:
@@ -205,6 +216,19 @@ def _fit(shape: Shape, stretch: tuple[np.ndarray, float, float] | None) -> tuple
         return shape._replace(vertices=vertices), np.zeros(3)
     shift = (ratio - 1.0) * 0.5 * float(along.min() + along.max()) * direction
     return shape._replace(vertices=shape.vertices + shift), shift
+
+
+def _coloured(item: Any, shape: Shape) -> Iterator[tuple[Colour, Shape]]:
+    """Pieces of a visual by colour: the URDF's, or if it has none those of the mesh file."""
+    stated: Colour = _four(tuple(float(value) for value in item.meshColor))
+    patches = [] if item.overrideMaterial else mesh_patches(item.meshPath)
+    if sum(patch.triangles for patch in patches) != len(shape.faces):  # none, or read differently
+        yield stated, shape
+        return
+    colours = [patch.colour or stated for patch in patches]
+    number = np.repeat([colours.index(colour) for colour in colours], [patch.triangles for patch in patches])
+    for one in np.unique(number):
+        yield colours[one], shapes.part_of(shape, number == one)
 
 
 def _shape_of(item: Any) -> Shape | None:

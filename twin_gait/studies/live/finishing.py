@@ -14,6 +14,7 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
+from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.run import Run, log_table
@@ -93,7 +94,7 @@ def _write(
 
 
 def run_of(take: Take, problem: Problem) -> Run:
-    """A live walk as a run like any other.
+    """A live walk as a run like any other; faults that somebody let strike are faults of its experiment.
 
     Args:
         take: The walk.
@@ -102,9 +103,18 @@ def run_of(take: Take, problem: Problem) -> Run:
     Returns:
         The run, as long as it was walked.
     """
-    result = take.result
+    result, experiment = take.result, problem.experiment
+    struck = [
+        replace(parse_fault(change.note["fault"]), time=change.tick * TICK)
+        for change in take.changes
+        if "fault" in change.note and change.tick < len(result.rows)
+    ]
     return Run(
-        experiment=replace(problem.experiment, duration=round(len(result.rows) * TICK, 3)),
+        experiment=replace(
+            experiment,
+            duration=round(len(result.rows) * TICK, 3),
+            faults=(*(item for item in experiment.faults if item.time < len(result.rows) * TICK), *struck),
+        ),
         table=problem.table,
         log=log_table(result.rows, log_layout(problem), problem.table),
         switches=result.switches,

@@ -1,4 +1,4 @@
-"""The process of the loop as its parent holds it: commands with answers, frames, and its end."""
+"""A process of a live session as its parent holds it: commands with answers, frames, and its end."""
 
 from __future__ import annotations
 
@@ -30,10 +30,11 @@ class _Pending:
 
 
 class LoopProcess:
-    """Starts ``python -m twin_gait.studies.live.process``, talks with it and ends it."""
+    """Starts ``python -m`` a module of this package, talks with it and ends it."""
 
     def __init__(
         self,
+        module: str = "process",
         *,
         on_frame: Callable[[str], None],
         on_message: Callable[[Mapping[str, Any]], None],
@@ -42,10 +43,12 @@ class LoopProcess:
         """Keep whom to tell; all of them are called from the thread that reads.
 
         Args:
+            module: The loop, or the one that looks ahead.
             on_frame: Takes the line of a frame.
             on_message: Takes any other message but answers.
             on_end: Called when the process is gone, with its exit status; negative: killed by that signal.
         """
+        self._module = f"{__package__}.{module}"
         self._on_frame, self._on_message, self._on_end = on_frame, on_message, on_end
         self._process: subprocess.Popen[str] | None = None
         self._thread: threading.Thread | None = None
@@ -60,7 +63,7 @@ class LoopProcess:
             setup: What it reads first.
         """
         # -P: what lies in the present folder is not ours to import.
-        command = [sys.executable, "-P", "-m", "twin_gait.studies.live.process"]
+        command = [sys.executable, "-P", "-m", self._module]
         self._process = subprocess.Popen(
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
         )
@@ -138,7 +141,21 @@ class LoopProcess:
             ParameterError: If the process is gone.
             MessageRefused: If the loop refuses it.
         """
-        pending = self.command(command, lambda answer: None)
+        return self.answer(self.command(command, lambda answer: None))
+
+    def answer(self, pending: _Pending) -> Answer:
+        """Wait for the answer to a command.
+
+        Args:
+            pending: From :meth:`command`.
+
+        Returns:
+            The answer.
+
+        Raises:
+            ParameterError: If the process is gone.
+            MessageRefused: If it refuses the command.
+        """
         if not pending.answered.wait(ANSWER_TIME):
             raise ParameterError(f"the walk has not answered for {ANSWER_TIME:g} s")
         if not pending.answer:

@@ -22,6 +22,7 @@ from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.studies.live.deadlines import BLOCK_TICKS, PERIOD, BlockClock
 from twin_gait.studies.live.pieces import AppliedChange, Piece
 from twin_gait.studies.live.protocol import Frame
+from twin_gait.studies.live.walk import LiveWalk
 from twin_gait.viewer.curves import extremes
 from twin_gait.viewer.motion import leg_columns
 from twin_gait.viewer.page import event_entries
@@ -30,7 +31,6 @@ FRAME_BLOCKS = 2  # a frame every 20 ms: 50 a second
 MOST_TRACES = 400  # kept for who does not read: eight seconds, which is what a page remembers
 STILL_FRAME = 10 * PERIOD  # [s] between two frames while nothing moves
 PIECE_TICKS = 500  # between two pieces: a kill loses no more than this and what waits to be written
-BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
 
 
 class LoopStatus(StrEnum):
@@ -39,18 +39,10 @@ class LoopStatus(StrEnum):
     WALKING = "walking"
     PAUSED = "paused"
     WAITING = "waiting"
-    HOLDING = "holding"
+    HELD = "held"
     FELL = "fell"
     DIVERGED = "diverged"
     ENDED = "ended"
-
-
-@dataclass
-class _Present:
-    """What the commands have asked for so far."""
-
-    belt_speed: float | None
-    table: Mapping[str, Any] | None = None
 
 
 @dataclass
@@ -98,9 +90,8 @@ class LiveLoop:
         self._commands, self._send, self._keep = commands, send, keep
         self._longest = longest
         self._paused, self._ended = paused, False
-        world = run.problem.world
-        self._present = _Present(belt_speed=None if world.contact is None else world.belt_speed)
-        self._belt_waits = False
+        self._walk = LiveWalk(run)
+        self._table: Mapping[str, Any] | None = None  # as it was changed to
         self._kept = _Kept()
         self._began = now()
         self._last_frame = -np.inf
@@ -137,7 +128,7 @@ class LiveLoop:
         if self._run.status is not RunStatus.COMPLETED:
             return LoopStatus(str(self._run.status))
         if self._run.tripped:
-            return LoopStatus.HOLDING
+            return LoopStatus.HELD
         if self._paused:
             return LoopStatus.PAUSED
         return LoopStatus.WAITING if self._run.waiting() else LoopStatus.WALKING
@@ -154,9 +145,8 @@ class LiveLoop:
         if wait > 0.0:
             self._sleep(wait)
             return  # for commands that came meanwhile
-        self._stop_belt_for_waiting_legs()
         left = min(BLOCK_TICKS, self._longest - self._run.tick)
-        self._run.advance(left - 1)
+        self._walk.advance(left - 1)
         q = self._run.q
         rows = self._run.advance(1)
         self.clock.finished(self._now())
@@ -170,14 +160,6 @@ class LiveLoop:
         if self._now() - self._last_frame >= STILL_FRAME:
             self._send_frame()
         self._sleep(PERIOD)
-
-    def _stop_belt_for_waiting_legs(self) -> None:
-        """The belt stands while a leg waits for its step; else it would carry the leg away."""
-        waits = bool(self._run.waiting())
-        if waits == self._belt_waits or self._present.belt_speed is None:
-            return
-        self._belt_waits = waits
-        self._run.set_belt_speed(0.0 if waits else self._present.belt_speed, fade_ticks=BELT_TICKS)
 
     # ------------------------------------------------------------------ what is kept
 
@@ -193,7 +175,7 @@ class LiveLoop:
             rows=run.rows(kept.tick),
             switches=run.switches(kept.switches),
             changes=tuple(kept.changes),
-            table=self._present.table,
+            table=self._table,
             status=run.status,
             reason=run.reason,
             trip=run.trip,
@@ -251,13 +233,17 @@ class LiveLoop:
         while (command := self._commands()) is not None:
             answer: dict[str, Any] = {"kind": "answer", "serial": command.get("serial", 0), "refused": ""}
             try:
-                self._obey(command)
+                if command["command"] == "moment":
+                    answer["moment"] = self._walk.moment()
+                else:
+                    self._obey(command)
             except TwinGaitError as error:
                 answer["refused"] = " ".join(str(error).split())
             # After a restart the tick is that of the new walk.
             tick = self._run.tick
             if not answer["refused"] and "note" in command:
-                self._kept.changes.append(AppliedChange(tick, command["note"]))
+                fault = {"fault": command["fault"]} if "fault" in command else {}
+                self._kept.changes.append(AppliedChange(tick, {**command["note"], **fault}))
             self._send({**answer, "tick": tick, "status": str(self.status)})
 
     def _obey(self, command: Mapping[str, Any]) -> None:
@@ -269,7 +255,7 @@ class LiveLoop:
             return
         obeying: dict[str, Callable[[], None]] = {
             "end": self._end,
-            "walk": self._walk,
+            "walk": self._go_on,
             "pause": self._pause,
             "stop": self._stop,
             "restart": self._restart,
@@ -286,7 +272,7 @@ class LiveLoop:
     def _end(self) -> None:
         self._ended = True
 
-    def _walk(self) -> None:
+    def _go_on(self) -> None:
         if self._run.tripped or not self._alive:
             raise ParameterError("walk: the walk is over; start again")
         self._paused = False
@@ -308,27 +294,12 @@ class LiveLoop:
         if self._run.tick > 0:
             self._keep_piece(over=True)
             self._kept = _Kept()
-        self._run.restart()
+        self._walk.restart()
         self._traced = 0
-        self._belt_waits = False
-        if self._present.belt_speed is not None:
-            self._run.set_belt_speed(self._present.belt_speed, fade_ticks=0)
         self._paused, self._began = False, self._now()
         self.clock.pause()
 
     def _set(self, numbers: Mapping[str, Any], table: Mapping[str, Any] | None) -> None:
         """Let new settings fade in."""
-        run = self._run
-        run.set_phase_rows(np.array(numbers["phase_rows"]))
-        run.set_comparisons(np.array(numbers["comparisons"]).reshape(run.problem.program.comparisons.shape))
-        run.set_target_torque(np.array(numbers["target_torque"]))
-        if numbers["support_force"] is not None:
-            run.set_support_force(numbers["support_force"])
-        if numbers["belt_speed"] is not None:
-            self._present.belt_speed = numbers["belt_speed"]
-            if not self._belt_waits:
-                run.set_belt_speed(numbers["belt_speed"])
-        run.watch_phases(numbers["watching"])
-        if numbers["held_phase"] != run.held_phase:
-            run.hold_phase(numbers["held_phase"])
-        self._present.table = table or self._present.table
+        self._walk.set(numbers)
+        self._table = table or self._table

@@ -26,7 +26,7 @@ class AppliedChange:
 
     Attributes:
         tick: First tick with the change.
-        note: Who, what, value before and after, by column.
+        note: Who, what, value before and after, by column; a fault in its notation under ``fault``.
     """
 
     tick: int

@@ -42,7 +42,7 @@ from twin_gait.studies.live.protocol import (
     Value,
     dump,
 )
-from twin_gait.studies.live.rules import Place, described, judge, refusal, warnings
+from twin_gait.studies.live.rules import Place, Verdict, described, judge, refusal, warnings
 from twin_gait.studies.live.session_records import SessionRecorder
 from twin_gait.studies.live.settings import Settings, effect_of, loop_numbers
 from twin_gait.studies.record import RUN_DIRECTORY
@@ -125,6 +125,8 @@ class LiveSession:
         self._known: frozenset[Place] = frozenset()
         self._warned: dict[Place, str] = {}
         self._loop = LoopProcess(on_frame=self._note_frame, on_message=self._hear, on_end=self._note_end)
+        self._seer = self._new_seer()
+        self._judged: tuple[Settings, frozenset[Place], Verdict] | None = None
         self._recorder: SessionRecorder | None = None
         self._frame = LatestFrame(0, "")
         self._traces: deque[Trace] = deque(maxlen=MOST_TRACES)
@@ -164,6 +166,7 @@ class LiveSession:
             self._begin()
         except BaseException:
             self._loop.close()
+            self._seer.close()
             raise
         self._worker = threading.Thread(target=self._work_off, name="live worker", daemon=True)
         self._worker.start()
@@ -182,6 +185,7 @@ class LiveSession:
         self._ready.wait()
         if self.failure:
             raise ParameterError(self.failure)
+        self._start_seer()
         if self._database is not None:
             self._recorder = SessionRecorder(
                 self._database,
@@ -221,6 +225,7 @@ class LiveSession:
         self._loop.close()
         if self._worker is not None:
             self._worker.join()
+        self._seer.close()
         complete_all(map(journal_of, self._walks), self._hear, pictures=True)  # those that it left behind
         if self._recorder is not None:
             self._recorder.close(self._status, self.summary, [str(item) for item in self.folders])
@@ -311,6 +316,9 @@ class LiveSession:
         if isinstance(message, SetControl):
             before = self._value_of(message.control)
             settings = self._panel.set(self._settings, message.control, message.value)
+            if message.trying:
+                self._foresee(settings, message, before)
+                return
             self._change(settings, message, message.control, message.value, before)
         elif message.action is Action.REVERT:
             name = str(self._actions.values_of(message)["control"])
@@ -330,13 +338,7 @@ class LiveSession:
     ) -> None:
         """Check new settings, hand them to the walk, and tell what they do."""
         checking = settings.driving != self._settings.driving
-        known = self._known
-        if checking:
-            verdict = judge(settings, self._known)
-            reason = refusal(verdict, self._known)
-            if reason:
-                raise MessageRefused(reason)
-            known = verdict.places
+        known = self._judge(settings).places if checking else self._known
         numbers = loop_numbers(settings)
         if value is None and name != EVERYTHING:
             value = next(item.value for item in self._panel.controls(settings) if item.name == name)
@@ -364,6 +366,57 @@ class LiveSession:
             self._recorder.table(table, answer["tick"])
         if checking:
             self._warn(settings)
+
+    def _judge(self, settings: Settings) -> Verdict:
+        """Hold settings to the rules; those that have just been tried have been held to them."""
+        if self._judged is None or self._judged[:2] != (settings, self._known):
+            self._judged = (settings, self._known, judge(settings, self._known))
+        verdict = self._judged[2]
+        reason = refusal(verdict, self._known)
+        if reason:
+            raise MessageRefused(reason)
+        return verdict
+
+    # ------------------------------------------------------------------ looking ahead
+
+    def _new_seer(self) -> LoopProcess:
+        return LoopProcess(
+            "forecast", on_frame=lambda line: None, on_message=self._hear, on_end=lambda status: None
+        )
+
+    def _start_seer(self) -> None:
+        self._seer.close()
+        self._seer = self._new_seer()
+        self._seer.start({"document": self._loaded.document, "numbers": self._numbers.to_dict()})
+
+    def _foresee(self, settings: Settings, message: SetControl, before: Value | None) -> None:
+        """Tell what would come of new settings; the walk goes on as it does."""
+        if not self._seer.alive:
+            self._start_seer()
+        moment = self._loop.ask({"command": "moment"})
+        request = {
+            "command": "forecast",
+            "moment": moment["moment"],
+            "numbers": loop_numbers(settings).to_dict(),
+        }
+        coming = self._seer.command(request, lambda answer: None)
+        if settings.driving != self._settings.driving:  # held to the rules in the meantime
+            self._judge(settings)
+        try:
+            forecast = self._seer.answer(coming)["forecast"]
+        except ParameterError as error:
+            raise MessageRefused("no forecast: its process has died; try again, or apply at once") from error
+        self._emit(
+            Outcome.FORECAST,
+            f"forecast of {_told(message.control, before, message.value)}: {forecast['text']}",
+            tick=moment["tick"],
+            id=message.id,
+            user=message.user,
+            subject=message.control,
+            value=message.value,
+            before=before,
+            forecast=forecast,
+        )
 
     def _warn(self, settings: Settings) -> None:
         """Tell what the check warns of since the last change."""
@@ -454,7 +507,7 @@ class LiveSession:
         self._tick, status = head["tick"], head["status"]
         if status != self._status:
             before, self._status = self._status, status
-            if status in ("holding", "fell", "diverged") and before not in ("starting", "ended"):
+            if status in ("held", "fell", "diverged") and before not in ("starting", "ended"):
                 told = "; ".join([*(event["text"] for event in head["events"]), _ENDINGS[status]])
                 self._emit(Outcome.NOTE, told, tick=self._tick)
         if self._recorder is not None:
@@ -554,17 +607,17 @@ class LiveSession:
 
 
 _ENDINGS = {
-    "holding": "the legs are held and lowered; start again to walk",
+    "held": "the legs are held, the belt stops and the harness is locked; start again to walk",
     "fell": "the wearer fell; start again to walk",
     "diverged": "the simulation diverged; start again to walk",
 }
 
 
 def _replaces(later: Message, message: Message) -> bool:
-    """Whether a later message makes this one pointless."""
-    return (
-        isinstance(later, SetControl) and isinstance(message, SetControl) and later.control == message.control
-    )
+    """Whether a later message makes this one pointless; a forecast does not keep a change from being made."""
+    if not isinstance(later, SetControl) or not isinstance(message, SetControl):
+        return False
+    return later.control == message.control and (message.trying or not later.trying)
 
 
 def _subject(message: Message) -> str:

@@ -36,18 +36,21 @@ from twin_gait.vocabulary import JointName, Side
 SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start's
 
 
-def summarise_side(run: Run, side: Side, skip: int) -> dict[str, Any]:
+def summarise_side(run: Run, side: Side, skip: int, *, since: float = 0.0) -> dict[str, Any]:
     """Gait and effort of one leg.
 
     Args:
         run: The run.
         side: The leg.
         skip: Strides at the start that do not count.
+        since: Time of the experiment at the first row of the log in [s].
 
     Returns:
         Numbers by name; NaN or None where a number is not defined.
     """
-    record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
+    begin, end = run.steady
+    steady = (begin - since, end - since)
+    record = leg_record(run.log, side, run.table.phase_names, TICK, steady=steady)
     return {
         **_by_contact(run, record, skip),
         **_by_phase(run, record, skip),

@@ -17,7 +17,6 @@ from twin_gait.experiment import Experiment, IntegrationMethod
 from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide, device_sizes
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.leg_model.wearer import (
-    SHANK_LENGTH,
     TRUNK_CENTRE_OF_MASS,
     TRUNK_LENGTH,
     TRUNK_RADIUS_OF_GYRATION,
@@ -26,6 +25,7 @@ from twin_gait.leg_model.wearer import (
     segments_of,
 )
 from twin_gait.parameters import FrictionParameters, Patient
+from twin_gait.parameters.wearer import SHANK_LENGTH
 from twin_gait.scenario.world import World
 from twin_gait.simulation.pinocchio.plant import PinocchioPlant
 from twin_gait.vocabulary import JointName

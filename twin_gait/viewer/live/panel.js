@@ -10,7 +10,7 @@
   const PLACES = { push: "disturb", fault: "disturb", save: "table" }; // tab of an action
   const QUICK = ["walk", "pause", "step", "restart"]; // actions without a tab: always in sight
   const STATES = {
-    walking: "Walking", paused: "Paused", waiting: "Waiting for a step", holding: "HOLD",
+    walking: "Walking", paused: "Paused", waiting: "Waiting for a step", held: "HOLD",
     fell: "Fell", diverged: "Diverged", ended: "Ended", died: "Died: its process is gone",
   };
   // The three controls of the monitor, each with its quantities.
@@ -157,7 +157,7 @@
     // With the cause and the place of a trip, which follows the colon of its text.
     state(status, events = []) {
       const trip = events.find((event) => event.kind === "trip")?.text.split(": ")[1];
-      const because = trip && ["holding", "fell"].includes(status) ? `: ${status === "fell" ? "after a hold, " : ""}${trip}` : "";
+      const because = trip && ["held", "fell"].includes(status) ? `: ${status === "fell" ? "after a hold, " : ""}${trip}` : "";
       if (this.status === status && this.because === because) return;
       Object.assign(this, { status, because });
       if (status === "died") {
@@ -210,6 +210,63 @@
     });
   }
 
+  // ---- forecast: what would come of a change; nothing changes before Apply --------------------------------
+
+  const forecast = {
+    row: null,
+    count: 0, // of offers, so that a late answer does not stand for a newer one
+
+    asks() { return get("panel-ask").querySelector("input").checked; },
+
+    // Ask what would come of a value; send(answer) is what Apply does.
+    of(row, value, send) {
+      this.close();
+      row.refuse("");
+      row.node.classList.add("pending");
+      const number = row.asked = this.count += 1;
+      row.tried = value;
+      link.send({ kind: "try", control: row.control.name, value }, (event) => {
+        if (number !== row.asked) return;
+        row.node.classList.remove("pending");
+        if (number !== this.count) this.back(row);
+        else if (event?.outcome === "forecast") this.offer(row, event, send);
+        else { this.back(row); row.refuse((event ?? NO_ANSWER).text); }
+      });
+    },
+
+    offer(row, event, send) {
+      this.row = row;
+      const { text, bad, rmse_deg, saturated_share } = event.forecast;
+      const off = Object.entries(rmse_deg).filter(([, value]) => value !== null)
+        .map(([joint, value]) => `${words(joint)} ${value.toFixed(1)}°`).join(", ");
+      const button = (label, name, onclick) => make("button", { type: "button", dataset: { forecast: name }, onclick }, label);
+      get("panel-forecast").classList.toggle("bad", bad);
+      get("panel-forecast").replaceChildren(
+        make("p", { className: "what" }, `${board.place(row.control)}: ${written(event.before, row.control)} → ${written(event.value, row.control)}, `
+          + `as of ${(event.tick / 1000).toFixed(1)} s`),
+        make("p", { className: "comes" }, title(text)),
+        make("p", { className: "numbers" }, [off && `RMS off the reference: ${off}`, `at a limit ${(100 * saturated_share).toFixed(1)} % of the time`]
+          .filter(Boolean).join("; ")),
+        button("Discard", "discard", () => this.close()),
+        button(bad ? "Apply all the same" : "Apply", "apply", () => { this.close(); row.ask(send); }));
+      get("panel-forecast").hidden = false;
+    },
+
+    // The control goes back to the value that holds.
+    back(row) {
+      row.tried = undefined;
+      row.show(row.control.value);
+    },
+
+    close() {
+      this.count += 1;
+      const row = this.row;
+      this.row = null;
+      get("panel-forecast").hidden = true;
+      if (row) this.back(row);
+    },
+  };
+
   // ---- a control ------------------------------------------------------------------------------------
 
   // One row: label, what sets the value, the way back to the preset, and a line for a refusal.
@@ -250,7 +307,7 @@
       const nudge = (sign, text) => make("button", {
         type: "button", className: "nudge", dataset: { nudge: String(sign) },
         title: `${written(step, this.control)} ${sign < 0 ? "less" : "more"}`,
-        onclick: () => this.set(Number((this.held + sign * step).toFixed(9))),
+        onclick: () => this.set(Number(((this.tried ?? this.held) + sign * step).toFixed(9))),
       }, text);
       if (this.control.group === "monitor" && step) parts.push(nudge(-1, "\u2212"), this.box, nudge(1, "+"));
       else parts.push(this.box);
@@ -283,7 +340,7 @@
 
     back() {
       const button = make("button", { type: "button", className: "back" }, "↺");
-      button.onclick = () => this.ask((answer) => link.send(
+      button.onclick = () => this.change(this.control.default, (answer) => link.send(
         { kind: "do", action: "revert", values: { control: this.control.name } }, answer));
       button.setAttribute("aria-label", `${this.control.label}: back to the preset`);
       return button;
@@ -306,7 +363,21 @@
 
     set(value) {
       if (!this.setter) { if (this.control.kind === "number") this.show(value); return; }
-      this.ask((answer) => this.setter(value, answer));
+      this.change(value, (answer) => this.setter(value, answer));
+    }
+
+    // At once, or after a look at what would come of it.
+    change(value, send) {
+      if (!forecast.asks()) { forecast.close(); this.ask(send); return; }
+      forecast.of(this, value, send);
+      this.show_tried(value);
+    }
+
+    show_tried(value) {
+      if (this.control.kind === "number" && typeof value === "number") {
+        this.box.value = value.toFixed(decimals(this.control.step));
+        if (this.slider) this.slider.value = value;
+      }
     }
 
     // Send, and show what holds after the answer: the new value, or the old one and why.
@@ -324,7 +395,8 @@
 
     take(control) {
       this.control = control;
-      if (!this.node.classList.contains("pending") && !this.dragging && !this.typing()) this.show(control.value);
+      const busy = this.node.classList.contains("pending") || this.tried !== undefined;
+      if (!busy && !this.dragging && !this.typing()) this.show(control.value);
       this.mark();
     }
 
@@ -511,13 +583,19 @@
       if (this.deeds.has("revert")) this.differences.append(this.revert_all());
     },
 
-    difference(one) {
+    // Where a control stands, in words.
+    place(one) {
       const place = [one.phase && title(one.phase), one.side, one.joint].filter(Boolean).map(words).join(" ");
+      return place ? `${title(place)}: ${one.label}` : title(one.label);
+    },
+
+    difference(one) {
+      const place = this.place(one);
       const back = make("button", { type: "button", className: "back", title: "Back to the preset" }, "↺");
-      back.setAttribute("aria-label", `${place} ${one.label}: back to the preset`);
+      back.setAttribute("aria-label", `${place}: back to the preset`);
       back.onclick = () => this.rows.get(one.name).revert.click();
       return make("tr", { dataset: { difference: one.name } },
-        make("td", {}, place ? `${title(place)}: ${one.label}` : title(one.label)),
+        make("td", {}, place),
         make("td", {}, written(one.default, one)), make("td", {}, written(one.value, one)), make("td", {}, back));
     },
 
@@ -612,7 +690,7 @@
       const line = make("li", { className: event.outcome, dataset: { tick: String(event.tick), outcome: event.outcome } },
         make("time", {}, `${(event.tick / 1000).toFixed(3)} s`),
         make("span", { className: "what" }, event.text),
-        make("small", {}, [`tick ${event.tick}`, event.user, event.outcome === "refused" ? "refused" : ""].filter(Boolean).join(" · ")));
+        make("small", {}, [`tick ${event.tick}`, event.user, ["refused", "forecast"].includes(event.outcome) ? event.outcome : ""].filter(Boolean).join(" · ")));
       for (const warning of event.warnings ?? []) line.append(make("small", { className: "warning" }, warning));
       const list = body.querySelector("ol");
       list.prepend(line);
@@ -636,5 +714,5 @@
     .observe(twinGait.stage.head);
   link.open();
   view.open();
-  window.livePanel = { link, board, log, head, view, stop };
+  window.livePanel = { link, board, log, head, view, stop, forecast };
 })();

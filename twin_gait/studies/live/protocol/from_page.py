@@ -47,12 +47,14 @@ class SetControl:
         user: Who.
         control: Name of the control.
         value: In the unit of the control.
+        trying: Whether only to tell what would come of it.
     """
 
     id: str
     user: str
     control: str
     value: Value
+    trying: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,8 +81,8 @@ def read_message(text: str | bytes) -> Message:
     """Read a message of a page.
 
     Args:
-        text: JSON: ``{"kind": "set", "id", "user", "control", "value"}`` or ``{"kind": "do", "id", "user",
-            "action", "values"}``.
+        text: JSON: ``{"kind": "set", "id", "user", "control", "value"}``, the same with ``try`` for a
+            forecast of it, or ``{"kind": "do", "id", "user", "action", "values"}``.
 
     Returns:
         The message.
@@ -113,18 +115,19 @@ def message_from(data: Any) -> Message:
     if not isinstance(data, dict):
         raise MessageRefused("message: expected an object with kind, id and user")
     kind = data.get("kind")
-    if kind == "set":
+    if kind in ("set", "try"):
         _only(data, ("kind", "id", "user", "control", "value"))
         return SetControl(
             id=_name(data, "id"),
             user=_user(data),
             control=_name(data, "control"),
             value=_value(data, "value"),
+            trying=kind == "try",
         )
     if kind == "do":
         _only(data, ("kind", "id", "user", "action", "values"))
         return DoAction(id=_name(data, "id"), user=_user(data), action=_action(data), values=_values(data))
-    raise MessageRefused(f"kind: expected set or do, got {_short(kind)}")
+    raise MessageRefused(f"kind: expected set, try or do, got {_short(kind)}")
 
 
 def id_of(text: str | bytes) -> str:

@@ -30,6 +30,7 @@ class Outcome(StrEnum):
     APPLIED = "applied"
     REFUSED = "refused"
     NOTE = "note"
+    FORECAST = "forecast"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,7 +134,7 @@ class Frame:
         time_s: Of that tick.
         events: What befell the walk: kind, time in [s] and words each, see
             :func:`twin_gait.viewer.page.event_entries`.
-        status: ``walking``, ``paused``, ``waiting`` (for a step by hand), ``holding`` (after a stop or
+        status: ``walking``, ``paused``, ``waiting`` (for a step by hand), ``held`` (after a stop or
             a trip), ``fell``, ``diverged``, ``ended`` or ``died`` (the process, not the wearer).
         q: Coordinates of the rigid-body model in [rad] and [m], Pinocchio's order.
         log: The row of the log, by column; phases are names.
@@ -181,7 +182,7 @@ class Event:
 
     Attributes:
         serial: Number of the event, from 1 on.
-        outcome: Applied, refused, or a note of the simulation.
+        outcome: Applied, refused, a note of the simulation, or what would come of a change that waits.
         text: One sentence; of a refusal the reason.
         tick: First tick with the change; of a refusal the last one known.
         id: Of the message, or empty.
@@ -191,6 +192,7 @@ class Event:
         before: Value that the control had.
         warnings: Findings of the check that a change which was applied brings along.
         effect: What the log has from now on, by column; a table's control shows while its phase lasts.
+        forecast: Of a change that waits, see :class:`~twin_gait.studies.live.forecast.Forecast`; else None.
     """
 
     serial: int
@@ -204,6 +206,7 @@ class Event:
     before: Value | None = None
     warnings: tuple[str, ...] = ()
     effect: Mapping[str, float] = field(default_factory=dict)
+    forecast: Mapping[str, Any] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """The event as JSON takes it."""

@@ -1,0 +1,139 @@
+"""What would come of a change, told before it is made; the walk itself does not notice."""
+
+import json
+
+import numpy as np
+import pytest
+from test_live_loop import Rig, say, wait_for
+
+from twin_gait.configuration import load_experiment
+from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.studies.live.controls import Panel
+from twin_gait.studies.live.forecast import HORIZON, LEAST, foresee
+from twin_gait.studies.live.protocol import Outcome
+from twin_gait.studies.live.session import LiveSession
+from twin_gait.studies.live.settings import loop_numbers
+from twin_gait.studies.live.walk import LiveWalk
+
+# Of the default treadmill walk: each ends it within seconds, and the check has nothing against any of them.
+FALLS = [
+    ("swing_flexion.knee.equilibrium", 60.0),
+    ("swing_flexion.knee.equilibrium", 32.7),
+    ("swing_flexion.hip.stiffness", 0.76),
+]
+
+
+@pytest.fixture(scope="module")
+def panel():
+    return Panel(load_experiment("treadmill", ["duration_s=60"]).experiment)
+
+
+@pytest.fixture(scope="module")
+def walks(panel):
+    """A walk after eight seconds, and another one that looks ahead."""
+    walking, ahead = LiveWalk(SteppedRun(panel.problem)), LiveWalk(SteppedRun(panel.problem))
+    walking.advance(8000)
+    return walking, ahead
+
+
+def numbers(panel, *changes):
+    settings = panel.preset
+    for name, value in changes:
+        settings = panel.set(settings, name, value)
+    return json.loads(json.dumps(loop_numbers(settings).to_dict()))
+
+
+def moment_of(walk):
+    return json.loads(json.dumps(walk.moment()))
+
+
+@pytest.mark.parametrize("change", FALLS)
+def test_a_change_that_ends_the_walk_is_foreseen_to_the_tick(panel, walks, change):
+    walking, ahead = walks
+    moment = moment_of(walking)
+    forecast = foresee(ahead, moment, numbers(panel, change))
+    assert forecast.bad and forecast.horizon_s < 20.0
+    # What really comes, by a walk that is changed indeed.
+    real = LiveWalk(SteppedRun(panel.problem))
+    real.go_on_from(moment)
+    real.set(numbers(panel, change))
+    real.advance(HORIZON)
+    if real.run.trip is not None:
+        assert f"trips after {(real.run.trip.tick - 8000) * 1e-3:.1f} s" in forecast.text
+    if real.run.status is RunStatus.FELL:
+        assert f"falls after {(real.run.tick - 8000) * 1e-3:.1f} s" in forecast.text
+    assert real.run.trip is not None or real.run.status is RunStatus.FELL
+    assert "without the change" not in forecast.text
+
+
+def test_a_harmless_change_walks_on_with_its_deviation_and_saturation(panel, walks):
+    walking, ahead = walks
+    forecast = foresee(ahead, moment_of(walking), numbers(panel, ("late_stance.hip.stiffness", 1.3)))
+    assert not forecast.bad and forecast.text.startswith("walks on for the ")
+    assert LEAST <= round(1e3 * forecast.horizon_s) <= HORIZON
+    assert 0.0 < forecast.rmse_deg["hip"] < forecast.rmse_deg["knee"] < 20.0
+    assert 0.0 < forecast.saturated_share < 0.2
+
+
+def test_the_look_ahead_goes_as_far_as_the_time_allows_but_four_strides_in_any_case(panel, walks):
+    walking, ahead = walks
+    moment, same = moment_of(walking), numbers(panel)
+    ticks = iter(range(1000))
+    slow = foresee(ahead, moment, same, now=lambda: next(ticks))
+    fast = foresee(ahead, moment, same, now=lambda: 0.0)
+    assert (slow.horizon_s, fast.horizon_s) == (LEAST * 1e-3, HORIZON * 1e-3)
+    assert "for the 8 s looked ahead" in slow.text and "for the 20 s looked ahead" in fast.text
+
+
+def test_a_walk_that_ends_in_any_case_is_not_blamed_on_the_change(panel, walks):
+    _, ahead = walks
+    doomed = LiveWalk(SteppedRun(panel.problem))
+    doomed.set(numbers(panel, FALLS[0]))
+    doomed.advance(1500)
+    forecast = foresee(ahead, moment_of(doomed), numbers(panel, FALLS[0], ("belt_speed", 1.55)))
+    assert forecast.bad and "as it does without the change" in forecast.text
+
+
+def test_after_the_end_a_new_start_is_foreseen_and_a_step_by_hand_is_waited_for(panel, walks):
+    walking, ahead = walks
+    over = LiveWalk(SteppedRun(panel.problem))
+    over.advance(1000)
+    over.run.stop()
+    over.advance(500)
+    forecast = foresee(ahead, moment_of(over), numbers(panel))
+    assert not forecast.bad and forecast.text.startswith("after a new start walks on")
+    by_hand = foresee(ahead, moment_of(walking), numbers(panel, ("manual", True)))
+    assert not by_hand.bad and by_hand.text.startswith("waits for a step")
+
+
+def test_a_forecast_that_is_discarded_leaves_the_log_as_it_would_have_been_bit_for_bit(panel):
+    plain = Rig(panel.problem, [], longest=4000)
+    plain.loop.run()
+    script = [(1.0 + 0.3 * n, {"serial": n, "command": "moment"}) for n in range(5)]
+    asked = Rig(panel.problem, script, longest=4000)
+    asked.loop.run()
+    assert all("moment" in asked.answers()[n] for n in range(5))
+    ahead = LiveWalk(SteppedRun(panel.problem))
+    foresee(ahead, asked.answers()[3]["moment"], numbers(panel, FALLS[0]))
+    np.testing.assert_array_equal(asked.takes[0].result.rows, plain.takes[0].result.rows)
+    assert asked.takes[0].changes == []
+
+
+def test_a_session_tells_the_forecast_of_a_try_changes_nothing_and_then_applies(tmp_path):
+    loaded = load_experiment("treadmill", ["duration_s=60"])
+    with LiveSession(loaded, tmp_path / "run", pictures=False) as session:
+        name, value = FALLS[0]
+        wait_for(lambda: session.newest_frame().number > 10)
+        told = say(session, kind="try", control=name, value=value)
+        assert told.outcome is Outcome.FORECAST and told.forecast["bad"] and told.subject == name
+        assert told.forecast["text"] in told.text and told.effect == {}
+        assert not any(item.changed for item in session.state().controls)
+        unsafe = say(session, kind="try", control="middle_stance.hip.gain", value=0.95)
+        assert unsafe.outcome is Outcome.REFUSED and unsafe.text.startswith("unstable")
+        applied = say(session, kind="set", control=name, value=value)
+        assert applied.outcome is Outcome.APPLIED  # it is for the therapist to decide
+        # A seer that died is started again.
+        session._seer._process.kill()
+        wait_for(lambda: not session._seer.alive)
+        assert say(session, kind="try", control="belt_speed", value=1.5).outcome is Outcome.FORECAST
