@@ -77,15 +77,27 @@ def cache_folder() -> Path | None:
     """
     chosen = os.environ.get(CACHE_VARIABLE)
     try:
-        return private_folder(Path(chosen) if chosen else _home("XDG_CACHE_HOME", ".cache") / "twin_gait")
+        if chosen:
+            return private_folder(Path(chosen))
+        return private_folder(_home("XDG_CACHE_HOME", ".cache") / "twin_gait", close=True)
     except (OSError, RuntimeError):  # pathlib's error where the user has no home
         return None
 
 
 @lru_cache(maxsize=8)
-def private_folder(folder: Path) -> Path | None:
-    """A folder that is the user's alone to write, made if needed; a warning and None if it is not."""
+def private_folder(folder: Path, *, close: bool = False) -> Path | None:
+    """A folder that is the user's alone to write, made if needed; a warning and None if it is not.
+
+    Args:
+        folder: The folder.
+        close: Whether it is this program's own, to be closed to others where an earlier version left it open.
+
+    Returns:
+        The folder.
+    """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if close and folder.stat().st_uid == os.geteuid():
+        folder.chmod(0o700)
     if only_mine(folder.stat()):
         return folder
     warnings.warn(
