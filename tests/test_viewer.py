@@ -737,15 +737,14 @@ def test_a_play_that_misses_frames_sends_their_curves(
     log = synthetic_log(bench, 1.0)
     viewer.show(bench, curves=("hip", "knee"))
     samples = []
-    send = viewer._window.send
+    sample = viewer._sample
 
-    def slow_send(command):
-        if command["type"] == "sample":
-            samples.append(command["sample"])
-            time.sleep(0.2)  # the window is slow: frames are missed
-        send(command)
+    def slow_sample(when, legs, *, curves):
+        samples.append({"curves": curves})
+        time.sleep(0.2)  # the viewer is slow: frames are missed
+        sample(when, legs, curves=curves)
 
-    monkeypatch.setattr(viewer._window, "send", slow_send)
+    monkeypatch.setattr(viewer, "_sample", slow_sample)
     viewer.play(log)
     assert len(samples) < 10
     clock, truth = log["time_s"].to_numpy(), np.degrees(log["right_knee_angle_rad"].to_numpy())
