@@ -339,6 +339,27 @@ def test_every_change_stands_in_the_run_folder_with_its_tick(bench_session) -> N
     assert ticks == sorted(ticks)
 
 
+@pytest.mark.parametrize("width", [1180, 1024])
+def test_numbers_stay_in_their_card_on_a_tablet(browser: Any, treadmill: Walk, width: int) -> None:
+    page = Page(browser, treadmill)
+    page.page.set_viewport_size({"width": width, "height": 780})
+    page.page.wait_for_selector(".read tbody tr")
+    outside = page.page.evaluate(
+        """(keys) => {
+            const values = { phase: 4, ...Object.fromEntries(keys.map((key) => [key, -188.8])) };
+            twinGait.show({ time: 1e6, legs: twinGait.page().legs.map(() => values) });
+            const room = document.querySelector(".head").getBoundingClientRect();
+            const parts = document.querySelectorAll(".read td, .read th, .read .pill, .read span");
+            return [...parts].filter((one) => {
+                const box = one.getBoundingClientRect();
+                return box.width && (box.right > room.right + 0.5 || box.left < room.left - 0.5);
+            }).map((one) => one.textContent); }""",
+        ["hip", "hip_torque", "knee", "knee_torque", "force"],
+    )
+    assert outside == []
+    page.close()
+
+
 # ---------------------------------------------------------------------- wrong values
 
 

@@ -686,3 +686,43 @@ def test_two_walks_are_compared_by_per_cent_of_the_stride_so_that_a_drift_is_no_
     by_time = one(largest)
     for name in ("left_hip", "left_knee", "right_hip", "right_knee"):
         assert by_stride[name] < 0.7 and by_time[name] > 5 * by_stride[name], name
+
+
+@pytest.mark.parametrize("width", [1180, 1024])
+def test_two_runs_on_a_tablet_have_their_numbers_below_their_scenes(opened, pages, width: int) -> None:
+    one = opened(f"{pages['two'].as_uri()}#t=1", size=(width, 780))
+    assert one("""[...document.querySelectorAll(".stage")].every((stage) => {
+        const pane = stage.querySelector(".pane").getBoundingClientRect();
+        const head = stage.querySelector(".head").getBoundingClientRect();
+        return pane.height > 100 && pane.bottom <= head.top + 0.5; })""")
+
+
+def test_without_webgl_numbers_curves_and_timeline_work(browser, pages, log: pd.DataFrame) -> None:
+    page = browser.new_page(viewport={"width": 1180, "height": 780})
+    page.add_init_script("""{
+        const inner = HTMLCanvasElement.prototype.getContext;
+        HTMLCanvasElement.prototype.getContext = function (kind, ...more) {
+            return kind.includes("webgl") ? null : inner.call(this, kind, ...more);
+        }; }""")
+    one = OpenPage(page)
+    page.on("pageerror", lambda error: one.complaints.append(str(error)))
+    page.goto(f"{pages['one'].as_uri()}#t=0")
+    one("window.ready")
+    assert "no WebGL" in one('document.querySelector(".pane").innerText')
+    assert one('document.getElementById("message").hidden') is True
+    one("player.seek(1.2)")
+    row, read = log.iloc[round(1000.0 * clock_of(one))], numbers_in(one)
+    assert read["knee: Knee angle", "left"] == pytest.approx(
+        math.degrees(row["left_knee_angle_rad"]), abs=0.051
+    )
+    inked = """(id) => { const canvas = document.querySelector(id);
+        const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+        return data.reduce((sum, value, k) => sum + (k % 4 === 3 && value > 0 ? 1 : 0), 0); }"""
+    assert one(inked, "#curves") > 5000 and one(inked, "#bands canvas") > 5000
+    page.keyboard.press(".")
+    assert one("player.time") > 1.2
+    page.keyboard.press("t")
+    page.set_viewport_size({"width": 500, "height": 700})
+    one("player.print(true)")
+    assert one.complaints == []
+    page.close()

@@ -41,13 +41,16 @@ from twin_gait.palette import (
 )
 from twin_gait.studies.record import load_run, write_run
 from twin_gait.studies.shown_run import ShownRun, page_of, read_shown_run
+from twin_gait.viewer.body import CLOTH
 from twin_gait.viewer.curves import extremes, faithful_curve
 from twin_gait.viewer.figure import ROOT
+from twin_gait.viewer.harness import VEST
 from twin_gait.viewer.motion import frame_rate, leg_values, phase_changes, read_motion
-from twin_gait.viewer.page import FLOOR, SCRIPTS, live_page, packed, page_data
+from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, SCRIPTS, live_page, packed, page_data
 from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.picture import BROWSER_VARIABLE, PictureSize, find_browser, take_picture
 from twin_gait.viewer.recorder import Recorder
+from twin_gait.viewer.ropes import MATERIAL as ROPE
 from twin_gait.viewer.scene import View
 from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.urdf_page import urdf_page
@@ -323,6 +326,16 @@ def test_the_floor_that_a_dark_page_darkens_is_in_the_scene(worn_twin: LegModel)
     recorder = Recorder()
     build_scene(recorder, worn_twin)
     assert any(c["type"] == "set_object" and c["path"] == FLOOR for c in recorder.commands())
+
+
+def test_harness_and_trunk_stand_out_by_night() -> None:
+    script = (PAGE_FOLDER / "stage.js").read_text(encoding="utf-8")
+    found = re.search(r"NIGHT = \{ top: \[([^]]*)\]", script)
+    assert found
+    night = "#" + "".join(f"{round(255 * float(share)):02x}" for share in found[1].split(","))
+    for material, least in ((VEST, 3.0), (CLOTH, 4.5), (ROPE, 2.5)):
+        shown = "#" + "".join(f"{round(255 * share):02x}" for share in material.colour)
+        assert contrast(shown, night) > least
 
 
 def test_every_script_of_the_page_is_in_it_and_nothing_else_lies_beside_them() -> None:

@@ -12,12 +12,13 @@ import pandas as pd
 import pinocchio as pin
 import pytest
 
+from twin_gait import load_experiment, simulate
 from twin_gait.leg_model import LegJoints, LegModel, packaged_urdf
 from twin_gait.leg_model.urdf import build_model
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters import Patient
 from twin_gait.viewer import arcs, shapes, surroundings, trail
-from twin_gait.viewer.commands import rgb
+from twin_gait.viewer.commands import Command, Material, rgb
 from twin_gait.viewer.legend import FULL_TORQUE
 from twin_gait.viewer.meshes import read_obj
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, read_motion
@@ -25,6 +26,7 @@ from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
+from twin_gait.viewer.surroundings import ROOT
 from twin_gait.viewer.visuals import load_visuals
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
@@ -547,3 +549,30 @@ def test_a_urdf_that_shows_nothing_gets_sticks_from_joint_to_joint(tmp_path: Pat
     foot = meshes_of(recorder)[f"{scene.figure.paths['left_ankle']}/sticks"]
     np.testing.assert_allclose(foot[:, 0].max(), 0.17, atol=0.03)  # the toe's frame
     assert scene.view.height > 0.9
+
+
+def test_belt_marks_stay_under_the_covers_of_its_ends_and_soles_on_the_belt(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    drawn: dict[str, Shape] = {}
+    set_object = surroundings.set_object
+
+    def note(path: str, shape: Shape, material: Material) -> Command:
+        drawn[path] = shape
+        return set_object(path, shape, material)
+
+    monkeypatch.setattr(surroundings, "set_object", note)
+    surroundings.draw_treadmill(Recorder())
+    marks, frame = (drawn[path].vertices[:, 0] for path in (f"{surroundings.BELT}/marks", f"{ROOT}/frame"))
+    # From an offset of one spacing backwards to none.
+    assert marks.min() - surroundings.BELT_MARK_SPACING > frame.min() and marks.max() < frame.max()
+    walked = simulate(load_experiment("treadmill", ["duration_s=5"]).experiment)
+    model = walked.experiment.build_world().model
+    heights = [
+        model.frame_position(q, contact)[2]
+        for q in read_motion(walked.log, model).q
+        for leg in model.legs.values()
+        for contact in leg.contact_frames
+    ]
+    assert min(heights) < -0.01  # the ground of the model is soft
+    assert min(heights) > drawn[f"{ROOT}/belt_surface"].vertices[:, 2].max() - 5e-4

@@ -21,8 +21,8 @@ from twin_gait.viewer.shapes import Shape
 from twin_gait.vocabulary import Side
 
 SKIN = Material(colour=(0.80, 0.60, 0.50), opacity=0.42, roughness=0.75)
-CLOTH = Material(colour=(0.55, 0.63, 0.73), opacity=0.50, roughness=0.9)
-STRAP = Material(colour=(0.19, 0.22, 0.27), roughness=0.85)
+CLOTH = Material(colour=(0.58, 0.66, 0.77), opacity=0.60, roughness=0.9)
+STRAP = Material(colour=(0.27, 0.31, 0.38), roughness=0.85)
 
 _DRAWN_HEIGHT, _DRAWN_MASS = 1.75, 70.0  # of the body that the tables below describe
 _HIP_CENTRE = 0.055  # half the distance between the hip centres, share of the body height

@@ -14,7 +14,7 @@ from twin_gait.viewer.commands import Material
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.shapes import Shape
 
-VEST = Material(colour=(0.27, 0.33, 0.42), opacity=0.92, roughness=0.9)
+VEST = Material(colour=(0.40, 0.48, 0.60), opacity=0.92, roughness=0.9)
 _VEST = (0.50, 0.80)  # around the chest, heights over the hips as shares of the trunk length
 _HOOK = (0.0, 0.15, 1.12)  # forward and to the left [m] and height as above: where a rope meets its straps
 

@@ -15,7 +15,7 @@ from twin_gait.viewer.shapes import Shape
 
 ROOT = "/meshcat/ropes"
 RADIUS = 0.006  # [m]
-MATERIAL = Material(colour=(0.30, 0.34, 0.40), roughness=0.9)
+MATERIAL = Material(colour=(0.40, 0.45, 0.53), roughness=0.9)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ Belt = float | Callable[[float], float]
 ROOT = "/meshcat/surroundings"
 BELT = f"{ROOT}/belt"
 BELT_MARK_SPACING = 0.20  # [m]
+BELT_TOP = -0.014  # [m]: as deep as the soles of the shipped walks press into the soft ground of the model
 
 RUBBER = Material(colour=(0.21, 0.23, 0.26), roughness=0.95)
 DECK = Material(colour=(0.80, 0.83, 0.87), roughness=0.8)
@@ -79,17 +80,18 @@ def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
 
 
 def draw_treadmill(window: Window) -> None:
-    """Draw a treadmill whose belt lies at height 0 and runs along x.
+    """Draw a treadmill whose belt runs along x, under the soles that press on it.
 
     Args:
         window: Where commands go.
     """
     frame = [_rail(1.0), _rail(-1.0), _end(1.0), _end(-1.0), _hood()]
     place(window, "frame", shapes.merged(frame), DECK, under_shadows=True)
-    surface = box((_BELT_LENGTH, _BELT_WIDTH, 0.03), (0.0, 0.0, -0.016))
+    surface = box((_BELT_LENGTH, _BELT_WIDTH, 0.03), (0.0, 0.0, BELT_TOP - 0.015))
     place(window, "belt_surface", surface, RUBBER, under_shadows=True)
     inner = _BELT_LENGTH - _END_LENGTH
-    at = np.arange(-0.5 * inner + 0.02, 0.5 * inner + 0.01, BELT_MARK_SPACING)
+    # The first is under the cover of the end before and after the jump, and so is the last.
+    at = np.arange(-0.5 * inner + 0.085, 0.5 * inner + 0.01, BELT_MARK_SPACING)
     marks = [_mark(float(x)) for x in at]
     window.send(set_object(f"{BELT}/marks", shapes.merged(marks), _MARK))
     window.send(set_property(f"{BELT}/marks/<object>", "castShadow", False))
@@ -193,7 +195,7 @@ def _hood() -> Shape:
 
 def _mark(x: float) -> Shape:
     """Line across the belt, a hair above it."""
-    half_x, half_y, z = 0.006, 0.5 * _BELT_WIDTH - 0.02, 0.0006
+    half_x, half_y, z = 0.006, 0.5 * _BELT_WIDTH - 0.02, BELT_TOP + 0.0016
     corners = np.array([[-half_x, -half_y], [half_x, -half_y], [half_x, half_y], [-half_x, half_y]])
     vertices = np.column_stack((corners + np.array([x, 0.0]), np.full(4, z)))
     return Shape(vertices, np.tile([0.0, 0.0, 1.0], (4, 1)), np.array([[0, 1, 2], [0, 2, 3]]))

@@ -1,6 +1,6 @@
 // ---- scene: meshcat's viewer, its camera, its animation ---------------------------------------------
 
-const NIGHT = { top: [0.15, 0.175, 0.205], bottom: [0.055, 0.065, 0.08], floor: 0x39424d, ambient: 0.8 };
+const NIGHT = { top: [0.15, 0.175, 0.205], bottom: [0.055, 0.065, 0.08], floor: 0x39424d, ambient: 1 };
 
 class Stage {
   constructor(label) {
@@ -18,10 +18,11 @@ class Stage {
     this.day = { top: [1, 1, 1], bottom: [1, 1, 1], ambient: 0.6 };
     this.unpainted = false;
     this.turned = false;
+    this.blind = false; // without WebGL: there is no scene, and all else goes on
   }
 
   open() {
-    this.viewer = new MeshCat.Viewer(this.pane);
+    try { this.viewer = new MeshCat.Viewer(this.pane); } catch (error) { this.leave_out(error); return; }
     this.viewer.gui.domElement.style.display = "none";
     this.viewer.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     const shadow = this.viewer.scene_tree.find(["Lights", "SpotLight", "<object>"]).object.shadow;
@@ -40,6 +41,18 @@ class Stage {
     const handle = this.viewer.handle_command.bind(this.viewer);
     this.viewer.handle_command = (command) => { handle(command); this.notice(command); };
     theme.listeners.push(() => this.paint());
+  }
+
+  // In place of the viewer something that reads commands and draws nothing.
+  leave_out(error) {
+    this.blind = true;
+    this.pane.replaceChildren(make("p", "absent", "No scene: this browser has no WebGL. Numbers, curves and timeline work without."));
+    this.pane.setAttribute("aria-label", "No scene");
+    console.info(`twin_gait: no WebGL (${error.message})`);
+    const nothing = () => {};
+    this.viewer = Object.assign(Object.create(MeshCat.Viewer.prototype), {
+      handle_command: nothing, render: nothing, set_dirty: nothing, animator: { pause: nothing, seek: nothing },
+    });
   }
 
   // What the program says of the studio holds by day.
@@ -61,6 +74,7 @@ class Stage {
   // At night only what surrounds the figure is darker.
   paint() {
     this.unpainted = false;
+    if (this.blind) return;
     const set = theme.dark ? { ...NIGHT, ambient: this.day.ambient * NIGHT.ambient } : this.day;
     this.viewer.set_property(["Background"], "top_color", set.top);
     this.viewer.set_property(["Background"], "bottom_color", set.bottom);
@@ -71,7 +85,7 @@ class Stage {
 
   // A pane of another size shows the same; a view that somebody chose stays.
   refit() {
-    if (!this.pane.clientHeight) return;
+    if (!this.pane.clientHeight || this.blind) return;
     if (this.view && !this.turned) this.look(this.view); else this.viewer.set_3d_pane_size();
     // Resizing has emptied the canvas, and the next frame would come too late for this one.
     this.viewer.render();
@@ -80,6 +94,7 @@ class Stage {
   look(view) {
     this.view = view;
     this.turned = false;
+    if (this.blind) return;
     // three.js has y up: (x, y, z) of the scene is (x, z, -y) there.
     const [x, y, z] = view.target, [dx, dy, dz] = view.direction;
     const camera = this.viewer.camera, target = new MeshCat.THREE.Vector3(x, z, -y);
@@ -103,7 +118,7 @@ class Stage {
     } else if (getComputedStyle(this.head).position === "absolute") {
       free.left = Math.max(free.left, this.head.getBoundingClientRect().right);
     }
-    if (free.right - free.left < 0.3 * pane.width) { free.left = pane.left; free.right = pane.right; }
+    if (free.right - free.left < 0.22 * pane.width) { free.left = pane.left; free.right = pane.right; }
     return {
       width: pane.width, height: pane.height, wide: free.right - free.left, high: Math.max(free.bottom - free.top, 100),
       aside: (pane.left + pane.right - free.left - free.right) / 2, rise: (pane.top + pane.bottom - free.top - free.bottom) / 2,
@@ -143,6 +158,7 @@ class Stage {
   // Printers get a picture: what WebGL draws is not on the paper. It is copied at once, while it is there.
   photograph(width = 900, height = 860) {
     const { viewer } = this;
+    if (this.blind) return;
     viewer.camera.clearViewOffset();
     viewer.camera.aspect = width / height;
     viewer.renderer.setSize(width, height);

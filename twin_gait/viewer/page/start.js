@@ -12,9 +12,10 @@ window.ready = (async () => {
   try {
     if (page.mode === "live") live.open(page);
     else { await unpack_bundle(); await (page.mode === "model" ? joints : player).open(page); }
+    if (asked.picture && player.stages.some((stage) => stage.blind)) throw new Error("no WebGL for the picture");
     if (asked.picture) { await settled(); console.info("twin_gait: ready"); }
   } catch (error) {
-    tell(`This page needs a browser with WebGL that is not older than 2023 (${error.message}).`);
+    tell(`This page needs a browser that is not older than 2023 (${error.message}).`);
     if (asked.picture) console.info(`twin_gait: ${error.message}`);
     throw error;
   }
