@@ -203,9 +203,10 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
     assert any("died" in item["text"] for item in read_session(database, entry.id)["log"])
 
 
-def children(pid):
+def walk_process_of(pid):
     lists = Path(f"/proc/{pid}/task").glob("*/children")  # a list for each of its threads
-    return [int(item) for path in lists for item in path.read_text().split()]
+    found = [int(item) for path in lists for item in path.read_text().split()]
+    return next(item for item in found if "live.process" in Path(f"/proc/{item}/cmdline").read_text())
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="needs the list of a process's children")
@@ -216,11 +217,13 @@ def test_the_command_says_that_its_walk_died_and_ends_with_1(tmp_path):
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, "TWIN_GAIT_SESSIONS": str(tmp_path / "sessions.sqlite")},
     ) as command:  # fmt: skip
-        assert command.stdout.readline().startswith("open http")
-        time.sleep(1.5)
-        (child,) = children(command.pid)
-        os.kill(child, signal.SIGKILL)
-        output, errors = command.communicate(timeout=60)
+        try:
+            assert command.stdout.readline().startswith("open http")
+            time.sleep(1.5)
+            os.kill(walk_process_of(command.pid), signal.SIGKILL)
+            output, errors = command.communicate(timeout=120)
+        finally:
+            command.kill()
     assert command.returncode == 1
     assert str(tmp_path / "run") in output and "process of the walk died" in errors
     assert len(load_run(tmp_path / "run").log) > 0
