@@ -305,7 +305,8 @@ def test_a_trip_is_a_red_hold_on_card_curves_and_timeline_from_its_moment_on(ope
         const [from, to] = plots.shown(), wide = curves.clientWidth - MARGIN.left - MARGIN.right;
         return [count(curves, MARGIN.left + (wide * (time - from)) / (to - from)),
                 count(band, (band.clientWidth * time) / player.end)]; }""", trip)  # fmt: skip
-    assert red[0] > 100 and red[1] >= 14, red
+    # The band is 14 px high; where the mark falls between two columns its edge is blended with the phases.
+    assert red[0] > 100 and red[1] > 0.75 * 14, red
 
 
 # ---------------------------------------------------------------------------------- keys and pointer
