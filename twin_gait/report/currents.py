@@ -18,7 +18,7 @@ from twin_gait.report.canvas import (
     style_panel,
 )
 from twin_gait.report.marks import mark_events, shown_phases
-from twin_gait.report.window import Window, last_strides, leg_records
+from twin_gait.report.window import Window, last_strides
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 
@@ -33,7 +33,7 @@ def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     Returns:
         The figure.
     """
-    records = leg_records(run)
+    records = run.leg_records()
     window = last_strides(run, records)
     joints = list(records[0].angles)
     figure = new_figure(run, "Motor currents and battery power", height=9.0, width=width)

@@ -24,7 +24,7 @@ from twin_gait.report.canvas import (
 )
 from twin_gait.report.marks import mark_events, shown_phases
 from twin_gait.report.reference import reference_cycle
-from twin_gait.report.window import end_or_events, leg_records, shown_strides
+from twin_gait.report.window import end_or_events, shown_strides
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
@@ -41,7 +41,7 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     Returns:
         The figure; None for a run in which a leg made no stride.
     """
-    records = leg_records(run)
+    records = run.leg_records()
     if any(len(shown_strides(record)) == 0 for record in records):
         return None
     beginning = f"entry into {readable(run.table.phase_names[0])}"
@@ -106,7 +106,7 @@ def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     Returns:
         The figure.
     """
-    records = leg_records(run)
+    records = run.leg_records()
     window = end_or_events(run, SHOWN_SECONDS * width / SCREEN_WIDTH)
     joints = list(records[0].angles)
     figure = new_figure(run, "Joint angles", height=7.5, width=width)

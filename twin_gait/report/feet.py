@@ -20,7 +20,7 @@ from twin_gait.report.canvas import (
     style_panel,
 )
 from twin_gait.report.marks import mark_events, shown_phases
-from twin_gait.report.window import Window, last_strides, leg_records
+from twin_gait.report.window import Window, last_strides
 from twin_gait.simulation.run import Run
 
 BAR = 0.7  # height of a phase bar, in rows
@@ -36,7 +36,7 @@ def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     Returns:
         The figure; None without ground.
     """
-    records = leg_records(run)
+    records = run.leg_records()
     if any(record.contacts is None for record in records):
         return None
     window = last_strides(run, records)

@@ -17,7 +17,7 @@ from twin_gait.report.canvas import (
     style_panel,
 )
 from twin_gait.report.marks import shown_phases
-from twin_gait.report.window import Window, leg_records, shown_strides
+from twin_gait.report.window import Window, shown_strides
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
@@ -34,7 +34,7 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     Returns:
         The figure.
     """
-    records = leg_records(run)
+    records = run.leg_records()
     joints = list(records[0].angles)
     figure = new_figure(run, "Phase portraits; a dot marks each change of phase", height=8.5, width=width)
     panels = figure.subplots(len(joints), len(records), sharex="row", sharey="row", squeeze=False)

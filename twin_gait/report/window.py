@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.gait.table import TICK
-from twin_gait.measures.leg_record import LegRecord, leg_record
+from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.simulation.run import Run
 
@@ -28,18 +28,6 @@ class Window(NamedTuple):
 
     rows: slice
     time: np.ndarray
-
-
-def leg_records(run: Run) -> list[LegRecord]:
-    """All legs of a run.
-
-    Args:
-        run: The run.
-
-    Returns:
-        One record a leg.
-    """
-    return [leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady) for side in run.sides]
 
 
 def last_strides(run: Run, records: list[LegRecord]) -> Window:

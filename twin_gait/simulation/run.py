@@ -96,10 +96,22 @@ class Run:
         """Legs in the log."""
         return tuple(self.experiment.leg.legs)
 
-    def leg_records(self) -> list[LegRecord]:
-        """What gait measures read of each leg, in the order of :attr:`sides`."""
+    def leg_record(self, side: Side, *, device: bool = False) -> LegRecord:
+        """What gait measures read of a leg.
+
+        Args:
+            side: The leg.
+            device: Whether the angles are the device's where braces let the wearer move against it.
+
+        Returns:
+            The leg.
+        """
         names = self.table.phase_names
-        return [leg_record(self.log, side, names, TICK, steady=self.steady) for side in self.sides]
+        return leg_record(self.log, side, names, TICK, steady=self.steady, device=device)
+
+    def leg_records(self) -> list[LegRecord]:
+        """All legs, in the order of :attr:`sides`."""
+        return [self.leg_record(side) for side in self.sides]
 
     @cached_property
     def verdict(self) -> Verdict:

@@ -22,7 +22,7 @@ from twin_gait.measures.clearance import scuffs, swing_clearances
 from twin_gait.measures.effort import battery_life, load
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.gait_score import gait_profile_score, gait_variable_score
-from twin_gait.measures.leg_record import LegRecord, leg_record, wearer_column
+from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.spatiotemporal import cadence, double_support_share, step_times, stride_lengths
 from twin_gait.measures.strides import (
@@ -83,7 +83,7 @@ def numbers_of(run: Run) -> Numbers:
 
 
 def _leg(run: Run, side: Side) -> _Leg:
-    record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
+    record = run.leg_record(side)
     strides = record.strides()
     span = slice(int(strides[0, 0]), int(strides[-1, 1])) if len(strides) else slice(0, 0)
     return _Leg(record, strides, span)
@@ -217,7 +217,7 @@ def help_share(run: Run, side: Side, joint: JointName, since: int) -> float:
     if control.mode is not ControlMode.IMPEDANCE:
         return control.assistance.share[joint]
     phases = [run.table.phases_of(side)[name] for name in run.table.phase_names]
-    codes = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady).phases
+    codes = run.leg_record(side).phases
     given = run.log[f"{side}_{joint}_stiffness_Nm_per_rad"].to_numpy()
     shares = []
     for spell in phase_spells(codes)[1:-1]:

@@ -12,8 +12,6 @@ from matplotlib.figure import Figure
 
 from twin_gait import __version__
 from twin_gait.files import finite_or_none, write_atomically
-from twin_gait.gait.table import TICK
-from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import normalise_strides
 from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.compare import COLOURS, Walked, comparison_page, draw_comparison
@@ -117,7 +115,7 @@ def figure_of(comparison: Comparison, *, dark: bool = False) -> Figure:
 def _cycles(run: Run) -> dict[str, np.ndarray]:
     cycles = {}
     for side in run.sides:
-        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
+        record = run.leg_record(side)
         for joint in MOTOR_JOINTS:
             strides = normalise_strides(record.angles[joint], record.strides())
             cycles[f"{side} {joint}"] = np.degrees(strides.mean(axis=0))

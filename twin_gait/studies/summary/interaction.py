@@ -7,9 +7,7 @@ import math
 import numpy as np
 import pandas as pd
 
-from twin_gait.gait.table import TICK
 from twin_gait.measures.assistance import root_mean_square
-from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.simulation.columns import BRACE_COLUMNS, PELVIS_BRACE_COLUMNS
 from twin_gait.simulation.run import Run
@@ -37,7 +35,7 @@ def interaction_summary(
     joints = [name.removesuffix(f"_{BRACE_COLUMNS[-1]}") for name in columns if name in run.log]
     found = {name: _joint(run.log, name) for name in joints}
     for side in run.sides:
-        device = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady, device=True)
+        device = run.leg_record(side, device=True)
         for joint in device.angles:
             error = reference_error(run, device, joint, device.strides(skip=skip_strides))
             found[f"{side}_{joint}"]["rmse_of_device_deg"] = error

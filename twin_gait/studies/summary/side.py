@@ -11,7 +11,7 @@ from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.table import TICK, Blending, BlendingLaw
 from twin_gait.measures.clearance import scuffs, swing_clearances
 from twin_gait.measures.effort import changes_at_switches, load, saturation_shares
-from twin_gait.measures.leg_record import LegRecord, leg_record, wearer_column
+from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import entry_lags, phase_durations, phases_in_order
 from twin_gait.measures.strides import (
     coefficient_of_variation,
@@ -49,7 +49,7 @@ def summarise_side(run: Run, side: Side, skip: int, record: LegRecord | None = N
         Numbers by name; NaN or None where a number is not defined.
     """
     if record is None:
-        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
+        record = run.leg_record(side)
     return {
         **_by_contact(run, record, skip),
         **_by_phase(run, record, skip),

@@ -16,8 +16,6 @@ from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
-from twin_gait.gait.table import TICK
-from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_curve
 from twin_gait.measures.strides import PERCENT, normalise_strides
 from twin_gait.simulation import Run, simulate
@@ -242,7 +240,7 @@ def gait_curves(
 
 def _add_cycles(curves: dict[str, dict[str, np.ndarray]], name: str, run: Run) -> None:
     for side in run.sides:
-        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
+        record = run.leg_record(side)
         for joint in MOTOR_JOINTS:
             cycles = normalise_strides(record.angles[joint], record.strides())
             if len(cycles):

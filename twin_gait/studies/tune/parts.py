@@ -19,8 +19,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from twin_gait.gait.table import TICK
-from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.reference import reference_curve
 from twin_gait.measures.strides import (
     PERCENT,
@@ -216,7 +214,7 @@ def _error(
     reference = reference_curve(joint, PERCENT, speed=reference_speed, height=height)
     errors = []
     for side in run.sides:
-        record = leg_record(run.log, side, run.table.phase_names, TICK, steady=run.steady)
+        record = run.leg_record(side)
         cycles = normalise_strides(record.angles[joint], record.strides())
         error = math.degrees(root_mean_square_error(cycles, reference)) if len(cycles) else math.nan
         errors.append(error if math.isfinite(error) else None)
