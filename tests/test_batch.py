@@ -294,7 +294,7 @@ def test_a_map_tells_of_every_case_what_its_run_alone_does(walk):
         assert row["strides"] == min(values["strides"] for values in sides)
         assert row["further_contacts"] == sum(values["further_contacts"] for values in sides)
         assert (row["mass_kg"], row["height_m"], row["speed_m_per_s"], row["support_share"]) == case
-    assert table["outcome"].tolist() == ["walked", "fell"]
+    assert table["outcome"].tolist() == ["walked", "held"]
     assert "support 60%: 100% walked" in draw_map(table)
     assert "support 10%: 0% walked" in draw_map(table)
 
