@@ -37,6 +37,7 @@ from twin_gait.vocabulary import Outcome
 HORIZON = 20_000  # ticks that are looked ahead at most
 LEAST = 8_000  # ticks that are looked ahead in any case: four strides; a change that fells does so by then
 BUDGET = 0.25  # [s] of computing after which the look ahead ends where it is
+HELD_TICKS = 2_000  # ticks of a hold that are looked at: a wearer who falls in it has fallen by then
 PIECE_TICKS, BLOCK_TICKS = 250, 10  # that are run at a time: usually, and while steps wait for a hand
 NICENESS = 5  # the walk goes first
 
@@ -135,7 +136,8 @@ def _run_ahead(
     first = run.tick
     piece = PIECE_TICKS if run.held_phase is None else BLOCK_TICKS
     while run.status is RunStatus.COMPLETED and (done := run.tick - first) < ticks[-1]:
-        if done >= ticks[0] and enough():
+        held = run.trip is not None and run.tick - run.trip.tick >= HELD_TICKS
+        if held or (done >= ticks[0] and enough()):
             break
         walk.advance(min(piece, ticks[-1] - done))
     return first
