@@ -140,7 +140,11 @@ def _finish(session: LiveSession, interrupted: bool) -> int:
 
         raise RunDirectoryError(session.failure)
     if session.summary:
-        for line in summary_lines(session.summary):
+        summary = session.summary
+        print(f"{summary['outcome'] or summary['status']}: {summary['duration_s']:g} s")
+        if summary["outcome_reason"]:
+            print(f"  {summary['outcome_reason']}")
+        for line in summary_lines(summary):
             print(f"  {line}")
     for folder in session.folders:
         print(f"  {folder}")
