@@ -133,7 +133,7 @@ def test_a_session_tells_the_forecast_of_a_try_changes_nothing_and_then_applies(
         assert unsafe.outcome is Outcome.REFUSED and unsafe.text.startswith("unstable")
         applied = say(session, kind="set", control=name, value=value)
         assert applied.outcome is Outcome.APPLIED  # it is for the therapist to decide
-        # A seer that died is started again.
-        session._seer._process.kill()
-        wait_for(lambda: not session._seer.alive)
+        # A forecaster that died is started again.
+        session._forecaster._process.kill()
+        wait_for(lambda: not session._forecaster.alive)
         assert say(session, kind="try", control="belt_speed", value=1.5).outcome is Outcome.FORECAST

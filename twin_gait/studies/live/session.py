@@ -125,7 +125,7 @@ class LiveSession:
         self._known: frozenset[Place] = frozenset()
         self._warned: dict[Place, str] = {}
         self._loop = LoopProcess(on_frame=self._note_frame, on_message=self._hear, on_end=self._note_end)
-        self._seer = self._new_seer()
+        self._forecaster = self._new_forecaster()
         self._judged: tuple[Settings, frozenset[Place], Verdict] | None = None
         self._recorder: SessionRecorder | None = None
         self._frame = LatestFrame(0, "")
@@ -166,7 +166,7 @@ class LiveSession:
             self._begin()
         except BaseException:
             self._loop.close()
-            self._seer.close()
+            self._forecaster.close()
             raise
         self._worker = threading.Thread(target=self._work_off, name="live worker", daemon=True)
         self._worker.start()
@@ -185,7 +185,7 @@ class LiveSession:
         self._ready.wait()
         if self.failure:
             raise ParameterError(self.failure)
-        self._start_seer()
+        self._start_forecaster()
         if self._database is not None:
             self._recorder = SessionRecorder(
                 self._database,
@@ -225,7 +225,7 @@ class LiveSession:
         self._loop.close()
         if self._worker is not None:
             self._worker.join()
-        self._seer.close()
+        self._forecaster.close()
         complete_all(map(journal_of, self._walks), self._hear, pictures=True)  # those that it left behind
         if self._recorder is not None:
             self._recorder.close(self._status, self.summary, [str(item) for item in self.folders])
@@ -379,31 +379,31 @@ class LiveSession:
 
     # ------------------------------------------------------------------ looking ahead
 
-    def _new_seer(self) -> LoopProcess:
+    def _new_forecaster(self) -> LoopProcess:
         return LoopProcess(
             "forecast", on_frame=lambda line: None, on_message=self._hear, on_end=lambda status: None
         )
 
-    def _start_seer(self) -> None:
-        self._seer.close()
-        self._seer = self._new_seer()
-        self._seer.start({"document": self._loaded.document, "numbers": self._numbers.to_dict()})
+    def _start_forecaster(self) -> None:
+        self._forecaster.close()
+        self._forecaster = self._new_forecaster()
+        self._forecaster.start({"document": self._loaded.document, "numbers": self._numbers.to_dict()})
 
     def _foresee(self, settings: Settings, message: SetControl, before: Value | None) -> None:
         """Tell what would come of new settings; the walk goes on as it does."""
-        if not self._seer.alive:
-            self._start_seer()
+        if not self._forecaster.alive:
+            self._start_forecaster()
         moment = self._loop.ask({"command": "moment"})
         request = {
             "command": "forecast",
             "moment": moment["moment"],
             "numbers": loop_numbers(settings).to_dict(),
         }
-        coming = self._seer.command(request, lambda answer: None)
+        coming = self._forecaster.command(request, lambda answer: None)
         if settings.driving != self._settings.driving:  # held to the rules in the meantime
             self._judge(settings)
         try:
-            forecast = self._seer.answer(coming)["forecast"]
+            forecast = self._forecaster.answer(coming)["forecast"]
         except ParameterError as error:
             raise MessageRefused("no forecast: its process has died; try again, or apply at once") from error
         self._emit(
