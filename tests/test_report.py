@@ -28,7 +28,7 @@ from twin_gait.report.figures import FIGURES, write_figures
 from twin_gait.report.portrait import draw_portrait
 from twin_gait.report.reference import reference_cycle, reference_stride_time
 from twin_gait.report.torques import draw_torques
-from twin_gait.report.window import end_or_events, last_strides, leg_records, whole_run
+from twin_gait.report.window import end_or_events, last_strides, whole_run
 from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import GaitPhase, JointName, Side
@@ -135,7 +135,7 @@ def test_feet_mark_the_heel_strikes(walk: Run) -> None:
     assert figure is not None
     strikes = np.asarray(line(figure, 0, "left heel strike").get_xdata())
     assert_allclose(strikes, [(LAG + k * STRIDE) * TICK for k in (3, 4, 5)])
-    assert line(figure, 0, "right foot").get_color() == SIDE_COLOURS[leg_records(walk)[1].side]
+    assert line(figure, 0, "right foot").get_color() == SIDE_COLOURS[walk.leg_records()[1].side]
 
 
 def test_portrait_is_coloured_by_phase(walk: Run) -> None:
@@ -150,7 +150,7 @@ def test_angles_of_a_long_run_are_those_of_its_end(walk: Run) -> None:
 
 
 def test_window_holds_the_last_two_strides_of_the_first_leg(walk: Run) -> None:
-    window = last_strides(walk, leg_records(walk))
+    window = last_strides(walk, walk.leg_records())
     assert (window.time[0], window.time[-1]) == pytest.approx(
         ((LAG + 3 * STRIDE) * TICK, (LAG + 5 * STRIDE) * TICK)
     )
@@ -230,7 +230,7 @@ def test_the_window_goes_back_to_the_event(tripped: Run) -> None:
 
 def test_a_stride_with_a_trip_in_it_is_no_stride(tripped: Run, walk: Run) -> None:
     assert walk.steady == (0.0, math.inf) and tripped.steady == (0.0, TRIPPED)
-    for record, whole in zip(leg_records(tripped), leg_records(walk), strict=True):
+    for record, whole in zip(tripped.leg_records(), walk.leg_records(), strict=True):
         strides = record.strides(skip=0)
         assert 0 < len(strides) < len(whole.strides(skip=0))
         assert strides[-1, 1] * TICK <= TRIPPED
