@@ -16,7 +16,6 @@ from twin_gait.measures.switching import blend_windows, sums_over, switching_ene
 from twin_gait.parameters import require
 from twin_gait.report.blending import TorqueTrace
 from twin_gait.report.canvas import readable
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation import Run, simulate
 from twin_gait.studies.summary.side import blend_length, switch_ticks
 from twin_gait.studies.summary.summary import summarise
@@ -174,10 +173,6 @@ def _row(run: Run) -> dict[str, Any]:
             [side.get(f"rmse_{joint}_by_contact_deg") for side in sides], np.mean
         )
     return row
-
-
-def _walks_on_a_belt(run: Run) -> bool:
-    return isinstance(run.experiment.scenario, TreadmillScenario)
 
 
 def _over(values: Sequence[float | None], reduce: Callable[[list[float]], Any]) -> float:
