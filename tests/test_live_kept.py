@@ -250,6 +250,14 @@ PARENT = """
 """
 
 
+def let_go(journal):
+    try:
+        with locked(journal):
+            return True
+    except RunDirectoryError:
+        return False
+
+
 def killed_together(folder, database, delay):
     """Kill both processes of a session; give what it had told of its walk and its events, with times."""
     code = textwrap.dedent(PARENT)
@@ -261,6 +269,7 @@ def killed_together(folder, database, delay):
         os.kill(child, signal.SIGKILL)
         parent.send_signal(signal.SIGKILL)
         lines = [line.split(maxsplit=2) for line in parent.stdout if line.endswith("\n")]
+    wait_for(lambda: let_go(journal_of(folder)))  # the system takes its time to bury the walk's process
     return [(float(at), int(events), head) for at, events, head in lines if '"tick":' in head]
 
 
