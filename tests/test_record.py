@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import shutil
 
 import numpy as np
@@ -16,7 +17,7 @@ from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.simulation.columns import LogLayout, unit_of
 from twin_gait.studies.folders import staged_directory
-from twin_gait.studies.record import RUN_DIRECTORY, load_run, write_run
+from twin_gait.studies.record import RUN_DIRECTORY, load_run, trip_time_of, write_run
 from twin_gait.studies.summary.summary import summarise
 
 
@@ -169,3 +170,9 @@ def test_csv_export_has_every_column_and_all_digits(tmp_path, run):
     np.testing.assert_array_equal(
         table["right_knee_angle_rad"].map(float).to_numpy(), run.log["right_knee_angle_rad"].to_numpy()
     )
+
+
+def test_the_belt_of_a_log_of_an_earlier_version_has_no_trip():
+    log = pd.DataFrame({"time_s": [0.0, 0.001, 0.002]})
+    assert trip_time_of(log) == math.inf
+    assert trip_time_of(log.assign(safety_state=[0.0, 1.0, 1.0])) == 0.001

@@ -36,6 +36,7 @@ from twin_gait.studies.folders import FolderKind
 from twin_gait.studies.live.journal import journal_of
 from twin_gait.studies.summary.summary import summarise, versions
 from twin_gait.viewer.animation import write_animation
+from twin_gait.viewer.motion import held_rows
 from twin_gait.viewer.surroundings import Belt
 from twin_gait.vocabulary import JointName, Side
 
@@ -245,8 +246,8 @@ def belt_motion_of(experiment: Experiment, log: pd.DataFrame) -> Belt:
 
 
 def trip_time_of(log: pd.DataFrame) -> float:
-    """Time of the trip in a log in [s]; infinite without one."""
-    held = np.flatnonzero(log["safety_state"].to_numpy())
+    """Time of the trip in a log in [s]; infinite without one, and in logs of earlier versions."""
+    held = np.flatnonzero(held_rows(log))
     return float(log["time_s"].iloc[held[0]]) if len(held) else math.inf
 
 

@@ -39,7 +39,7 @@ from twin_gait.report.reference import reference_cycle
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
 from twin_gait.studies.compare.wearer_torque import voluntary_torque
-from twin_gait.studies.record import belt_speed_of, trip_time_of
+from twin_gait.studies.record import belt_speed_of
 from twin_gait.studies.summary.side import blend_length
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Outcome, Side
 
@@ -113,13 +113,12 @@ def _gait(run: Run, leg: _Leg, other: _Leg) -> Numbers:
 
 
 def _mean_belt_speed(run: Run) -> float:
-    """Speed of the belt in [m] / [s], over the whole run if it starts or stops in it."""
+    """Speed of the belt in [m] / [s], over the whole run if it starts and stops; a walk has no trip."""
     scenario = run.experiment.scenario
     assert isinstance(scenario, TreadmillScenario)  # there is a belt
-    tripped = trip_time_of(run.log)
-    if scenario.belt is None and math.isinf(tripped):
+    if scenario.belt is None:
         return scenario.belt_speed
-    return scenario.belt_travel(len(run.log) * TICK, tripped) / (len(run.log) * TICK)
+    return scenario.belt_travel(len(run.log) * TICK) / (len(run.log) * TICK)
 
 
 def _mean(values: np.ndarray) -> float:
