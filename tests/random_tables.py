@@ -59,7 +59,7 @@ def transitions(draw: st.DrawFn, source: str) -> Transition:
         target=draw(st.sampled_from([name for name in PHASES if name != source])),
         cause=draw(st.sampled_from(["one", "two", "three"])),
         guard=AllOf(guards=()) if kind == "time_out" else draw(guards()),
-        dwell_ticks=draw(st.sampled_from([1, 1, 1, 2, 3, 7])),
+        debounce_ticks=draw(st.sampled_from([1, 1, 1, 2, 3, 7])),
         time_out_ticks=None if kind == "guard" else draw(st.integers(12, 40)),
     )
 

@@ -52,9 +52,9 @@ def _ambiguous(space: SignalSpace, first: int, second: int, point: Point, clause
     winner = space.winner(one.source, point, point.signals.get(TIME, earliest))
     wins = label(one if winner is None else space.transition(winner))
     waits = ""
-    if one.dwell_ticks != other.dwell_ticks:
+    if one.debounce_ticks != other.debounce_ticks:
         waits = (
-            f"; they dwell {one.dwell_ticks} and {other.dwell_ticks} ms, so the order of opening counts too"
+            f"; debounce {one.debounce_ticks} and {other.debounce_ticks} ms, so the order of opening counts"
         )
     return Finding(
         rule="ambiguity",
@@ -96,8 +96,8 @@ def _in_time(space: SignalSpace, index: int) -> str:
     return f"from {earliest:g} to {latest:g} s in the phase"
 
 
-def dwell_beyond_time_out(subject: Subject) -> list[Finding]:
-    """The dwell of an exit is longer than the time for which its guard can stay open.
+def debounce_beyond_time_out(subject: Subject) -> list[Finding]:
+    """The debounce of an exit is longer than the time for which its guard can stay open.
 
     Args:
         subject: What is checked.
@@ -108,12 +108,12 @@ def dwell_beyond_time_out(subject: Subject) -> list[Finding]:
     space = SignalSpace(subject)
     return [
         Finding(
-            rule="dwell_beyond_time_out",
+            rule="debounce_beyond_time_out",
             severity=Severity.ERROR,
             phase=item.source,
             transition=label(item),
-            reason=f"the dwell of {item.dwell_ticks} ms cannot be over {_in_time(space, index)}",
-            suggestion="shorten the dwell, or let the time-out come later",
+            reason=f"the debounce of {item.debounce_ticks} ms cannot be over {_in_time(space, index)}",
+            suggestion="shorten the debounce, or let the time-out come later",
         )
         for index, item in enumerate(space.table.transitions)
         if can_open(space, index) and not can_fire(space, index)
@@ -148,12 +148,12 @@ def opening(
 
 
 def can_fire(space: SignalSpace, index: int) -> bool:
-    """Whether an exit can be open for as long as its dwell asks, all signals free meanwhile."""
+    """Whether an exit can be open for as long as its debounce asks, all signals free meanwhile."""
     item = space.transition(index)
-    if item.dwell_ticks == 1:
+    if item.debounce_ticks == 1:
         return can_open(space, index)
     earliest, latest = space.window(index)
-    stay = (item.dwell_ticks - 1) * TICK
+    stay = (item.debounce_ticks - 1) * TICK
     times = {TIME: (TICK, latest), END + TIME: (max(earliest, TICK + stay), latest)}
     if times[END + TIME][0] > latest + 0.5 * TICK:
         return False
@@ -161,7 +161,7 @@ def can_fire(space: SignalSpace, index: int) -> bool:
         Inequality(END + TIME, TIME, above, stay + (-0.5 if above else 0.5) * TICK, strict=False)
         for above in (True, False)
     )
-    # Both ends of the dwell in the guard: what lies between is too, as a clause is convex.
+    # Both ends of the debounce in the guard: what lies between is too, as a clause is convex.
     for first, last in itertools.product(space.clauses(index), repeat=2):
         inequalities = (*first.inequalities, *last.renamed(lambda name: END + name).inequalities, *apart)
         if space.find(inequalities, first.others, times, lambda point: True) is not None:
@@ -204,16 +204,16 @@ def _is_due_before(space: SignalSpace, other: int, index: int) -> bool:
     if first.is_time_out and item.is_time_out:
         return (first.time_out_ticks or 0, other) < (item.time_out_ticks or 0, index)
     no_later = (first.time_out_ticks or 0) <= (item.time_out_ticks or 0)
-    return other < index and first.dwell_ticks <= item.dwell_ticks and no_later
+    return other < index and first.debounce_ticks <= item.debounce_ticks and no_later
 
 
 def _wins_somewhere(space: SignalSpace, index: int, before: list[int]) -> bool:
     """Whether the exit can be open while those before it are closed."""
     if any(space.transition(other).is_time_out for other in before):
         return False
-    # Exits that dwell may take turns in being open, so that none of them is ever due.
-    quick = [other for other in before if space.transition(other).dwell_ticks == 1]
-    slow = [[other] for other in before if space.transition(other).dwell_ticks > 1]
+    # Exits that debounce may take turns in being open, so that none of them is ever due.
+    quick = [other for other in before if space.transition(other).debounce_ticks == 1]
+    slow = [[other] for other in before if space.transition(other).debounce_ticks > 1]
     return all(_open_behind(space, index, group) for group in [quick, *slow])
 
 
@@ -229,4 +229,4 @@ def _open_behind(space: SignalSpace, index: int, closed: list[int]) -> bool:
     )
 
 
-RULES = (ambiguity, never_opens, dwell_beyond_time_out, shadowed_exit)
+RULES = (ambiguity, never_opens, debounce_beyond_time_out, shadowed_exit)

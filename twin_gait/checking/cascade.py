@@ -21,8 +21,8 @@ _ENTRY = (TICK, TICK)
 def cascade(subject: Subject) -> list[Finding]:
     """A phase can be entered with one of its exits already open.
 
-    A warning if the phase is left in its first tick; a note if a dwell or a least stay holds it for a
-    while, or if it is entered by a time-out, at which the signals may be anything.
+    A warning if the phase is left in its first tick; a note if a debounce or a minimum duration holds it
+    for a     while, or if it is entered by a time-out, at which the signals may be anything.
 
     Args:
         subject: What is checked.
@@ -47,7 +47,7 @@ def _straight_through(space: SignalSpace, into: int, out: int) -> list[Finding]:
         index
         for index in space.exits(space.transition(into).source)
         if index < into
-        and space.transition(index).dwell_ticks == 1
+        and space.transition(index).debounce_ticks == 1
         and space.transition(index).time_out_ticks is None
     ]
     shut = space.closed(earlier)
@@ -85,10 +85,12 @@ def _open_on_entry(
 
 def _passing(space: SignalSpace, into: int, out: int, point: Point, clause: Clause, *, wins: bool) -> Finding:
     entry, leave = space.transition(into), space.transition(out)
-    stay = max(leave.dwell_ticks, space.table.phases[leave.source].minimum_ticks)
+    stay = max(leave.debounce_ticks, space.table.phases[leave.source].minimum_ticks)
     at_once = stay <= 1 and not entry.is_time_out and wins
     held = f"it is left after {stay} ms" if stay > 1 else "it is left in its first tick"
-    because = "" if wins else "; an exit listed earlier would win then, unless its own dwell or time holds it"
+    because = (
+        "" if wins else "; an exit listed earlier would win then, unless its own debounce or time holds it"
+    )
     return Finding(
         rule="cascade",
         severity=Severity.WARNING if at_once else Severity.NOTE,
@@ -98,13 +100,13 @@ def _passing(space: SignalSpace, into: int, out: int, point: Point, clause: Clau
             f"{leave.source} can be entered by {label(entry)} "
             f"with {label(leave)} already open: {held}{because}"
         ),
-        suggestion="part the thresholds of the two, or give the phase a min_time_ms or its exit a dwell_ms",
+        suggestion="part the thresholds, or give the phase a minimum_duration_ms or its exit a debounce_ms",
         witness=space.witness(point, [clause]),
     )
 
 
 def hysteresis(subject: Subject) -> list[Finding]:
-    """Noise can undo a switch: the way back opens within the noise, without a dwell or a least stay.
+    """Noise can undo a switch: the way back opens within the noise, without a debounce or a minimum duration.
 
     Args:
         subject: What is checked.
@@ -125,7 +127,7 @@ def hysteresis(subject: Subject) -> list[Finding]:
 def _is_held(space: SignalSpace, there: int, back: int) -> bool:
     second = space.transition(back)
     stay = max(space.table.phases[second.source].minimum_ticks, second.time_out_ticks or 0)
-    return space.transition(there).is_time_out or second.dwell_ticks > 1 or stay > 1
+    return space.transition(there).is_time_out or second.debounce_ticks > 1 or stay > 1
 
 
 def _noisy(name: str) -> str:
@@ -173,7 +175,7 @@ def _chattering(space: SignalSpace, there: int, back: int, point: Point, clause:
             f"{label(second)} can undo {label(first)} in the next tick: noise of {NOISE['angle_deg']:g}°, "
             f"{NOISE['velocity_deg_per_s']:g} deg/s or {NOISE['load_bw']:g} of body weight is enough"
         ),
-        suggestion="part the thresholds by more than the noise, or give the way back a dwell_ms",
+        suggestion="part the thresholds by more than the noise, or give the way back a debounce_ms",
         witness=space.witness(point, [clause]),
     )
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin_gait.checking.finding import Subject
-from twin_gait.checking.frame_map import LinearLoop, leg_motion
+from twin_gait.checking.transition_matrix import LinearLoop, leg_motion
 from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.friction import rotational_friction_torque

@@ -113,7 +113,7 @@ class SignalSpace:
         return min([tick * TICK for tick in ticks], default=LONGEST_STAY)
 
     def window(self, index: int) -> tuple[float, float]:
-        """Times in the phase in [s] at which a transition could fire without a dwell."""
+        """Times in the phase in [s] at which a transition could fire without a debounce."""
         item = self.transition(index)
         earliest = max(1, self.table.phases[item.source].minimum_ticks, item.time_out_ticks or 0)
         return earliest * TICK, self.time_out(item.source)
@@ -191,7 +191,7 @@ class SignalSpace:
         )
 
     def winner(self, phase: str, point: Point, time: float) -> int | None:
-        """Transition that a leg takes at a point when the dwell of all its exits is over.
+        """Transition that a leg takes at a point when the debounce of all its exits is over.
 
         Args:
             phase: Phase of the leg.
@@ -201,7 +201,7 @@ class SignalSpace:
         Returns:
             Index of the transition, or None.
         """
-        dwell = np.array([item.dwell_ticks - 1 for item in self.table.transitions], dtype=np.int64)
+        debounce = np.array([item.debounce_ticks - 1 for item in self.table.transitions], dtype=np.int64)
         index = next_transition(
             self.table.phase_index(phase),
             round(time / TICK),
@@ -211,7 +211,7 @@ class SignalSpace:
             self.program.comparisons,
             self.array(point),
             -1 if point.other is None else self.table.phase_index(point.other),
-            dwell,
+            debounce,
         )
         return None if index == NO_TRANSITION else index
 

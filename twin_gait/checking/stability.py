@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.checking.finding import Finding, Severity, Subject
-from twin_gait.checking.frame_map import (
+from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
+from twin_gait.checking.transition_matrix import (
     LinearLoop,
     effective_damping_ratio,
-    frame_map,
     spectral_radius,
+    transition_matrix,
 )
-from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
 
 # Friction is linearised at rest and at 1 rad/s; the laws are odd, so that −1 rad/s has the slopes of 1 rad/s.
 VELOCITIES = (0.0, 1.0)  # [rad] / [s]
@@ -48,7 +48,7 @@ def _about(velocity: float) -> str:
 def unstable(subject: Subject) -> list[Finding]:
     """The sampled loop of hip and knee grows from a small disturbance in a phase.
 
-    The spectral radius of the map of one frame (:mod:`twin_gait.checking.frame_map`) is above 1 at rest or at
+    The spectral radius of the closed-loop transition matrix is above 1 at rest or at
     ±1 rad/s. The leg is in the air with its pelvis held, at the equilibrium angles of the phase and under
     the plant's stated friction; ground and belt are not in it.
 
@@ -60,7 +60,7 @@ def unstable(subject: Subject) -> list[Finding]:
     """
     findings = []
     for leg, phase, loops in _phases(subject):
-        radii = [spectral_radius(frame_map(loop)) for loop in loops]
+        radii = [spectral_radius(transition_matrix(loop)) for loop in loops]
         worst = int(np.argmax(radii))
         if radii[worst] <= 1.0 + NEUTRAL:
             continue
@@ -91,7 +91,7 @@ def effective_damping(subject: Subject) -> list[Finding]:
     """
     findings = []
     for leg, phase, loops in _phases(subject):
-        maps = [frame_map(loop) for loop in loops]
+        maps = [transition_matrix(loop) for loop in loops]
         ratios = [effective_damping_ratio(matrix, loops[0].frame) for matrix in maps]
         worst = int(np.argmin(ratios))
         grows = max(spectral_radius(matrix) for matrix in maps) > 1.0 + NEUTRAL
@@ -124,7 +124,7 @@ def stability_margin(subject: Subject) -> list[Finding]:
     """
     findings = []
     for leg, phase, loops in _phases(subject):
-        maps = [frame_map(loop) for loop in loops]
+        maps = [transition_matrix(loop) for loop in loops]
         radius = max(spectral_radius(matrix) for matrix in maps)
         ratio = min(effective_damping_ratio(matrix, loops[0].frame) for matrix in maps)
         if radius > 1.0 + NEUTRAL:
@@ -190,7 +190,7 @@ def largest_damping(loops: list[LinearLoop], joint: int) -> float | None:
 
     def radius(value: float) -> float:
         damping = _changed(loops[0].damping, joint, value)
-        return max(spectral_radius(frame_map(replace(loop, damping=damping))) for loop in loops)
+        return max(spectral_radius(transition_matrix(replace(loop, damping=damping))) for loop in loops)
 
     return largest_stable(radius, float(loops[0].damping[joint]), LARGEST_DAMPING)
 
@@ -200,7 +200,7 @@ def largest_gain(loops: list[LinearLoop], joint: int) -> float | None:
 
     def radius(value: float) -> float:
         gain = _changed(loops[0].gain, joint, value)
-        return max(spectral_radius(frame_map(replace(loop, gain=gain))) for loop in loops)
+        return max(spectral_radius(transition_matrix(replace(loop, gain=gain))) for loop in loops)
 
     return largest_stable(radius, float(loops[0].gain[joint]), LARGEST_GAIN)
 

@@ -35,7 +35,7 @@ class SafetyEntry(Strict):
     thermal_time_constant_s: Number = SafetyParameters.thermal_time_constant
     drive_deviation_A: Number = SafetyParameters.drive_deviation
     drive_time_s: Number = SafetyParameters.drive_time
-    phase_overstay_s: Number = SafetyParameters.phase_overstay
+    phase_time_out_s: Number = SafetyParameters.phase_time_out
     frozen_load_time_s: Number = SafetyParameters.frozen_load_time
     least_voltage_share: Number = SafetyParameters.least_voltage_share
     voltage_time_s: Number = SafetyParameters.voltage_time

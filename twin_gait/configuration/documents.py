@@ -115,13 +115,13 @@ def _phase(phase: PhaseParameters) -> dict[str, Any]:
         entry["friction_compensation_gain"] = joint.friction_compensation_gain
         document[name] = entry
     document["gravity_compensation"] = phase.gravity_compensation
-    document["min_time_ms"] = phase.minimum_ticks
+    document["minimum_duration_ms"] = phase.minimum_ticks
     return document
 
 
 def _transition(item: Transition) -> dict[str, Any]:
     document: dict[str, Any] = {"from": item.source, "to": item.target, "cause": item.cause}
-    document["dwell_ms"] = item.dwell_ticks
+    document["debounce_ms"] = item.debounce_ticks
     if isinstance(item.guard, AllOf) and item.guard.guards:
         document["all"] = [_guard(inner) for inner in item.guard.guards]
     elif isinstance(item.guard, AnyOf):

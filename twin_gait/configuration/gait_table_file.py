@@ -83,7 +83,7 @@ class JointEntry(Strict):
         )
 
 
-_PHASE_KEYS = ("gravity_compensation", "min_time_ms")
+_PHASE_KEYS = ("gravity_compensation", "minimum_duration_ms")
 
 
 class TransitionEntry(Strict):
@@ -95,7 +95,7 @@ class TransitionEntry(Strict):
     all: list[Any] | None = None
     any: list[Any] | None = None
     after_s: Number | None = Field(default=None, gt=0, le=LONGEST * TICK)
-    dwell_ms: Count | None = Field(default=None, ge=1)
+    debounce_ms: Count | None = Field(default=None, ge=1)
     driven_by: DrivenBy = DrivenBy.JOINT
     remove: bool = False
 
@@ -298,7 +298,7 @@ def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: st
         lambda: PhaseParameters(
             joints={joint: item.convert() for joint, item in entries.items()},
             gravity_compensation=rest.gravity_compensation,
-            minimum_ticks=rest.min_time_ms,
+            minimum_ticks=rest.minimum_duration_ms,
         ),
     )
 
@@ -307,7 +307,7 @@ class PhaseRest(Strict):
     """What a phase has beside its joints."""
 
     gravity_compensation: Number = Field(default=0.0, ge=0, le=1)
-    min_time_ms: Count = Field(default=0, ge=0)
+    minimum_duration_ms: Count = Field(default=0, ge=0)
 
 
 def _at(model: type[Any], data: Any, source: str, key: str) -> Any:
@@ -332,7 +332,7 @@ def _transition(
             target=entry.to,
             cause=entry.cause,
             guard=guard,
-            dwell_ticks=1 if entry.dwell_ms is None else entry.dwell_ms,
+            debounce_ticks=1 if entry.debounce_ms is None else entry.debounce_ms,
             time_out_ticks=None if entry.after_s is None else round(entry.after_s / TICK),
             driven_by=entry.driven_by,
         )

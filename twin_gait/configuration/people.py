@@ -28,9 +28,9 @@ class JointConditionEntry(Strict):
     passive: Number | None = None
     contracture_deg: Number | None = None
     contracture_rad: Number | None = None
-    catch_speed_deg_per_s: Number | None = None
-    catch_speed_rad_per_s: Number | None = None
-    catch_gain_Nms_per_rad: Number | None = None
+    stretch_reflex_threshold_deg_per_s: Number | None = None
+    stretch_reflex_threshold_rad_per_s: Number | None = None
+    stretch_reflex_gain_Nms_per_rad: Number | None = None
     effort: Number | None = None
     strength: Number | None = None
 
@@ -43,23 +43,25 @@ class JointConditionEntry(Strict):
         """Contracture in [rad] and speed of the catch in [rad] / [s]."""
         standard = JointCondition()
         contracture = {"contracture_deg": DEGREE, "contracture_rad": 1.0}
-        speed = {"catch_speed_deg_per_s": DEGREE, "catch_speed_rad_per_s": 1.0}
+        speed = {"stretch_reflex_threshold_deg_per_s": DEGREE, "stretch_reflex_threshold_rad_per_s": 1.0}
         return (
             one_of(self, contracture, standard.contracture),
-            one_of(self, speed, standard.catch_speed),
+            one_of(self, speed, standard.stretch_reflex_threshold),
         )
 
     def convert(self) -> JointCondition:
         """Convert to SI."""
-        contracture, catch_speed = self.convert_angles()
+        contracture, stretch_reflex_threshold = self.convert_angles()
         plain = {
             "passive": self.passive,
-            "catch_gain": self.catch_gain_Nms_per_rad,
+            "stretch_reflex_gain": self.stretch_reflex_gain_Nms_per_rad,
             "effort": self.effort,
             "strength": self.strength,
         }
         given = {name: value for name, value in plain.items() if value is not None}
-        return JointCondition(contracture=contracture, catch_speed=catch_speed, **given)
+        return JointCondition(
+            contracture=contracture, stretch_reflex_threshold=stretch_reflex_threshold, **given
+        )
 
 
 class SideEntry(Strict):
@@ -209,8 +211,8 @@ def _condition_document(patient: Patient, side: Side, joint: JointName) -> dict[
     keys = {
         "passive": "passive",
         "contracture": "contracture_rad",
-        "catch_speed": "catch_speed_rad_per_s",
-        "catch_gain": "catch_gain_Nms_per_rad",
+        "stretch_reflex_threshold": "stretch_reflex_threshold_rad_per_s",
+        "stretch_reflex_gain": "stretch_reflex_gain_Nms_per_rad",
         "effort": "effort",
         "strength": "strength",
     }

@@ -18,6 +18,15 @@ from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitErr
 MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand
 DEGREE = math.pi / 180.0  # [rad], of the keys that end in _deg
 
+# Keys of the drafts before the first release, which people have in files: refused with the word of the field.
+RENAMED = {
+    "dwell_ms": "debounce_ms",
+    "min_time_ms": "minimum_duration_ms",
+    "phase_overstay_s": "phase_time_out_s",
+    "catch_speed_deg_per_s": "stretch_reflex_threshold_deg_per_s",
+    "catch_speed_rad_per_s": "stretch_reflex_threshold_rad_per_s",
+    "catch_gain_Nms_per_rad": "stretch_reflex_gain_Nms_per_rad",
+}
 
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 2, 3, 3
@@ -191,6 +200,9 @@ def _explain(first: Any, model: type[BaseModel]) -> str:
     kind, value = first["type"], first.get("input")
     if kind == "extra_forbidden":
         place = _model_at(model, first["loc"][:-1])
+        renamed = RENAMED.get(str(first["loc"][-1]))
+        if renamed:
+            return f"is called {renamed} now"
         known = [] if place is None else _keys(place)
         near = [] if place is None else _nearest(str(first["loc"][-1]), place)
         hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""

@@ -24,7 +24,7 @@ class TripCause(StrEnum):
     CURRENT = "current"
     WINDING_HEAT = "winding_heat"
     DRIVE = "drive"
-    PHASE_OVERSTAY = "phase_overstay"
+    PHASE_TIME_OUT = "phase_time_out"
     FOOT_LOAD_FROZEN = "foot_load_frozen"
     SUPPLY = "supply"
     OPERATOR = "operator"

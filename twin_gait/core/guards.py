@@ -13,7 +13,7 @@ Arrays of a program:
     ``signal_a, factor_a, signal_b, factor_b, threshold``: true while
     ``factor_a x[a] + factor_b x[b] > threshold``. ``factor_b`` is 0 for a single signal.
 ``transitions``, shape ``(n_transitions, 6)``, integers
-    ``source, target, first_node, end_node, dwell_ticks, time_out_ticks`` in the order of the table;
+    ``source, target, first_node, end_node, debounce_ticks, time_out_ticks`` in the order of the table;
     ``time_out_ticks`` is negative for a transition without a time-out.
 """
 
@@ -28,7 +28,7 @@ OP_PHASE = 1
 OP_ALL = 2
 OP_ANY = 3
 
-SOURCE, TARGET, FIRST_NODE, END_NODE, DWELL_TICKS, TIME_OUT_TICKS = range(6)
+SOURCE, TARGET, FIRST_NODE, END_NODE, DEBOUNCE_TICKS, TIME_OUT_TICKS = range(6)
 
 NO_TRANSITION = -1
 
@@ -89,12 +89,12 @@ def next_transition(
     comparisons: np.ndarray[Any, np.dtype[np.float64]],
     signals: np.ndarray[Any, np.dtype[np.float64]],
     other_phase: int,
-    dwell: np.ndarray[Any, np.dtype[np.int64]],
-    first_dwell: int = 0,
+    debounce: np.ndarray[Any, np.dtype[np.int64]],
+    first_debounce: int = 0,
 ) -> int:
-    """Pick the transition that a leg takes in this tick, and count the dwell of all its exits.
+    """Pick the transition that a leg takes in this tick, and count the debounce of all its exits.
 
-    Every exit of the phase is evaluated, so that its dwell counter (consecutive ticks with an open
+    Every exit of the phase is evaluated, so that its debounce counter (consecutive ticks with an open
     guard) is right; the first listed one that is due wins. A transition with both a guard and a
     time-out needs both.
 
@@ -107,8 +107,8 @@ def next_transition(
         comparisons: Comparison rows, shape ``(n_comparisons, 5)``.
         signals: Signals of this leg and the other in SI units.
         other_phase: Index of the phase of the other leg at the start of the tick.
-        dwell: Counters, one per transition; changed in place.
-        first_dwell: Where the counters of this leg begin.
+        debounce: Counters, one per transition; changed in place.
+        first_debounce: Where the counters of this leg begin.
 
     Returns:
         Index of the transition, or ``NO_TRANSITION``.
@@ -116,7 +116,7 @@ def next_transition(
     chosen = NO_TRANSITION
     for index in range(transitions.shape[0]):
         if transitions[index, SOURCE] != phase:
-            dwell[first_dwell + index] = 0
+            debounce[first_debounce + index] = 0
             continue
         if not guard_holds(
             nodes,
@@ -126,12 +126,12 @@ def next_transition(
             signals,
             other_phase,
         ):
-            dwell[first_dwell + index] = 0
+            debounce[first_debounce + index] = 0
             continue
-        dwell[first_dwell + index] += 1
+        debounce[first_debounce + index] += 1
         if (
             chosen == NO_TRANSITION
-            and dwell[first_dwell + index] >= transitions[index, DWELL_TICKS]
+            and debounce[first_debounce + index] >= transitions[index, DEBOUNCE_TICKS]
             and ticks_in_phase >= transitions[index, TIME_OUT_TICKS]
             and ticks_in_phase >= minimum_ticks
         ):

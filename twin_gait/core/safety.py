@@ -32,7 +32,7 @@ Array = np.ndarray[Any, np.dtype[Any]]
     CURRENT_TRIP,
     HEAT_TRIP,
     DRIVE_TRIP,
-    OVERSTAY_TRIP,
+    PHASE_TIME_OUT_TRIP,
     LOAD_TRIP,
     SUPPLY_TRIP,
     OPERATOR_TRIP,

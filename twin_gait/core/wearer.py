@@ -9,7 +9,7 @@ import math
 
 # Columns of the condition of a joint: share of the passive moment, contracture, speed beyond which a spastic
 # muscle catches and its gain, share of the normative moment that the wearer gives.
-PASSIVE_SHARE, CONTRACTURE, CATCH_SPEED, CATCH_GAIN, EFFORT = range(5)
+PASSIVE_SHARE, CONTRACTURE, STRETCH_REFLEX_THRESHOLD, STRETCH_REFLEX_GAIN, EFFORT = range(5)
 CONDITION_COLUMNS = 5
 
 _DEGREES = 180.0 / math.pi
@@ -65,7 +65,7 @@ def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
     return two_joint - flexed - 4.820 + extended
 
 
-def spastic_torque(velocity: float, catch_speed: float, gain: float) -> float:
+def spastic_torque(velocity: float, stretch_reflex_threshold: float, gain: float) -> float:
     r"""Torque of a spastic muscle that catches when it is stretched fast.
 
     .. math::
@@ -74,13 +74,13 @@ def spastic_torque(velocity: float, catch_speed: float, gain: float) -> float:
 
     Args:
         velocity: Of the joint in [rad] / [s].
-        catch_speed: ω_c in [rad] / [s].
+        stretch_reflex_threshold: ω_c in [rad] / [s].
         gain: g in [N m s] / [rad].
 
     Returns:
         Torque in [N m]; 0 below the speed of the catch.
     """
-    excess = abs(velocity) - catch_speed
+    excess = abs(velocity) - stretch_reflex_threshold
     if excess <= 0.0:
         return 0.0
     return -gain * excess if velocity > 0.0 else gain * excess

@@ -93,7 +93,7 @@ class GaitStateMachine:
         self.side = side
         self.program = compile_guards(table) if program is None else program
         self.entry_tick = 0
-        self._dwell = np.zeros(len(table.transitions), dtype=np.int64)
+        self._debounce = np.zeros(len(table.transitions), dtype=np.int64)
         initial = table.phase_names[0] if initial_phase is None else initial_phase
         table.phase_index(initial)
         self.machine = Machine(
@@ -172,7 +172,7 @@ class GaitStateMachine:
             self.program.comparisons,
             signals,
             other_phase,
-            self._dwell,
+            self._debounce,
         )
         if index == NO_TRANSITION:
             return None

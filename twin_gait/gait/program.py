@@ -21,7 +21,7 @@ class GuardProgram(NamedTuple):
         transitions: Shape ``(n_transitions, 6)``, integers.
         nodes: Shape ``(n_nodes, 2)``, integers.
         comparisons: Shape ``(n_comparisons, 5)``.
-        minimum_ticks: Least stay in each phase, shape ``(n_phases,)``, integers.
+        minimum_ticks: Minimum duration in each phase, shape ``(n_phases,)``, integers.
     """
 
     transitions: np.ndarray
@@ -53,7 +53,7 @@ def compile_guards(table: GaitTable) -> GuardProgram:
                 table.phase_index(transition.target),
                 first,
                 len(nodes),
-                transition.dwell_ticks,
+                transition.debounce_ticks,
                 time_out,
             )
         )

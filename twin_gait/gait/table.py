@@ -120,7 +120,9 @@ class PhaseParameters:
     def __post_init__(self) -> None:
         """Check the ranges."""
         require_share("gravity_compensation", self.gravity_compensation)
-        require(0 <= self.minimum_ticks <= LONGEST, "min_time_ms", f"0 to {LONGEST}", self.minimum_ticks)
+        require(
+            0 <= self.minimum_ticks <= LONGEST, "minimum_duration_ms", f"0 to {LONGEST}", self.minimum_ticks
+        )
 
 
 class DrivenBy(StrEnum):
@@ -141,7 +143,7 @@ class Transition:
         target: Phase that is entered.
         cause: Why, in one word; recorded with every switch.
         guard: Condition; an empty ``AllOf`` for a pure time-out.
-        dwell_ticks: The guard must hold on so many consecutive ticks; it fires on the last.
+        debounce_ticks: The guard must hold on so many consecutive ticks; it fires on the last.
         time_out_ticks: Least time in the phase, or None; alone it is a time-out.
         driven_by: What carries the leg to this exit; read by checks only.
     """
@@ -150,13 +152,13 @@ class Transition:
     target: str
     cause: str
     guard: Guard = field(default_factory=lambda: AllOf(guards=()))
-    dwell_ticks: int = 1
+    debounce_ticks: int = 1
     time_out_ticks: int | None = None
     driven_by: DrivenBy = DrivenBy.JOINT
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        require(1 <= self.dwell_ticks <= LONGEST, "dwell_ms", f"1 to {LONGEST}", self.dwell_ticks)
+        require(1 <= self.debounce_ticks <= LONGEST, "debounce_ms", f"1 to {LONGEST}", self.debounce_ticks)
         if self.time_out_ticks is not None:
             require(
                 1 <= self.time_out_ticks <= LONGEST,
@@ -354,7 +356,7 @@ class GaitTable:
         minimum = self.phases[transition.source].minimum_ticks
         if transition.time_out_ticks is not None and transition.time_out_ticks < minimum:
             raise GaitTableError(
-                f"{place}: after_s {transition.time_out_ticks * TICK:g} is below the min_time_ms "
+                f"{place}: after_s {transition.time_out_ticks * TICK:g} is below the minimum_duration_ms "
                 f"{minimum} of {transition.source}"
             )
 

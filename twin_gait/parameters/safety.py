@@ -33,7 +33,7 @@ class SafetyParameters:
         thermal_time_constant: Of the winding in [s] (maxon EC 90 flat data sheet).
         drive_deviation: Of the measured current from what the drive was told, in [A].
         drive_time: For so long in [s] a drive may deviate.
-        phase_overstay: Longest time in a phase in [s]; no phase of the shipped gaits lasts 0.8 s.
+        phase_time_out: Longest time in a phase in [s]; no phase of the shipped gaits lasts 0.8 s.
         frozen_load_time: For so long in [s] a loaded foot's sensor may stand still while the hip turns.
         least_voltage_share: Of the battery's open-circuit voltage, below which the drives are not to be
             trusted.
@@ -57,7 +57,7 @@ class SafetyParameters:
     thermal_time_constant: float = 52.6
     drive_deviation: float = 1.0
     drive_time: float = 0.02
-    phase_overstay: float = 5.0
+    phase_time_out: float = 5.0
     frozen_load_time: float = 0.1
     least_voltage_share: float = 0.6
     voltage_time: float = 0.01

@@ -29,16 +29,16 @@ class JointCondition:
     Attributes:
         passive: Share of the passive moment of healthy men (Riener and Edrich 1999).
         contracture: By which the joint resists as a sound one would, further extended, in [rad].
-        catch_speed: Beyond which a spastic muscle catches, in [rad] / [s].
-        catch_gain: Of the catch in [N m s] / [rad]; 0 without spasticity.
+        stretch_reflex_threshold: Beyond which a spastic muscle catches, in [rad] / [s].
+        stretch_reflex_gain: Of the catch in [N m s] / [rad]; 0 without spasticity.
         effort: Share of the normative moment that the wearer wants to give.
         strength: Share of it that the muscles can give; less than 1 is weakness.
     """
 
     passive: float = 0.0
     contracture: float = 0.0
-    catch_speed: float = 1.0
-    catch_gain: float = 0.0
+    stretch_reflex_threshold: float = 1.0
+    stretch_reflex_gain: float = 0.0
     effort: float = 0.0
     strength: float = 1.0
 
@@ -57,15 +57,15 @@ class JointCondition:
             "0 without a passive moment that it could shift (passive is 0)",
             self.contracture,
         )
-        require_non_negative("catch_speed", self.catch_speed)
-        require_non_negative("catch_gain", self.catch_gain)
+        require_non_negative("stretch_reflex_threshold", self.stretch_reflex_threshold)
+        require_non_negative("stretch_reflex_gain", self.stretch_reflex_gain)
         require_share("effort", self.effort)
         require_share("strength", self.strength)
 
     @property
     def does_nothing(self) -> bool:
         """Whether no torque comes from the wearer at this joint."""
-        return self.passive == 0.0 and self.catch_gain == 0.0 and self.effort * self.strength == 0.0
+        return self.passive == 0.0 and self.stretch_reflex_gain == 0.0 and self.effort * self.strength == 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Which transition a phase takes for every combination of truth of its conditions.
 
 The conditions of a phase are the comparisons and memberships in the guards of its exits, and what is
-counted in ticks: a least stay, a time-out, a dwell. Guards are not read a second time here: each
+counted in ticks: a minimum duration, a time-out, a debounce. Guards are not read a second time here: each
 condition becomes a signal that is 0 or 1, and :func:`twin_gait.core.guards.next_transition` runs on the
 compiled guards with these signals in place of the measured ones.
 """
@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.core.guards import (
-    DWELL_TICKS,
+    DEBOUNCE_TICKS,
     END_NODE,
     FIRST_NODE,
     OP_COMPARE,
@@ -76,7 +76,7 @@ class PhaseLogic:
     Attributes:
         phase: Name of the phase.
         exits: Indices of the transitions that leave it, in order of priority.
-        needs: For each exit the conditions that it reads: least stay, guard, dwell, time-out.
+        needs: For each exit the conditions that it reads: minimum duration, guard, debounce, time-out.
         conditions: All of them in the order in which they appear.
     """
 
@@ -125,9 +125,9 @@ class PhaseLogic:
         for index in self.exits:
             item = self._table.transitions[index]
             # Counted ticks are conditions too: 0 elapsed ticks are enough, or 1 would be needed.
-            held = known.get(Held(index, item.dwell_ticks), True)
+            held = known.get(Held(index, item.debounce_ticks), True)
             over = item.time_out_ticks is None or known[Stay(item.time_out_ticks)]
-            transitions[index, DWELL_TICKS] = 1 if held else 2
+            transitions[index, DEBOUNCE_TICKS] = 1 if held else 2
             transitions[index, TIME_OUT_TICKS] = 0 if over else 1
         stayed = known.get(Stay(self._table.phases[self.phase].minimum_ticks), True)
         return next_transition(
@@ -217,8 +217,8 @@ def _needs(table: GaitTable, phase: str, index: int) -> list[Condition]:
     minimum = table.phases[phase].minimum_ticks
     needs: list[Condition] = [Stay(minimum)] if minimum > 0 else []
     needs += leaves(item.guard)
-    if item.dwell_ticks > 1:
-        needs.append(Held(index, item.dwell_ticks))
+    if item.debounce_ticks > 1:
+        needs.append(Held(index, item.debounce_ticks))
     if item.time_out_ticks is not None:
         needs.append(Stay(item.time_out_ticks))
     return needs

@@ -106,7 +106,7 @@ def condition_lines(transition: Transition, width: int) -> list[str]:
         width: Longest line in characters.
 
     Returns:
-        One condition a line, ``and`` or ``or`` in front of all but the first; then dwell and time.
+        One condition a line, ``and`` or ``or`` in front of all but the first; then debounce and time.
     """
     guard = transition.guard
     if isinstance(guard, (AllOf, AnyOf)):
@@ -114,8 +114,8 @@ def condition_lines(transition: Transition, width: int) -> list[str]:
         lines = [f"{word if index else ''}{_bracketed(inner)}" for index, inner in enumerate(guard.guards)]
     else:
         lines = [guard_words(guard)]
-    if transition.dwell_ticks > 1:
-        lines.append(f"for {duration(transition.dwell_ticks)}")
+    if transition.debounce_ticks > 1:
+        lines.append(f"for {duration(transition.debounce_ticks)}")
     if transition.time_out_ticks is not None:
         lines.append(f"after {duration(transition.time_out_ticks)}")
     return [part for line in lines for part in textwrap.wrap(line, width)]

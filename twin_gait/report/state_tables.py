@@ -31,11 +31,11 @@ def transition_table(table: GaitTable) -> str:
         for item in (entry for entry in table.transitions if entry.source == phase):
             guard = "" if item.is_time_out else f"`{item.guard}`"
             stay, after = parameters.minimum_ticks, item.time_out_ticks
-            dwell = "" if item.dwell_ticks == 1 else number(item.dwell_ticks)
+            debounce = "" if item.debounce_ticks == 1 else number(item.debounce_ticks)
             least = "" if stay == 0 else number(stay)
             time_out = "" if after is None else number(after * TICK)
-            rows.append((phase, item.target, item.cause, guard, dwell, least, time_out))
-    heading = ("from", "to", "cause", "guard", "dwell [ms]", "least stay [ms]", "after [s]")
+            rows.append((phase, item.target, item.cause, guard, debounce, least, time_out))
+    heading = ("from", "to", "cause", "guard", "debounce [ms]", "minimum duration [ms]", "after [s]")
     if not rows:
         rows = [(phase, "", "", "", "", "", "") for phase in table.phases]
     title = f"# State transitions of {_text(table.name)}\n\n"
@@ -139,7 +139,7 @@ def _settings(table: GaitTable, phase: str) -> str:
         if phase in own:
             rows += _impedance_rows(own[phase], f"{side} ")
             shares.append(f"{side} {number(own[phase].gravity_compensation)}")
-    stay = f", least stay {common.minimum_ticks} ms"
+    stay = f", minimum duration {common.minimum_ticks} ms"
     heading = ("joint", "k [Nm/°]", "θ0 [°]", "ζ", "b [Nms/rad]", "G")
     return f"{_grid(heading, rows)}\n{', '.join(shares)}{stay}.\n"
 

@@ -56,7 +56,11 @@ def draw_friction_map(map_: pd.DataFrame, thresholds: pd.DataFrame, prices: pd.D
         panel.set_visible(panel.has_data())
     diagonal = Line2D([], [], color=BLACK, label="G = s")
     linear = Line2D(
-        [], [], color=BLACK, linestyle="--", label="linear loop at rest: edge of growth (frame map)"
+        [],
+        [],
+        color=BLACK,
+        linestyle="--",
+        label="linear loop at rest: edge of growth (closed-loop transition matrix)",
     )
     put_legend(
         figure,
@@ -109,7 +113,9 @@ def _draw_springs(axes: Axes, rows: pd.DataFrame) -> None:
     draw_series(
         axes, rows, "spring_Nm_per_deg", "filter_delay_ms", "largest_gain", "linear_gain_at_rest", names
     )
-    _finish(axes, rows, "by filter and spring (line: frame map)", "delay of the filter [ms]")
+    _finish(
+        axes, rows, "by filter and spring (line: closed-loop transition matrix)", "delay of the filter [ms]"
+    )
 
 
 def _draw_laws(axes: Axes, rows: pd.DataFrame) -> None:

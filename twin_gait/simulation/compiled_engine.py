@@ -29,7 +29,7 @@ from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.watching import (
     fault_arrays,
-    overstay_ticks,
+    phase_time_out_ticks,
     start_angles,
     ticks,
     trip_of,
@@ -127,7 +127,7 @@ class CompiledEngine:
         integers[episode_arrays.WATCHING] = settings.enabled
         integers[episode_arrays.FAULTY] = len(faults.faults) > 0
         integers[episode_arrays.FIRST_FAULT] = faults.first_tick
-        integers[episode_arrays.OVERSTAY_TICKS] = overstay_ticks(problem)
+        integers[episode_arrays.PHASE_TIME_OUT_TICKS] = phase_time_out_ticks(problem)
         integers[episode_arrays.FROZEN_LOAD_TICKS] = ticks(settings.frozen_load_time)
         integers[episode_arrays.VOLTAGE_TICKS] = ticks(settings.voltage_time)
         integers[episode_arrays.LOWERING_TICKS] = ticks(settings.lowering_time)
@@ -276,7 +276,7 @@ class CompiledEngine:
             rate=np.zeros(joints),
             phase=phases,
             entry_tick=np.zeros(legs, dtype=np.int64),
-            dwell=np.zeros(legs * len(problem.program.transitions), dtype=np.int64),
+            debounce=np.zeros(legs * len(problem.program.transitions), dtype=np.int64),
             blend_start=start.copy(),
             blended=start.copy(),
             signals=problem.first_signals(),

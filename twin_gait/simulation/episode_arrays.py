@@ -39,7 +39,7 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
     RECORD,
     WATCHING,
     FIRST_FAULT,
-    OVERSTAY_TICKS,
+    PHASE_TIME_OUT_TICKS,
     FROZEN_LOAD_TICKS,
     VOLTAGE_TICKS,
     LOWERING_TICKS,
@@ -183,7 +183,7 @@ class EpisodeState(NamedTuple):
         rate: Acceleration estimates, shape ``(n_joints,)``.
         phase: Phase of each leg, shape ``(n_legs,)``.
         entry_tick: Tick of entry, shape ``(n_legs,)``.
-        dwell: Shape ``(n_legs * n_transitions,)``.
+        debounce: Shape ``(n_legs * n_transitions,)``.
         blend_start: Shape ``(n_legs, n_columns)``.
         blended: Shape ``(n_legs, n_columns)``.
         signals: Of both legs, then the command, shape ``(2 n_signals + 1,)``.
@@ -237,7 +237,7 @@ class EpisodeState(NamedTuple):
     rate: Array
     phase: Array
     entry_tick: Array
-    dwell: Array
+    debounce: Array
     blend_start: Array
     blended: Array
     signals: Array

@@ -12,7 +12,7 @@ from twin_gait.simulation.flattening import Place
 # Arrays whose shape depends on the transitions of the table, the duration, the faults or the wearer's delay;
 # the loop is the same for all of them.
 LOOSE_INTEGERS = frozenset(
-    {"inputs_transitions", "inputs_nodes", "inputs_faults", "state_dwell", "state_switches"}
+    {"inputs_transitions", "inputs_nodes", "inputs_faults", "state_debounce", "state_switches"}
 )
 LOOSE_FIELDS = LOOSE_INTEGERS | {
     "inputs_comparisons",

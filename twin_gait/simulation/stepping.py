@@ -19,7 +19,7 @@ from twin_gait.control import ControllerFunction, Trip
 from twin_gait.core.belt import BELT_CRUISE
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
 from twin_gait.core.faults import START_TICK
-from twin_gait.core.guards import DWELL_TICKS, SOURCE
+from twin_gait.core.guards import DEBOUNCE_TICKS, SOURCE
 from twin_gait.core.plant import CONSTANT_FORCE, STOP_STIFFNESS
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
@@ -33,7 +33,7 @@ from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
 from twin_gait.simulation.flat_episode import fields_of
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.watching import NEVER, fault_arrays, overstay_ticks
+from twin_gait.simulation.watching import NEVER, fault_arrays, phase_time_out_ticks
 
 FADE_TICKS = 300  # over which a change fades in where the caller says nothing
 MOST_FAULTS = 16  # that can be injected into one walk
@@ -437,7 +437,7 @@ class SteppedRun:
         self._held, self._released_at = phase, None
         if phase is not None:
             self._inputs.minimum_ticks[phase] = NEVER
-        self._note_overstay()
+        self._note_phase_time_out()
 
     @property
     def held_phase(self) -> int | None:
@@ -449,9 +449,9 @@ class SteppedRun:
         if self._held is None or self._released_at is not None:
             return ()
         transitions = self._inputs.transitions
-        dwell = self._state.dwell.reshape(len(self.problem.sides), -1)
+        debounce = self._state.debounce.reshape(len(self.problem.sides), -1)
         exits = transitions[:, SOURCE] == self._held
-        due = exits & (dwell >= transitions[:, DWELL_TICKS])
+        due = exits & (debounce >= transitions[:, DEBOUNCE_TICKS])
         return tuple(
             leg
             for leg, phase in enumerate(self._state.phase.tolist())
@@ -479,12 +479,12 @@ class SteppedRun:
             watching: False while the phases drive nothing.
         """
         self._watching = watching
-        self._note_overstay()
+        self._note_phase_time_out()
 
-    def _note_overstay(self) -> None:
-        before = self._inputs.integers[episode_arrays.OVERSTAY_TICKS]
-        limit = overstay_ticks(self.problem) if self._watching and self._held is None else NEVER
-        self._inputs.integers[episode_arrays.OVERSTAY_TICKS] = limit
+    def _note_phase_time_out(self) -> None:
+        before = self._inputs.integers[episode_arrays.PHASE_TIME_OUT_TICKS]
+        limit = phase_time_out_ticks(self.problem) if self._watching and self._held is None else NEVER
+        self._inputs.integers[episode_arrays.PHASE_TIME_OUT_TICKS] = limit
         if before == NEVER and limit < NEVER:
             self._enter_anew()
 

@@ -55,12 +55,12 @@ def ticks(time: float) -> int:
     return 0 if time == 0.0 else max(1, round(time / TICK))
 
 
-def overstay_ticks(problem: Problem) -> int:
+def phase_time_out_ticks(problem: Problem) -> int:
     """Longest time in a phase; no limit where the table drives nothing, or has no way out of a phase."""
     control = problem.experiment.control
     if control.mode is not ControlMode.IMPEDANCE or not problem.table.transitions:
         return NEVER
-    return ticks(control.safety.phase_overstay)
+    return ticks(control.safety.phase_time_out)
 
 
 def start_angles(problem: Problem) -> np.ndarray:

@@ -86,8 +86,8 @@ def _row(condition: JointCondition) -> np.ndarray:
     row = np.zeros(wearer.CONDITION_COLUMNS)
     row[wearer.PASSIVE_SHARE] = condition.passive
     row[wearer.CONTRACTURE] = condition.contracture
-    row[wearer.CATCH_SPEED] = condition.catch_speed
-    row[wearer.CATCH_GAIN] = condition.catch_gain
+    row[wearer.STRETCH_REFLEX_THRESHOLD] = condition.stretch_reflex_threshold
+    row[wearer.STRETCH_REFLEX_GAIN] = condition.stretch_reflex_gain
     row[wearer.EFFORT] = condition.effort * condition.strength
     return row
 

@@ -126,7 +126,16 @@ def _scaling(table: GaitTable) -> list[str]:
 
 
 def _phases(phases: Mapping[str, PhaseParameters]) -> list[str]:
-    head = ["phase", "joint", "k [Nm/deg]", "damping", "θ0 [deg]", "G", "gravity share", "least stay [ms]"]
+    head = [
+        "phase",
+        "joint",
+        "k [Nm/deg]",
+        "damping",
+        "θ0 [deg]",
+        "G",
+        "gravity share",
+        "minimum duration [ms]",
+    ]
     rows = [
         [phase, name, *_joint(joint), _number(values.gravity_compensation), str(values.minimum_ticks)]
         for phase, values in phases.items()
@@ -148,7 +157,7 @@ def _joint(joint: JointImpedance) -> list[str]:
 
 
 def _transitions(table: GaitTable) -> list[str]:
-    head = ["#", "from", "to", "cause", "guard", "dwell [ms]", "after [ms]"]
+    head = ["#", "from", "to", "cause", "guard", "debounce [ms]", "after [ms]"]
     rows = [
         [
             str(index),
@@ -156,7 +165,7 @@ def _transitions(table: GaitTable) -> list[str]:
             item.target,
             item.cause,
             f"`{item.guard}`",
-            str(item.dwell_ticks),
+            str(item.debounce_ticks),
             "–" if item.time_out_ticks is None else str(item.time_out_ticks),
         ]
         for index, item in enumerate(table.transitions)

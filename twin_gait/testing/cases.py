@@ -57,8 +57,8 @@ def transition_tests(table: GaitTable, machine: MachineFactory | None = None) ->
     """Write the tests of a gait table.
 
     For every transition: fires just past each threshold and holds just below and on it, each condition
-    of ``all`` and ``any`` by itself, dwell, least stay, time-out, priority, the clock of the next phase,
-    bad measurements refused. What is expected is worked out from the table alone.
+    of ``all`` and ``any`` by itself, debounce, minimum duration, time-out, priority, the clock
+    of the next phase, bad measurements refused. What is expected is worked out from the table alone.
 
     Args:
         table: The gait table.
@@ -103,8 +103,8 @@ def _scenarios(leave: Exit) -> Iterator[Scenario | str]:
         for entry in decisive(leave.item.guard):
             yield from edges.edges(leave, entry)
             yield from edges.groups(leave, entry)
-        yield from timing.dwell(leave)
-        yield from timing.least_stay(leave)
+        yield from timing.debounce(leave)
+        yield from timing.minimum_duration(leave)
         yield from timing.waiting(leave)
         yield from timing.from_entry(leave)
     for index in exits(leave.table, leave.phase):
@@ -116,7 +116,7 @@ def _scenarios(leave: Exit) -> Iterator[Scenario | str]:
 def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
     """Tests that start from measurements with which the exit is taken."""
     table = leave.table
-    last = taking.steps[-leave.dwell - 1 :]
+    last = taking.steps[-leave.debounce - 1 :]
     away = (phase for phase in table.phase_names if phase != leave.phase)
     for item in itertools.chain(
         timing.clock(leave, last),

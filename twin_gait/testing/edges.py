@@ -47,7 +47,7 @@ def edges(leave: Exit, entry: Decisive) -> Iterator[Scenario | str]:
     Yields:
         Scenarios, or the name of one that no measurements can show.
     """
-    if leave.dwell > LONGEST_RUN:
+    if leave.debounce > LONGEST_RUN:
         return
     if isinstance(entry.atom, PhaseMembership):
         yield from _memberships(leave, entry)
@@ -89,11 +89,11 @@ def _moved(steps: Steps, atom: Comparison, change: float) -> Steps:
 
 
 def _edge(leave: Exit, entry: Decisive, margin: float, accept: Accept) -> Steps | None:
-    """Steps, one dwell long, with a condition by a margin inside (or outside, if negative)."""
+    """Steps, one debounce long, with a condition by a margin inside (or outside, if negative)."""
     assert isinstance(entry.atom, Comparison)
     own = reads_only_own_time(entry.atom)
-    for start in _turns(leave, entry.atom, margin > 0.0) if own else leave.starts(leave.dwell):
-        window = Window(start, start + leave.dwell - 1)
+    for start in _turns(leave, entry.atom, margin > 0.0) if own else leave.starts(leave.debounce):
+        window = Window(start, start + leave.debounce - 1)
         pinned = [] if own else _pinned(entry.atom, margin, window)
         for vector in leave.look(entry.wishes, window, pinned):
             steps = constant(vector, start, int(window.last))
@@ -103,12 +103,12 @@ def _edge(leave: Exit, entry: Decisive, margin: float, accept: Accept) -> Steps 
 
 
 def _turns(leave: Exit, atom: Comparison, inside: bool) -> list[int]:
-    """Start of the dwell that just fits, or just does not fit, a threshold in time."""
+    """Start of the debounce that just fits, or just does not fit, a threshold in time."""
     turn = turning_tick(atom)
-    start = turn if atom.operator == ">" else turn - leave.dwell
+    start = turn if atom.operator == ">" else turn - leave.debounce
     outward = -1 if atom.operator == ">" else 1
     start += 0 if inside else outward
-    fits = leave.gate <= start and start + leave.dwell - 1 < leave.latest
+    fits = leave.gate <= start and start + leave.debounce - 1 < leave.latest
     return [start] if fits else []
 
 
@@ -133,8 +133,8 @@ def _on(leave: Exit, entry: Decisive, past: Steps | None) -> Steps | None:
         if stays(leave, exact):
             return exact
     zeros = [None] if atom.minus is None else [atom.signal, atom.minus]
-    for start in leave.starts(leave.dwell):
-        window = Window(start, start + leave.dwell - 1)
+    for start in leave.starts(leave.debounce):
+        window = Window(start, start + leave.debounce - 1)
         for zero in zeros:
             pinned = equal(atom.signal, atom.minus or ZERO, atom.threshold)
             pinned += [] if zero is None else equal(zero, ZERO, 0.0)
@@ -167,7 +167,7 @@ def _memberships(leave: Exit, entry: Decisive) -> Iterator[Scenario | str]:
 
 
 def comfortable(leave: Exit, wishes: list[Wish], accept: Accept) -> Steps | None:
-    """Steps, one dwell long, that fulfil the wishes with room.
+    """Steps, one debounce long, that fulfil the wishes with room.
 
     Args:
         leave: The exit.
@@ -177,8 +177,8 @@ def comfortable(leave: Exit, wishes: list[Wish], accept: Accept) -> Steps | None
     Returns:
         The steps, or None if there are none.
     """
-    for start in leave.starts(leave.dwell):
-        window = Window(start, start + leave.dwell - 1)
+    for start in leave.starts(leave.debounce):
+        window = Window(start, start + leave.debounce - 1)
         for vector in leave.look(wishes, window):
             steps = constant(vector, start, int(window.last))
             if accept(leave, steps):
@@ -196,7 +196,7 @@ def groups(leave: Exit, entry: Decisive) -> Iterator[Scenario | str]:
     Yields:
         A scenario, or its name if no measurements can show it; nothing for a condition by itself.
     """
-    if entry.group is None or leave.dwell > LONGEST_RUN:
+    if entry.group is None or leave.debounce > LONGEST_RUN:
         return
     alone = isinstance(entry.group, AnyOf)
     what = f"any: fires by {entry.atom} alone" if alone else f"all: holds while only {entry.atom} is missing"

@@ -21,7 +21,7 @@ ONE_CONDITION = "a list of one condition: all and any are the same"
 SAME_GUARD = "no measurements tell the two guards apart"
 SHADOWED = "where the guards differ, an exit listed above is taken"
 DEAD = "the exit can never be taken"
-LONG_OPEN = "a time-out is open from the entry on: the dwell is over before it"
+LONG_OPEN = "a time-out is open from the entry on: the debounce is over before it"
 OTHER_WAIT = "the exit waits as long for something else"
 NO_EXIT_SOONER = "no exit can be taken in the ticks that it changes"
 NEVER_BOTH = "the two, and those between them, are never due in one tick with different outcomes"
@@ -41,8 +41,8 @@ def reason(table: GaitTable, mutant: Mutant) -> str | None:
         return SAME
     if mutant.kind == "order":
         return NEVER_BOTH if _order_is_free(table, *mutant.transitions) else None
-    if mutant.kind == "least stay":
-        return NO_EXIT_SOONER if _least_stay_is_free(table, mutant) else None
+    if mutant.kind == "minimum duration":
+        return NO_EXIT_SOONER if _minimum_duration_is_free(table, mutant) else None
     (index,) = mutant.transitions
     return _entry_reason(table, mutant.table, index)
 
@@ -73,7 +73,7 @@ def is_dead(leave: Exit) -> bool:
     Returns:
         True if that is proved.
     """
-    due = max(leave.gate, leave.dwell)
+    due = max(leave.gate, leave.debounce)
     if any((tick, index) < (due, leave.index) for tick, index in _sure_exits(leave)):
         return True
     above = [item for item in leave.rivals if item.index < leave.index and _acts_at_once(item)]
@@ -88,7 +88,7 @@ def _sure_exits(leave: Exit) -> list[tuple[int, int]]:
     others = [Exit(leave.table, index) for index in exits(leave.table, leave.phase) if index != leave.index]
     always = Window(1, math.inf, free=True)
     return [
-        (max(item.gate, item.dwell), item.index)
+        (max(item.gate, item.debounce), item.index)
         for item in others
         if not possible(leave.table, [Wish(item.item.guard, False)], always)
     ]
@@ -108,13 +108,13 @@ def _guard_reason(before: Exit, after: Guard) -> str | None:
     if not _differ(before, guard, after, []):
         return SAME_GUARD
     above = [item for item in before.rivals if item.index < before.index and _acts_at_once(item)]
-    if before.dwell == 1 and not _differ(before, guard, after, above):
+    if before.debounce == 1 and not _differ(before, guard, after, above):
         return SHADOWED
     return None
 
 
 def _acts_at_once(leave: Exit) -> bool:
-    return leave.dwell == 1 and leave.item.time_out_ticks is None
+    return leave.debounce == 1 and leave.item.time_out_ticks is None
 
 
 def _flat(guard: Guard) -> Guard:
@@ -147,23 +147,23 @@ def _windows(leave: Exit, guards: Sequence[Guard]) -> list[Window]:
 
 
 def _wait_reason(before: Exit, after: Transition) -> str | None:
-    """Dwell or time-out has changed, the guard has not."""
+    """Debounce or time-out has changed, the guard has not."""
     item = before.item
-    waits = [max(entry.time_out_ticks or 0, entry.dwell_ticks) for entry in (item, after)]
+    waits = [max(entry.time_out_ticks or 0, entry.debounce_ticks) for entry in (item, after)]
     if waits[0] == waits[1] and is_pure_time_out(item):
         return LONG_OPEN
-    if item.dwell_ticks == after.dwell_ticks:
+    if item.debounce_ticks == after.debounce_ticks:
         gates = [max(wait, before.minimum, 1) for wait in waits]
         return OTHER_WAIT if gates[0] == gates[1] else None
     return None
 
 
-def _least_stay_is_free(table: GaitTable, mutant: Mutant) -> bool:
-    """Whether no exit can be due in a tick that one least stay allows and the other does not."""
+def _minimum_duration_is_free(table: GaitTable, mutant: Mutant) -> bool:
+    """Whether no exit can be due in a tick that one minimum duration allows and the other does not."""
     ticks = sorted(item.phases[mutant.phase].minimum_ticks for item in (table, mutant.table))
     for index in exits(table, mutant.phase):
         item = table.transitions[index]
-        first = max(1, ticks[0], item.time_out_ticks or 0, item.dwell_ticks)
+        first = max(1, ticks[0], item.time_out_ticks or 0, item.debounce_ticks)
         if possible(table, [Wish(item.guard)], Window(first, ticks[1] - 1, free=True)):
             return False
     return True
@@ -183,7 +183,7 @@ def _pair_is_free(one: Exit, two: Exit) -> bool:
     if is_dead(one) or is_dead(two):
         return True
     due = [
-        max(item.item.time_out_ticks or 0, item.dwell) if is_pure_time_out(item.item) else None
+        max(item.item.time_out_ticks or 0, item.debounce) if is_pure_time_out(item.item) else None
         for item in (one, two)
     ]
     known = [tick for tick in due if tick is not None]

@@ -14,7 +14,7 @@ from twin_gait.testing.witness import Step, Vector, exits, holds, is_pure_time_o
 
 Atom = Comparison | PhaseMembership
 
-LONGEST_RUN = 20_000  # ticks; a longer dwell or time-out is not driven through tick by tick
+LONGEST_RUN = 20_000  # ticks; a longer debounce or time-out is not driven through tick by tick
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def decisive(guard: Guard) -> Iterator[Decisive]:
 def latest_leave(table: GaitTable, phase: str) -> float:
     """Ticks after which a phase is left whatever is measured; infinite without a time-out."""
     items = [table.transitions[index] for index in exits(table, phase)]
-    times = [max(item.time_out_ticks or 0, item.dwell_ticks) for item in items if is_pure_time_out(item)]
+    times = [max(item.time_out_ticks or 0, item.debounce_ticks) for item in items if is_pure_time_out(item)]
     return float(min(times)) if times else float("inf")
 
 
@@ -101,18 +101,18 @@ class Exit:
         return self.item.source
 
     @property
-    def dwell(self) -> int:
-        """Its dwell in ticks."""
-        return self.item.dwell_ticks
+    def debounce(self) -> int:
+        """Its debounce in ticks."""
+        return self.item.debounce_ticks
 
     @property
     def minimum(self) -> int:
-        """Least stay in the phase in ticks."""
+        """Minimum duration in the phase in ticks."""
         return self.table.phases[self.phase].minimum_ticks
 
     @property
     def gate(self) -> int:
-        """First tick in the phase in which it may be taken, its dwell apart."""
+        """First tick in the phase in which it may be taken, its debounce apart."""
         return max(1, self.minimum, self.item.time_out_ticks or 0)
 
     @cached_property
@@ -156,7 +156,7 @@ class Exit:
     def closings(self, window: Window) -> list[tuple[Wish, ...]]:
         """Which rivals to close, in the order of preference: all, those that could be due, the earlier."""
         ticks = int(window.last) - window.first + 1
-        able = [item for item in self.rivals if item.dwell <= ticks and item.gate <= window.last]
+        able = [item for item in self.rivals if item.debounce <= ticks and item.gate <= window.last]
         earlier = [item for item in able if item.index < self.index]
         choices = [
             tuple(Wish(item.item.guard, False) for item in chosen) for chosen in (self.rivals, able, earlier)

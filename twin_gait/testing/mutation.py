@@ -64,7 +64,7 @@ def mutants(table: GaitTable) -> Iterator[Mutant]:
             yield Mutant(kind, f"{title}: {text}", _with(table, index, changed), item.source, (index,))
         yield from _everywhere(table, index, title)
     yield from _orders(table)
-    yield from _least_stays(table)
+    yield from _minimum_durations(table)
 
 
 def unchecked(table: GaitTable, **changes: object) -> GaitTable:
@@ -96,7 +96,7 @@ Changed = Iterator[tuple[str, str, Transition]]
 def _transition_mutants(table: GaitTable, item: Transition) -> Changed:
     for kind, text, guard in _guard_mutants(table, item.guard):
         yield kind, text, replace(item, guard=guard)
-    yield from _dwells(item)
+    yield from _debounces(item)
     yield from _time_outs(item)
     for phase in table.phase_names:
         if phase not in (item.source, item.target):
@@ -104,9 +104,9 @@ def _transition_mutants(table: GaitTable, item: Transition) -> Changed:
             yield "target", f"leads to {phase}", replace(item, target=phase)
 
 
-def _dwells(item: Transition) -> Changed:
-    for dwell in sorted({1, item.dwell_ticks - 1, item.dwell_ticks + 1} - {0, item.dwell_ticks}):
-        yield "dwell", f"dwell of {dwell} ticks", replace(item, dwell_ticks=dwell)
+def _debounces(item: Transition) -> Changed:
+    for debounce in sorted({1, item.debounce_ticks - 1, item.debounce_ticks + 1} - {0, item.debounce_ticks}):
+        yield "debounce", f"debounce of {debounce} ticks", replace(item, debounce_ticks=debounce)
 
 
 def _time_outs(item: Transition) -> Changed:
@@ -133,7 +133,7 @@ def _orders(table: GaitTable) -> Iterator[Mutant]:
                 yield Mutant("order", text, changed, phase, (first, second))
 
 
-def _least_stays(table: GaitTable) -> Iterator[Mutant]:
+def _minimum_durations(table: GaitTable) -> Iterator[Mutant]:
     for phase, values in table.phases.items():
         least = values.minimum_ticks
         for ticks in sorted({0, least - 1, least + 1}) if least else ():
@@ -141,7 +141,9 @@ def _least_stays(table: GaitTable) -> Iterator[Mutant]:
                 **table.phases,
                 phase: replace(values, minimum_ticks=ticks),
             }
-            yield Mutant("least stay", f"{phase}: {ticks} ticks", unchecked(table, phases=phases), phase)
+            yield Mutant(
+                "minimum duration", f"{phase}: {ticks} ticks", unchecked(table, phases=phases), phase
+            )
 
 
 Guards = Iterator[tuple[str, str, Guard]]

@@ -1,4 +1,4 @@
-"""Scenarios across phases: an exit elsewhere, and a dwell after the phase was left and entered again."""
+"""Scenarios across phases: an exit elsewhere, and a debounce after the phase was left and entered again."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def elsewhere(leave: Exit, phase: str) -> Iterator[Scenario]:
     Yields:
         A scenario in which nothing happens; none if there is always something that leaves that phase.
     """
-    if leave.dwell > LONGEST_RUN:
+    if leave.debounce > LONGEST_RUN:
         return
     table = leave.table
     here = tuple(Wish(table.transitions[index].guard, False) for index in exits(table, phase))
     guarded = tuple(wish for wish in here if wish.guard != AllOf(guards=()))
     gate = max(leave.gate, table.phases[phase].minimum_ticks)
-    for first in leave.starts(leave.dwell, gate=gate) or [gate]:
-        window = Window(first, first + leave.dwell - 1)
+    for first in leave.starts(leave.debounce, gate=gate) or [gate]:
+        window = Window(first, first + leave.debounce - 1)
         found = find(table.phase_names, [Wish(leave.item.guard), *guarded], window)
         steps = () if found is None else constant(found, first, int(window.last))
         if steps and not any(index is not None for index in outcomes(table, phase, steps)):
@@ -40,15 +40,15 @@ def elsewhere(leave: Exit, phase: str) -> Iterator[Scenario]:
 
 
 def again(leave: Exit) -> Iterator[Scenario]:
-    """A dwell that was cut short by another exit is counted anew when the phase is entered again.
+    """A debounce that was cut short by another exit is counted anew when the phase is entered again.
 
     Args:
-        leave: An exit with a dwell.
+        leave: An exit with a debounce.
 
     Yields:
-        A scenario; none without a dwell, or if no other exit can cut it short.
+        A scenario; none without a debounce, or if no other exit can cut it short.
     """
-    last = comfortable(leave, [Wish(leave.item.guard)], fires) if 1 < leave.dwell <= LONGEST_RUN else None
+    last = comfortable(leave, [Wish(leave.item.guard)], fires) if 1 < leave.debounce <= LONGEST_RUN else None
     if last is None:
         return
     for index in exits(leave.table, leave.phase):
@@ -58,22 +58,20 @@ def again(leave: Exit) -> Iterator[Scenario]:
             steps = _chain([cut, *(home or []), last])
             taken = [entry for entry in outcomes(leave.table, leave.phase, steps) if entry is not None]
             if taken[0] == index and taken[-1] == leave.index and len(taken) == len(home or []) + 2:
-                what = (
-                    f"dwell: {leave.dwell} ticks are counted anew after {cutter.item.cause} and the way back"
-                )
+                what = f"debounce: {leave.debounce} ticks counted anew after {cutter.item.cause} and back"
                 yield scenario(leave, what, steps)
                 return
 
 
 def _cuts(leave: Exit, cutter: Exit) -> Iterator[Steps]:
-    """Steps with an open guard that another exit ends before the dwell is over."""
+    """Steps with an open guard that another exit ends before the debounce is over."""
     wishes = [Wish(leave.item.guard), Wish(cutter.item.guard)]
     if is_pure_time_out(cutter.item):
-        starts = [int(cutter.latest) - leave.dwell + 2]
-        ticks = leave.dwell - 1
+        starts = [int(cutter.latest) - leave.debounce + 2]
+        ticks = leave.debounce - 1
     else:
-        starts, ticks = cutter.starts(cutter.dwell), cutter.dwell
-    if ticks >= leave.dwell:
+        starts, ticks = cutter.starts(cutter.debounce), cutter.debounce
+    if ticks >= leave.debounce:
         return
     rest = [
         Wish(item.item.guard, False) for item in leave.rivals if item.index not in (leave.index, cutter.index)
@@ -101,8 +99,8 @@ def _way(table: GaitTable, start: str, end: str) -> list[Steps] | None:
 def _taking(leave: Exit) -> Steps | None:
     if not is_pure_time_out(leave.item):
         return comfortable(leave, [Wish(leave.item.guard)], fires)
-    steps = quiet(leave, max(leave.item.time_out_ticks or 0, leave.dwell))
-    return None if steps is None else steps[-leave.dwell - 1 :]
+    steps = quiet(leave, max(leave.item.time_out_ticks or 0, leave.debounce))
+    return None if steps is None else steps[-leave.debounce - 1 :]
 
 
 def _chain(parts: list[Steps]) -> Steps:

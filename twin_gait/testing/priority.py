@@ -73,7 +73,7 @@ def _pairs(first: Exit, second: Exit) -> Iterator[_Pair]:
 
 def _candidates(pair: _Pair) -> Iterator[Steps]:
     first, second = pair.first, pair.second
-    if max(first.dwell, second.dwell) > LONGEST_RUN:
+    if max(first.debounce, second.debounce) > LONGEST_RUN:
         return
     pure = [item for item in (first, second) if is_pure_time_out(item.item)]
     if len(pure) == 2:
@@ -99,43 +99,43 @@ def _both_time_outs(pair: _Pair) -> Iterator[Steps]:
 
 
 def _with_time_out(pair: _Pair, guarded: Exit, pure: Exit) -> Iterator[Steps]:
-    """The guard opens so that its dwell ends with the time-out."""
+    """The guard opens so that its debounce ends with the time-out."""
     if pure.latest == float("inf"):
         return
     due = int(pure.latest)
-    start = due - guarded.dwell + 1
+    start = due - guarded.debounce + 1
     opened = pair.look(start, due, [Wish(guarded.item.guard)])
     if opened is None:
         return
-    lead = min(start - 1, pure.dwell)
+    lead = min(start - 1, pure.debounce)
     before = pair.look(start - lead, start - 1, [Wish(guarded.item.guard, False)]) if lead else opened
     if before is not None:
-        yield _run(start - lead, [before] * lead + [opened] * guarded.dwell)
-    yield _run(start, [opened] * guarded.dwell)
+        yield _run(start - lead, [before] * lead + [opened] * guarded.debounce)
+    yield _run(start, [opened] * guarded.debounce)
 
 
 def _both_gated(pair: _Pair) -> Iterator[Steps]:
     """Both guards are open before, and at least one waits for the tick in which both are due."""
     due = max(pair.first.gate, pair.second.gate)
-    dwell = max(pair.first.dwell, pair.second.dwell)
-    for start in (max(1, due - dwell - 1), due - dwell + 1):
+    debounce = max(pair.first.debounce, pair.second.debounce)
+    for start in (max(1, due - debounce - 1), due - debounce + 1):
         opened = pair.look(start, due, [Wish(pair.first.item.guard), Wish(pair.second.item.guard)])
         if opened is not None:
             yield _run(start, [opened] * (due - start + 1))
 
 
 def _staggered(pair: _Pair) -> Iterator[Steps]:
-    """The guard with the longer dwell opens earlier, so that both dwells end together."""
+    """The guard with the longer debounce opens earlier, so that both debounces end together."""
     first, second = pair.first, pair.second
-    slow, fast = (first, second) if first.dwell >= second.dwell else (second, first)
-    lead = slow.dwell - fast.dwell
-    gate = max(1, max(first.gate, second.gate) - slow.dwell + 1)
-    for start in slow.starts(slow.dwell, gate=gate):
-        last = start + slow.dwell - 1
+    slow, fast = (first, second) if first.debounce >= second.debounce else (second, first)
+    lead = slow.debounce - fast.debounce
+    gate = max(1, max(first.gate, second.gate) - slow.debounce + 1)
+    for start in slow.starts(slow.debounce, gate=gate):
+        last = start + slow.debounce - 1
         opened = pair.look(start + lead, last, [Wish(first.item.guard), Wish(second.item.guard)])
         if opened is None:
             continue
         only_slow = [Wish(slow.item.guard), Wish(fast.item.guard, False)]
         before = pair.look(start, start + lead - 1, only_slow) if lead else opened
         if before is not None:
-            yield _run(start, [before] * lead + [opened] * fast.dwell)
+            yield _run(start, [before] * lead + [opened] * fast.debounce)

@@ -1,4 +1,4 @@
-"""Scenarios in time: dwell, least stay, time-outs, and the clock of the next phase."""
+"""Scenarios in time: debounce, minimum duration, time-outs, and the clock of the next phase."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from twin_gait.testing.solver import Window, Wish, reads_only_own_time
 from twin_gait.testing.witness import Step, exits, is_pure_time_out, outcomes
 
 
-def dwell(leave: Exit) -> Iterator[Scenario | str]:
+def debounce(leave: Exit) -> Iterator[Scenario | str]:
     """The guard has to be open on consecutive ticks; one closed tick starts the count anew.
 
     Args:
         leave: An exit with a guard.
 
     Yields:
-        Scenarios, or the name of one that no measurements can show; nothing without a dwell.
+        Scenarios, or the name of one that no measurements can show; nothing without a debounce.
     """
-    ticks = leave.dwell
+    ticks = leave.debounce
     if ticks == 1 or 2 * ticks > LONGEST_RUN:
         return
     steps = comfortable(leave, [Wish(leave.item.guard)], fires)
-    first = f"dwell: holds for {ticks - 1} ticks, fires on tick {ticks}"
+    first = f"debounce: holds for {ticks - 1} ticks, fires on tick {ticks}"
     yield first if steps is None else scenario(leave, first, steps)
-    again = f"dwell: one closed tick starts the count of {ticks} anew"
+    again = f"debounce: one closed tick starts the count of {ticks} anew"
     interrupted = _interrupted(leave)
     yield again if interrupted is None else scenario(leave, again, interrupted)
 
 
 def _interrupted(leave: Exit) -> Steps | None:
-    ticks = leave.dwell
+    ticks = leave.debounce
     for start in leave.starts(2 * ticks):
         window = Window(start, start + 2 * ticks - 1)
         for inside in leave.look([Wish(leave.item.guard)], window):
@@ -46,17 +46,17 @@ def _interrupted(leave: Exit) -> Steps | None:
     return None
 
 
-def least_stay(leave: Exit) -> Iterator[Scenario | str]:
-    """A guard that is open long before waits for the least stay in the phase, and fires in its tick.
+def minimum_duration(leave: Exit) -> Iterator[Scenario | str]:
+    """A guard that is open long before waits for the minimum duration in the phase, and fires in its tick.
 
     Args:
         leave: An exit with a guard.
 
     Yields:
-        A scenario, or its name if something else decides; nothing without a least stay.
+        A scenario, or its name if something else decides; nothing without a minimum duration.
     """
     if leave.minimum > 1 and leave.gate == leave.minimum:
-        what = f"least stay: open before, fires after {leave.minimum} ticks"
+        what = f"minimum duration: open before, fires after {leave.minimum} ticks"
         yield _or_name(leave, what, _waits(leave, leave.minimum))
 
 
@@ -79,9 +79,9 @@ def _or_name(leave: Exit, what: str, steps: Steps | None) -> Scenario | str:
 
 
 def _waits(leave: Exit, until: int) -> Steps | None:
-    """Steps with an open guard whose dwell is over before a tick, up to that tick."""
-    start = max(1, until - leave.dwell - 1)
-    if start + leave.dwell - 1 >= until or until >= leave.latest or leave.dwell > LONGEST_RUN:
+    """Steps with an open guard whose debounce is over before a tick, up to that tick."""
+    start = max(1, until - leave.debounce - 1)
+    if start + leave.debounce - 1 >= until or until >= leave.latest or leave.debounce > LONGEST_RUN:
         return None
     window = Window(start, until)
     for vector in leave.look([Wish(leave.item.guard)], window):
@@ -100,7 +100,7 @@ def from_entry(leave: Exit) -> Iterator[Scenario]:
     Yields:
         A scenario; nothing if it fires at once, or a rival is taken before.
     """
-    if leave.dwell > LONGEST_RUN:
+    if leave.debounce > LONGEST_RUN:
         return
     times = [
         [*entry.wishes, Wish(entry.atom)]
@@ -136,7 +136,7 @@ def time_out(leave: Exit) -> Iterator[Scenario | str]:
     """
     time = leave.item.time_out_ticks
     assert time is not None  # the caller hands in pure time-outs
-    due = max(time, leave.dwell)
+    due = max(time, leave.debounce)
     yield _or_name(leave, f"time-out: fires after {time * TICK:g} s, not a tick before", quiet(leave, due))
 
 
@@ -151,7 +151,7 @@ def quiet(leave: Exit, due: int) -> Steps | None:
         The steps; shortened to the last ``LONGEST_RUN`` ticks; None if another exit is taken.
     """
     start = max(1, due - LONGEST_RUN)
-    for window in (Window(start, due), Window(max(1, due - leave.dwell), due)):
+    for window in (Window(start, due), Window(max(1, due - leave.debounce), due)):
         for vector in leave.look([], window):
             steps = constant(vector, window.first, due)
             if fires(leave, steps):
@@ -160,7 +160,7 @@ def quiet(leave: Exit, due: int) -> Steps | None:
 
 
 def clock(leave: Exit, steps: Sequence[Step]) -> Iterator[Scenario]:
-    """Times and dwells in the phase that follows count from its entry.
+    """Times and debounces in the phase that follows count from its entry.
 
     Args:
         leave: An exit.
@@ -185,5 +185,5 @@ def _waits_of(leave: Exit) -> list[Steps]:
     """Steps that take an exit as soon as the waiting from the entry on is over."""
     if not is_pure_time_out(leave.item):
         return [item.steps for item in from_entry(leave)]
-    steps = quiet(leave, max(leave.item.time_out_ticks or 0, leave.dwell))
-    return [] if steps is None else [steps[-leave.dwell - 1 :]]
+    steps = quiet(leave, max(leave.item.time_out_ticks or 0, leave.debounce))
+    return [] if steps is None else [steps[-leave.debounce - 1 :]]

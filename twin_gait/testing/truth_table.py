@@ -2,7 +2,7 @@
 
 Every row is one way through the conditions of a phase, read exit by exit in their order of priority;
 a condition that cannot change the outcome any more is left open. The rows of a phase exclude each
-other and together cover every combination. A row says which exit is due once its dwell and the least
+other and together cover every combination. A row says which exit is due once its debounce and the least
 stay in the phase are over.
 
 The kit reads the guards here for itself, in three values, because what it expects of a machine must not

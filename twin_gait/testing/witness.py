@@ -128,7 +128,7 @@ class Witness:
         is_open = holds(item.guard, step.vector, stayed)
         self.open_ticks[index] = self.open_ticks.get(index, 0) + 1 if is_open else 0
         least = max(self.table.phases[item.source].minimum_ticks, item.time_out_ticks or 0)
-        return self.open_ticks[index] >= item.dwell_ticks and stayed >= least
+        return self.open_ticks[index] >= item.debounce_ticks and stayed >= least
 
 
 def outcomes(table: GaitTable, phase: str, steps: Sequence[Step]) -> list[int | None]:

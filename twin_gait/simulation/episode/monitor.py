@@ -9,7 +9,7 @@ from twin_gait.core.safety import (
     LOAD_TRIP,
     MOTOR_SPEED,
     NO_TRIP,
-    OVERSTAY_TRIP,
+    PHASE_TIME_OUT_TRIP,
     SUPPLY_TRIP,
     watch_joint,
 )
@@ -21,8 +21,8 @@ from twin_gait.simulation.episode_arrays import (
     LEAST_VOLTAGE,
     LOW_VOLTAGE_STREAK,
     N_LEGS,
-    OVERSTAY_TICKS,
     PERIOD,
+    PHASE_TIME_OUT_TICKS,
     POINTS_PER_FOOT,
     TRIP_CAUSE,
     TRIP_PLACE,
@@ -52,8 +52,8 @@ def watch(episode: Episode, tick: int) -> None:
                 state.drive_off[joint] = 1
                 state.safety[DRIVES_OFF] = 1
     for leg in range(inputs.integers[N_LEGS]):
-        if tick - max(state.entry_tick[leg], state.counters[2]) > inputs.integers[OVERSTAY_TICKS]:
-            trip(episode, tick, OVERSTAY_TRIP, joints + leg)
+        if tick - max(state.entry_tick[leg], state.counters[2]) > inputs.integers[PHASE_TIME_OUT_TICKS]:
+            trip(episode, tick, PHASE_TIME_OUT_TRIP, joints + leg)
     if inputs.integers[POINTS_PER_FOOT] > 0:
         _watch_feet(episode, tick)
     low = state.changing[BUS_VOLTAGE] < inputs.numbers[LEAST_VOLTAGE]

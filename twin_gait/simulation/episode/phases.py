@@ -40,7 +40,7 @@ def decide(episode: Episode, tick: int) -> None:
             inputs.comparisons,
             state.signals,
             other,
-            state.dwell,
+            state.debounce,
             leg * inputs.transitions.shape[0],
         )
         if chosen != NO_TRANSITION:

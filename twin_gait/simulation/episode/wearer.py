@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from twin_gait.core.wearer import (
-    CATCH_GAIN,
-    CATCH_SPEED,
     CONTRACTURE,
     EFFORT,
     PASSIVE_SHARE,
+    STRETCH_REFLEX_GAIN,
+    STRETCH_REFLEX_THRESHOLD,
     passive_hip_torque,
     passive_knee_torque,
     posture_place,
@@ -69,6 +69,8 @@ def _wear(episode: Episode, tick: int, joint: int, passive: float, hip: float) -
     effort *= 1.0 + inputs.effort_noise[tick % inputs.effort_noise.shape[0], joint]
     index = inputs.coordinates[joint] + inputs.integers[WEARER_SHIFT]
     catch = spastic_torque(
-        state.v[index], inputs.conditions[joint, CATCH_SPEED], inputs.conditions[joint, CATCH_GAIN]
+        state.v[index],
+        inputs.conditions[joint, STRETCH_REFLEX_THRESHOLD],
+        inputs.conditions[joint, STRETCH_REFLEX_GAIN],
     )
     state.external[index] += inputs.conditions[joint, PASSIVE_SHARE] * passive + catch + effort

@@ -21,7 +21,7 @@ from twin_gait.core.safety import (
     MOTOR_CURRENT,
     MOTOR_SPEED,
     NO_TRIP,
-    OVERSTAY_TRIP,
+    PHASE_TIME_OUT_TRIP,
     STREAK_COUNT,
     SUPPLY_TRIP,
     command_is_plausible,
@@ -31,7 +31,7 @@ from twin_gait.core.safety import (
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.pinocchio.sensors import SensorsOfLegs
 from twin_gait.simulation.problem import Problem
-from twin_gait.simulation.watching import overstay_ticks, ticks, watch_bounds
+from twin_gait.simulation.watching import phase_time_out_ticks, ticks, watch_bounds
 
 
 class MonitorOfLegs:
@@ -55,7 +55,7 @@ class MonitorOfLegs:
         n_joints = len(problem.joints)
         self._bounds = watch_bounds(problem)
         self._bound_rows = self._bounds.tolist()  # Python numbers are faster one by one
-        self._overstay_ticks = overstay_ticks(problem)
+        self._phase_time_out_ticks = phase_time_out_ticks(problem)
         self._memory = np.zeros((n_joints, MEMORY_COUNT))
         self._streaks = np.zeros((n_joints, STREAK_COUNT), dtype=np.int64)
         self._load_streaks = [0] * len(problem.sides)
@@ -90,8 +90,8 @@ class MonitorOfLegs:
                 if self._streaks[number, DRIVE_STREAK] >= self._bounds[number, DRIVE_TICKS]:
                     self.drive_off[number] = True
         for leg, stay in enumerate(stays):
-            if stay > self._overstay_ticks:
-                self._note(tick, OVERSTAY_TRIP, joints + leg)
+            if stay > self._phase_time_out_ticks:
+                self._note(tick, PHASE_TIME_OUT_TRIP, joints + leg)
         if has_feet:
             self._watch_feet(tick)
         settings = problem.experiment.control.safety

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from twin_gait.core.wearer import (
-    CATCH_GAIN,
-    CATCH_SPEED,
     CONTRACTURE,
     EFFORT,
     PASSIVE_SHARE,
+    STRETCH_REFLEX_GAIN,
+    STRETCH_REFLEX_THRESHOLD,
     passive_hip_torque,
     passive_knee_torque,
     posture_place,
@@ -71,5 +71,7 @@ class WearerOfJoints:
         noise = arrays.noise[tick % len(arrays.noise), joint]
         effort = self._efforts[(tick + 1) % ring, joint] * (1.0 + noise)
         index = self.problem.joints[joint].coordinate + self.problem.world.wearer_shift
-        catch = spastic_torque(float(plant.v[index]), condition[CATCH_SPEED], condition[CATCH_GAIN])
+        catch = spastic_torque(
+            float(plant.v[index]), condition[STRETCH_REFLEX_THRESHOLD], condition[STRETCH_REFLEX_GAIN]
+        )
         plant.wearer[index] = condition[PASSIVE_SHARE] * passive + catch + effort

@@ -105,7 +105,7 @@ def controller_record(problem: Problem, ticks: int) -> np.ndarray:
         "entry": np.zeros(legs, dtype=np.int64),
         "ticks": np.zeros(legs, dtype=np.int64),
         "before": np.zeros(legs, dtype=np.int64),
-        "dwell": np.zeros((legs, len(program.transitions)), dtype=np.int64),
+        "debounce": np.zeros((legs, len(program.transitions)), dtype=np.int64),
         "blend_start": start,
         "blended": start,
         "signals": np.full(2 * problem.signals_per_leg, np.nan),
@@ -167,7 +167,7 @@ def native_tick(problem: Problem) -> Callable[[Any, int], None]:
                 memory.comparisons,
                 memory.signals,
                 other,
-                memory.dwell[leg],
+                memory.debounce[leg],
             )
             if chosen != NO_TRANSITION:
                 memory.phase[leg] = memory.transitions[chosen, TARGET]

@@ -56,7 +56,7 @@ class PlainMachine:
         self.signals: dict[str, float] = {}
         self.other_phase: str | None = None
         self.tick = self.entry = 0
-        self._dwell = [0] * len(table.transitions)
+        self._debounce = [0] * len(table.transitions)
         machine = Machine(
             model=self,
             states=list(table.phase_names),
@@ -66,7 +66,7 @@ class PlainMachine:
         )
         for number, item in enumerate(table.transitions):
             ticks = max(item.time_out_ticks or 0, table.phases[item.source].minimum_ticks)
-            condition = self._condition(number, self._guard(item.guard), ticks, item.dwell_ticks)
+            condition = self._condition(number, self._guard(item.guard), ticks, item.debounce_ticks)
             machine.add_transition("advance", item.source, item.target, conditions=condition, after="enter")
         # From here on the attribute is kept by the machine.
         self.phase: str
@@ -74,14 +74,14 @@ class PlainMachine:
     def enter(self) -> None:
         """Begin a phase."""
         self.entry = self.tick
-        self._dwell = [0] * len(self._dwell)
+        self._debounce = [0] * len(self._debounce)
 
     def _condition(
-        self, number: int, guard: Callable[[], bool], ticks: int, dwell: int
+        self, number: int, guard: Callable[[], bool], ticks: int, debounce: int
     ) -> Callable[[], bool]:
         def due() -> bool:
-            self._dwell[number] = self._dwell[number] + 1 if guard() else 0
-            return self._dwell[number] >= dwell and self.tick - self.entry >= ticks
+            self._debounce[number] = self._debounce[number] + 1 if guard() else 0
+            return self._debounce[number] >= debounce and self.tick - self.entry >= ticks
 
         return due
 

@@ -26,7 +26,10 @@ def voluntary_torque(run: Run, side: Side, joint: JointName) -> np.ndarray:
     condition = patient.conditions.get((side, joint), JointCondition())
     whole = log[f"{side}_{joint}_patient_torque_Nm"].to_numpy()
     speeds = log[wearer_column(log, side, joint, "velocity_rad_per_s")]
-    catch = [spastic_torque(speed, condition.catch_speed, condition.catch_gain) for speed in speeds]
+    catch = [
+        spastic_torque(speed, condition.stretch_reflex_threshold, condition.stretch_reflex_gain)
+        for speed in speeds
+    ]
     return np.asarray(whole - condition.passive * _passive(run, side, joint) - np.array(catch))
 
 

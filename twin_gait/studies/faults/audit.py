@@ -68,7 +68,7 @@ def stated_reaction(cause: TripCause, settings: SafetyParameters) -> float:
         TripCause.ENCODER_FROZEN: settings.frozen_time,
         TripCause.TORQUE: settings.torque_time,
         TripCause.DRIVE: settings.drive_time,
-        TripCause.PHASE_OVERSTAY: settings.phase_overstay,
+        TripCause.PHASE_TIME_OUT: settings.phase_time_out,
         TripCause.FOOT_LOAD_FROZEN: settings.frozen_load_time,
         TripCause.SUPPLY: settings.voltage_time,
     }
@@ -180,7 +180,7 @@ def breach_tick(run: Run, trip: Trip) -> int | None:
     """
     if trip.cause is TripCause.COMMAND:
         return trip.tick  # the log has the hold's command in its place
-    if trip.cause is TripCause.PHASE_OVERSTAY:
+    if trip.cause is TripCause.PHASE_TIME_OUT:
         entries = [item.tick for item in run.switches if item.side is trip.side]
         return max(entries, default=0)
     mask = _BREACHES[trip.cause](run, trip)

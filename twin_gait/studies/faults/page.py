@@ -58,7 +58,7 @@ _WORDS = {
     "(time constant {thermal_time_constant:g} s)",
     TripCause.DRIVE: "current {drive_deviation:g} A off from what target, bus voltage and speed allow; this "
     "drive is cut off",
-    TripCause.PHASE_OVERSTAY: "a phase lasts longer than that (not in transparent mode)",
+    TripCause.PHASE_TIME_OUT: "a phase lasts longer than that (not in transparent mode)",
     TripCause.FOOT_LOAD_FROZEN: "the load of a loaded foot stands still while the hip turns",
     TripCause.SUPPLY: "bus voltage below {least_voltage_share:g} of the battery's",
 }

@@ -1,9 +1,9 @@
-"""Does the spectral radius of the frame map tell who grows? Witnessed by the engine, linear and not.
+"""Does the spectral radius of the transition matrix predict instability? Checked against the engine.
 
-Every case holds the bench leg at one posture with the same k, b and G in hip and knee. The frame map
-(:mod:`twin_gait.checking.frame_map`) predicts. The *linear run* is the compiled engine on the same leg with
-friction replaced by its slope and a start 1e-5 rad away, judged before anything saturates. The *true run* has
-the friction law, the limits and the stops, and starts 5° away.
+Every case holds the bench leg at one posture with the same k, b and G in hip and knee. The transition
+matrix (:mod:`twin_gait.checking.transition_matrix`) predicts. The *linear run* is the compiled engine on the
+same leg with friction replaced by its slope and a start 1e-5 rad away, judged before anything saturates. The *true
+run* has the friction law, the limits and the stops, and starts 5° away.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.checking.finding import Subject
-from twin_gait.checking.frame_map import LinearLoop, frame_map, spectral_radius
 from twin_gait.checking.hanging_leg import friction_slope, hanging_legs
+from twin_gait.checking.transition_matrix import LinearLoop, spectral_radius, transition_matrix
 from twin_gait.configuration import load_experiment
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters
@@ -175,7 +175,7 @@ def _any_loop(velocity: float) -> LinearLoop:
 
 
 def predicted_radius(case: Case, velocity: float) -> float:
-    """Spectral radius of the frame map of a case.
+    """Spectral radius of the closed-loop transition matrix of a case.
 
     Args:
         case: k, b and G.
@@ -191,7 +191,7 @@ def predicted_radius(case: Case, velocity: float) -> float:
         damping=case.damping * both,
         gain=case.gain * both,
     )
-    return spectral_radius(frame_map(loop))
+    return spectral_radius(transition_matrix(loop))
 
 
 def _motion(run: Run) -> np.ndarray:

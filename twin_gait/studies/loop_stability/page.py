@@ -114,7 +114,7 @@ def draw(results: Sequence[LoopResult]) -> Figure:
     """
     figure = Figure(figsize=(11.0, 8.2), layout="constrained")
     figure.suptitle(
-        "Who grows: spectral radius of the frame map at rest, linear run and run with friction\n"
+        "Stability: spectral radius of the transition matrix at rest, linear run and run with friction\n"
         "bench leg, same k, b and G in hip and knee",
         fontsize="large",
     )

@@ -95,7 +95,7 @@ had no need to change. The tables state round numbers on the flat bottom that th
 {test_seed} had no part in choosing them.
 {worth}
 With larger exponents of `treadmill` (−0.4 and 0.6, tried by hand) a heavy and short wearer does not come to
-stand on both feet again on [the standing table](stand.md), which extends this one.
+stand on both feet again on [the standing table](start_stop.md), which extends this one.
 
 The law is one for wearers whom the belt carries along. A healthy person takes shorter steps when he walks
 slower; in a [replay](replay.md) of his log `treadmill` needs another exponent of the speed.

@@ -56,7 +56,7 @@ _LAWS = (
         "the same law, shifted: stiff sooner in extension, and later in flexion; needs `passive`",
     ),
     (
-        "`catch_speed_deg_per_s`, `catch_gain_Nms_per_rad`",
+        "`stretch_reflex_threshold_deg_per_s`, `stretch_reflex_gain_Nms_per_rad`",
         "spasticity",
         "no torque up to the speed, then gain times the excess, against the motion",
     ),
@@ -97,7 +97,7 @@ patient:
   effort_noise: 0.1              # standard deviation from tick to tick, as a share of the effort
   both:
     hip: {{passive: 1, effort: 0.5}}
-    knee: {{passive: 1.2, catch_speed_deg_per_s: 60, catch_gain_Nms_per_rad: 2}}
+    knee: {{passive: 1.2, stretch_reflex_threshold_deg_per_s: 60, stretch_reflex_gain_Nms_per_rad: 2}}
   left:                          # laid over both, key by key
     hip: {{contracture_deg: 5, strength: 0.5}}
 ```

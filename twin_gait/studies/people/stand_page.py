@@ -1,4 +1,4 @@
-"""The table on the page about standing: for whom ``treadmill_stand`` starts, walks and stands again.
+"""The table on the page about standing: for whom ``treadmill_start_stop`` starts, walks and stands again.
 
 ``python -m twin_gait.studies.people.stand_page docs`` takes two minutes and writes the rows between the two
 marks of ``stand.md``, the rest of which is written by hand.
@@ -21,7 +21,7 @@ from twin_gait.studies.people.outcome_map import HEIGHTS, MASSES
 from twin_gait.studies.workers import LocalRunner, Runner
 from twin_gait.vocabulary import STAND
 
-PRESET, PAGE = "treadmill_stand", "stand.md"
+PRESET, PAGE = "treadmill_start_stop", "stand.md"
 BEGIN, END = "<!-- trials: begin -->\n", "<!-- trials: end -->\n"
 WALKING = 7.0  # [s] between the two commands, at least
 STRIDE = 2.08  # [s], about that of the default walk: the moments are spread over it, no more hangs on it

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.checking.finding import Subject
-from twin_gait.checking.frame_map import frame_map, spectral_radius
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
+from twin_gait.checking.transition_matrix import spectral_radius, transition_matrix
 from twin_gait.configuration import load_experiment
 from twin_gait.core.impedance import damping_from_ratio
 from twin_gait.experiment import ControlMode, Experiment
@@ -170,7 +170,10 @@ def linear_limit(
     loop = replace(loop, stiffness=np.full(2, stiffness), damping=np.array(damping))
 
     def grows(gain: float) -> bool:
-        return spectral_radius(frame_map(replace(loop, gain=gain * np.array(direction)))) > 1.0 + _ROUNDING
+        return (
+            spectral_radius(transition_matrix(replace(loop, gain=gain * np.array(direction))))
+            > 1.0 + _ROUNDING
+        )
 
     return bisect(grows, 0.1, 3.0, steps=18)
 

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.frame_map import LinearLoop, frame_map, leg_motion, spectral_radius
 from twin_gait.checking.hanging_leg import friction_slope
+from twin_gait.checking.transition_matrix import LinearLoop, leg_motion, spectral_radius, transition_matrix
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.scenario.bench_joint import BenchJoint
 from twin_gait.simulation.bench_joint import TICK, BenchRun, simulate_bench
@@ -170,7 +170,7 @@ def linear_radius(gain: float, ratio: float, stiffness: float) -> float:
         decimation=test.sensors.decimation,
         window=test.sensors.window,
     )
-    return spectral_radius(frame_map(loop))
+    return spectral_radius(transition_matrix(loop))
 
 
 def limits_of(ratio: float) -> Limit:

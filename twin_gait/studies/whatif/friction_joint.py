@@ -7,7 +7,7 @@ from dataclasses import replace
 from enum import StrEnum
 from typing import NamedTuple
 
-from twin_gait.checking.frame_map import frame_map, spectral_radius
+from twin_gait.checking.transition_matrix import spectral_radius, transition_matrix
 from twin_gait.parameters import FrictionParameters, SensorParameters
 from twin_gait.scenario.bench_joint import BenchFriction, BenchJoint, CompensationVelocity, TorqueControl
 from twin_gait.studies.whatif.rig import LEVEL, MODEL, controlled, holding_torque, linear_loop, rig
@@ -113,7 +113,7 @@ def _control(setting: Setting, target_torque: float) -> TorqueControl:
 
 
 def growth_at_rest(setting: Setting) -> float:
-    """Rate at which a small motion about rest grows, by the frame map.
+    """Rate at which a small motion about rest grows, by the closed-loop transition matrix.
 
     Args:
         setting: The setting.
@@ -124,4 +124,4 @@ def growth_at_rest(setting: Setting) -> float:
     fed_back = setting.compensation is Compensation.MEASURED
     test = bench_of(setting if fed_back else setting._replace(gain=0.0))
     loop = linear_loop(test, 0.0, holding_torque(test))
-    return math.log(spectral_radius(frame_map(loop))) / loop.frame
+    return math.log(spectral_radius(transition_matrix(loop))) / loop.frame

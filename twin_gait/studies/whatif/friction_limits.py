@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.frame_map import frame_map, spectral_radius
 from twin_gait.checking.stability import largest_stable
+from twin_gait.checking.transition_matrix import spectral_radius, transition_matrix
 from twin_gait.scenario.bench_joint import LinkParameters
 from twin_gait.simulation.bench_joint import simulate_bench
 from twin_gait.studies.loop_stability.loop_stability import Ending
@@ -118,7 +118,7 @@ def _least_ratio(setting: Setting) -> float:
 
 
 def linear_gain(setting: Setting) -> float:
-    """Largest gain at which a small motion about rest decays, by the frame map.
+    """Largest gain at which a small motion about rest decays, by the closed-loop transition matrix.
 
     Args:
         setting: The setting; its gain is put in.
@@ -130,7 +130,7 @@ def linear_gain(setting: Setting) -> float:
     loop = linear_loop(test, 0.0, holding_torque(test))
 
     def radius(gain: float) -> float:
-        return spectral_radius(frame_map(replace(loop, gain=np.array([gain]))))
+        return spectral_radius(transition_matrix(replace(loop, gain=np.array([gain]))))
 
     found = largest_stable(radius, 0.0, HIGHEST_GAIN)
     return math.nan if found is None else found

@@ -13,7 +13,7 @@ _MAP = """
 A knee was pushed and let go on a spring {runs} times, its friction compensated at the measured velocity,
 with filters that are {delays} ms late. With G below s, the ratio of true friction to model, {rest_below}
 of {below} came to rest. With G above s {moving} of {above} did not: {cycles}, {runaways} runaways into a
-stop. {late} The frame map of the linear loop at rest says growth or decay as it came in {agreed} of
+stop. {late} The transition matrix of the linear loop at rest says growth or decay as it came in {agreed} of
 {runs} cases. For s = {ratio:g} a joint without a spring keeps to G = {free} by that map and to {seen} in
 the search, whose tests end before the slowest have died out, over all filters: G = s. A compensator that
 shakes at G = 0.6 tells of a friction near 0.6 of its model.
@@ -22,7 +22,7 @@ _LATE = "Those with G above s that rest are behind filters of {delays} ms."
 _LIMITS = """
 Where instability does not begin at G = s = {ratio:g}. A stiff spring behind a late filter: the torque
 comes so late that it turns away from the velocity; at {spring:g} Nm/deg and {delay:g} ms the largest
-resting G is {gain:.2f} (frame map {linear:.2f}). The shape of the law: {shapes}. There the limit is the
+resting G is {gain:.2f} (its matrix {linear:.2f}). The shape of the law: {shapes}. There the limit is the
 least ratio of true friction to model among the speeds that the joint passes on its way to rest; over
 {laws} searches simulation and ratio differ by {worst:.3f} in G at most. Load: where {share:.0%} of the
 load rubs, {load:g} kg raise the limit to {loaded:.2f} (ratio {loaded_ratio:.2f}); what is tuned under

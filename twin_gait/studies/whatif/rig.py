@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.frame_map import LinearLoop, leg_motion
 from twin_gait.checking.hanging_leg import friction_slope, friction_torque
+from twin_gait.checking.transition_matrix import LinearLoop, leg_motion
 from twin_gait.control import Controller
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE
@@ -175,7 +175,7 @@ def torque_ratio(true: FrictionParameters, model: FrictionParameters, velocity: 
 
 
 def linear_loop(test: BenchJoint, velocity: float, load: float = 0.0) -> LinearLoop:
-    """The loop of a test, linearised at 90° and a velocity, for the frame map.
+    """The loop of a test, linearised at 90° and a velocity, for the closed-loop transition matrix.
 
     Args:
         test: Under torque control.

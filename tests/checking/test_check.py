@@ -1,0 +1,526 @@
+"""Each rule of the check finds the defect that is planted for it; shipped tables are free of errors."""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from twin_gait.checking.check import RULES, build_subject, check, counts, load_subject, report, rules
+from twin_gait.checking.finding import Finding, Severity, Subject
+from twin_gait.checking.signals import JOINT_RANGES, SignalSpace
+from twin_gait.configuration import load_experiment, packaged_gait_tables
+from twin_gait.configuration.documents import table_document
+from twin_gait.configuration.gait_table_file import (
+    gait_table_from_mapping,
+    load_gait_table,
+    packaged_gait_table,
+    packaged_table_path,
+)
+from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.experiment import Experiment
+from twin_gait.gait import DraftTable, GaitTable
+
+Mapping = dict[str, Any]
+
+
+@cache
+def experiment() -> Experiment:
+    return load_experiment("treadmill").experiment
+
+
+@cache
+def sound() -> Mapping:
+    """The treadmill's table without its waivers."""
+    data: Mapping = yaml.safe_load(packaged_table_path("treadmill").read_text(encoding="utf-8"))
+    data.pop("waive", None)
+    return data
+
+
+def subject_of(data: Mapping) -> Subject:
+    return build_subject(gait_table_from_mapping(data, "table.yaml", "planted", draft=True), experiment())
+
+
+OF_GUARDS = ("reachability", "ambiguity", "cascade", "conditions", "both_legs")
+GUARD_RULES = [rule for rule in RULES if rule.__module__.rsplit(".", 1)[-1] in OF_GUARDS]
+
+
+def findings_of(data: Mapping, *names: str) -> list[Finding]:
+    """What the rules of guards find, or those that are named."""
+    chosen = [rule for rule in GUARD_RULES if not names or rule.__name__ in names]
+    return check(subject_of(data), chosen)
+
+
+@cache
+def checked(name: str) -> list[Finding]:
+    """What all rules find in a shipped table."""
+    return check(load_subject(name))
+
+
+def entry(data: Mapping, cause: str, source: str | None = None) -> Mapping:
+    found: Mapping = next(
+        item for item in data["transitions"] if item["cause"] == cause and source in (None, item["from"])
+    )
+    return found
+
+
+def remove(data: Mapping, cause: str, source: str) -> None:
+    data["transitions"].remove(entry(data, cause, source))
+
+
+def add(data: Mapping, source: str, target: str, *conditions: str, **more: Any) -> None:
+    guard = {"all": list(conditions)} if conditions else {}
+    data["transitions"].append({"from": source, "to": target, "cause": "planted", **guard, **more})
+
+
+def change(cause: str, source: str, **values: Any) -> Callable[[Mapping], None]:
+    return lambda data: entry(data, cause, source).update(values)
+
+
+def condition(cause: str, old: str, *new: str) -> Callable[[Mapping], None]:
+    def replace(data: Mapping) -> None:
+        guards = entry(data, cause)["all"]
+        place = next(index for index, text in enumerate(guards) if old in text)
+        guards[place : place + 1] = new
+
+    return replace
+
+
+def short_cut(data: Mapping) -> None:
+    for item in data["transitions"]:
+        if item["from"] == "swing_flexion":
+            item["to"] = "early_stance"
+
+
+def dead_end(data: Mapping) -> None:
+    data["transitions"] = [item for item in data["transitions"] if item["from"] != "swing_extension"]
+
+
+def round_and_round(data: Mapping) -> None:
+    entry(data, "hip_extension")["to"] = "early_stance"
+
+
+def blind(data: Mapping) -> None:
+    entry(data, "trailing_limb")["all"] = ["hip.angle_deg < -2.8"]
+
+
+LATE = "trailing_limb"
+FLEXION, EXTENSION = "swing_flexion", "swing_extension"
+
+# Rule, where it is found, severity, and what is done to the table of the treadmill.
+PLANTED: dict[str, tuple[str, str | None, str, Callable[[Mapping], None]]] = {
+    "phase that nothing leads to": ("unreachable_phase", EXTENSION, "error", short_cut),
+    "phase behind a guard that never opens": (
+        "unreachable_phase", "late_stance", "error",
+        condition("hip_extension", "hip.angle", "hip.angle_deg < -21"),
+    ),
+    "phase without an exit": ("trap", EXTENSION, "error", dead_end),
+    "two phases that lead to one another only": ("trap", "early_stance", "error", round_and_round),
+    "phase whose only exit never opens": (
+        "trap", "late_stance", "error", condition(LATE, "hip.angle_deg < -2.8", "hip.angle_deg < -40"),
+    ),
+    "swing without a time-out": (
+        "missing_time_out", FLEXION, "warning", lambda d: remove(d, "time_out", FLEXION),
+    ),
+    "way back": (
+        "undeclared_cycle", FLEXION, "error", lambda d: add(d, FLEXION, "late_stance", "hip.angle_deg < -9"),
+    ),
+    "phase left out": (
+        "undeclared_cycle", FLEXION, "error", lambda d: add(d, FLEXION, "early_stance", "foot.load_bw > 0.5"),
+    ),
+    "declared cycle with a gap": (
+        "undeclared_cycle", EXTENSION, "error",
+        lambda d: d.update(cycles=[list(d["phases"]), [EXTENSION, FLEXION]]),
+    ),
+    "two exits open at once": (
+        "ambiguity", FLEXION, "warning", lambda d: add(d, FLEXION, "early_stance", "knee.angle_deg > 60"),
+    ),
+    "two exits open at once beside alternatives": (
+        "ambiguity", "middle_stance", "warning",
+        lambda d: add(
+            d, "middle_stance", "early_stance", any=["hip.angle_deg > 50", "hip.velocity_deg_per_s > 9"]
+        ),
+    ),
+    "two exits open at once late in the phase": (
+        "ambiguity", FLEXION, "warning",
+        lambda d: add(d, FLEXION, "early_stance", "knee.angle_deg > 60", after_s=0.9),
+    ),
+    "entry above the threshold of the exit": (
+        "cascade", EXTENSION, "warning", condition("limb_extended", "knee.angle", "knee.angle_deg > 26"),
+    ),
+    "switch undone by noise": (
+        "hysteresis", FLEXION, "warning",
+        lambda d: add(d, FLEXION, "late_stance", "hip.angle_deg > -3.1", "knee.angle_deg < 20"),
+    ),
+    "contradiction": (
+        "never_opens", FLEXION, "error",
+        condition("clearance", "knee", "knee.angle_deg > 25.7", "knee.angle_deg < 20"),
+    ),
+    "other leg ahead and behind": (
+        "never_opens", "late_stance", "error",
+        condition(LATE, "other.phase", "hip.angle_deg - other.hip.angle_deg > 1"),
+    ),
+    "condition later than the time-out": (
+        "never_opens", FLEXION, "error", condition("clearance", "knee", "time_in_phase_s > 1.5"),
+    ),
+    "debounce longer than the time-out": (
+        "debounce_beyond_time_out", FLEXION, "error", change("clearance", FLEXION, debounce_ms=1500),
+    ),
+    "debounce that the rest of the phase is too short for": (
+        "debounce_beyond_time_out", FLEXION, "error",
+        lambda d: entry(d, "clearance").update(debounce_ms=300, all=["time_in_phase_s > 0.8"]),
+    ),
+    "exit behind a wider one": (
+        "shadowed_exit", FLEXION, "warning",
+        lambda d: add(d, FLEXION, EXTENSION, "hip.angle_deg > 30", "knee.angle_deg > 40"),
+    ),
+    "second time-out": (
+        "shadowed_exit", FLEXION, "warning", lambda d: add(d, FLEXION, EXTENSION, after_s=1.5),
+    ),
+    "threshold beyond the stop": (
+        "threshold_beyond_limits", FLEXION, "warning", condition("clearance", "knee", "knee.angle_deg > -10"),
+    ),
+    "velocity beyond the motor": (
+        "threshold_beyond_limits", "early_stance", "warning",
+        condition("loaded", "velocity", "hip.velocity_deg_per_s < 400"),
+    ),
+    "load that no foot bears": (
+        "threshold_beyond_limits", "late_stance", "warning",
+        lambda d: add(d, "late_stance", FLEXION, any=["foot.load_bw > 30", "hip.angle_deg < -15"]),
+    ),
+    "condition said already": (
+        "redundant_condition", FLEXION, "warning",
+        lambda d: entry(d, "clearance")["all"].append("hip.angle_deg > 10"),
+    ),
+    "condition that follows from two others": (
+        "redundant_condition", "late_stance", "warning",
+        lambda d: entry(d, LATE)["all"].append("other.hip.angle_deg > -14.5"),
+    ),
+    "condition given twice": (
+        "redundant_condition", FLEXION, "warning",
+        lambda d: entry(d, "clearance")["all"].append("knee.angle_deg > 25.7"),
+    ),
+    "alternative inside another": (
+        "redundant_condition", "middle_stance", "warning",
+        lambda d: entry(d, "hip_extension").update(
+            all=[{"any": ["hip.angle_deg < 0", "hip.angle_deg < -5"]}]
+        ),
+    ),
+    "late stance that does not look at the other leg": ("both_in_swing", "late_stance", "error", blind),
+    "late stance that lets go while the other leg swings": (
+        "both_in_swing", "late_stance", "error",
+        condition(LATE, "other.phase", "other.phase in [late_stance, swing_extension]"),
+    ),
+    "both legs in one tick": (
+        "both_in_swing", "late_stance", "error", condition(LATE, "other.hip", "other.foot.load_bw > 0.1"),
+    ),
+    "time-out out of stance": (
+        "both_in_swing", "late_stance", "error", lambda d: add(d, "late_stance", FLEXION, after_s=2.0),
+    ),
+    "both legs wait in late stance": (
+        "deadlock", "late_stance", "error",
+        condition(LATE, "other.phase", "other.phase in [early_stance, middle_stance]"),
+    ),
+    "both legs wait for the other to swing": (
+        "deadlock", "late_stance", "error", condition(LATE, "other.phase", "other.phase in [swing_flexion]"),
+    ),
+    "waiver of a rule that does not exist": (
+        "unknown_rule", None, "error",
+        lambda d: d.update(waive=[{"rule": "ambiguousness", "reason": "so be it"}]),
+    ),
+    "waiver of nothing": (
+        "unused_waiver", None, "note",
+        lambda d: d.update(waive=[{"rule": "ambiguity", "reason": "so be it"}]),
+    ),
+}  # fmt: skip
+
+
+def planted(name: str) -> tuple[list[Finding], list[Finding]]:
+    """Findings of the rule before and after the defect is planted."""
+    rule, _, _, plant = PLANTED[name]
+    data = copy.deepcopy(sound())
+    plant(data)
+    before, after = findings_of(sound(), rule), findings_of(data, rule)
+    return [item for item in before if item.rule == rule], [item for item in after if item.rule == rule]
+
+
+@pytest.mark.parametrize("name", list(PLANTED))
+def test_planted_defect_is_found_where_it_is(name: str) -> None:
+    rule, phase, severity, _ = PLANTED[name]
+    before, after = planted(name)
+    new = [item for item in after if item not in before]
+    found = [item for item in new if (item.phase, item.severity) == (phase, severity)]
+    assert found, f"{rule} not found; {after}"
+    for item in found:
+        assert item.reason
+        assert item.suggestion
+
+
+def test_a_defect_is_planted_for_every_rule_of_guards() -> None:
+    ours = {rule.__name__ for rule in GUARD_RULES}
+    assert ours | {"unknown_rule", "unused_waiver"} == {rule for rule, *_ in PLANTED.values()}
+
+
+def test_every_finding_bears_the_name_of_its_rule() -> None:
+    """Ids in reports and waivers are the names that --rules lists."""
+    planted_for = {rule: plant for rule, *_, plant in PLANTED.values()}
+    for rule in GUARD_RULES:
+        data = copy.deepcopy(sound())
+        planted_for[rule.__name__](data)
+        assert {item.rule for item in rule(subject_of(data))} == {rule.__name__}
+
+
+@pytest.mark.parametrize("name", packaged_gait_tables())
+def test_shipped_tables_have_no_errors(name: str) -> None:
+    assert [item for item in checked(name) if item.severity == "error"] == []
+
+
+@pytest.mark.parametrize("name", ["treadmill", "treadmill_start_stop", "bench_leg"])
+def test_every_warning_of_the_tables_that_are_walked_in_is_waived(name: str) -> None:
+    subject = load_subject(name)
+    assert subject.experiment is not None
+    assert subject.experiment.name == name
+    assert [item for item in checked(name) if item.severity == "warning" and not item.waived] == []
+
+
+def test_no_waiver_of_a_shipped_table_is_idle() -> None:
+    idle = {
+        (name, item.phase)
+        for name in packaged_gait_tables()
+        for item in checked(name)
+        if item.rule == "unused_waiver"
+    }
+    # A waiver that the table underneath needs: told to stand, a leg also leaves this phase at rest.
+    assert idle <= {("treadmill_start_stop", "swing_extension")}
+
+
+# ---------------------------------------------------------------------------------- waivers
+
+
+def waived(**waiver: str) -> list[Finding]:
+    data = copy.deepcopy(sound())
+    add(data, FLEXION, "early_stance", "knee.angle_deg > 60")
+    add(data, "middle_stance", "early_stance", "hip.angle_deg < -3")
+    data["cycles"] = [list(data["phases"]), ["early_stance", "middle_stance"]]
+    data["waive"] = [{"rule": "ambiguity", "reason": "the first is meant to win", **waiver}]
+    return [item for item in findings_of(data, "ambiguity") if item.rule == "ambiguity"]
+
+
+@pytest.mark.parametrize(
+    ("waiver", "phases"),
+    [
+        ({}, {FLEXION, "middle_stance"}),
+        ({"phase": FLEXION}, {FLEXION}),
+        ({"phase": FLEXION, "transition": "planted"}, {FLEXION}),
+        ({"transition": "planted"}, {FLEXION, "middle_stance"}),
+        ({"phase": FLEXION, "transition": "clearance"}, set()),
+        ({"phase": "late_stance"}, set()),
+    ],
+)
+def test_waiver_takes_rule_phase_and_transition(waiver: dict[str, str], phases: set[str]) -> None:
+    found = waived(**waiver)
+    assert {item.phase for item in found} == {FLEXION, "middle_stance"}
+    assert {item.phase for item in found if item.waived} == phases
+    assert {item.waived for item in found if item.waived} <= {"the first is meant to win"}
+
+
+def test_errors_cannot_be_waived() -> None:
+    data = copy.deepcopy(sound())
+    blind(data)
+    data["waive"] = [{"rule": "both_in_swing", "reason": "we hop"}]
+    found = findings_of(data, "both_in_swing")
+    assert not any(item.waived for item in found)
+    assert counts(found)["errors"] > 0
+    (idle,) = (item for item in found if item.rule == "unused_waiver")
+    assert "error" in idle.reason
+
+
+def test_waived_warnings_are_counted_apart() -> None:
+    numbers = counts(waived())
+    assert numbers == {"errors": 0, "warnings": 0, "notes": 0, "waived": 2}
+
+
+# ---------------------------------------------------------------------------------- other machines
+
+KNEE_AND_ANKLE = """\
+schema_version: 1
+joints: [knee, ankle]
+phases:
+  early_stance: {knee: &j {stiffness_Nm_per_deg: 3, damping_ratio: 0.7, equilibrium_deg: 5, friction_compensation_gain: 0}, ankle: *j}
+  late_stance: {knee: *j, ankle: *j}
+  swing_flexion: {knee: *j, ankle: *j}
+  swing_extension: {knee: *j, ankle: *j}
+cycles: [[early_stance, late_stance, swing_flexion, swing_extension]]
+transitions:
+  - {from: early_stance, to: late_stance, cause: dorsiflexed, all: ["ankle.angle_deg > 5", "foot.load_bw > 0.5"]}
+  - {from: late_stance, to: swing_flexion, cause: unloaded, all: ["foot.load_bw < 0.05"]}
+  - {from: swing_flexion, to: swing_extension, cause: bent, all: ["knee.velocity_deg_per_s < 0", "knee.angle_deg > 50"]}
+  - {from: swing_extension, to: early_stance, cause: loaded, all: ["foot.load_bw > 0.1"]}
+"""  # noqa: E501 - a phase a line
+
+
+def test_machine_with_other_joints_and_four_phases_is_checked_by_itself(tmp_path: Path) -> None:
+    path = tmp_path / "prosthesis.yaml"
+    path.write_text(KNEE_AND_ANKLE, encoding="utf-8")
+    subject = load_subject(path)
+    assert subject.experiment is None
+    assert subject.limits == {name: JOINT_RANGES[name] for name in ("knee", "ankle")}
+    found = check(subject)
+    assert counts(found)["errors"] == 0
+    assert {item.phase for item in found if item.rule == "missing_time_out"} == set(subject.table.phases)
+    # It knows nothing of another leg, which then may swing too.
+    assert [str(item.severity) for item in found if item.rule == "both_in_swing"][:1] == ["warning"]
+
+
+def test_machine_with_other_joints_shows_its_defects(tmp_path: Path) -> None:
+    path = tmp_path / "prosthesis.yaml"
+    path.write_text(KNEE_AND_ANKLE.replace("ankle.angle_deg > 5", "ankle.angle_deg > 45"), encoding="utf-8")
+    found = {(item.rule, item.phase) for item in check(load_subject(path))}
+    assert ("never_opens", "early_stance") in found
+    assert ("unreachable_phase", "swing_extension") in found
+
+
+def test_unknown_joint_turns_within_a_whole_turn(tmp_path: Path) -> None:
+    path = tmp_path / "toe.yaml"
+    path.write_text(KNEE_AND_ANKLE.replace("ankle", "toe"), encoding="utf-8")
+    assert SignalSpace(load_subject(path)).range("toe.angle_deg") == pytest.approx((-180.0, 180.0))
+
+
+def test_machine_without_a_phase_of_swing_says_that_it_cannot_look_for_it(tmp_path: Path) -> None:
+    path = tmp_path / "numbered.yaml"
+    path.write_text(
+        KNEE_AND_ANKLE.replace("swing_flexion", "third").replace("swing_extension", "fourth"),
+        encoding="utf-8",
+    )
+    (found,) = (item for item in check(load_subject(path), GUARD_RULES) if item.rule == "both_in_swing")
+    assert found.severity == "note"
+
+
+def test_table_of_one_phase_is_no_trap() -> None:
+    data = copy.deepcopy(yaml.safe_load(KNEE_AND_ANKLE))
+    data |= {"phases": {"hold": data["phases"]["early_stance"]}, "transitions": [], "cycles": []}
+    table = gait_table_from_mapping(data, "table.yaml", "hold", draft=True)
+    assert counts(check(build_subject(table), GUARD_RULES))["errors"] == 0
+
+
+def test_winner_is_found_at_the_time_of_the_contest() -> None:
+    """A time-out that is listed first does not come between two exits that contend before it."""
+    data = copy.deepcopy(sound())
+    remove(data, "time_out", FLEXION)
+    data["transitions"].insert(0, {"from": FLEXION, "to": EXTENSION, "cause": "time_out", "after_s": 1.0})
+    add(data, FLEXION, "early_stance", "knee.angle_deg > 60")
+    (found,) = findings_of(data, "ambiguity")
+    assert "(clearance) wins" in found.reason
+
+
+def test_experiment_that_cannot_drive_the_joints_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "prosthesis.yaml"
+    path.write_text(KNEE_AND_ANKLE, encoding="utf-8")
+    with pytest.raises(ParameterError, match="knee, ankle"):
+        load_subject(path, "treadmill")
+
+
+def test_one_leg_cannot_swing_with_another() -> None:
+    """On the bench there is no other leg: exits that read it never open."""
+    data = copy.deepcopy(sound())
+    table = gait_table_from_mapping(data, "table.yaml", "alone", draft=True)
+    bench = build_subject(table, load_experiment("bench_leg").experiment)
+    found = check(
+        bench, [rule for rule in RULES if rule.__name__ in ("both_in_swing", "deadlock", "never_opens")]
+    )
+    assert {(item.rule, item.phase) for item in found} == {("never_opens", "late_stance")}
+
+
+def test_table_is_scaled_to_the_experiment() -> None:
+    slow = load_experiment("treadmill", ["scenario.belt_speed_km_per_h=0.9"]).experiment
+    table = packaged_gait_table("treadmill")
+    scaled = build_subject(table, slow).table
+    assert scaled.transitions[0].guard != table.transitions[0].guard
+    assert scaled.phases["early_stance"].joints["hip"] != table.phases["early_stance"].joints["hip"]
+
+
+# ---------------------------------------------------------------------------------- reading and reporting
+
+
+def test_draft_is_read_for_checks_only(tmp_path: Path) -> None:
+    data = copy.deepcopy(sound())
+    dead_end(data)
+    path = tmp_path / "open.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    assert isinstance(load_gait_table(path, draft=True), DraftTable)
+    with pytest.raises(TwinGaitError, match="no transition leaves it"):
+        load_gait_table(path)
+
+
+def test_table_that_is_not_there_is_one_line() -> None:
+    with pytest.raises(TwinGaitError, match=r"nowhere.*bench_leg.*nor a file") as caught:
+        load_subject("nowhere")
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_report_names_table_experiment_counts_and_findings() -> None:
+    data = copy.deepcopy(sound())
+    add(data, FLEXION, "early_stance", "knee.angle_deg > 60")
+    subject = subject_of(data)
+    found = check(subject, [rule for rule in RULES if rule.__name__ in ("ambiguity", "undeclared_cycle")])
+    document = report(subject, found)
+    assert (document["schema_version"], document["table"], document["experiment"]) == (
+        1,
+        "treadmill",
+        "treadmill",
+    )
+    assert document["counts"] == {"errors": 1, "warnings": 1, "notes": 0, "waived": 0}
+    assert [item["severity"] for item in document["findings"]] == ["error", "warning"]
+    contending = document["findings"][1]
+    assert contending["rule"] == "ambiguity"
+    assert contending["phase"] == FLEXION
+    assert contending["transition"] == "swing_flexion → early_stance (planted)"
+    assert contending["witness"]["knee.angle_deg"] > 60
+    assert contending["witness"]["hip.angle_deg"] > 23.5
+    assert "swing_flexion → swing_extension (clearance) wins" in contending["reason"]
+
+
+def test_findings_come_worst_first_and_then_in_the_order_of_the_phases() -> None:
+    data = copy.deepcopy(sound())
+    blind(data)
+    add(data, "early_stance", "late_stance", "hip.angle_deg < 3")
+    found = findings_of(data)
+    ranks = [list(Severity).index(item.severity) for item in found]
+    assert ranks == sorted(ranks)
+    phases = list(data["phases"])
+    errors = [phases.index(item.phase) for item in found if item.severity == "error" and item.phase]
+    assert errors == sorted(errors)
+
+
+def test_every_rule_is_listed_with_one_line() -> None:
+    listed = rules()
+    assert set(listed) == {rule.__name__ for rule in RULES} | {"unknown_rule", "unused_waiver"}
+    for name, meaning in listed.items():
+        assert re.fullmatch(r"[a-z_]+", name)
+        assert meaning.endswith((".", ":")) and len(meaning) < 110
+
+
+# ---------------------------------------------------------------------------------- schema
+
+
+def test_keys_for_the_check_survive_being_written_and_read() -> None:
+    data = copy.deepcopy(sound())
+    data["cycles"] = [list(data["phases"]), [EXTENSION, "early_stance"]]
+    data["waive"] = [
+        {"rule": "ambiguity", "reason": "meant", "phase": FLEXION, "transition": "clearance"},
+        {"rule": "cascade", "reason": "meant"},
+    ]
+    entry(data, "loaded")["driven_by"] = "contact"
+    table = gait_table_from_mapping(data, "table.yaml", "t")
+    assert isinstance(table, GaitTable)
+    again = gait_table_from_mapping(table_document(table), "again.yaml", "t")
+    assert again == table
+    assert str(again.transitions[0].driven_by) == "contact"
+    assert again.waivers[0].transition == "clearance"
+    assert again.cycles[1] == (EXTENSION, "early_stance")

@@ -1,0 +1,527 @@
+"""One planted defect per physical rule, closed forms, and the engine as witness."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from twin_gait import load_experiment, simulate
+from twin_gait.checking import leaving, sense, serving, stability, torque_jumps
+from twin_gait.checking.balance import driving_torque, find_rest, left_over_friction, rest_posture
+from twin_gait.checking.check import build_subject
+from twin_gait.checking.finding import Finding, Severity, Subject
+from twin_gait.checking.hanging_leg import friction_torque, hanging_legs
+from twin_gait.checking.serving import release_speed
+from twin_gait.checking.signals import SignalSpace
+from twin_gait.checking.switch_postures import Postures, first_rests
+from twin_gait.configuration import packaged_gait_table
+from twin_gait.gait import Blending, BlendingLaw, GaitTable, Transition
+from twin_gait.gait.guards import parse_guard
+from twin_gait.gait.table import DrivenBy
+from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION
+from twin_gait.scenario import BenchLegScenario
+from twin_gait.vocabulary import Side
+
+RULES = (*leaving.RULES, *torque_jumps.RULES, *serving.RULES, *stability.RULES, *sense.RULES)
+
+
+def subject_of(preset: str, *settings: str) -> Subject:
+    experiment = load_experiment(preset, settings).experiment
+    return build_subject(experiment.table, experiment)
+
+
+def with_table(preset: str, change) -> Subject:
+    """A preset whose table a function has changed."""
+    experiment = load_experiment(preset).experiment
+    return build_subject(change(experiment.table), experiment)
+
+
+def of_phase(findings: list[Finding], phase: str) -> list[Finding]:
+    return [item for item in findings if item.phase == phase]
+
+
+# ---------------------------------------------------------------------- all rules
+
+
+@pytest.mark.parametrize("preset", ["treadmill", "treadmill_40", "bench_leg"])
+def test_shipped_tables_have_no_physical_errors(preset):
+    subject = subject_of(preset)
+    errors = [item for rule in RULES for item in rule(subject) if item.severity is Severity.ERROR]
+    assert errors == []
+
+
+def test_a_finding_is_named_after_its_rule_and_says_what_and_what_to_do():
+    broken = subject_of(
+        "treadmill",
+        "table.blending.duration_ms=0",
+        "table.phases.swing_flexion.knee.equilibrium_deg=150",
+        "table.phases.swing_extension.knee.friction_compensation_gain=1.0",
+        "table.phases.swing_extension.knee.damping_Nms_per_rad=0",
+    )
+    for rule in RULES:
+        for finding in rule(broken):
+            assert finding.rule == rule.__name__
+            assert finding.reason and finding.suggestion and "\n" not in finding.reason
+            assert finding.phase in broken.table.phases
+
+
+def test_a_table_without_a_leg_model_is_only_checked_for_sense():
+    table = packaged_gait_table("osl_walking")
+    for rule in RULES:
+        assert rule(build_subject(table)) == []
+    phase = table.phases["late_swing"]
+    ankle = replace(phase.joints["ankle"], equilibrium_angle=2.0, stiffness=math.degrees(6.0))
+    changed = {**table.phases, "late_swing": replace(phase, joints={**phase.joints, "ankle": ankle})}
+    subject = build_subject(replace(table, phases=changed))
+    for rule in (sense.equilibrium_beyond_limits, sense.unusual_stiffness):
+        assert [item.phase for item in rule(subject)] == ["late_swing"]
+
+
+# ---------------------------------------------------------------------- can it leave?
+
+
+def test_an_equilibrium_short_of_the_threshold_is_an_error_and_the_engine_waits_for_the_time_out():
+    planted = "table.phases.swing_flexion.knee.equilibrium_deg=38"  # clearance needs 45
+    (finding,) = leaving.cannot_leave(subject_of("bench_leg", planted))
+    assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_flexion")
+    assert finding.witness["knee.angle_deg"] == pytest.approx(38.0, abs=0.1)
+    run = simulate(load_experiment("bench_leg", [planted, "duration_s=4"]).experiment)
+    assert {item.cause for item in run.switches if item.source == "swing_flexion"} == {"time_out"}
+
+
+def test_a_spring_too_soft_for_the_friction_is_an_error():
+    rough = "plant.friction_ratio={hip: 1.0, knee: 1.0}"
+    soft = "table.phases.swing_flexion.knee.stiffness_Nm_per_deg=0.05"
+    assert leaving.cannot_leave(subject_of("bench_leg", rough)) == []
+    (finding,) = leaving.cannot_leave(subject_of("bench_leg", rough, soft))
+    assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_flexion")
+
+
+def test_gravity_without_compensation_keeps_a_leg_from_its_exit():
+    worn = "patient={mass_kg: 90, height_m: 1.85, sex: male}"
+    soft = "table.phases.swing_flexion.hip.stiffness_Nm_per_deg=1.5"
+    heavy = subject_of("bench_leg", worn, soft, "table.phases.swing_flexion.gravity_compensation=0")
+    assert leaving.cannot_leave(subject_of("bench_leg", worn, soft)) == []
+    (finding,) = of_phase(leaving.cannot_leave(heavy), "swing_flexion")
+    assert finding.severity is Severity.ERROR
+    assert finding.witness["hip.angle_deg"] < 22.0  # what clearance asks for
+
+
+def test_a_low_torque_limit_keeps_a_leg_from_its_exit():
+    worn = "patient={mass_kg: 90, height_m: 1.85, sex: male}"
+    weak = subject_of("bench_leg", worn, "control.limits.torque_Nm=12")
+    (finding,) = of_phase(leaving.cannot_leave(weak), "swing_flexion")
+    assert finding.severity is Severity.ERROR
+
+
+def without_declarations(table: GaitTable) -> GaitTable:
+    transitions = tuple(replace(item, driven_by=DrivenBy.JOINT) for item in table.transitions)
+    return replace(table, transitions=transitions)
+
+
+def test_in_stance_on_the_belt_it_is_a_warning_until_contact_is_declared():
+    found = leaving.cannot_leave(with_table("treadmill", without_declarations))
+    assert [item.phase for item in found] == ["early_stance", "middle_stance"]
+    assert {item.severity for item in found} == {Severity.WARNING}
+
+    def declare(table: GaitTable) -> GaitTable:
+        driven = {"loaded", "hip_extension"}
+        return replace(
+            table,
+            transitions=tuple(
+                replace(item, driven_by=DrivenBy.CONTACT if item.cause in driven else DrivenBy.JOINT)
+                for item in table.transitions
+            ),
+        )
+
+    assert leaving.cannot_leave(with_table("treadmill", declare)) == []
+
+
+def test_on_the_bench_there_is_no_contact_to_declare():
+    def declare(table: GaitTable) -> GaitTable:
+        phases = dict(table.phases)
+        hip = replace(phases["late_stance"].joints["hip"], equilibrium_angle=0.0)
+        phases["late_stance"] = replace(
+            phases["late_stance"], joints={**phases["late_stance"].joints, "hip": hip}
+        )
+        driven = tuple(replace(item, driven_by=DrivenBy.CONTACT) for item in table.transitions)
+        return replace(table, phases=phases, transitions=driven)
+
+    (finding,) = leaving.cannot_leave(with_table("bench_leg", declare))
+    assert (finding.severity, finding.phase) == (Severity.ERROR, "late_stance")
+
+
+def test_a_swing_that_ends_by_landing_has_to_say_so():
+    def landing(driven: DrivenBy):
+        def change(table: GaitTable) -> GaitTable:
+            guard = parse_guard("foot.load_bw > 0.05", table.joints, table.phase_names)
+            kept = [
+                item for item in table.transitions if item.cause not in ("limb_extended", "limb_retracting")
+            ]
+            exit_ = Transition(
+                source="swing_extension",
+                target="early_stance",
+                cause="landing",
+                guard=guard,
+                driven_by=driven,
+            )
+            return replace(table, transitions=(*kept, exit_), waivers=())
+
+        return change
+
+    (finding,) = leaving.cannot_leave(with_table("treadmill", landing(DrivenBy.JOINT)))
+    assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_extension")
+    assert leaving.cannot_leave(with_table("treadmill", landing(DrivenBy.CONTACT))) == []
+
+
+def test_an_exit_that_opens_only_on_the_way_is_a_warning():
+    assert leaving.leaves_in_motion_only(subject_of("bench_leg")) == []
+    passing = "table.phases.swing_extension.hip.equilibrium_deg=12"  # limb_extended needs 15
+    (finding,) = leaving.leaves_in_motion_only(subject_of("bench_leg", passing))
+    assert (finding.severity, finding.phase) == (Severity.WARNING, "swing_extension")
+    assert leaving.cannot_leave(subject_of("bench_leg", passing)) == []
+
+
+def holding(*settings: str):
+    """The bench leg held in its first phase, and the leg that the rules see."""
+    experiment = load_experiment("bench_leg", settings).experiment
+    table = replace(
+        experiment.table,
+        phases=dict([next(iter(experiment.table.phases.items()))]),
+        transitions=(),
+        waivers=(),
+        cycles=(),
+    )
+    experiment = replace(experiment, table=table)
+    (leg,) = hanging_legs(build_subject(table, experiment))
+    return experiment, leg
+
+
+def test_the_engine_comes_to_rest_between_the_corners():
+    settings = (
+        "table.phases.early_stance.gravity_compensation=0",
+        "table.phases.early_stance.hip.stiffness_Nm_per_deg=0.4",
+        "table.phases.early_stance.knee.stiffness_Nm_per_deg=0.3",
+        "plant.friction_ratio={hip: 1.0, knee: 1.0}",
+        "duration_s=12",
+    )
+    experiment, leg = holding(*settings)
+    for start in ((40.0, 60.0), (-15.0, 0.0)):
+        scenario = BenchLegScenario(start_angles=tuple(np.radians(start).tolist()))
+        log = simulate(replace(experiment, scenario=scenario)).log
+        ends = log[["right_hip_angle_rad", "right_knee_angle_rad"]].iloc[-1].to_numpy()
+        rest = find_rest(leg, 0, np.radians(start))
+        assert (ends >= rest.corners.min(axis=0) - 1e-3).all()
+        assert (ends <= rest.corners.max(axis=0) + 1e-3).all()
+        # Friction matters here, and the weight does.
+        assert np.ptp(rest.corners, axis=0).min() > math.radians(5.0)
+        assert abs(rest.middle[0] - math.radians(6.0)) > math.radians(1.5)
+
+
+def test_a_joint_without_a_damper_moves_as_fast_as_the_battery_lets_it():
+    _, leg = holding("table.phases.early_stance.knee.damping_Nms_per_rad=0")
+    rest = find_rest(leg, 0, np.radians([6.0, 60.0]))
+    assert rest.velocities[1] == pytest.approx(-28.8 / 7.05)
+    still = find_rest(leg, 0, rest.middle)
+    assert (still.velocities == 0.0).all()
+
+
+def test_at_rest_the_driving_torque_is_the_friction_that_holds():
+    _, leg = holding("table.phases.early_stance.gravity_compensation=0")
+    hold = np.array([1.5, -0.7])
+    angles = rest_posture(leg, 0, np.radians([30.0, 30.0]), hold)
+    np.testing.assert_allclose(driving_torque(leg, 0, angles), hold, atol=1e-3)
+
+
+def test_left_over_friction_is_the_hump_less_the_compensated_share():
+    _, leg = holding("plant.friction_ratio={hip: 0.5, knee: 0.8}")
+    # Gains 0.35 and 0.40; one law for plant and compensator, so the difference of the factors is left.
+    speeds = np.linspace(1e-3, abs(KNEE_FRICTION.breakaway_velocity), 4000).tolist()
+    hump = max(friction_torque(KNEE_FRICTION, speed) for speed in speeds)
+    assert left_over_friction(leg, 0)[1] == pytest.approx((0.8 - 0.40) * hump, rel=1e-3)
+    _, generous = holding("plant.friction_ratio={hip: 0.2, knee: 0.2}")
+    assert (left_over_friction(generous, 0) == 0.0).all()
+
+
+# ---------------------------------------------------------------------- torque jumps
+
+
+def two_levels(ticks: int, law: BlendingLaw, apart: float = 60.0):
+    """Change only the knee's equilibrium between swing flexion and extension, by some degrees."""
+
+    def change(table: GaitTable) -> GaitTable:
+        flexion = table.phases["swing_flexion"]
+        knee = flexion.joints["knee"]
+        lower = replace(knee, equilibrium_angle=knee.equilibrium_angle - math.radians(apart))
+        phases = {
+            **table.phases,
+            "swing_extension": replace(flexion, joints={**flexion.joints, "knee": lower}),
+        }
+        return replace(table, phases=phases, blending=Blending(law=law, duration_ticks=ticks))
+
+    return with_table("bench_leg", change)
+
+
+def clearance(findings: list[Finding]) -> list[Finding]:
+    return [item for item in findings if item.transition and "(clearance)" in item.transition]
+
+
+def test_a_jump_without_blending_beyond_the_limit_is_an_error():
+    (finding,) = clearance(torque_jumps.torque_jump(two_levels(0, BlendingLaw.NONE)))
+    assert finding.severity is Severity.ERROR
+    assert "150 Nm" in finding.reason  # 2.5 Nm/deg times 60 degrees, whatever the posture
+    assert "150.0 Nm in a tick" in finding.reason
+
+
+def test_the_law_none_jumps_at_once_however_long_its_blend():
+    (finding,) = clearance(torque_jumps.torque_jump(two_levels(50, BlendingLaw.NONE)))
+    assert finding.severity is Severity.ERROR
+    assert "150.0 Nm in a tick" in finding.reason
+
+
+def test_the_jump_is_that_of_impedance_gravity_and_friction_compensation_together():
+    subject = subject_of(
+        "bench_leg",
+        "patient={mass_kg: 70, height_m: 1.75, sex: male}",
+        "table.phases.swing_extension.gravity_compensation=0.2",
+        "table.phases.swing_extension.hip.friction_compensation_gain=0.55",
+        "table.phases.swing_extension.hip.stiffness_Nm_per_deg=1.5",
+    )
+    (leg,) = hanging_legs(subject)
+    (switch,) = [item for item in subject.table.transitions if item.cause == "clearance"]
+    angles, velocities = np.array([0.5, 0.9]), np.array([0.8, -0.4])
+    hip, _ = torque_jumps.largest_jumps(leg, switch, Postures(angles[None], velocities[None]))
+
+    def command(phase: str) -> float:
+        k, b, zero, gain, *_, share = leg.problem.phase_rows[0][leg.phases.index(phase)]
+        weight = subject.experiment.build_control_model().gravity_torque(angles)[0]
+        friction = friction_torque(HIP_FRICTION, 0.8)
+        return -(k * (0.5 - zero) + b * 0.8) + gain * friction + share * weight
+
+    expected = abs(command("swing_extension") - command("swing_flexion"))
+    assert hip.whole == pytest.approx(expected, rel=1e-9)
+    assert 0.0 < hip.tick < 0.1 * expected
+
+
+def test_blending_turns_it_into_a_warning_with_the_step_of_the_law():
+    (linear,) = clearance(torque_jumps.torque_jump(two_levels(50, BlendingLaw.LINEAR)))
+    assert linear.severity is Severity.WARNING
+    assert f"{150.0 / 50.0:.1f} Nm in a tick" in linear.reason
+    (smooth,) = clearance(torque_jumps.torque_jump(two_levels(50, BlendingLaw.MINIMUM_JERK)))
+    # The steepest tick of 10 s³ - 15 s⁴ + 6 s⁵ rises by 15/8 of the mean.
+    assert f"{150.0 / 50.0 * 15.0 / 8.0:.1f} Nm in a tick" in smooth.reason
+
+
+def test_a_blend_of_an_hour_is_no_knock_and_takes_no_hour():
+    (slow,) = clearance(torque_jumps.torque_jump(two_levels(3_600_000, BlendingLaw.MINIMUM_JERK)))
+    assert "0.0 Nm in a tick" in slow.reason
+
+
+def test_a_small_jump_is_none_and_a_sudden_one_below_the_limit_is_a_knock():
+    assert clearance(torque_jumps.torque_jump(two_levels(50, BlendingLaw.LINEAR, apart=5.0))) == []
+    (knock,) = clearance(torque_jumps.torque_jump(two_levels(0, BlendingLaw.NONE, apart=10.0)))
+    assert knock.severity is Severity.WARNING
+    assert "25.0 Nm in a tick" in knock.reason
+
+
+def test_the_witness_of_a_jump_lies_in_its_guard():
+    (finding,) = clearance(torque_jumps.torque_jump(two_levels(50, BlendingLaw.LINEAR)))
+    assert finding.witness["hip.angle_deg"] > 22.0
+    assert finding.witness["knee.angle_deg"] > 45.0
+
+
+@pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])
+def test_no_switch_of_a_run_jumps_further_than_found(preset):
+    """The command at the posture of the switch, in the old and in the new phase, from the log."""
+    run = simulate(load_experiment(preset, ["duration_s=8"]).experiment)
+    subject = subject_of(preset)
+    found = {item.transition: item for item in torque_jumps.torque_jump(subject)}
+    (leg,) = hanging_legs(subject)
+    phases = run.table.phase_names
+    seen = 0
+    for switch in run.switches[4:]:
+        row = run.log.iloc[switch.tick]
+        name = f"{switch.source} → {switch.target} ({switch.cause})"
+        jumps = []
+        for number, joint in enumerate(leg.joints):
+            angle, velocity = (
+                row[f"{switch.side}_{joint}_{quantity}"]
+                for quantity in ("measured_angle_rad", "velocity_fast_rad_per_s")
+            )
+            old, new = (
+                -(k * (angle - zero) + b * velocity)
+                for phase in (switch.source, switch.target)
+                for k, b, zero, _ in [
+                    leg.problem.phase_rows[0][phases.index(phase)][4 * number : 4 * number + 4]
+                ]
+            )
+            jumps.append(abs(new - old))
+        if name not in found:
+            # Not reported: beyond neither bound, but for the gravity torque, which is left out here.
+            assert max(jumps) <= 60.0 + 15.0
+            continue
+        most = float(found[name].reason.split("changes by up to ")[1].split(" Nm")[0])
+        assert max(jumps) <= most + 15.0
+        seen += 1
+    assert seen >= 3
+
+
+# ---------------------------------------------------------------------- stiffness and motor
+
+
+def test_a_phase_is_entered_where_its_guard_opens_first_not_by_its_time_out():
+    subject = subject_of("bench_leg")
+    (leg,) = hanging_legs(subject)
+    (rest,) = first_rests(SignalSpace(subject), leg, "swing_extension")
+    # The thresholds of clearance, passed from below; the time-out would find the leg at 32 and 62 degrees.
+    np.testing.assert_allclose(np.degrees(rest.start), [22.0, 45.0], atol=1e-4)
+
+
+def test_a_torque_limit_below_the_spring_is_a_warning():
+    (phase,) = of_phase(serving.stiffness_not_served(subject_of("bench_leg")), "swing_flexion")
+    assert "torque limit gives 60 Nm, 24° of its 2.5 Nm/deg" in phase.reason
+    soft = [
+        f"table.phases.{name}.{joint}.stiffness_Nm_per_deg=0.5"
+        for name in ("swing_flexion", "swing_extension")
+        for joint in ("hip", "knee")
+    ]
+    assert serving.stiffness_not_served(subject_of("bench_leg", *soft)) == []
+
+
+def test_the_current_limit_is_named_where_it_binds():
+    # 6 A at 0.0705 Nm/A and 1:100 are 42.3 Nm at the knee.
+    (finding,) = of_phase(
+        serving.stiffness_not_served(subject_of("bench_leg", "control.limits.current_A=6")), "swing_extension"
+    )
+    assert "current limit gives 42 Nm" in finding.reason
+
+
+def test_a_battery_too_weak_for_the_spring_s_speed_is_a_warning():
+    low = "plant.battery.voltage_V=6"
+    (finding,) = of_phase(serving.stiffness_not_served(subject_of("bench_leg", low)), "swing_extension")
+    assert "the voltage allows 49 deg/s" in finding.reason  # 6 V / 7.05 Vs/rad
+    assert "voltage" not in str(serving.stiffness_not_served(subject_of("bench_leg")))
+
+
+@pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0, 2.5])
+def test_release_speed_is_that_of_the_integrated_oscillator(ratio):
+    deflection, k, inertia = 0.6, 120.0, 4.0
+    b = 2.0 * ratio * math.sqrt(k * inertia)
+    solution = solve_ivp(
+        lambda _, s: [s[1], -(k * s[0] + b * s[1]) / inertia],
+        (0.0, 3.0),
+        [deflection, 0.0],
+        rtol=1e-9,
+        atol=1e-12,
+        max_step=2e-3,
+    )
+    assert release_speed(deflection, k, b, inertia) == pytest.approx(np.abs(solution.y[1]).max(), rel=1e-5)
+
+
+# ---------------------------------------------------------------------- stability
+
+
+def test_full_compensation_without_a_damper_is_unstable():
+    planted = (
+        "table.phases.swing_extension.knee.friction_compensation_gain=1.0",
+        "table.phases.swing_extension.knee.damping_Nms_per_rad=0",
+    )
+    (finding,) = stability.unstable(subject_of("bench_leg", *planted))
+    assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_extension")
+    assert "about rest" in finding.reason
+    noted = stability.stability_margin(subject_of("bench_leg", *planted))
+    assert "swing_extension" not in [item.phase for item in noted]
+    assert len(noted) == 4
+
+
+def test_a_light_damper_is_a_warning():
+    assert stability.effective_damping(subject_of("bench_leg")) == []
+    light = "table.phases.early_stance.hip.damping_ratio=0.3"
+    (finding,) = stability.effective_damping(subject_of("bench_leg", light))
+    assert (finding.severity, finding.phase) == (Severity.WARNING, "early_stance")
+
+
+def test_the_margin_is_where_the_spectral_radius_passes_one():
+    (leg,) = hanging_legs(subject_of("bench_leg"))
+    loops = [leg.linear_loop(0, velocity) for velocity in stability.VELOCITIES]
+    for joint in (0, 1):
+        gain = stability.largest_gain(loops, joint)
+        damping = stability.largest_damping(loops, joint)
+        for name, value in (("gain", gain), ("damping", damping)):
+            for factor, grows in ((0.99, False), (1.01, True)):
+                numbers = getattr(loops[0], name).copy()
+                numbers[joint] = factor * value
+                changed = [replace(loop, **{name: numbers}) for loop in loops]
+                radius = max(stability.spectral_radius(stability.transition_matrix(loop)) for loop in changed)
+                assert (radius > 1.0) is grows
+
+
+def test_plus_and_minus_one_radian_per_second_give_the_same_loop():
+    (leg,) = hanging_legs(subject_of("treadmill"))
+    forward, backward = leg.linear_loop(3, 1.0), leg.linear_loop(3, -1.0)
+    np.testing.assert_allclose(
+        stability.transition_matrix(forward), stability.transition_matrix(backward), atol=1e-9, rtol=0
+    )
+
+
+def test_each_side_with_its_own_numbers_is_checked_by_itself():
+    def soften(table: GaitTable) -> GaitTable:
+        phase = table.phases["early_stance"]
+        hip = replace(phase.joints["hip"], damping_ratio=0.1)
+        own = {"early_stance": replace(phase, joints={**phase.joints, "hip": hip})}
+        return replace(table, side_phases={Side.RIGHT: own})
+
+    found = of_phase(stability.effective_damping(with_table("treadmill", soften)), "early_stance")
+    assert [item.side for item in found] == [Side.RIGHT]
+    found = of_phase(sense.unusual_damping_ratio(with_table("treadmill", soften)), "early_stance")
+    assert [item.side for item in found] == [None, Side.RIGHT]
+
+
+# ---------------------------------------------------------------------- sense
+
+
+@pytest.mark.parametrize("gain", [0.1, 0.65])
+def test_a_gain_outside_what_was_usable_is_a_warning(gain):
+    assert sense.unusual_gain(subject_of("bench_leg")) == []
+    (finding,) = sense.unusual_gain(
+        subject_of("bench_leg", f"table.phases.late_stance.hip.friction_compensation_gain={gain}")
+    )
+    assert (finding.severity, finding.phase) == (Severity.WARNING, "late_stance")
+    assert f"hip G {gain:.2f}" in finding.reason
+
+
+@pytest.mark.parametrize("angle", [-5.0, 130.0])
+def test_an_equilibrium_beyond_the_stops_is_a_warning(angle):
+    assert sense.equilibrium_beyond_limits(subject_of("bench_leg")) == []
+    (finding,) = sense.equilibrium_beyond_limits(
+        subject_of("bench_leg", f"table.phases.swing_flexion.knee.equilibrium_deg={angle}")
+    )
+    assert (finding.severity, finding.phase) == (Severity.WARNING, "swing_flexion")
+    assert "-4.0 … 122.0°" in finding.reason
+
+
+def test_a_stiffness_outside_the_published_range_is_a_warning():
+    assert sense.unusual_stiffness(subject_of("bench_leg")) == []
+    (finding,) = sense.unusual_stiffness(
+        subject_of("bench_leg", "table.phases.late_stance.knee.stiffness_Nm_per_deg=7")
+    )
+    assert "knee k 7.00 Nm/deg is outside 0.00 … 6.27 Nm/deg" in finding.reason
+
+
+@pytest.mark.parametrize("entry", ["damping_ratio=1.5", "damping_Nms_per_rad=12"])
+def test_a_damping_ratio_outside_the_published_range_is_a_warning_however_it_is_given(entry):
+    assert sense.unusual_damping_ratio(subject_of("bench_leg")) == []
+    (finding,) = sense.unusual_damping_ratio(
+        subject_of("bench_leg", f"table.phases.early_stance.knee.{entry}")
+    )
+    # b = 12 at k = 3 Nm/deg and the knee's 3.5 kg m²: ζ = 12 / (2 √(171.9 · 3.5)) = 0.24.
+    assert "knee ζ 1.50" in finding.reason or "knee ζ 0.24" in finding.reason
+
+
+def test_published_ranges_name_their_source():
+    ranges = (sense.GAIN_RANGE, sense.DAMPING_RATIO_RANGE, *sense.STIFFNESS_RANGES.values())
+    assert all(item.least < item.most and item.source for item in ranges)

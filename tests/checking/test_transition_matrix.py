@@ -1,0 +1,237 @@
+"""The matrix of a frame against the firmware's own functions, tick by tick, and against closed forms."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from twin_gait.checking.check import build_subject
+from twin_gait.checking.hanging_leg import friction_slope, friction_torque, hanging_legs
+from twin_gait.checking.transition_matrix import (
+    RING,
+    LinearLoop,
+    effective_damping_ratio,
+    leg_motion,
+    spectral_radius,
+    transition_matrix,
+)
+from twin_gait.configuration import load_experiment
+from twin_gait.core.control_tick import VELOCITY_SLOW, controller_torques, measure_joints
+from twin_gait.core.estimation import first_order_gain
+from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.gait.table import TICK
+from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION
+from twin_gait.studies.loop_stability.loop_stability import (
+    UNDECIDED,
+    Case,
+    linear_run_grows,
+    predicted_radius,
+)
+
+MASS = np.array([[4.7, -0.4], [-0.4, 3.5]])
+GRAVITY = np.array([[30.0, 4.0], [4.0, 9.0]])  # slope of the weight's torques [N m] / [rad]
+DAMPING = np.array([60.0, 45.0])
+MODEL = np.array([110.0, 90.0])
+
+
+def loop(**changes) -> LinearLoop:
+    values = {
+        "motion": leg_motion(MASS, GRAVITY, DAMPING),
+        "stiffness": np.array([140.0, 90.0]),
+        "damping": np.array([36.0, 12.0]),
+        "gain": np.array([0.35, 0.8]),
+        "modelled_friction": MODEL,
+        "feed_forward": 0.6 * GRAVITY,
+        "fast_gain": first_order_gain(TICK, 0.005),
+        "decimation": 10,
+        "window": 10,
+    }
+    return LinearLoop(**{**values, **changes})
+
+
+def run_firmware(item: LinearLoop, start: np.ndarray, frames: int) -> np.ndarray:
+    """Angles and velocities before each frame: the firmware's functions and a fine integrator, no matrix.
+
+    The first tick that is measured is one of a slow sample, as in the matrix; before it all is still.
+    """
+    measured, decimated = np.zeros((2, 3)), np.zeros(2)
+    ring = np.zeros((item.window, 2))
+    q, v = start[:2].copy(), start[2:].copy()
+    inverse = np.linalg.inv(MASS)
+    seen = []
+    for tick in range(item.decimation, item.decimation * (frames + 1)):
+        if tick % item.decimation == 0:
+            seen.append(np.concatenate([q, v]))
+        measure_joints(
+            tick,
+            q,
+            np.zeros(2),
+            TICK,
+            item.fast_gain,
+            item.decimation,
+            measured,
+            decimated,
+            ring,
+        )
+        torque = item.feed_forward @ measured[:, 0]
+        for joint in range(2):
+            # A viscous law of coefficient d is linear: d stands for the slope of the model.
+            torque[joint] += sum(
+                controller_torques(
+                    *measured[joint].tolist(),
+                    item.stiffness[joint],
+                    item.damping[joint],
+                    0.0,
+                    item.gain[joint],
+                    rotational_friction_torque(measured[joint, VELOCITY_SLOW], 0.0, 0.0, 1.0, MODEL[joint]),
+                )
+            )
+
+        def slope(_: float, state: np.ndarray, held: np.ndarray = torque) -> np.ndarray:
+            pull = held - GRAVITY @ state[:2] - DAMPING * state[2:]
+            return np.concatenate([state[2:], inverse @ pull])
+
+        state = np.concatenate([q, v])
+        end = solve_ivp(slope, (0.0, TICK), state, method="DOP853", rtol=1e-12, atol=1e-15).y[:, -1]
+        q, v = end[:2], end[2:]
+    return np.array(seen)
+
+
+@pytest.mark.parametrize("changes", [{}, {"decimation": 4, "window": 3}, {"fast_gain": 1.0}])
+def test_the_matrix_moves_the_state_as_the_firmware_and_a_fine_integrator_do(changes):
+    item = loop(**changes)
+    start = np.array([0.01, -0.02, 0.3, -0.1])
+    expected = run_firmware(item, start, frames=25)
+    matrix = transition_matrix(item)
+    state = np.zeros(len(matrix))
+    state[:4] = start
+    moved = []
+    for _ in range(25):
+        moved.append(state[:4].copy())
+        state = matrix @ state
+    np.testing.assert_allclose(moved, expected, atol=1e-10, rtol=0)
+    assert np.abs(expected[-1] - expected[0]).max() > 0.01  # it did move
+
+
+def test_states_are_angle_velocity_fast_last_decimated_and_the_ring():
+    assert transition_matrix(loop()).shape == (2 * (RING + 10), 2 * (RING + 10))
+
+
+def test_without_a_controller_the_modes_are_those_of_the_pendulum():
+    off = {name: np.zeros(2) for name in ("stiffness", "damping", "gain")}
+    item = loop(**off, feed_forward=np.zeros((2, 2)))
+    rates = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(MASS, GRAVITY), np.zeros((2, 2))]])
+    rates[2:, 2:] = -np.linalg.solve(MASS, np.diag(DAMPING))
+    modes = np.linalg.eigvals(rates)
+    assert spectral_radius(transition_matrix(item)) == pytest.approx(
+        math.exp(modes.real.max() * item.frame), abs=1e-9
+    )
+
+
+def test_fast_sampling_gives_the_damping_ratio_of_the_continuous_oscillator():
+    # One joint, hardly any delay: ζ = b / (2 √(k I)) but for half a tick of hold and half of difference.
+    mass, stiffness, ratio = 4.0, 100.0, 0.3
+    damping = 2.0 * ratio * math.sqrt(stiffness * mass)
+    one = np.ones(1)
+    item = LinearLoop(
+        motion=leg_motion(mass * np.eye(1), np.zeros((1, 1)), np.zeros(1)),
+        stiffness=stiffness * one,
+        damping=damping * one,
+        gain=0.0 * one,
+        modelled_friction=one,
+        feed_forward=np.zeros((1, 1)),
+        fast_gain=1.0,
+        decimation=10,
+        window=10,
+    )
+    delayed = ratio - 0.5 * TICK * math.sqrt(stiffness / mass) / 2.0  # the hold costs k T / 2 of damping
+    found = effective_damping_ratio(transition_matrix(item), item.frame)
+    assert found == pytest.approx(delayed, abs=0.002)
+    assert found < ratio
+
+
+def test_a_growing_oscillation_has_a_negative_damping_ratio_and_a_free_joint_none():
+    growing = loop(gain=np.array([1.0, 1.0]), damping=np.zeros(2))
+    assert spectral_radius(transition_matrix(growing)) > 1.0
+    assert effective_damping_ratio(transition_matrix(growing), growing.frame) < 0.0
+    off = {name: np.zeros(2) for name in ("stiffness", "damping", "gain")}
+    free = loop(**off, feed_forward=np.zeros((2, 2)), motion=leg_motion(MASS, np.zeros((2, 2)), DAMPING))
+    assert effective_damping_ratio(transition_matrix(free), free.frame) == 1.0
+    assert spectral_radius(transition_matrix(free)) == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("law", [HIP_FRICTION, KNEE_FRICTION])
+@pytest.mark.parametrize("velocity", [0.0, 0.13, 1.0, -1.0])
+def test_friction_slope_is_the_derivative_of_equation_3_1(law, velocity):
+    a, b, c, d = (
+        law.breakaway_torque,
+        law.coulomb_friction,
+        law.breakaway_velocity,
+        law.viscous_friction,
+    )
+    x = velocity / c
+    dip = math.sqrt(2.0 * math.e) * (a - b) * math.exp(-x * x) * (1.0 - 2.0 * x * x) / c
+    expected = dip + 10.0 * b / c / math.cosh(10.0 * x) ** 2 + d
+    assert friction_slope(law, velocity) == pytest.approx(expected, rel=1e-6)
+    assert friction_torque(law, -velocity) == -friction_torque(law, velocity)
+
+
+def test_the_loop_of_a_phase_takes_its_numbers_from_leg_and_table():
+    experiment = load_experiment("bench_leg", ["plant.friction_ratio={hip: 0.5, knee: 0.7}"]).experiment
+    (leg,) = hanging_legs(build_subject(experiment.table, experiment))
+    phase = leg.phases.index("swing_flexion")
+    found = leg.linear_loop(phase, 0.0)
+    model = experiment.build_world().model
+    posture = np.radians([32.0, 62.0])
+    np.testing.assert_allclose(found.stiffness, [math.degrees(2.5)] * 2)
+    np.testing.assert_allclose(found.gain, [0.35, 0.40])
+    np.testing.assert_allclose(
+        found.modelled_friction, [friction_slope(law, 0.0) for law in (HIP_FRICTION, KNEE_FRICTION)]
+    )
+    # M, the slope of gravity and the true friction, by way of the acceleration that each of them gives.
+    free = found.motion.free
+    rates = (free[2:] - np.eye(4)[2:]) / TICK
+    slopes = [0.5 * friction_slope(HIP_FRICTION, 0.0), 0.7 * friction_slope(KNEE_FRICTION, 0.0)]
+    expected = -np.linalg.solve(model.mass_matrix(posture), np.diag(slopes))
+    np.testing.assert_allclose(rates[:, 2:], expected, rtol=0.02, atol=0.05)
+    step = 1e-3 * np.array([1.0, -2.0])
+    weight = model.gravity_torque(posture + step) - model.gravity_torque(posture - step)
+    np.testing.assert_allclose(found.feed_forward @ (2.0 * step), weight, rtol=1e-4)
+
+
+# Slopes of friction at rest, and k, b and G on both sides of the limit: 6 that grow, 12 that decay.
+CASES = [
+    Case(math.degrees(k), b, gain)
+    for k, b, gain in itertools.product((1.0, 2.5, 6.0), (0.0, 30.0), (0.2, 0.4, 1.0))
+]
+
+
+@pytest.mark.parametrize(
+    "case", CASES, ids=lambda case: f"{case.stiffness:.0f}-{case.damping:g}-{case.gain:g}"
+)
+def test_the_spectral_radius_predicts_whether_the_engine_s_linear_run_grows(case):
+    radius = predicted_radius(case, 0.0)
+    assert abs(radius - 1.0) >= UNDECIDED
+    assert linear_run_grows(case, 0.0) is (radius > 1.0)
+
+
+def test_those_cases_lie_on_both_sides():
+    grows = [predicted_radius(case, 0.0) > 1.0 for case in CASES]
+    assert 4 <= sum(grows) <= len(CASES) - 4
+
+
+@pytest.mark.parametrize("window", [1, 5, 10, 20])
+def test_without_a_damper_the_stable_gain_is_true_over_modelled_friction_whatever_the_delay(window):
+    slow = {"stiffness": np.array([6.0, 4.0]), "feed_forward": np.zeros((2, 2))}
+    motion = leg_motion(MASS, np.zeros((2, 2)), DAMPING)
+    item = loop(**slow, motion=motion, damping=np.zeros(2), window=window, modelled_friction=2.0 * DAMPING)
+    gains = np.linspace(0.0, 1.0, 101)
+    radii = [spectral_radius(transition_matrix(replace(item, gain=gain * np.ones(2)))) for gain in gains]
+    limit = float(gains[np.argmax(np.array(radii) > 1.0)])
+    # The mode that grows is slow, so that the delay hardly counts.
+    assert limit == pytest.approx(0.5, abs=0.02)

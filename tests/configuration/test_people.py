@@ -1,0 +1,437 @@
+"""People: in files, by name, on the command line, and drawn by the dozen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from twin_gait import load_experiment, simulate
+from twin_gait.cli import main
+from twin_gait.configuration.documents import dump_yaml, experiment_document
+from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.experiments import presets, resolved_document
+from twin_gait.configuration.people import people, person_document, person_text
+from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
+from twin_gait.studies.batch import overridden
+from twin_gait.studies.people import page as people_page
+from twin_gait.studies.people.cohort import SIZES, BodySizes, cohort, overrides
+from twin_gait.studies.people.trials import Trial, experiment_of, trial
+from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
+
+HIP, KNEE = JointName.HIP, JointName.KNEE
+NAMES = ("complete_sci", "healthy", "incomplete_sci", "stroke_left", "stroke_right")
+
+
+def patient(*settings: str, source: str | Path = "treadmill") -> Patient:
+    found = load_experiment(source, settings).experiment.patient
+    assert found is not None
+    return found
+
+
+def reread(document: dict[str, Any]) -> Any:
+    return experiment_from_mapping(yaml.safe_load(dump_yaml(document)), "again.yaml", Path())
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Callable[[str, str], Path]:
+    def write(name: str, text: str) -> Path:
+        path = tmp_path / name
+        path.write_text(text)
+        return path
+
+    return write
+
+
+# ---------------------------------------------------------------- the block of a file
+
+
+def test_units_of_a_condition_are_those_of_its_keys():
+    found = patient(
+        "patient.left.hip={passive: 0.5, contracture_deg: 9, stretch_reflex_threshold_deg_per_s: 90,"
+        " stretch_reflex_gain_Nms_per_rad: 2, effort: 0.4, strength: 0.7}",
+        "patient.effort_delay_ms=120",
+        "patient.effort_noise=0.05",
+    )
+    assert found.conditions == {
+        (Side.LEFT, HIP): JointCondition(
+            passive=0.5,
+            contracture=math.radians(9.0),
+            stretch_reflex_threshold=math.radians(90.0),
+            stretch_reflex_gain=2.0,
+            effort=0.4,
+            strength=0.7,
+        )
+    }
+    assert (found.effort_delay, found.effort_noise) == (0.12, 0.05)
+
+
+def test_one_side_is_laid_over_both():
+    found = patient(
+        "patient.both.knee={passive: 1, contracture_deg: 10}", "patient.right.knee.contracture_rad=0.1"
+    )
+    left, right = (found.conditions[side, KNEE] for side in Side)
+    assert (left.passive, right.passive) == (1.0, 1.0)
+    assert (left.contracture, right.contracture) == (math.radians(10.0), 0.1)
+
+
+def test_setting_in_another_unit_replaces_the_old_one():
+    found = patient(
+        "patient.both.knee={passive: 1, contracture_deg: 10, stretch_reflex_threshold_deg_per_s: 50}",
+        "patient.both.knee.contracture_rad=0.2",
+        "patient.both.knee.stretch_reflex_threshold_rad_per_s=2",
+        "patient.effort_delay_ms=200",  # the complete document below has it in seconds
+    )
+    condition = found.conditions[Side.LEFT, KNEE]
+    assert (condition.contracture, condition.stretch_reflex_threshold, found.effort_delay) == (0.2, 2.0, 0.2)
+
+
+@pytest.mark.parametrize("name", sorted(presets()))
+def test_wearer_of_every_shipped_experiment_is_mass_alone(name):
+    found = load_experiment(name).experiment.patient
+    assert found is None or found.is_mass_alone
+
+
+MISTAKES = {
+    "patient.left.hip.efort=1": r"patient.left.hip.efort: unknown key; did you mean 'effort'\?",
+    "patient.middle.hip.effort=1": "patient.middle: unknown key",
+    "patient.left.ankle.effort=1": "patient.left.ankle: unknown key; .*hip, knee",
+    "patient.left.hip.effort=2": "patient: left.hip.effort: expected a number from 0 to 1, got 2",
+    "patient.both.knee.passive=true": "patient.both.knee.passive: expected a number, got true",
+    "patient.both.knee.passive=-1": "patient: both.knee.passive: expected 0 to 3, got -1",
+    "patient.both.knee.contracture_deg=5": "both.knee.contracture: expected 0 without a passive moment",
+    "patient.both.knee={contracture_deg: 5, contracture_rad: 0.1}": (
+        "patient.both.knee: expected exactly one of contracture_deg or contracture_rad"
+    ),
+    "patient.effort_delay_ms=2000": "patient: effort_delay: expected 0 to 1 s, got 2",
+    "patient.effort_noise=.nan": "patient.effort_noise: .*finite",
+    "patient=nobody": "patient: nobody is called 'nobody': neither a file nor one of complete_sci, healthy,",
+    "patient={preset: 7}": "patient: nobody is called 7",
+}
+
+
+@pytest.mark.parametrize("setting", MISTAKES)
+def test_mistake_is_one_line_with_key_value_and_way_out(setting):
+    with pytest.raises(ParameterFileError, match=MISTAKES[setting]) as caught:
+        load_experiment("treadmill", [setting])
+    assert len(str(caught.value).splitlines()) == 1
+
+
+# ---------------------------------------------------------------- by name
+
+
+def test_five_people_ship_each_with_a_description():
+    assert tuple(people()) == NAMES
+    assert all(people().values())
+    assert not set(people()) & set(presets())  # one name, one thing to print
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_person_is_read_from_his_own_file(name):
+    found = patient(f"patient={name}")
+    assert not found.is_mass_alone
+    assert (found.mass, found.height) == (70.0, 1.75)  # what differs is what they do
+    assert yaml.safe_load(person_text(name))["name"] == name
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_number_of_a_person_names_its_source_or_is_called_an_assumption(name):
+    """In the comment on its line or on the lines right above it."""
+    lines = person_text(name).splitlines()
+    words = (
+        "assumption",
+        "19",
+        "20",
+        "as healthy",
+        "as in complete",
+        "by definition",
+        "differ in what they do",
+    )
+    explained = False
+    for line in lines:
+        code, _, comment = line.partition("#")
+        if not code.strip():
+            explained = explained or any(word in comment for word in words)
+            continue
+        number = any(character.isdigit() for character in code) and not code.startswith("schema_version")
+        explained = any(word in comment for word in words) or explained
+        if number and not code.startswith(("mass_kg", "height_m")):
+            assert explained, f"{name}: {line}"
+        if code.rstrip().endswith(":"):
+            explained = False
+
+
+def test_two_strokes_are_mirror_images():
+    left, right = patient("patient=stroke_left"), patient("patient=stroke_right")
+    other = {Side.LEFT: Side.RIGHT, Side.RIGHT: Side.LEFT}
+    assert {(other[side], joint): item for (side, joint), item in left.conditions.items()} == right.conditions
+
+
+def test_paretic_knee_has_the_strength_that_was_measured():
+    """0.90 against 1.24 N m/kg (Watanabe et al. 2015)."""
+    strength = patient("patient=stroke_left").conditions[Side.LEFT, KNEE].strength
+    assert strength == pytest.approx(0.90 / 1.24, abs=0.005)
+
+
+def test_complete_injury_makes_no_effort_and_incomplete_less_than_the_healthy():
+    def given(name: str) -> set[float]:
+        return {item.effort * item.strength for item in patient(f"patient={name}").conditions.values()}
+
+    assert given("complete_sci") == {0.0}
+    assert max(given("incomplete_sci")) < min(given("healthy")) == 1.0
+
+
+def test_settings_change_a_named_person_whatever_their_order():
+    orders = [("patient.mass_kg=82", "patient=healthy"), ("patient=healthy", "patient.mass_kg=82")]
+    first, second = (patient(*order) for order in orders)
+    assert first == second
+    assert first.mass == 82.0
+    assert first.conditions == patient("patient=healthy").conditions
+
+
+def test_file_names_a_person_changes_him_or_points_to_a_file(file):
+    mine = file("mine.yaml", "description: mine\nmass_kg: 61\nboth: {knee: {passive: 0.5}}\n")
+    by_name = file("a.yaml", "schema_version: 1\npreset: treadmill\npatient: stroke_left\n")
+    changed = file("b.yaml", "preset: treadmill\npatient: {preset: stroke_left, height_m: 1.6}\n")
+    beside = file("c.yaml", "preset: treadmill\npatient: mine.yaml\n")
+    stroke = patient("patient=stroke_left")
+    assert patient(source=by_name) == stroke
+    assert patient(source=changed).conditions == stroke.conditions
+    assert patient(source=changed).height == 1.6
+    assert patient(source=beside) == patient(f"patient={mine}")
+    assert patient(source=beside).mass == 61.0
+
+
+def test_named_person_takes_the_place_of_another_with_nothing_left_of_him(file):
+    base = file("base.yaml", "preset: treadmill\npatient: stroke_left\n")
+    assert patient("patient=complete_sci", source=base) == patient("patient=complete_sci")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("both: {knee: {pasive: 1}}", "mine.yaml: both.knee.pasive: unknown key; did you mean 'passive'"),
+        ("mass_kg: 200", "mine.yaml: patient mass: expected 30 to 110 kg"),
+        ("left: {hip: {effort: 3}}", "mine.yaml: left.hip.effort: expected a number from 0 to 1"),
+        ("{effort_delay_ms: 5, effort_delay_s: 1}", "mine.yaml: expected exactly one of effort_delay_ms or"),
+        ("[1, 2]", "mine.yaml: expected keys and values"),
+        ("preset: healthy", "mine.yaml: preset: unknown key"),
+    ],
+)
+def test_mistake_in_the_file_of_a_person_names_that_file(file, text, message):
+    with pytest.raises(ParameterFileError, match=message):
+        load_experiment("treadmill", [f"patient={file('mine.yaml', text)}"])
+
+
+def test_person_is_exchanged_by_name_in_a_batch():
+    base = load_experiment("treadmill", ["patient=stroke_left"]).experiment
+    assert overridden(base, {"patient": "healthy"}).patient == patient("patient=healthy")
+    heavy = overridden(base, {"patient": "healthy", "patient.mass_kg": 90}).patient
+    assert heavy == patient("patient=healthy", "patient.mass_kg=90")
+    with pytest.raises(ParameterFileError, match="override: patient: nobody is called 'x'"):
+        overridden(base, {"patient": "x"})
+
+
+# ---------------------------------------------------------------- there and back
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_person_survives_being_written_and_read(name):
+    loaded = load_experiment("treadmill", [f"patient={name}", "control.patient.mass_kg=65"])
+    assert reread(experiment_document(loaded.experiment)) == loaded.experiment
+    assert reread(loaded.document) == loaded.experiment
+    as_kept = reread(resolved_document(loaded.experiment, loaded.document, {}))
+    assert as_kept.patient == loaded.experiment.patient
+    assert person_document(name).items() <= loaded.document["patient"].items()  # units as typed
+
+
+def test_segments_of_winter_survive_being_written_and_change_the_run():
+    settings = ["engine=pinocchio", "duration_s=0.05"]
+    loaded = load_experiment("bench_leg", [*settings, "patient.segment_model=winter"])
+    document = experiment_document(loaded.experiment)
+    assert document["patient"]["segment_model"] == "winter"
+    again = reread(document)
+    assert again.patient.segment_model is SegmentModel.WINTER and again == loaded.experiment
+    ours, theirs = (simulate(item).log for item in (again, load_experiment("bench_leg", settings).experiment))
+    assert (ours["right_hip_angle_rad"] != theirs["right_hip_angle_rad"]).any()
+
+
+def test_written_wearer_says_nothing_of_what_does_nothing():
+    document = experiment_document(load_experiment("treadmill").experiment)["patient"]
+    assert not {"both", "left", "right"} & set(document)
+
+
+def test_running_a_written_person_again_gives_the_same_log():
+    settings = [
+        "engine=pinocchio",
+        "patient=incomplete_sci",
+        "duration_s=0.15",
+        "scenario.start_phase=swing_flexion",
+    ]
+    loaded = load_experiment("bench_leg", settings)
+    again = reread(resolved_document(loaded.experiment, loaded.document, {}))
+    first, second = simulate(loaded.experiment), simulate(again)
+    assert (first.log["right_hip_patient_torque_Nm"] != 0.0).any()
+    assert first.log.equals(second.log)
+
+
+# ---------------------------------------------------------------- the command line
+
+
+def test_people_are_listed_and_printed_ready_to_be_edited(capsys, tmp_path):
+    assert main(["presets"]) == 0
+    listed = capsys.readouterr().out
+    assert all(name in listed for name in (*NAMES, "treadmill", "osl_walking"))
+    assert main(["presets", "stroke_left"]) == 0
+    (tmp_path / "edited.yaml").write_text(capsys.readouterr().out)
+    assert patient(f"patient={tmp_path / 'edited.yaml'}") == patient("patient=stroke_left")
+
+
+def test_wrong_person_ends_in_one_line_and_makes_no_folder(capsys, tmp_path):
+    out = tmp_path / "run"
+    assert main(["simulate", "treadmill", "--set", "patient=nobody", "--out", str(out)]) == 2
+    error = capsys.readouterr().err
+    assert len(error.strip().splitlines()) == 1
+    assert "nobody is called 'nobody'" in error
+    assert not out.exists()
+
+
+# ---------------------------------------------------------------- cohorts
+
+
+@pytest.fixture(scope="module")
+def crowd() -> tuple[Patient, ...]:
+    return cohort(1500, 7)
+
+
+def test_people_of_a_seed_are_the_same_in_a_cohort_of_any_size(crowd):
+    assert cohort(5, 7) == crowd[:5]
+    assert cohort(5, 8) != crowd[:5]
+
+
+@pytest.mark.parametrize("sex", list(Sex))
+def test_cohort_fills_the_5th_to_the_95th_percentile_of_either_sex(crowd, sex):
+    """Percentiles of a lognormal variable with the published mean and deviation, from scipy."""
+    from scipy import stats
+
+    sizes, own = SIZES[sex], [item for item in crowd if item.sex is sex]
+    assert abs(len(own) - 750) < 5.0 * math.sqrt(1500 * 0.25)
+    for values, mean, deviation in (
+        (np.array([item.height for item in own]), sizes.stature_mean, sizes.stature_deviation),
+        (np.array([item.mass for item in own]), sizes.mass_mean, sizes.mass_deviation),
+    ):
+        spread = math.sqrt(math.log(1.0 + (deviation / mean) ** 2))
+        law = stats.lognorm(spread, scale=mean * math.exp(-(spread**2) / 2.0))
+        assert law.mean() == pytest.approx(mean, rel=1e-12)
+        assert law.std() == pytest.approx(deviation, rel=1e-12)
+        places = law.cdf(values)
+        assert places.min() >= 0.05 - 1e-9
+        assert places.max() <= 0.95 + 1e-9
+        assert np.histogram(places, bins=9, range=(0.05, 0.95))[0].min() > len(own) / 18  # no gap
+    assert max(item.mass for item in own) <= HEAVIEST_WEARER
+
+
+def test_tall_people_are_heavier_as_published():
+    """Brute force: normal draws with the published correlation, cut at the same percentiles."""
+    generator = np.random.default_rng(0)
+    for sex in Sex:
+        own = [item for item in cohort(3000, 11) if item.sex is sex]
+        found = np.corrcoef([item.height for item in own], [item.mass for item in own])[0, 1]
+        rho = SIZES[sex].correlation
+        pairs = generator.multivariate_normal([0.0, 0.0], [[1.0, rho], [rho, 1.0]], size=200_000)
+        kept = pairs[(np.abs(pairs) < 1.645).all(axis=1)]
+        expected = np.corrcoef(kept.T)[0, 1]
+        assert abs(found - expected) < 4.0 / math.sqrt(len(own))
+
+
+def test_heavy_population_is_cut_at_what_the_device_carries():
+    heavy = BodySizes(
+        stature_mean=1.8, stature_deviation=0.07, mass_mean=105.0, mass_deviation=12.0, correlation=0.5
+    )
+    masses = [item.mass for item in cohort(200, 1, sizes=dict.fromkeys(Sex, heavy))]
+    assert 107.0 < max(masses) <= HEAVIEST_WEARER
+
+
+def test_cohort_shares_what_its_pattern_does():
+    stroke = patient("patient=stroke_left")
+    drawn = cohort(3, 2, like=stroke)
+    assert all(item.conditions == stroke.conditions for item in drawn)
+    assert len({item.mass for item in drawn}) == 3
+
+
+def test_sizes_of_a_cohort_are_changes_of_an_experiment():
+    base = load_experiment("treadmill", ["patient=healthy"]).experiment
+    drawn = cohort(4, 3, like=base.patient)
+    assert [overridden(base, item).patient for item in overrides(drawn)] == list(drawn)
+
+
+def test_every_drawn_person_fits_the_device(crowd):
+    for item in (min(crowd, key=lambda p: p.height), max(crowd, key=lambda p: p.height)):
+        load_experiment(
+            "treadmill", [f"{k}={v}" for k, v in overrides([item])[0].items()]
+        ).experiment.build_world()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((0, 1), "count: expected a whole number above 0"),
+        ((2, -1), "seed: expected a whole number of 0 or more"),
+        ((2, 0.5), "seed: expected a whole number of 0 or more"),
+    ],
+)
+def test_impossible_cohort_is_refused(arguments, message):
+    with pytest.raises(ParameterError, match=message):
+        cohort(*arguments)
+
+
+def test_population_that_nobody_can_be_drawn_from_is_refused():
+    giants = BodySizes(
+        stature_mean=1.8, stature_deviation=0.07, mass_mean=200.0, mass_deviation=12.0, correlation=0.5
+    )
+    with pytest.raises(ParameterError, match="male mass_mean: expected a 5th percentile below 110 kg"):
+        cohort(1, 0, sizes=dict.fromkeys(Sex, giants))
+    with pytest.raises(TwinGaitError, match="sizes: expected those of both sexes"):
+        cohort(1, 0, sizes={Sex.MALE: SIZES[Sex.MALE]})
+
+
+# ---------------------------------------------------------------- the page
+
+
+@pytest.fixture(scope="module")
+def short() -> Trial:
+    return trial(experiment_of("healthy", 0.6, 0.3))
+
+
+def test_powers_of_a_trial_add_up_to_the_work_of_the_wearer(short):
+    """Against the work that the engine integrates; powers are sampled once a tick."""
+    run = simulate(experiment_of("healthy", 0.6, 0.3))
+    work = run.log["patient_work_J"].iloc[-1]
+    assert abs(work) > 0.1
+    assert sum(short.powers) * run.duration == pytest.approx(work, rel=0.02)
+    assert short.peaks[0] == max(run.log[f"{side}_hip_patient_torque_Nm"].abs().max() for side in Side)
+
+
+def test_page_tells_who_does_not_walk_and_why(short):
+    walking = short._replace(outcome="walked")
+    fallen = short._replace(outcome="fell", reason="pelvis below 0.5 m")
+    trials = {"healthy": [walking, walking], "stroke_left": [walking, fallen]}
+    text = people_page.page(trials, {})
+    assert "stroke_left at 40% support fell (pelvis below 0.5 m)" in text
+    assert "All of them walk" not in text
+    assert "All of them walk, at 60% and at 40% support." in people_page.page({"healthy": [walking] * 2}, {})
+
+
+def test_page_in_the_documentation_is_about_the_people_who_ship():
+    text = (Path(__file__).parents[2] / "docs" / "people.md").read_text(encoding="utf-8")
+    for name, description in people().items():
+        assert f"| `{name}` | {description} |" in text
+        assert f"\n| {name} | walked |" in text or f"- {name} at 60% support" in text
+    for size in map(people_page._size, Sex):
+        assert f"| {' | '.join(size)} |" in text

@@ -1,0 +1,203 @@
+"""The laws of the safety monitor against closed forms, and each of its bounds by itself."""
+
+from __future__ import annotations
+
+import math
+from importlib import import_module
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from twin_gait.control import TripCause
+from twin_gait.core import faults, safety
+from twin_gait.core.estimation import quantise
+from twin_gait.exceptions import ParameterError
+from twin_gait.parameters import KNEE_ACTUATOR, SafetyParameters
+from twin_gait.scenario import FaultKind
+from twin_gait.simulation.keeping import episode_rooms
+from twin_gait.simulation.module_text import ARRAY_FUNCTIONS
+
+PERIOD = 1e-3
+NUMBERS = st.floats(-20.0, 20.0)
+
+
+@given(angle=st.floats(-1.0, 2.0), velocity=st.floats(-5.0, 5.0), deceleration=st.floats(2.0, 50.0))
+def test_stopping_angle_is_where_a_braked_joint_comes_to_rest(angle, velocity, deceleration):
+    """Braked in 100 000 small steps."""
+    duration = abs(velocity) / deceleration
+    times = (np.arange(100_000) + 0.5) * duration / 100_000
+    path = np.sign(velocity) * (abs(velocity) - deceleration * times)
+    rest = angle + path.sum() * duration / 100_000
+    assert safety.stopping_angle(angle, velocity, 0.5 / deceleration) == pytest.approx(rest, abs=1e-9)
+
+
+@given(current=NUMBERS, velocity=st.floats(-5.0, 5.0))
+def test_a_drive_with_the_right_resistance_infers_the_true_speed(current, velocity):
+    constant = KNEE_ACTUATOR.torque_constant * KNEE_ACTUATOR.gear_ratio
+    resistance = KNEE_ACTUATOR.resistance
+    inferred = safety.motor_speed(current, velocity, resistance, constant, resistance)
+    assert inferred == pytest.approx(velocity, abs=1e-12)
+    warm = safety.motor_speed(current, velocity, 1.39 * resistance, constant, resistance)
+    assert warm - velocity == pytest.approx(0.39 * resistance * current / constant, abs=1e-12)
+
+
+def test_winding_heats_as_the_exponential_of_its_time_constant():
+    time_constant, nominal = 52.6, 6.1
+    cooling, heat = PERIOD / time_constant, 0.0
+    for _ in range(20_000):
+        heat = safety.winding_heat(heat, 2.0 * nominal, cooling / nominal**2, cooling)
+    # First-order steps of 1 ms follow the exponential to T / (2 τ) in the exponent.
+    assert heat == pytest.approx(4.0 * (1.0 - math.exp(-20.0 / time_constant)), rel=1e-4)
+
+
+def test_residual_of_a_steady_drift_settles_at_drift_times_time_constant():
+    residual = 0.0
+    for _ in range(4000):
+        residual = safety.model_residual(residual, (1.5 + 0.3) * PERIOD, 1.5, PERIOD, PERIOD / 0.2)
+    assert residual == pytest.approx(0.3 * 0.2, rel=1e-6)
+
+
+def test_support_fades_from_all_to_nothing():
+    shares = [safety.support_share(tick, 3000) for tick in range(4000)]
+    assert shares[0] == 1.0 and shares[3000] == 0.0 and min(shares) == 0.0
+    assert np.diff(shares).max() <= 0.0
+    assert shares[1500] == pytest.approx(0.5)
+
+
+@given(speed=NUMBERS, damping=st.floats(0.0, 100.0))
+def test_the_hold_never_drives(speed, damping):
+    assert safety.hold_torque(speed, damping) * speed <= 0.0
+
+
+# One joint whose every value is inside its bounds; the third column of a measurement is not watched.
+BOUNDS = np.zeros((1, safety.BOUND_COUNT))
+for place, value in {
+    safety.LOWER: -0.1,
+    safety.UPPER: 2.0,
+    safety.HIGHEST_SPEED: 4.0,
+    safety.STOP_DISTANCE_FACTOR: 0.05,
+    safety.ANGLE_STEP: 0.02,
+    safety.FROZEN_SPEED: 0.3,
+    safety.FROZEN_TICKS: 10,
+    safety.MODEL_GAIN: 0.005,
+    safety.MODEL_DEVIATION: 0.05,
+    safety.HIGHEST_TORQUE: 60.0,
+    safety.TORQUE_TICKS: 500,
+    safety.HIGHEST_COMMAND: 300.0,
+    safety.HIGHEST_CURRENT: 18.0,
+    safety.HEATING: 0.0,
+    safety.COOLING: 0.0,
+    safety.DRIVE_DEVIATION: 1.0,
+    safety.DRIVE_TICKS: 20,
+}.items():
+    BOUNDS[0, place] = value
+
+
+def watch(times: int = 1, *, angle=0.5, last=0.499, velocity=1.0, memory=(), streaks=()) -> list[TripCause]:
+    """Causes of a number of ticks in which the same is measured again and again."""
+    measured = np.array([[angle, velocity, 0.0]])
+    kept = np.zeros((1, safety.MEMORY_COUNT))
+    kept[0, safety.MOTOR_SPEED] = 1.0
+    for column, entry in dict(memory).items():
+        kept[0, column] = entry
+    counted = np.zeros((1, safety.STREAK_COUNT), dtype=np.int64)
+    found = [
+        safety.watch_joint(0, PERIOD, BOUNDS, measured, np.array([last]), kept, counted) for _ in range(times)
+    ]
+    return [list(TripCause)[code] for code in found]
+
+
+def test_a_healthy_joint_does_not_trip():
+    assert set(watch(5000)) == {TripCause.NONE}
+
+
+AT_ONCE = {
+    TripCause.ENCODER_MISSING: {"angle": math.nan},
+    TripCause.ENCODER_JUMP: {"angle": 0.53},
+    TripCause.ENCODER_MODEL: {"memory": {safety.RESIDUAL: -0.06}},
+    TripCause.JOINT_SPEED: {"velocity": -4.1},
+    TripCause.JOINT_RANGE: {"angle": 1.6, "last": 1.599, "velocity": 3.0},  # 1.6 + 9 / 20 is beyond 2
+    TripCause.CURRENT: {"memory": {safety.MOTOR_CURRENT: -18.5, safety.MOTOR_SPEED: 1.0}},
+    TripCause.WINDING_HEAT: {"memory": {safety.HEAT: 1.01, safety.MOTOR_SPEED: 1.0}},
+}
+
+
+@pytest.mark.parametrize("cause", AT_ONCE)
+def test_a_broken_bound_trips_at_once(cause):
+    assert watch(**AT_ONCE[cause]) == [cause]
+
+
+LASTING = {
+    TripCause.ENCODER_FROZEN: (10, {"last": 0.5, "memory": {safety.MOTOR_SPEED: 0.4}}),
+    TripCause.TORQUE: (500, {"memory": {safety.COMMANDED: -61.0, safety.MOTOR_SPEED: 1.0}}),
+    TripCause.DRIVE: (20, {"memory": {safety.CURRENT_DEVIATION: 1.2, safety.MOTOR_SPEED: 1.0}}),
+}
+
+
+@pytest.mark.parametrize("cause", LASTING)
+def test_a_bound_that_may_be_broken_for_a_time_trips_after_just_that_time(cause):
+    ticks, broken = LASTING[cause]
+    causes = watch(ticks, **broken)
+    assert set(causes[:-1]) == {TripCause.NONE}
+    assert causes[-1] is cause
+
+
+def test_a_joint_that_is_slow_near_a_stop_may_go_where_a_fast_one_may_not():
+    near = {"angle": 1.9, "last": 1.899}
+    assert watch(velocity=1.0, **near) == [TripCause.NONE]
+    assert watch(velocity=2.0, **near) == [TripCause.JOINT_RANGE]
+    assert watch(velocity=-2.0, **near) == [TripCause.NONE]
+
+
+@pytest.mark.parametrize("command", [math.nan, math.inf, -math.inf, 300.1, -1e9])
+def test_a_command_that_is_no_number_or_out_of_all_proportion_is_refused(command):
+    assert not safety.command_is_plausible(command, 300.0)
+
+
+def test_names_of_causes_and_kinds_have_the_numbers_of_the_laws():
+    names = (
+        "MISSING JUMP FROZEN MODEL SPEED RANGE COMMAND TORQUE CURRENT HEAT DRIVE PHASE_TIME_OUT LOAD SUPPLY"
+    )
+    in_order = f"{names} OPERATOR"
+    assert [getattr(safety, f"{name}_TRIP") for name in in_order.split()] == list(range(1, len(TripCause)))
+    assert safety.NO_TRIP == TripCause.NONE.code == 0
+    assert {kind.name: kind.code for kind in FaultKind} == {
+        kind.name: getattr(faults, kind.name) for kind in FaultKind
+    }
+
+
+def test_a_name_means_the_same_in_the_loop_and_in_the_laws_written_into_it():
+    """The compiled module holds both, so that one of two things of the same name would win."""
+    for law in ARRAY_FUNCTIONS:
+        for name in law.__code__.co_names:
+            for room in map(import_module, episode_rooms()):
+                if name in law.__globals__ and hasattr(room, name):
+                    assert getattr(room, name) == law.__globals__[name], f"{law.__name__}: {name}"
+
+
+def test_a_missing_reading_passes_through_the_encoder():
+    assert math.isnan(quantise(math.nan, 1e-5)) and math.isnan(quantise(math.nan, 0.0))
+
+
+@given(
+    voltage=st.floats(20.0, 30.0),
+    drop=st.floats(0.0, 40.0),
+    back_emf=st.floats(0.0, 30.0),
+    resistance=st.floats(0.1, 1.0),
+)
+def test_no_diode_current_flows_in_a_dip(voltage, drop, back_emf, resistance):
+    bus = faults.dipped_bus_voltage(voltage, drop, back_emf)
+    assert bus >= faults.LEAST_BUS_VOLTAGE
+    assert bus <= max(voltage, back_emf)
+    assert (back_emf - bus) / resistance <= 0.0
+
+
+@pytest.mark.parametrize(
+    "name", [name for name in SafetyParameters.__dataclass_fields__ if name != "enabled"]
+)
+def test_safety_parameters_must_be_positive_numbers(name):
+    for wrong in (-1.0, math.nan, math.inf):
+        with pytest.raises(ParameterError, match=f"safety {name}"):
+            SafetyParameters(**{name: wrong})

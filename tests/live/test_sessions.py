@@ -1,0 +1,267 @@
+"""The record of live sessions: what is kept, and what is left of it after a kill."""
+
+import contextlib
+import json
+import signal
+import sqlite3
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from twin_gait.cli import sessions as command
+from twin_gait.cli.program import OneLineParser
+from twin_gait.exceptions import TwinGaitError
+from twin_gait.studies.live import session_records as sessions
+from twin_gait.studies.live.session_records import (
+    SessionError,
+    SessionRecorder,
+    default_database,
+    delete_session,
+    list_sessions,
+    read_session,
+)
+
+KILLS = 20
+FAKE = Path(__file__).parents[1] / "session_process.py"
+
+
+def change(serial, *, outcome="applied", user="Ann", value=1.3):
+    return SimpleNamespace(
+        serial=serial,
+        tick=10 * serial,
+        outcome=outcome,
+        user=user,
+        subject="late_stance.hip.stiffness",
+        before=1.17,
+        value=value,
+        text=f"late_stance.hip.stiffness: 1.17 → {value}",
+    )
+
+
+@pytest.fixture
+def record(tmp_path):
+    """A record with one session that ended and one that is going on."""
+    path = tmp_path / "deep" / "sessions.sqlite"
+    first = SessionRecorder(path, user="Ann", experiment="treadmill", document={"duration_s": 600})
+    first.table({"name": "treadmill", "k": 1}, 0)
+    first.event(change(1))
+    first.table({"name": "treadmill", "k": 2}, 10)
+    first.table({"name": "treadmill", "k": 2}, 20)
+    first.event(change(2, outcome="refused", value="a lot"))
+    first.progress(1234, "walking")
+    first.close("ended", {"fell": False}, ["/runs/one"])
+    second = SessionRecorder(path, user="Ben", experiment="bench_leg", document={})
+    yield path
+    second.close("ended", {}, [])
+
+
+# ---------------------------------------------------------------------- keeping
+
+
+def test_a_session_is_read_back_as_it_was_recorded(record):
+    found = read_session(record, 1)
+    assert (found["user"], found["experiment"], found["status"], found["tick"]) == (
+        "Ann",
+        "treadmill",
+        "ended",
+        1234,
+    )
+    assert (found["document"], found["summary"], found["folders"]) == (
+        {"duration_s": 600},
+        {"fell": False},
+        ["/runs/one"],
+    )
+    assert [(item["version"], item["tick"], item["document"]["k"]) for item in found["tables"]] == [
+        (1, 0, 1),
+        (2, 10, 2),
+    ]
+    assert [(item["serial"], item["tick"], item["outcome"]) for item in found["log"]] == [
+        (1, 10, "applied"),
+        (2, 20, "refused"),
+    ]
+    assert [(item["before"], item["value"]) for item in found["log"]] == [(1.17, 1.3), (1.17, "a lot")]
+    assert found["began"] <= found["log"][0]["at"] <= found["ended"]
+
+
+def test_sessions_are_listed_newest_first_and_per_user(record):
+    assert [(item.id, item.user) for item in list_sessions(record)] == [(2, "Ben"), (1, "Ann")]
+    (ann,) = list_sessions(record, "Ann")
+    assert (ann.changes, ann.refusals, ann.versions, ann.ended is None) == (1, 1, 2, False)
+
+
+def test_a_session_that_is_not_heard_of_any_more_was_killed(record, monkeypatch):
+    assert [item.status for item in list_sessions(record)] == ["starting", "ended"]
+    monkeypatch.setattr(sessions, "STALE", -1.0)
+    assert [item.status for item in list_sessions(record)] == ["killed", "ended"]
+
+
+def test_a_session_is_deleted_with_all_that_belongs_to_it_but_not_while_it_is_going_on(record):
+    with pytest.raises(SessionError, match="session 2 is going on"):
+        delete_session(record, 2)
+    delete_session(record, 1)
+    assert [item.id for item in list_sessions(record)] == [2]
+    with sqlite3.connect(record) as database:
+        for table in ("changes", "tables"):
+            assert database.execute(f"SELECT COUNT(*) FROM {table} WHERE session = 1").fetchone() == (0,)
+    database.close()
+    with pytest.raises(SessionError, match=r"no session 1; the newest are 2"):
+        delete_session(record, 1)
+
+
+def test_recording_never_waits_for_a_disk_that_hangs(tmp_path):
+    path = tmp_path / "sessions.sqlite"
+    recorder = SessionRecorder(path, user="", experiment="treadmill", document={})
+    blocker = sqlite3.connect(path, isolation_level=None)
+    blocker.execute("BEGIN IMMEDIATE")  # nobody else can write now
+    time.sleep(2 * sessions.WRITE_EVERY)
+    began = time.monotonic()
+    for serial in range(1, 1001):
+        recorder.event(change(serial))
+        recorder.progress(serial, "walking")
+    taken = time.monotonic() - began
+    blocker.execute("COMMIT")
+    blocker.close()
+    recorder.close("ended", {}, [])
+    assert taken < 0.5  # 0.5 ms each, beside seven others on this machine; the disk hung throughout
+    assert len(read_session(path, 1)["log"]) == 1000
+
+
+def test_two_sessions_at_once_keep_apart(tmp_path):
+    path = tmp_path / "sessions.sqlite"
+
+    def one(user):
+        recorder = SessionRecorder(path, user=user, experiment="treadmill", document={})
+        for serial in range(1, 51):
+            recorder.event(change(serial, user=user))
+            time.sleep(0.002)
+        recorder.close("ended", {}, [])
+
+    threads = [threading.Thread(target=one, args=(user,)) for user in ("Ann", "Ben")]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for entry in list_sessions(path):
+        log = read_session(path, entry.id)["log"]
+        assert [item["serial"] for item in log] == list(range(1, 51))
+        assert {item["user"] for item in log} == {entry.user}
+
+
+# ---------------------------------------------------------------------- kills
+
+
+def killed_after(database, delay):
+    """Run the fake session for a while, kill it; give its number, the time of the kill and its changes."""
+    with subprocess.Popen(
+        [sys.executable, str(FAKE), str(database)], stdout=subprocess.PIPE, text=True
+    ) as process:
+        number = int(process.stdout.readline().split()[1])
+        threading.Timer(delay, process.send_signal, (signal.SIGKILL,)).start()
+        lines = process.stdout.readlines()
+    told = [line.split() for line in lines if line.endswith("\n")]
+    changes = {int(serial): float(at) for _, serial, at in told}
+    return number, max(changes.values(), default=time.monotonic()), changes
+
+
+def integrity(path):
+    """What SQLite says of the file: ``ok``, or what is wrong with it."""
+    with contextlib.closing(sqlite3.connect(path)) as database:
+        return "; ".join(row[0] for row in database.execute("PRAGMA integrity_check"))
+
+
+def test_killed_at_a_random_moment_twenty_times_the_record_opens_is_whole_and_lacks_a_second_at_most(
+    tmp_path,
+):
+    path, lost = tmp_path / "sessions.sqlite", 0
+    for delay in np.random.default_rng(7).uniform(0.0, 0.7, KILLS):
+        number, last, changes = killed_after(path, float(delay))
+        assert integrity(path) == "ok"
+        kept = [item["serial"] for item in read_session(path, number)["log"]]
+        assert kept == list(range(1, len(kept) + 1))
+        missing = [at for serial, at in changes.items() if serial not in kept]
+        assert all(last - at <= 1.0 for at in missing)
+        lost += len(missing)
+    assert lost > 0  # else no kill came at a moment at which there was something to lose
+    assert len(list_sessions(path)) == KILLS
+    assert all(item.ended is None for item in list_sessions(path))
+
+
+def test_what_is_older_than_a_second_is_kept_when_the_process_is_killed(tmp_path):
+    path = tmp_path / "sessions.sqlite"
+    number, last, changes = killed_after(path, 1.8)
+    kept = {item["serial"] for item in read_session(path, number)["log"]}
+    old = {serial for serial, at in changes.items() if last - at > 1.0}
+    assert len(old) > 20 and old <= kept
+
+
+# ---------------------------------------------------------------------- mistakes
+
+
+def test_a_record_that_is_none_is_refused_in_one_line(tmp_path):
+    (tmp_path / "text.sqlite").write_text("no database, but long enough to look at " * 50)
+    newer = tmp_path / "newer.sqlite"
+    with sqlite3.connect(newer) as database:
+        database.execute("PRAGMA user_version = 99")
+    database.close()
+    for path, wanted in (
+        (tmp_path / "missing.sqlite", "no record of sessions yet"),
+        (tmp_path / "text.sqlite", "cannot be used"),
+        (newer, "has version 99"),
+        (tmp_path, "no record of sessions yet"),
+    ):
+        with pytest.raises(SessionError, match=wanted) as caught:
+            list_sessions(path)
+        assert isinstance(caught.value, TwinGaitError) and "\n" not in str(caught.value)
+        assert str(path) in str(caught.value)
+    with pytest.raises(SessionError, match="cannot be"):
+        SessionRecorder(tmp_path / "text.sqlite" / "below.sqlite", user="", experiment="", document={})
+    assert not (tmp_path / "missing.sqlite").exists()
+
+
+def test_the_record_is_for_its_user_alone(tmp_path):
+    path = tmp_path / "sessions.sqlite"
+    path.touch()
+    path.chmod(0o644)  # as an earlier version left it
+    recorder = SessionRecorder(path, user="Ann", experiment="treadmill", document={})
+    recorder.event(change(1))
+    modes = {item.name: item.stat().st_mode & 0o777 for item in tmp_path.iterdir()}
+    recorder.close("ended", {}, [])
+    assert modes["sessions.sqlite"] == 0o600 and set(modes.values()) == {0o600}
+
+
+def test_the_record_is_where_the_variable_says(monkeypatch, tmp_path):
+    monkeypatch.setenv(sessions.DATABASE_VARIABLE, str(tmp_path / "mine.sqlite"))
+    assert default_database() == tmp_path / "mine.sqlite"
+    monkeypatch.delenv(sessions.DATABASE_VARIABLE)
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    assert default_database() == tmp_path / "twin_gait" / "sessions.sqlite"
+
+
+# ---------------------------------------------------------------------- the command
+
+
+def call(*words):
+    parser = OneLineParser(prog="twin-gait")
+    command.add_parser(parser.add_subparsers(parser_class=OneLineParser))
+    arguments = parser.parse_args(["sessions", *map(str, words)])
+    return arguments.run(arguments)
+
+
+def test_the_command_lists_shows_exports_and_deletes(record, tmp_path, capsys):
+    assert call("--database", record, "list") == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2 and "Ben" in lines[0] and "1 changes, 1 refused, 2 table versions" in lines[1]
+    assert call("--database", record, "show", 1) == 0
+    shown = capsys.readouterr().out
+    assert "tick      10  applied Ann  late_stance.hip.stiffness: 1.17 → 1.3" in shown
+    assert "tick      20  refused Ann  late_stance.hip.stiffness: " in shown
+    assert call("--database", record, "export", 1, "--out", tmp_path / "one.json") == 0
+    assert json.loads((tmp_path / "one.json").read_text()) == read_session(record, 1)
+    assert call("--database", record, "delete", 1) == 0
+    assert [item.id for item in list_sessions(record)] == [2]

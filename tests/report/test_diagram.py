@@ -1,0 +1,567 @@
+"""Drawings and tables of gait tables, and the command that writes them.
+
+The truth table is read back from its Markdown and held against the state machine on random
+measurements; conditions are judged by :mod:`guard_solver`, which shares no code with the evaluator.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import itertools
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from guard_solver import OTHER_TIME, OWN_TIME, Measurements, holds
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import TextPath
+from table_builder import JOINTS, guard, impedance, phase, transition, two_phase_table
+
+from twin_gait.cli import diagram as command
+from twin_gait.configuration import packaged_gait_table, packaged_gait_tables
+from twin_gait.core.guards import NO_TRANSITION
+from twin_gait.exceptions import TwinGaitError
+from twin_gait.gait import TICK, Blending, GaitStateMachine, GaitTable, Scaling
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, all_signal_names, parse_guard
+from twin_gait.report.diagram_layout import Rectangle, arrow_groups, arrows, ring
+from twin_gait.report.diagram_mermaid import state_diagram_mermaid
+from twin_gait.report.diagram_truth import Held, PhaseLogic, Stay
+from twin_gait.report.state_diagram import phase_colours, state_diagram_svg
+from twin_gait.report.state_tables import transition_table, truth_table
+from twin_gait.vocabulary import Side
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def nested_table() -> GaitTable:
+    """Exits that share conditions, exclude each other, nest, debounce and wait."""
+    near = guard("hip.angle_deg > 10")
+    far = AllOf(guards=(guard("hip.angle_deg > 20"), guard("hip.angle_deg - other.hip.angle_deg > 4")))
+    either = AnyOf(guards=(far, AllOf(guards=(near, guard("other.phase in [stance]")))))
+    back = AnyOf(guards=(guard("hip.angle_deg < 5"), guard("other.hip.angle_deg - hip.angle_deg < -4")))
+    exits = (
+        transition("stance", "swing", AllOf(guards=(either,)), cause="either", debounce_ticks=3),
+        transition("stance", "swing", near, cause="near_and_late", time_out_ticks=40),
+        transition("stance", "swing", guard("other.phase in [swing]"), cause="other", debounce_ticks=9),
+        transition("stance", "swing", None, cause="time_out", time_out_ticks=300),
+        transition("swing", "stance", back, cause="back", debounce_ticks=2),
+    )
+    phases = {"stance": phase(minimum_ticks=20), "swing": phase()}
+    return GaitTable(name="nested", joints=JOINTS, phases=phases, transitions=exits)
+
+
+TABLES = {name: packaged_gait_table(name) for name in packaged_gait_tables()} | {"nested": nested_table()}
+each_table = pytest.mark.parametrize("table", list(TABLES.values()), ids=list(TABLES))
+
+
+def one_phase_table() -> GaitTable:
+    return GaitTable(name="hold", joints=JOINTS, phases={"hold": phase()}, transitions=())
+
+
+# -- truth table ----------------------------------------------------------------------------------
+
+
+class PrintedPhase(NamedTuple):
+    """A phase of a truth table as a reader of its Markdown sees it."""
+
+    conditions: list[str]
+    rows: list[list[str]]
+
+
+def read_truth_table(text: str) -> dict[str, PrintedPhase]:
+    """Read the Markdown back: legend and rows per phase."""
+    found = {}
+    for section in text.split("\n## ")[1:]:
+        name, body = section.split("\n", 1)
+        conditions = re.findall(r"^- [A-Z]+\d*: (.*)$", body, flags=re.MULTILINE)
+        lines = [
+            [cell.strip() for cell in line.strip("|").split("|")]
+            for line in body.splitlines()
+            if re.match(r"\| [TF–] ", line)
+        ]
+        found[name] = PrintedPhase(conditions, lines)
+    return found
+
+
+class Reader:
+    """Follows one leg with the printed truth table only."""
+
+    def __init__(self, table: GaitTable) -> None:
+        self.table = table
+        self.printed = read_truth_table(truth_table(table))
+        self.open_for: dict[str, int] = {}
+        self.visited: set[tuple[str, int]] = set()
+
+    def next_phase(self, source: str, found: Measurements) -> tuple[str, str]:
+        """Next phase and cause by the one row that fits."""
+        conditions, rows = self.printed[source]
+        truth = ["T" if self._true(source, text, found) else "F" for text in conditions]
+        fitting = [
+            number
+            for number, row in enumerate(rows)
+            if all(mark in ("–", value) for mark, value in zip(row, truth, strict=False))
+        ]
+        assert len(fitting) == 1, (source, truth, fitting)
+        self.visited.add((source, fitting[0]))
+        target, cause = rows[fitting[0]][len(conditions) :]
+        return (source, "") if target == "stays" else (target, cause)
+
+    def _true(self, source: str, text: str, found: Measurements) -> bool:
+        if text.startswith("`"):
+            atom = parse_guard(text.strip("`"), self.table.joints, self.table.phase_names)
+            return holds(atom, found.signals, found.other_phase)
+        stay = re.fullmatch(r"in the phase for ([\d.]+) s or longer", text)
+        if stay:
+            return found.tick >= round(float(stay.group(1)) / TICK)
+        cause, target, ticks = re.fullmatch(r"guard of (\S+) to (\S+) true for (\d+) ms .*", text).groups()
+        (item,) = (
+            entry
+            for entry in self.table.transitions
+            if (entry.source, entry.target, entry.cause) == (source, target, cause)
+        )
+        self.open_for[text] = self.open_for.get(text, 0) + 1 if holds(item.guard, *found_parts(found)) else 0
+        return self.open_for[text] >= int(ticks)
+
+
+def found_parts(found: Measurements) -> tuple[Any, str | None]:
+    return found.signals, found.other_phase
+
+
+def comparisons_of(item: Guard) -> list[Comparison]:
+    if isinstance(item, (AllOf, AnyOf)):
+        return [found for inner in item.guards for found in comparisons_of(inner)]
+    return [item] if isinstance(item, Comparison) else []
+
+
+def lively_value(table: GaitTable, name: str, rng: np.random.Generator) -> float:
+    """A value of a signal, mostly close to a threshold it is compared with."""
+    atoms = [atom for entry in table.transitions for atom in comparisons_of(entry.guard)]
+    near = [atom.threshold for atom in atoms if name in (atom.signal, atom.minus)]
+    if near and rng.random() < 0.9:
+        return float(rng.choice(near) + rng.choice([-1.0, 1.0]) * rng.choice([0.01, 0.1, 3.0, 30.0]))
+    return float(rng.uniform(-40.0, 80.0))
+
+
+@each_table
+def test_state_machine_does_what_the_printed_truth_table_says(table: GaitTable) -> None:
+    rng = np.random.default_rng(5)
+    reader = Reader(table)
+    machine = GaitStateMachine(table, Side.LEFT)
+    names = all_signal_names(table.joints)
+    signals = {name: lively_value(table, name, rng) for name in names}
+    tick, taken, other = 1, set(), table.phase_names[0]
+    every = set(range(len(table.transitions)))
+    for step in range(60_000):
+        if step >= 5000 and taken == every:
+            break
+        change = 0.03 if step < 5000 else 0.2  # what is still missing wants many signals in a rare place
+        for name in names:
+            if rng.random() < change:
+                signals[name] = lively_value(table, name, rng)
+        if rng.random() < change:
+            other = str(rng.choice(table.phase_names))
+        signals[OWN_TIME] = (tick - machine.entry_tick) * TICK
+        found = Measurements(dict(signals), other)
+        source = machine.phase
+        expected = reader.next_phase(source, found)
+        own, opposite = found.leg(table.joints), found.leg(table.joints, "other.")
+        switch = machine.step(tick, own, opposite, other, signals[OTHER_TIME])
+        assert (machine.phase, "" if switch is None else switch.cause) == expected
+        if switch is not None:
+            taken.add(switch.transition)
+            reader.open_for = {}
+        tick += 1 if rng.random() < 0.98 else 400
+    assert taken == every
+    assert len(reader.visited) > 0.6 * sum(len(item.rows) for item in reader.printed.values())
+
+
+def independent_outcome(table: GaitTable, logic: PhaseLogic, truth: dict[Any, bool]) -> int:
+    """First exit that is due, by recursion over the guard's tree on truths."""
+
+    def true(item: Guard) -> bool:
+        if isinstance(item, AllOf):
+            return all(true(inner) for inner in item.guards)
+        if isinstance(item, AnyOf):
+            return any(true(inner) for inner in item.guards)
+        return truth[item]
+
+    minimum = table.phases[logic.phase].minimum_ticks
+    for index, item in enumerate(table.transitions):
+        waits = [Held(index, item.debounce_ticks)] if item.debounce_ticks > 1 else []
+        waits += [] if item.time_out_ticks is None else [Stay(item.time_out_ticks)]
+        waits += [Stay(minimum)] if minimum else []
+        if item.source == logic.phase and true(item.guard) and all(truth[wait] for wait in waits):
+            return index
+    return NO_TRANSITION
+
+
+@each_table
+def test_every_possible_combination_is_in_exactly_one_row(table: GaitTable) -> None:
+    """Brute force over all combinations of truth."""
+    for name in table.phase_names:
+        logic = PhaseLogic(table, name)
+        rows = logic.rows()
+        for truth in itertools.product((True, False), repeat=len(logic.conditions)):
+            fitting = [row for row in rows if all(truth[k] is value for k, value in row.truth.items())]
+            if not logic.possible(dict(enumerate(truth))):
+                continue
+            assert len(fitting) == 1
+            known = dict(zip(logic.conditions, truth, strict=True))
+            assert fitting[0].transition == logic.outcome(truth) == independent_outcome(table, logic, known)
+
+
+def test_conditions_that_exclude_each_other_need_no_rows() -> None:
+    """Beyond 20° is beyond 10° too, and the other leg is not in two phases at once."""
+    table = nested_table()
+    logic = PhaseLogic(table, "stance")
+    place = {str(item): k for k, item in enumerate(logic.conditions)}
+    near, far = place["hip.angle_deg > 10"], place["hip.angle_deg > 20"]
+    assert not logic.possible({far: True, near: False})
+    assert logic.possible({far: False, near: True})
+    both = {place["other.phase in [stance]"]: True, place["other.phase in [swing]"]: True}
+    assert not logic.possible(both)
+    assert logic.possible(dict.fromkeys(both, False))  # a leg alone is in neither
+    late, later = (logic.conditions.index(Stay(ticks)) for ticks in (40, 300))
+    assert not logic.possible({later: True, late: False})
+
+
+def test_differences_are_recognised_in_either_order() -> None:
+    forth = guard("hip.angle_deg - other.hip.angle_deg > 4")
+    back = guard("other.hip.angle_deg - hip.angle_deg > -4")
+    logic = PhaseLogic(two_phase_table(transition("stance", "swing", AnyOf(guards=(forth, back)))), "stance")
+    assert not logic.possible({0: True, 1: True})
+    assert logic.possible({0: False, 1: False})  # on the very threshold
+    assert logic.possible({0: True, 1: False})
+
+
+def test_a_time_on_its_threshold_is_possible() -> None:
+    """After 50 ticks a time-out of 0.05 s is over and "longer than 0.05 s" is not yet true."""
+    longer, shorter = guard("time_in_phase_s > 0.05"), guard("time_in_phase_s < 0.05")
+    exits = (
+        transition("stance", "swing", AnyOf(guards=(longer, shorter)), cause="early"),
+        transition("stance", "swing", None, cause="time_out", time_out_ticks=50),
+    )
+    logic = PhaseLogic(two_phase_table(*exits), "stance")
+    assert logic.conditions == (longer, shorter, Stay(50))
+    assert logic.possible({0: False, 1: False, 2: True})
+    assert not logic.possible({0: False, 1: False, 2: False})
+    assert not logic.possible({0: True, 2: False})
+    assert not logic.possible({1: True, 2: True})
+
+
+def test_phase_with_very_many_conditions_lists_its_exits_in_order() -> None:
+    atoms = tuple(guard(f"hip.velocity_deg_per_s - other.hip.velocity_deg_per_s > {k}") for k in range(13))
+    table = two_phase_table(
+        transition("stance", "swing", AnyOf(guards=(AllOf(guards=atoms[:7]), atoms[7])), cause="some"),
+        transition("stance", "swing", AllOf(guards=atoms[8:]), cause="rest", debounce_ticks=4),
+    )
+    text = truth_table(table)
+    assert "| ((A and B and C and D and E and F and G) or H) | swing " in text
+    assert "| N and (I and J and K and L and M) " in text
+    assert "| otherwise " in text
+
+
+def test_phase_that_is_never_left_says_so() -> None:
+    assert "never left" in truth_table(one_phase_table())
+    assert "| hold |" in transition_table(one_phase_table())
+
+
+@each_table
+def test_tables_are_the_same_text_every_time(table: GaitTable) -> None:
+    again = dataclasses.replace(table, description="another description")
+    assert truth_table(table) == truth_table(again)
+    assert transition_table(table) == transition_table(again)
+
+
+def edited(change: Callable[[GaitTable], GaitTable]) -> tuple[str, str]:
+    table = nested_table()
+    return truth_table(table), truth_table(change(table))
+
+
+def with_transition(index: int, **changes: Any) -> Callable[[GaitTable], GaitTable]:
+    def change(table: GaitTable) -> GaitTable:
+        items = list(table.transitions)
+        items[index] = dataclasses.replace(items[index], **changes)
+        return dataclasses.replace(table, transitions=tuple(items))
+
+    return change
+
+
+def with_phase(**changes: Any) -> Callable[[GaitTable], GaitTable]:
+    return lambda table: dataclasses.replace(table, phases={**table.phases, "swing": phase(**changes)})
+
+
+def with_joint(**changes: Any) -> Callable[[GaitTable], GaitTable]:
+    return with_phase(joints={"hip": impedance(), "knee": impedance(**changes)})
+
+
+def swapped(table: GaitTable) -> GaitTable:
+    first, second, *rest = table.transitions
+    return dataclasses.replace(table, transitions=(second, first, *rest))
+
+
+EDITS: dict[str, Callable[[GaitTable], GaitTable]] = {
+    "threshold": with_transition(4, guard=guard("hip.angle_deg < 5.001")),
+    "debounce": with_transition(0, debounce_ticks=4),
+    "time-out": with_transition(3, time_out_ticks=301),
+    "cause": with_transition(2, cause="contralateral"),
+    "order": swapped,
+    "stiffness": with_joint(stiffness=100.001),
+    "damping": with_joint(damping=20.001),
+    "damping ratio": with_joint(damping=None, damping_ratio=0.7),
+    "equilibrium": with_joint(equilibrium_angle=0.2001),
+    "gain": with_joint(friction_compensation_gain=0.351),
+    "gravity share": with_phase(gravity_compensation=0.01),
+    "minimum duration": with_phase(minimum_ticks=1),
+    "blending": lambda table: dataclasses.replace(table, blending=Blending(duration_ticks=61)),
+    "one side": lambda table: dataclasses.replace(table, side_phases={Side.LEFT: {"swing": phase()}}),
+    "carried mass": lambda table: dataclasses.replace(table, scaling=Scaling(carried_mass=36.5)),
+    "speed": lambda table: dataclasses.replace(table, scaling=Scaling(speed=0.4, speed_exponent=0.1)),
+}
+
+
+@pytest.mark.parametrize("change", list(EDITS.values()), ids=list(EDITS))
+def test_any_edit_of_a_table_shows_in_its_truth_table(change: Callable[[GaitTable], GaitTable]) -> None:
+    before, after = edited(change)
+    assert before != after
+
+
+@each_table
+def test_transition_table_has_a_row_for_each_transition(table: GaitTable) -> None:
+    rows = transition_table(table).splitlines()[6:]
+    assert len(rows) == len(table.transitions)
+    for item in table.transitions:
+        (row,) = (
+            line
+            for line in rows
+            if all(f" {word} " in line for word in (item.source, item.target, item.cause))
+        )
+        assert item.is_time_out or f"`{item.guard}`" in row
+        if item.time_out_ticks is not None:
+            assert f" {item.time_out_ticks * TICK:g} " in row
+
+
+def test_names_of_a_table_cannot_break_markdown() -> None:
+    odd = two_phase_table(transition("stance", "swing", "hip.angle_deg > 1", cause="a | b\n<b>"))
+    for text in (truth_table(odd), transition_table(odd)):
+        assert "a \\| b &lt;b>" in text
+        assert "<b>" not in text
+
+
+# -- drawing --------------------------------------------------------------------------------------
+
+
+def texts(svg: str) -> list[str]:
+    return ["".join(item.itertext()) for item in ElementTree.fromstring(svg).iter(f"{SVG}text")]
+
+
+@each_table
+def test_drawing_shows_phases_causes_thresholds_and_parameters(table: GaitTable) -> None:
+    shown = "\n".join(texts(state_diagram_svg(table)))
+    for name, parameters in table.phases.items():
+        assert name.replace("_", " ") in shown
+        for joint in parameters.joints.values():
+            assert f"{math.degrees(joint.equilibrium_angle):.4g}°".replace("-", "−") in shown
+            assert f"{math.radians(joint.stiffness):.4g}" in shown
+    for item in table.transitions:
+        assert item.cause.replace("_", " ") in shown
+        for atom in comparisons_of(item.guard):
+            # A long condition goes on in the next line.
+            assert f"{atom.operator} {atom.threshold:g}".replace("-", "−") in shown.replace("\n", " ")
+
+
+@each_table
+def test_drawing_has_an_arrow_for_each_way_and_dashes_time_outs(table: GaitTable) -> None:
+    root = ElementTree.fromstring(state_diagram_svg(table))
+    drawn = [item.get("class") for item in root.iter(f"{SVG}path") if "arrow" in (item.get("class") or "")]
+    guarded = {(item.source, item.target) for item in table.transitions if not item.is_time_out}
+    timed = {(item.source, item.target) for item in table.transitions if item.is_time_out}
+    assert drawn.count("arrow") == len(guarded)
+    assert drawn.count("arrow time-out") == len(timed)
+
+
+@each_table
+def test_everything_lies_inside_the_drawing(table: GaitTable) -> None:
+    root = ElementTree.fromstring(state_diagram_svg(table))
+    left, top, width, height = (float(part) for part in root.attrib["viewBox"].split())
+    for item in root.iter(f"{SVG}text"):
+        assert left <= float(item.attrib["x"]) <= left + width
+        assert top <= float(item.attrib["y"]) <= top + height
+
+
+class Drawn(NamedTuple):
+    """What a reader of a drawing sees: boxes, texts with where they are, and points along the arrows."""
+
+    boxes: list[Rectangle]
+    texts: list[tuple[str, Rectangle]]
+    arrows: np.ndarray
+
+
+_WIDTHS = {
+    "name": (15.0, "semibold"),
+    "title": (17.0, "semibold"),
+    "cause": (13.0, "semibold"),
+    "faint": (12.0, "normal"),
+}
+
+
+def drawn(table: GaitTable) -> Drawn:
+    """Read a drawing back; letters are as wide as in DejaVu Sans, the widest of its fonts."""
+    root = ElementTree.fromstring(state_diagram_svg(table))
+    boxes, texts, points = [], [], []
+    for item in root.iter(f"{SVG}rect"):
+        x, y, width, height = (float(item.get(key)) for key in ("x", "y", "width", "height"))
+        if item.get("class") == "box":
+            boxes.append(Rectangle(x + width / 2.0, y + height / 2.0, width, height))
+    for item in root.iter(f"{SVG}text"):
+        content = "".join(item.itertext())
+        size, weight = _WIDTHS.get(item.get("class", ""), (13.0, "normal"))
+        font = FontProperties(family="DejaVu Sans", size=size, weight=weight)
+        width = TextPath((0.0, 0.0), content, prop=font).get_extents().width if content else 0.0
+        x, y = float(item.get("x")), float(item.get("y"))
+        x -= {"middle": width / 2.0, "end": width}.get(item.get("text-anchor", ""), 0.0)
+        if content:
+            texts.append((content, Rectangle(x + width / 2.0, y - 0.3 * size, width, 0.8 * size)))
+    for item in root.iter(f"{SVG}path"):
+        if "arrow" in item.get("class", ""):
+            numbers = np.array(re.findall(r"-?[\d.]+", item.get("d")), dtype=float).reshape(3, 2)
+            share = np.linspace(0.0, 1.0, 200)[:, None]
+            weights = (1 - share) ** 2, 2 * share * (1 - share), share**2
+            points.append(sum(w * p for w, p in zip(weights, numbers, strict=True)))
+    return Drawn(boxes, texts, np.concatenate(points))
+
+
+@each_table
+def test_nothing_in_a_drawing_lies_on_anything(table: GaitTable) -> None:
+    found = drawn(table)
+    assert len(found.boxes) == len(table.phases)
+    assert not any(overlap(a, b) for a, b in itertools.combinations(found.boxes, 2))
+    for (first, a), (second, b) in itertools.combinations(found.texts, 2):
+        assert not overlap(a, b), f"{first!r} on {second!r}"
+    for text, place in found.texts:
+        half = np.array([place.width, place.height]) / 2.0
+        crossed = (np.abs(found.arrows - [place.x, place.y]) < half).all(axis=1)
+        assert not crossed.any(), f"an arrow through {text!r}"
+        for box in found.boxes:
+            inside = (
+                abs(place.x - box.x) + half[0] <= box.width / 2.0 and abs(place.y - box.y) < box.height / 2.0
+            )
+            assert inside or not overlap(place, box), f"{text!r} on a box"
+
+
+def overlap(a: Rectangle, b: Rectangle) -> bool:
+    return abs(a.x - b.x) < (a.width + b.width) / 2 and abs(a.y - b.y) < (a.height + b.height) / 2
+
+
+@pytest.mark.parametrize("count", range(1, 13))
+def test_boxes_on_the_ring_do_not_touch(count: int) -> None:
+    boxes = ring(count, 296.0, 100.0)
+    assert len(boxes) == count
+    assert not any(overlap(a, b) for a, b in itertools.combinations(boxes, 2))
+
+
+@each_table
+def test_arrows_begin_and_end_just_outside_their_boxes(table: GaitTable) -> None:
+    boxes = ring(len(table.phases), 296.0, 100.0)
+    groups = arrow_groups(table)
+    for group, curve in zip(groups, arrows(groups, boxes), strict=True):
+        for box, point in ((boxes[group.source], curve.start), (boxes[group.target], curve.end)):
+            outside = max(abs(point.x - box.x) - box.width / 2, abs(point.y - box.y) - box.height / 2)
+            assert outside == pytest.approx(7.0)
+
+
+def test_phases_of_a_table_have_colours_of_their_own() -> None:
+    for table in TABLES.values():
+        assert len(set(phase_colours(table).values())) == len(table.phases)
+
+
+def test_names_of_a_table_cannot_break_the_drawing() -> None:
+    odd = one_phase_table()
+    odd = dataclasses.replace(odd, name='<script>"&\x07', phases={"a<b & c": phase()})
+    shown = texts(state_diagram_svg(odd))
+    assert '<script>"&\ufffd' in shown
+    assert "1 a<b & c" in shown
+
+
+def test_mermaid_has_every_transition_and_no_character_that_it_reads_as_syntax() -> None:
+    for table in TABLES.values():
+        head, *lines = state_diagram_mermaid(table).splitlines()
+        assert head == "stateDiagram-v2"
+        labelled = [line.split(": ", 1) for line in lines if " --> " in line and ": " in line]
+        assert len(labelled) == len(table.transitions)
+        for (path, label), item in zip(labelled, table.transitions, strict=True):
+            source, target = (part.strip() for part in path.split("-->"))
+            if all("_" in name for name in table.phase_names):
+                assert (source, target) == (item.source, item.target)
+            assert not set(re.sub(r"#\d+;", "", label)) & set(":;<>#\"'{}%|")
+
+
+def test_mermaid_gives_phases_named_like_its_own_words_other_identifiers() -> None:
+    odd = dataclasses.replace(one_phase_table(), phases={'end "it"': phase()})
+    text = state_diagram_mermaid(odd)
+    assert 'state "end #34;it#34;" as phase_1' in text
+    assert "[*] --> phase_1" in text
+
+
+# -- command --------------------------------------------------------------------------------------
+
+
+def twin_gait_diagram(*arguments: str) -> int:
+    parser = argparse.ArgumentParser()
+    command.add_parser(parser.add_subparsers())
+    parsed = parser.parse_args(["diagram", *arguments])
+    return int(parsed.run(parsed))
+
+
+def test_command_prints_a_format(capsys: pytest.CaptureFixture[str]) -> None:
+    table = TABLES["treadmill"]
+    for words, text in (
+        ([], transition_table(table)),
+        (["--format", "truth"], truth_table(table)),
+        (["--format", "svg"], state_diagram_svg(table)),
+        (["--format", "mermaid"], state_diagram_mermaid(table)),
+    ):
+        assert twin_gait_diagram("treadmill", *words) == 0
+        assert capsys.readouterr().out == text
+
+
+def test_command_writes_all_formats_into_a_folder(tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "drawings"
+    assert twin_gait_diagram("sup_2009", "--out", str(folder)) == 0
+    names = {"sup_2009.svg", "sup_2009.mmd", "sup_2009_transitions.md", "sup_2009_truth.md"}
+    assert {path.name for path in folder.iterdir()} == names
+    assert (folder / "sup_2009_truth.md").read_text("utf-8") == truth_table(TABLES["sup_2009"])
+
+
+def test_command_does_not_replace_files_unless_told(tmp_path: Path) -> None:
+    standing = tmp_path / "sup_2009_truth.md"
+    standing.write_text("mine")
+    with pytest.raises(TwinGaitError, match="--force"):
+        twin_gait_diagram("sup_2009", "--out", str(tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ["sup_2009_truth.md"]
+    assert twin_gait_diagram("sup_2009", "--out", str(tmp_path), "--force", "--format", "truth") == 0
+    assert standing.read_text("utf-8") == truth_table(TABLES["sup_2009"])
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_command_reads_a_file_and_refuses_what_is_no_table(tmp_path: Path) -> None:
+    with pytest.raises(TwinGaitError, match=r"moonwalk: neither .* treadmill.* nor a file"):
+        twin_gait_diagram("moonwalk")
+    broken = tmp_path / "broken.yaml"
+    broken.write_text("schema_version: 1\njoints: [hip]\nphases: {}\n")
+    with pytest.raises(TwinGaitError, match=r"broken\.yaml: phases") as caught:
+        twin_gait_diagram(str(broken), "--out", str(tmp_path / "never"))
+    assert len(str(caught.value).splitlines()) == 1
+    assert not (tmp_path / "never").exists()
+
+
+def test_folder_that_cannot_be_made_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(TwinGaitError, match="cannot be made"):
+        twin_gait_diagram("treadmill", "--out", str(tmp_path / "file" / "folder"))

@@ -1,0 +1,283 @@
+"""Runs with a wearer who acts: what his torques are, what they do, and that both engines say so."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from twin_gait import RunStatus, load_experiment, simulate
+from twin_gait.core.wearer import EFFORT, passive_hip_torque, passive_knee_torque
+from twin_gait.exceptions import ParameterError
+from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
+from twin_gait.simulation import Run
+from twin_gait.simulation.columns import WORK_SOURCES
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.wearing import LOWEST_POSTURE, POSTURE_STEP, POSTURES
+from twin_gait.vocabulary import JointName, Side
+
+# A leg in the air, from its swing on, stepped in Python so that nothing is compiled.
+BENCH = (
+    "engine=pinocchio",
+    "patient={mass_kg: 70, height_m: 1.75, sex: male, effort_delay_ms: 0}",
+    "scenario.start_phase=swing_flexion",
+    "duration_s=0.4",
+)
+STIFF = "patient.both={hip: {passive: 1}, knee: {passive: 1}}"
+EAGER = "patient.both={hip: {effort: 0.8}, knee: {effort: 0.5, strength: 0.6}}"
+SPASTIC = (
+    "patient.both={hip: {stretch_reflex_gain_Nms_per_rad: 2}, knee: {stretch_reflex_gain_Nms_per_rad: 3}}"
+)
+ALL = (
+    "patient.both={hip: {passive: 1, contracture_deg: 6, effort: 0.5},"
+    " knee: {passive: 1.2, stretch_reflex_gain_Nms_per_rad: 2, "
+    "stretch_reflex_threshold_deg_per_s: 30, effort: 0.5}}"
+)
+SAFE = "control.safety.enabled=false"  # a trip would end the motion that is looked at
+
+
+def experiment(*settings: str) -> Experiment:
+    return load_experiment("bench_leg", [*BENCH, *settings]).experiment
+
+
+def bench(*settings: str) -> Run:
+    return simulate(experiment(*settings))
+
+
+def torque(log: pd.DataFrame, joint: str) -> np.ndarray:
+    return log[f"right_{joint}_patient_torque_Nm"].to_numpy()
+
+
+def angles(log: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
+    return log["right_hip_angle_rad"].to_numpy(), log["right_knee_angle_rad"].to_numpy()
+
+
+def same_log(first: Run, second: Run) -> None:
+    pd.testing.assert_frame_equal(first.log, second.log, check_exact=True)
+
+
+@pytest.fixture(scope="module")
+def without() -> Run:
+    """The same leg worn by mass alone."""
+    return bench()
+
+
+# ---------------------------------------------------------------- what acts
+
+
+def test_passive_torque_in_the_log_is_the_law_at_the_posture_of_the_tick():
+    log = bench(STIFF).log
+    hip, knee = angles(log)
+    expected = [passive_hip_torque(*pair) for pair in zip(hip, knee, strict=True)]
+    assert_allclose(torque(log, "hip"), expected, rtol=1e-12)
+    expected = [passive_knee_torque(*pair, 0.0) for pair in zip(hip, knee, strict=True)]
+    assert_allclose(torque(log, "knee"), expected, rtol=1e-12)
+
+
+def test_contracture_resists_as_if_the_joint_were_further_extended():
+    log = bench("patient.right={hip: {passive: 1, contracture_deg: 8}, knee: {passive: 2}}").log
+    hip, knee = angles(log)
+    shifted = hip - np.radians(8.0)
+    expected = [passive_hip_torque(*pair) for pair in zip(shifted, knee, strict=True)]
+    assert_allclose(torque(log, "hip"), expected, rtol=1e-12)
+    expected = [2.0 * passive_knee_torque(*pair, 0.0) for pair in zip(shifted, knee, strict=True)]
+    assert_allclose(torque(log, "knee"), expected, rtol=1e-12)
+
+
+def test_spastic_muscles_act_beyond_the_speed_of_the_catch_only():
+    log = bench(SPASTIC).log
+    speed = log["right_knee_velocity_rad_per_s"].to_numpy()
+    assert np.abs(speed).max() > 1.5
+    expected = -3.0 * np.sign(speed) * np.maximum(np.abs(speed) - 1.0, 0.0)
+    assert_allclose(torque(log, "knee"), expected, rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("delay", [0, 1, 60])
+def test_effort_is_looked_up_in_phase_and_posture_of_the_delay_before(delay):
+    """By brute force: the table of the phase, interpolated by numpy at the hip angle that many ticks ago."""
+    asked = experiment(EAGER, f"patient.effort_delay_ms={delay}")
+    moments = build_problem(asked).wearer.moments
+    log = simulate(asked).log
+    names = list(asked.table.phase_names)
+    phases = [names.index(name) for name in log["right_phase"]]
+    postures = LOWEST_POSTURE + POSTURE_STEP * np.arange(POSTURES)
+    for number, (joint, share) in enumerate((("hip", 0.8), ("knee", 0.5 * 0.6))):
+        wanted = [
+            share * np.interp(hip, postures, moments[number, phase])
+            for hip, phase in zip(log["right_hip_angle_rad"], phases, strict=True)
+        ]
+        given = torque(log, joint)
+        assert_array_equal(given[:delay], 0.0)
+        assert_allclose(given[delay:], wanted[: len(log) - delay], rtol=1e-9, atol=1e-12)
+        assert given[delay] != 0.0
+
+
+def test_effort_is_that_of_the_nearest_healthy_instant():
+    """The reference at 0.5 km/h in swing flexion (62 to 75 % of the cycle), searched instant by instant."""
+    from twin_gait.measures.reference import reference_curve
+    from twin_gait.measures.winter1991_moments import normative_moment
+
+    asked = experiment(EAGER)
+    moments = build_problem(asked).wearer.moments
+    phase = list(asked.table.phase_names).index("swing_flexion")
+    instants = [62.0 + 0.26 * i for i in range(51)]
+    hips = [float(reference_curve(JointName.HIP, p, speed=0.5 / 3.6, height=1.75)) for p in instants]
+    for posture in (0, 13, 18, 25, 40):
+        angle = np.radians(-30.0 + 2.0 * posture)
+        nearest = min(range(51), key=lambda i: (abs(hips[i] - angle), i))
+        expected = 70.0 * float(normative_moment("knee", np.array(instants[nearest])))
+        assert moments[1, phase, posture] == pytest.approx(expected, rel=1e-9)
+
+
+def test_leg_in_the_air_makes_no_stance_moment_and_a_supported_one_its_share():
+    stance = slice(0, 3)
+    assert not build_problem(experiment(EAGER)).wearer.moments[:, stance].any()
+    full, half = (
+        build_problem(
+            load_experiment("treadmill", [EAGER, f"scenario.support.share={share}"]).experiment
+        ).wearer.moments
+        for share in (0.0, 0.5)
+    )
+    assert full[:, stance].any()
+    assert_allclose(half[:, stance], 0.5 * full[:, stance], rtol=1e-12)
+    assert_array_equal(half[:, 3:], full[:, 3:])
+
+
+def test_weakness_scales_what_is_given():
+    rows = build_problem(experiment(EAGER)).wearer.conditions
+    assert_allclose(rows[:, EFFORT], [0.8, 0.3], rtol=1e-15)
+
+
+# ---------------------------------------------------------------- nothing given, nothing changed
+
+
+@pytest.mark.parametrize(
+    "idle",
+    [
+        "patient.both={hip: {effort: 1, strength: 0}, knee: {effort: 0}}",
+        "patient.both={knee: {stretch_reflex_gain_Nms_per_rad: 5, stretch_reflex_threshold_deg_per_s: 9000}}",
+        "patient.left={hip: {passive: 1, effort: 1}, knee: {passive: 1}}",  # the other leg is on the stand
+    ],
+)
+def test_wearer_who_gives_nothing_changes_no_bit(without, idle):
+    same_log(bench(idle), without)
+
+
+def test_muscles_without_strength_are_passive_ones_bit_for_bit():
+    passive = bench(STIFF)
+    weak = bench("patient.both={hip: {passive: 1, effort: 1, strength: 0}, knee: {passive: 1}}")
+    same_log(passive, weak)
+
+
+def test_effort_moves_the_leg(without):
+    changed = bench(EAGER)
+    assert np.abs(changed.log["right_hip_angle_rad"] - without.log["right_hip_angle_rad"]).max() > 0.01
+
+
+# ---------------------------------------------------------------- draws
+
+
+def test_noise_of_the_effort_is_drawn_from_the_seed():
+    settings = (EAGER, "patient.effort_noise=0.2", "duration_s=0.1")
+    first, again, other = (bench(*settings, f"seed={seed}") for seed in (3, 3, 4))
+    same_log(first, again)
+    assert (first.log["right_hip_patient_torque_Nm"] != other.log["right_hip_patient_torque_Nm"]).any()
+
+
+def test_noise_of_the_effort_leaves_that_of_the_sensors_alone_and_has_the_size_asked_for():
+    noisy = ("sensors={ideal: false, angle_noise_deg: 0.02}", "duration_s=20", EAGER)
+    quiet = build_problem(experiment(*noisy))
+    loud = build_problem(experiment(*noisy, "patient.effort_noise=0.2"))
+    assert_array_equal(loud.noise, quiet.noise)
+    drawn = loud.wearer.noise
+    assert drawn.shape == (20_000, 2)
+    # 40 000 draws: the mean within five of its deviations, the deviation within five of its own.
+    assert abs(drawn.mean()) < 5.0 * 0.2 / np.sqrt(drawn.size)
+    assert abs(drawn.std() - 0.2) < 5.0 * 0.2 / np.sqrt(2.0 * drawn.size)
+    correlation = np.corrcoef(drawn.ravel(), loud.noise.ravel())[0, 1]
+    assert abs(correlation) < 5.0 / np.sqrt(drawn.size)  # two streams, not one twice
+
+
+# ---------------------------------------------------------------- energy, engines, sides
+
+
+def test_energy_of_the_leg_changes_by_the_work_of_all_sources_with_an_active_wearer():
+    run = bench(ALL, SAFE, "patient.effort_noise=0.1", "integration={method: rk4, step_ms: 0.25}")
+    log = run.log
+    energy = (log["kinetic_energy_J"] + log["potential_energy_J"]).to_numpy()
+    work = log[[f"{name}_work_J" for name in WORK_SOURCES]].to_numpy().sum(axis=1)
+    assert np.abs(log["patient_work_J"]).max() > 0.5
+    moved = np.abs(np.diff(energy)).sum()
+    assert np.abs(energy - energy[0] - work).max() < 1e-7 * moved
+
+
+def test_work_of_the_wearer_is_his_torque_times_the_angle_turned():
+    """Torques are held over a tick, and Runge-Kutta adds speeds up to angles as it adds powers up to work."""
+    log = bench(ALL, SAFE, "patient.effort_noise=0.1", "integration={method: rk4, step_ms: 0.5}").log
+    work = np.zeros(len(log))
+    for joint, angle in zip(("hip", "knee"), angles(log), strict=True):
+        work[1:] += np.cumsum(torque(log, joint)[:-1] * np.diff(angle))
+    assert_allclose(log["patient_work_J"], work, rtol=0.0, atol=1e-9 * np.abs(work).max() + 1e-10)
+
+
+def test_engines_agree_on_a_walk_with_an_active_wearer():
+    """On the treadmill, ankles included: 0.3 s in all columns; every law of the wearer acts."""
+    settings = [ALL, "patient.effort_delay_ms=40", "patient.effort_noise=0.1", "duration_s=0.3", "seed=5"]
+    settings.append("patient.left.knee.effort=0.2")
+    asked = dataclasses.replace(
+        load_experiment("treadmill", settings).experiment,
+        integration=Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3),
+    )
+    logs = [
+        simulate(dataclasses.replace(asked, engine=engine)).log.select_dtypes("number") for engine in Engine
+    ]
+    for side in Side:
+        for joint in ("hip", "knee"):
+            assert np.abs(logs[0][f"{side}_{joint}_patient_torque_Nm"]).max() > 1.0
+    assert list(logs[0]) == list(logs[1])
+    scale = np.maximum(1.0, np.abs(logs[0].to_numpy()).max(axis=0))
+    assert (np.abs(logs[0].to_numpy() - logs[1].to_numpy()) / scale).max() < 1e-9
+
+
+def test_condition_of_one_side_acts_on_that_side_alone():
+    settings = ["patient.left={knee: {passive: 1}}", "duration_s=0.05"]
+    log = simulate(load_experiment("treadmill", settings).experiment).log
+    acting = {name for name in log if name.endswith("patient_torque_Nm") and (log[name] != 0.0).any()}
+    assert acting == {"left_knee_patient_torque_Nm"}
+
+
+def test_dorsiflexed_ankle_bends_the_knee():
+    """The passive knee torque of the treadmill reckons with the ankle of the log, dorsiflexion positive."""
+    settings = ["patient.both={knee: {passive: 1}}", "duration_s=0.2"]
+    log = simulate(load_experiment("treadmill", settings).experiment).log
+    for side in Side:
+        columns = [log[f"{side}_{joint}_angle_rad"] for joint in ("hip", "knee", "ankle")]
+        expected = [passive_knee_torque(*posture) for posture in zip(*columns, strict=True)]
+        assert_allclose(log[f"{side}_knee_patient_torque_Nm"], expected, rtol=1e-12)
+        assert np.abs(columns[2]).max() > 0.01
+
+
+# ---------------------------------------------------------------- refusals
+
+
+def test_effort_needs_the_five_phases():
+    asked = experiment(EAGER)
+    phases = {f"my_{name}": phase for name, phase in asked.table.phases.items()}
+    names = dict(zip(asked.table.phases, phases, strict=True))
+    transitions = tuple(
+        dataclasses.replace(item, source=names[item.source], target=names[item.target])
+        for item in asked.table.transitions
+    )
+    table = dataclasses.replace(asked.table, phases=phases, transitions=transitions, cycles=(), waivers=())
+    scenario = dataclasses.replace(asked.scenario, initial_phase=None)
+    renamed = dataclasses.replace(asked, table=table, scenario=scenario)
+    with pytest.raises(ParameterError, match=r"patient.effort: .*my_early_stance.*set it to 0"):
+        simulate(renamed)
+
+
+def test_passive_wearer_needs_no_particular_phases():
+    asked = experiment(STIFF, "duration_s=0.02")
+    assert simulate(asked).status is RunStatus.COMPLETED

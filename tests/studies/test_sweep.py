@@ -1,0 +1,385 @@
+"""A sweep as a user meets it: specification, checks, folder, resumption, pictures."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from sweep_process import write_spec
+
+from twin_gait import load_experiment, simulate
+from twin_gait.cli import main
+from twin_gait.configuration.documents import dump_yaml
+from twin_gait.exceptions import ParameterFileError, RunDirectoryError
+from twin_gait.report.sweep import cell_means, values_of
+from twin_gait.report.sweep_axes import axis_of, label_of
+from twin_gait.studies.batch import flat_summary, simulate_batch
+from twin_gait.studies.sweep import spec as sweep_spec
+from twin_gait.studies.sweep import store as sweep_store
+from twin_gait.studies.sweep import sweep as sweep_module
+from twin_gait.studies.sweep.chunk import chunk_of, run_chunk
+from twin_gait.studies.sweep.spec import load_sweep, sweep_from_mapping
+from twin_gait.studies.sweep.store import read_table
+from twin_gait.studies.sweep.sweep import check_sweep, run_sweep
+from twin_gait.studies.workers import LocalRunner
+
+HIP = "scenario.start.hip_deg"
+STIFFNESS = "table.phases.early_stance.knee.stiffness_Nm_per_deg"
+EXAMPLE = Path(__file__).parents[2] / "examples" / "sweep.yaml"
+
+
+def assert_same(ours: pd.DataFrame, theirs: pd.DataFrame) -> None:
+    pd.testing.assert_frame_equal(ours, theirs, check_exact=True)
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """A finished sweep of 12 episodes: its specification and its folder."""
+    folder = tmp_path_factory.mktemp("swept")
+    spec = write_spec(folder / "spec.yaml", measures=["right_knee_torque_rms_Nm"])
+    assert main(["sweep", str(spec), "--out", str(folder / "out"), "--workers", "1"]) == 0
+    return spec, folder / "out"
+
+
+def test_a_row_is_what_simulate_gives_with_the_same_settings(swept):
+    table = read_table(swept[1])
+    assert table["episode"].tolist() == list(range(12))
+    row = table.iloc[5]
+    settings = [
+        "duration_s=0.2",
+        "sensors.ideal=false",
+        "sensors.angle_noise_rad=1e-5",
+        f"seed={row['seed']}",
+    ]
+    settings += [f"{key}={float(row[key])!r}" for key in (HIP, STIFFNESS)]
+    alone = flat_summary(simulate(load_experiment("bench_leg", settings).experiment))
+    assert alone["battery_power_mean_W"] > 0.0
+    for name, value in alone.items():
+        assert pd.isna(row[name]) if value is None else row[name] == value, name
+
+
+def test_a_sweep_has_the_table_of_a_batch_of_its_design(swept):
+    sweep = load_sweep(swept[0])
+    batch = simulate_batch(sweep.experiment, sweep.design, seed=sweep.seed).table
+    assert_same(read_table(swept[1]).astype(batch.dtypes), batch)
+
+
+def test_every_repetition_draws_its_own_noise(tmp_path):
+    spec = write_spec(tmp_path / "spec.yaml", samples=2, repetitions=3)
+    table = run_sweep(load_sweep(spec), tmp_path / "out", pictures=False).table
+    assert table[HIP].nunique() == 2
+    assert table["seed"].nunique() == 6
+    assert table.groupby(HIP)["battery_power_mean_W"].nunique().tolist() == [3, 3]
+
+
+def test_metadata_holds_units_version_and_the_whole_specification(swept):
+    spec, out = swept
+    metadata = pq.ParquetFile(out / "table.parquet").schema_arrow.metadata
+    units = json.loads(metadata[b"twin_gait.units"])
+    assert (units[HIP], units[STIFFNESS], units["battery_power_mean_W"]) == ("deg", "N m/deg", "W")
+    assert metadata[b"twin_gait.schema_version"] == b"1"
+    document = json.loads(metadata[b"twin_gait.sweep"])
+    assert sweep_from_mapping(document, "metadata", Path()).sha256 == load_sweep(spec).sha256
+
+
+def test_the_specification_in_the_folder_gives_the_same_sweep(swept, tmp_path):
+    spec, out = swept
+    again = load_sweep(out / "spec.yaml")
+    assert again.sha256 == load_sweep(spec).sha256
+    assert_same(run_sweep(again, tmp_path / "again", pictures=False).table, read_table(out))
+
+
+def test_going_on_with_a_finished_sweep_changes_nothing(swept, capsys):
+    spec, out = swept
+    before = (out / "table.parquet").read_bytes()
+    assert main(["sweep", str(spec), "--out", str(out), "--workers", "1", "--no-pictures"]) == 0
+    assert "12 were there already" in capsys.readouterr().out
+    assert (out / "table.parquet").read_bytes() == before
+
+
+def test_stopping_and_going_on_gives_the_same_table(swept, tmp_path):
+    sweep, out = load_sweep(swept[0]), tmp_path / "out"
+    done = []
+    for _ in range(20):
+        began = len(done)
+        result = run_sweep(
+            sweep,
+            out,
+            chunk_seconds=1e-9,
+            pictures=False,
+            progress=lambda number, total: done.append(number),
+            should_stop=lambda began=began: len(done) > began + 3,
+        )
+        assert len(result.table) >= result.resumed
+        if result.status == "completed":
+            break
+    assert result.resumed > 0
+    assert_same(read_table(out), read_table(swept[1]))
+
+
+def test_parts_are_merged_when_they_are_many(swept, tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep_store, "MOST_PARTS", 3)
+    merged = []
+    merge = sweep_store.SweepStore.merge
+    monkeypatch.setattr(sweep_store.SweepStore, "merge", lambda store: merged.append(merge(store)))
+    table = run_sweep(load_sweep(swept[0]), tmp_path / "out", chunk_seconds=1e-9, pictures=False).table
+    assert len(merged) == 12 // 3 + 1
+    assert_same(table, read_table(swept[1]))
+
+
+def test_rows_that_a_kill_left_in_table_and_parts_count_once(swept, tmp_path):
+    sweep, out = load_sweep(swept[0]), tmp_path / "out"
+    run_sweep(sweep, out, pictures=False)
+    (out / "parts").mkdir()
+    # What a kill between writing the table and removing the parts leaves.
+    (out / "parts" / "00000000-00000011.parquet").write_bytes((out / "table.parquet").read_bytes())
+    assert_same(run_sweep(sweep, out, pictures=False).table, read_table(swept[1]))
+
+
+def test_every_source_of_a_row_is_there() -> None:
+    """A pattern that finds nothing any more would leave an edit unnoticed."""
+    root = Path(sweep_spec.twin_gait.__file__).parent
+    assert [pattern for pattern in sweep_spec.SOURCES if not list(root.glob(pattern))] == []
+
+
+def test_another_sweep_or_other_sources_are_refused(swept, tmp_path, monkeypatch):
+    spec, out = swept
+    with pytest.raises(RunDirectoryError, match="holds another sweep; choose another --out"):
+        run_sweep(load_sweep(spec, ["duration_s=0.3"]), out)
+    monkeypatch.setattr(sweep_spec, "sources_hash", lambda: "edited")
+    with pytest.raises(RunDirectoryError, match="begun by other sources or versions"):
+        run_sweep(load_sweep(spec), out)
+
+
+def test_a_worker_with_other_sources_runs_nothing(swept):
+    chunk = chunk_of(load_sweep(swept[0]), [0, 1])
+    assert len(run_chunk(chunk).rows) == 2
+    result = run_chunk(chunk._replace(sources="edited"))
+    assert result.rows == {} and "a worker has another version of twin_gait" in result.problem
+
+
+def test_a_part_of_another_sweep_or_a_damaged_one_is_named(swept, tmp_path):
+    spec, out = swept[0], tmp_path / "out"
+    run_sweep(load_sweep(spec, ["duration_s=0.1"]), out, pictures=False)
+    table = (out / "table.parquet").read_bytes()
+    (out / "table.parquet").write_bytes((swept[1] / "table.parquet").read_bytes())
+    with pytest.raises(RunDirectoryError, match=r"table\.parquet: belongs to another sweep; remove it"):
+        run_sweep(load_sweep(spec, ["duration_s=0.1"]), out)
+    (out / "table.parquet").write_bytes(table[:-100])
+    with pytest.raises(RunDirectoryError, match=r"table\.parquet: cannot be read .*remove it") as error:
+        run_sweep(load_sweep(spec, ["duration_s=0.1"]), out)
+    assert "\n" not in str(error.value)
+
+
+def test_a_fall_and_a_divergence_are_results(tmp_path):
+    hard = {"plant.stops.stiffness_Nm_per_rad": 1e9, "scenario.start": {"hip_deg": 20, "knee_deg": -20}}
+    spec = write_spec(
+        tmp_path / "spec.yaml", method="list", episodes=[{}, hard], parameters=None, samples=None
+    )
+    result = run_sweep(load_sweep(spec, ["duration_s=0.5"]), tmp_path / "out")
+    assert result.table["status"].tolist() == ["completed", "diverged"]
+    assert result.summary["outcomes"] == {"walked": 1, "diverged": 1}
+    # What is neither a number nor a text is kept as JSON.
+    assert json.loads(result.table["scenario.start"][1]) == hard["scenario.start"]
+
+
+RANGE = {"from": 5, "to": 30}
+BAD = {
+    "unknown key": ({"metod": "grid"}, [], "metod: unknown key; did you mean 'method'"),
+    "unknown method": ({"method": "random"}, [], "method: .*'random'"),
+    "no such experiment": ({"experiment": "moonwalk"}, [], "moonwalk: neither a preset"),
+    "misspelt parameter": (
+        {"parameters": {"scenario.start.hip_dg": RANGE}},
+        [],
+        "episode 0: scenario.*hip_dg: unknown",
+    ),
+    "out of range": (
+        {"method": "grid", "samples": None, "parameters": {"duration_s": [0.1, 0.2, -1]}},
+        [],
+        "episode 2: duration.*-1",
+    ),
+    "phase that is not there": (
+        {
+            "method": "grid",
+            "samples": None,
+            "parameters": {"scenario.start_phase": ["swing_flexion", "flight"]},
+        },
+        [],
+        "episode 1: .*flight",
+    ),
+    "misspelt range": ({"parameters": {HIP: {"from": 5, "too": 6}}}, [], f"parameters.{HIP}: too: unknown"),
+    "falling range": ({"parameters": {HIP: {"from": 5, "to": 4}}}, [], f"parameters.{HIP}: .*from below to"),
+    "not a range": ({"parameters": {HIP: 5}}, [], f"parameters.{HIP}: expected a list.*got 5"),
+    "no parameters": ({"parameters": {}}, [], "parameters: is missing or empty"),
+    "no samples": ({"samples": None}, [], "samples: is missing"),
+    "no count": ({"method": "grid", "samples": None}, [], "parameters: .*expected a count"),
+    "samples of a grid": ({"method": "grid"}, [], "samples: method grid does not use it"),
+    "list of parameters": ({"method": "list", "samples": None}, [], "episodes: is missing"),
+    "both": ({"episodes": [{}]}, [], "episodes: method latin_hypercube does not use it"),
+    "date": ({"parameters": {HIP: ["2026-01-01"]}}, [], "episode 0: scenario.*hip_deg.*2026-01-01"),
+    "negative seed": ({"seed": -1}, [], "seed: .*-1"),
+    "zero repetitions": ({"repetitions": 0}, [], "repetitions: .*0"),
+    "wrong setting": ({"settings": {"patient.mas_kg": 70}}, [], "mas_kg"),
+    "no measure": ({"measures": ["happiness"]}, [], "measures: no measure 'happiness'"),
+    "zero workers": ({}, ["--workers", "0"], "--workers: expected 1 or more, got 0"),
+    "zero chunks": ({}, ["--chunk-seconds", "0"], "--chunk-seconds: expected a number above 0"),
+    "workers and scheduler": (
+        {},
+        ["--workers", "2", "--scheduler", "tcp://h:1"],
+        "--workers: does not go with",
+    ),
+    "wrong --set": ({}, ["--set", "nonsense"], "expected key=value"),
+}
+
+
+@pytest.mark.parametrize(("entries", "options", "message"), BAD.values(), ids=BAD.keys())
+def test_bad_input_is_one_line_status_2_and_nothing_is_written(
+    entries, options, message, tmp_path, monkeypatch, capsys
+):
+    spec = write_spec(tmp_path / "spec.yaml", **entries)
+    monkeypatch.chdir(tmp_path)
+    assert main(["sweep", "spec.yaml", "--out", "out", *options]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("twin-gait: ") and error.count("\n") == 1
+    assert re.search(message, error), error
+    assert list(tmp_path.iterdir()) == [spec]
+
+
+def test_folders_that_are_no_sweeps_are_left_alone(tmp_path, capsys):
+    spec = write_spec(tmp_path / "spec.yaml")
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "cat.png").touch()
+    for target in ("photos", "spec.yaml", "spec.yaml/below"):
+        assert main(["sweep", str(spec), "--out", str(tmp_path / target), "--workers", "1"]) == 2
+        assert capsys.readouterr().err.count("\n") == 1
+    assert [path.name for path in (tmp_path / "photos").iterdir()] == ["cat.png"]
+
+
+def test_workers_check_a_long_sweep_as_this_process_does(tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep_module, "CHECKED_HERE", few := 5)
+    episodes = [{HIP: 10}] * (few + 3)
+    episodes[-2] = {HIP: "high"}
+    spec = write_spec(tmp_path / "spec.yaml", method="list", samples=None, parameters=None, episodes=episodes)
+    sweep = load_sweep(spec)
+
+    class Counting(LocalRunner):
+        chunks = 0
+
+        def run(self, function, items):
+            for item in items:
+                Counting.chunks += 1
+                yield function(item)
+
+    with pytest.raises(ParameterFileError, match=f"episode {few + 1}: .*hip_deg.*'high'"):
+        check_sweep(sweep, Counting())
+    assert Counting.chunks == 2
+
+
+def test_an_experiment_beside_the_specification_is_found_from_any_folder(tmp_path, monkeypatch):
+    document = load_experiment("bench_leg", ["plant.gravity_m_per_s2=3.7"]).document
+    (tmp_path / "moon.yaml").write_text(dump_yaml(document))
+    spec = write_spec(tmp_path / "spec.yaml", experiment="moon.yaml")
+    monkeypatch.chdir("/")
+    assert load_sweep(spec).experiment.plant.gravity == 3.7
+
+
+def test_the_example_is_a_sweep_of_45_walks():
+    sweep = load_sweep(EXAMPLE)
+    assert len(sweep.design) == 45
+    check_sweep(sweep)
+    commented = [
+        line.removeprefix("#   ") for line in EXAMPLE.read_text().splitlines() if line.startswith("#   ")
+    ]
+    text = "\n".join(commented)
+    hypercube, rows = text.split("method: list")
+    rest = {"experiment": "treadmill"}
+    for other in (f"{hypercube}", f"method: list{rows}"):
+        entries = {**rest, **read_yaml_text(other)}
+        check_sweep(sweep_from_mapping(entries, "comment", Path()))
+
+
+def test_the_example_draws_all_that_it_asks_for():
+    sweep = load_sweep(EXAMPLE)
+    # 75 kg, the middle belt, 60 % support: a walk that completes
+    middle = [
+        index for index, row in enumerate(sweep.design) if np.allclose(list(row.values()), (75, 0.36, 0.6))
+    ]
+    (row,) = run_chunk(chunk_of(sweep, middle)).rows.values()
+    assert row["status"] == "completed"
+    assert all(np.isfinite(row[name]) for name in sweep.measures)
+
+
+def test_a_measure_that_cannot_be_drawn_is_named(tmp_path, capsys):
+    wanted = ["right_knee_torque_rms_Nm", "right_stride_time_mean_s"]  # half a second has no stride
+    spec = write_spec(tmp_path / "spec.yaml", measures=wanted)
+    assert main(["sweep", str(spec), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
+    shown = capsys.readouterr().out
+    assert "not drawn, because no completed episode has it: right_stride_time_mean_s\n" in shown
+
+
+def read_yaml_text(text: str) -> dict[str, object]:
+    import yaml
+
+    lines = [line for line in text.splitlines()]
+    lines = [line.split("   draws ")[0].split("   each ")[0] for line in lines]
+    return yaml.safe_load("\n".join(lines))
+
+
+def test_pictures_are_drawn_for_the_share_and_the_measures(swept):
+    names = sorted(path.name for path in (swept[1] / "figures").iterdir())
+    assert names == [
+        "heat_map_right_knee_torque_rms_Nm.png",
+        "heat_map_walked.png",
+        "main_effects_right_knee_torque_rms_Nm.png",
+        "main_effects_walked.png",
+    ]
+
+
+def test_cells_are_the_means_of_their_episodes():
+    rng = np.random.default_rng(5)
+    table = pd.DataFrame({"a": rng.integers(0, 3, 60) * 1.5, "b": rng.choice(["x", "y"], 60)})
+    table["outcome"] = rng.choice(["walked", "hung"], 60, p=[0.7, 0.3])
+    table["m_W"] = rng.standard_normal(60)
+    first, second = axis_of(table, "a"), axis_of(table, "b")
+    found = cell_means(values_of(table, "m_W"), first, second)
+    wanted = table[table["outcome"] == "walked"].pivot_table("m_W", "a", "b", aggfunc="mean")
+    np.testing.assert_allclose(found, wanted.to_numpy(), rtol=1e-12)
+    shares = cell_means(values_of(table, "walked"), first, second)
+    wanted = table.assign(c=table["outcome"] == "walked").pivot_table("c", "a", "b", aggfunc="mean")
+    np.testing.assert_allclose(shares, wanted.to_numpy(dtype=float), rtol=1e-12)
+
+
+def test_bins_hold_every_episode_and_the_last_value():
+    table = pd.DataFrame({"a": np.geomspace(0.1, 10.0, 50)})
+    axis = axis_of(table, "a")
+    assert axis.binned
+    assert axis.places[0] == 0 and axis.places[-1] == len(axis.names) - 1
+    # Equal ratios on a logarithmic range: every bin has as many.
+    counts = np.bincount(axis.places)
+    assert counts.sum() == 50 and counts.max() - counts.min() <= 1
+    assert axis_of(pd.DataFrame({"a": [1.0, 1.0]}), "a") is None
+
+
+LABELS = {
+    "patient.mass_kg": "mass [kg]",
+    "scenario.belt_speed_m_per_s": "belt speed [m/s]",
+    "scenario.belt_speed_km_per_h": "belt speed [km/h]",
+    "scenario.support.share": "support share",
+    "scenario.support.damping_Ns_per_m": "support damping [N s/m]",
+    "table.phases.early_stance.knee.stiffness_Nm_per_deg": "early stance knee stiffness [N m/deg]",
+    "table.blending.duration_ms": "blending duration [ms]",
+    "plant.friction_ratio.hip": "friction ratio hip",
+    "left_hip_torque_rms_Nm": "left hip torque rms [N m]",
+    "left_strides_by_phase": "left strides by phase",
+    "set.duration_s": "duration [s]",
+}
+
+
+@pytest.mark.parametrize(("column", "label"), LABELS.items())
+def test_labels_are_words_with_units(column, label):
+    assert label_of(column) == label

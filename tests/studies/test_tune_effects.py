@@ -1,0 +1,74 @@
+"""What tuning and errors do to the walk: signs and sizes of means over seeds, with intervals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from twin_gait.configuration import load_experiment
+from twin_gait.experiment import Experiment
+from twin_gait.simulation import RunStatus, simulate
+from twin_gait.studies.batch import overridden
+from twin_gait.studies.tune.cases import ANGLE_NOISE, Case, robust_cases
+from twin_gait.studies.tune.parts import part_values
+from twin_gait.studies.tune.walks import QUICK_INTEGRATION
+from twin_gait.vocabulary import Side
+
+SEEDS = range(4)
+WALK = 14.0  # [s]
+NOISE = {"sensors.ideal": False, "sensors.angle_noise_rad": ANGLE_NOISE}
+# Mass is off by a tenth; a loss not much larger than that is called graceful.
+LARGEST_LOSS = 0.15
+PER_SIDE = Path(__file__).parents[1] / "tables" / "stroke_left_per_side.yaml"
+
+
+def walked(experiment: Experiment, case: Case) -> list[dict[str, float | None]]:
+    """Parts of noisy walks, one a seed; a fall fails the test."""
+    noisy = replace(overridden(experiment, {**case.changes, **NOISE}), integration=QUICK_INTEGRATION)
+    runs = [simulate(replace(noisy, seed=seed, duration=WALK)) for seed in SEEDS]
+    assert all(run.status is RunStatus.COMPLETED for run in runs), case.name
+    return [part_values(run) for run in runs]
+
+
+def interval(values: Iterable[float | None]) -> tuple[float, float]:
+    """95 % interval of the mean."""
+    found = np.array(list(values), dtype=float)
+    reach = stats.t.ppf(0.975, len(found) - 1) * found.std(ddof=1) / math.sqrt(len(found))
+    return float(found.mean() - reach), float(found.mean() + reach)
+
+
+def test_legs_tuned_apart_walk_more_alike_after_a_stroke() -> None:
+    """Against the shipped tables, and against the tuned one with the numbers of one leg for both."""
+    shares = {}
+    for name in ("treadmill", "treadmill_normative", str(PER_SIDE)):
+        experiment = load_experiment("treadmill", ["patient=stroke_left", f"table={name}"]).experiment
+        shares[name] = asymmetry(experiment)
+    tuned = experiment.table
+    for side in Side:
+        alike = replace(tuned, phases=tuned.phases_of(side), side_phases={})
+        shares[f"both as the {side}"] = asymmetry(replace(experiment, table=alike))
+    apart = shares.pop(str(PER_SIDE))
+    assert all(apart[1] < low for low, _ in shares.values()), (apart, shares)
+
+
+def asymmetry(experiment: Experiment) -> tuple[float, float]:
+    """95 % interval of the mean difference of the legs."""
+    return interval(parts["asymmetry_pct"] for parts in walked(experiment, Case("nominal", {})))
+
+
+@pytest.mark.parametrize("joint", ["hip", "knee"])
+def test_errors_of_weight_and_friction_degrade_the_walk_gracefully(joint: str) -> None:
+    """Mass ±10 % that nobody tells the device; joints rough, or smooth; gears that rub under load."""
+    experiment = load_experiment("treadmill_normative").experiment
+    cases = {case.name: case for case in robust_cases(experiment)}
+    key = f"{joint}_error_deg"
+    _, nominal = interval(parts[key] for parts in walked(experiment, cases["nominal"]))
+    for name in ("mass −10 %", "mass +10 %", "friction ratio 0.35", "friction ratio 1", "load friction 0.15"):
+        _, worst = interval(parts[key] for parts in walked(experiment, cases[name]))
+        assert worst < (1.0 + LARGEST_LOSS) * nominal, name

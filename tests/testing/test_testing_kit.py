@@ -1,0 +1,380 @@
+"""The test kit for gait tables: on random tables, on broken machines, and its solver by itself."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_tables import tables
+from scipy.optimize import linprog
+from table_builder import JOINTS, guard, phase, transition, two_phase_table
+
+from twin_gait.configuration import packaged_gait_table
+from twin_gait.exceptions import ParameterFileError, RunDirectoryError
+from twin_gait.gait import GaitStateMachine, GaitTable, PhaseSwitch
+from twin_gait.gait.guards import AllOf, AnyOf, Guard
+from twin_gait.testing import TransitionTest, approval_text, transition_tests
+from twin_gait.testing.approval import check_approved, write_approved
+from twin_gait.testing.bounds import ZERO, Bound, feasible, solve
+from twin_gait.testing.edges import MARGIN, edges
+from twin_gait.testing.leaving import Exit, Scenario, decisive
+from twin_gait.testing.truth_table import truth_table
+from twin_gait.vocabulary import Side
+
+
+def rich_table() -> GaitTable:
+    """Something of everything: nested lists, debounce, minimum duration, time-outs, the other leg."""
+    either = AnyOf(guards=(guard("hip.angle_deg < -8"), guard("foot.load_bw > 0.3")))
+    far = guard("other.hip.angle_deg - hip.angle_deg > 10")
+    both = AllOf(guards=(either, guard("other.phase in [stance]"), far))
+    late = AnyOf(guards=(guard("time_in_phase_s > 0.025"), guard("hip.angle_deg < -2")))
+    exits = (
+        transition("stance", "swing", both, cause="ready", debounce_ticks=5),
+        transition("stance", "swing", "knee.angle_deg > 60", cause="bent"),
+        transition("stance", "rest", None, cause="time_out", time_out_ticks=90),
+        transition("swing", "stance", "knee.velocity_deg_per_s < -3", cause="back", time_out_ticks=30),
+        transition("swing", "stance", AllOf(guards=(guard("foot.load_bw > 1"), late)), cause="loaded"),
+        transition("rest", "swing", "other.time_in_phase_s > 0.04", cause="rested", debounce_ticks=2),
+        transition("rest", "stance", guard("other.phase in [swing]"), cause="other", debounce_ticks=3),
+        transition(
+            "rest", "stance", "hip.velocity_deg_per_s - other.hip.velocity_deg_per_s < 0", cause="slower"
+        ),
+    )
+    phases = {"stance": phase(minimum_ticks=20), "swing": phase(minimum_ticks=12), "rest": phase()}
+    return GaitTable(name="rich", joints=JOINTS, phases=phases, transitions=exits)
+
+
+def shadowed_table() -> GaitTable:
+    """Below −1000° the hip is also below −2°, and that exit is listed first."""
+    return two_phase_table(
+        transition("stance", "swing", "hip.angle_deg > 3"),
+        transition("swing", "stance", "hip.angle_deg < -2", cause="behind"),
+    )
+
+
+@cache
+def rich_tests() -> dict[str, TransitionTest]:
+    return {test.name: test for test in transition_tests(rich_table())}
+
+
+def failures(table: GaitTable, machine: Callable[[str], object]) -> list[str]:
+    """Names of the tests of a table that a machine fails."""
+    failed = []
+    for test in transition_tests(table, machine):  # type: ignore[arg-type]
+        try:
+            test.run()
+        except AssertionError:
+            failed.append(test.name)
+    return failed
+
+
+@settings(max_examples=12)
+@given(table=tables())
+def test_machine_of_the_package_passes_on_any_table(table: GaitTable) -> None:
+    tests = transition_tests(table)
+    assert len({test.name for test in tests}) == len(tests)
+    for test in tests:
+        test.run()
+
+
+def test_every_test_of_a_table_without_redundant_conditions_is_decided() -> None:
+    assert [name for name, test in rich_tests().items() if test.undecided] == []
+    for test in rich_tests().values():
+        test.run()
+
+
+def test_only_what_an_exit_above_shadows_is_undecided() -> None:
+    undecided = [test.name for test in transition_tests(shadowed_table()) if test.undecided]
+    assert undecided
+    assert all(name.startswith("swing→stance (never)::") for name in undecided)
+
+
+def test_names_say_transition_and_what_is_shown() -> None:
+    names = {test.name for test in transition_tests(packaged_gait_table("treadmill"))}
+    title = "late_stance→swing_flexion (trailing_limb)::"
+    assert title + "holds just below hip.angle_deg < -2.8" in names
+    assert title + "fires just past other.hip.angle_deg - hip.angle_deg > 5.7" in names
+    assert title + "fires while the other leg is in early_stance" in names
+    assert title + "holds while the other leg is in swing_flexion" in names
+
+
+@pytest.mark.parametrize(
+    "what",
+    [
+        "any: fires by foot.load_bw > 0.3 alone",
+        "all: holds while only other.hip.angle_deg - hip.angle_deg > 10 is missing",
+        "debounce: holds for 4 ticks, fires on tick 5",
+        "debounce: one closed tick starts the count of 5 anew",
+        "minimum duration: open before, fires after 20 ticks",
+        "priority: wins over swing (bent) when both are due",
+        "priority: wins over rest (time_out) when both are due",
+        "clock: 30 ticks for back count from the entry of swing",
+        "clock: 26 ticks for loaded count from the entry of swing",
+        "debounce: 5 ticks are counted anew after bent and the way back",
+        "holds in rest, which it does not leave",
+        "holds without another leg",
+    ],
+)
+def test_kit_shows(what: str) -> None:
+    assert f"stance→swing (ready)::{what}" in rich_tests()
+
+
+def test_edges_lie_a_billionth_beside_the_threshold_typed_here() -> None:
+    """Angles a hair on either side of −8°, five ticks long, when the minimum duration is over."""
+    leave = Exit(rich_table(), 0)
+    entry = next(item for item in decisive(leave.item.guard) if str(item.atom) == "hip.angle_deg < -8")
+    past, below, on = (item for item in edges(leave, entry))
+    assert isinstance(past, Scenario) and isinstance(below, Scenario) and isinstance(on, Scenario)
+    angles = [item.steps[0].vector.signals["hip.angle_deg"] for item in (past, below, on)]
+    assert angles == pytest.approx([-8 - 8e-9, -8 + 8e-9, -8], abs=1e-14)
+    assert angles[0] < angles[2] == -8 < angles[1]
+    assert pytest.approx(1e-9) == MARGIN
+    assert past.expected == (None, None, None, None, 0)
+    assert below.expected == on.expected == (None,) * 5
+    assert past.steps[0].tick == 20
+
+
+def test_condition_that_another_one_implies_is_reported_and_not_passed_over() -> None:
+    implied = AllOf(guards=(guard("hip.angle_deg > 10"), guard("hip.angle_deg > 5")))
+    tests = {
+        test.name: test for test in transition_tests(two_phase_table(transition("stance", "swing", implied)))
+    }
+    title = "stance→swing (stance_to_swing)::"
+    assert tests[title + "fires just past hip.angle_deg > 10"].undecided is None
+    undecided = tests[title + "fires just past hip.angle_deg > 5"].undecided
+    assert undecided is not None and "implied" in undecided
+
+
+def test_each_test_of_transitions_that_are_named_alike_has_a_name_of_its_own() -> None:
+    twice = (
+        transition("stance", "swing", "hip.angle_deg > 10", cause="up"),
+        transition("stance", "swing", "hip.angle_deg > 10", cause="up", debounce_ticks=2),
+    )
+    names = [test.name for test in transition_tests(two_phase_table(*twice))]
+    assert len(set(names)) == len(names)
+    assert any(name.endswith("[2]") for name in names)
+
+
+class ForgivesNaN(GaitStateMachine):
+    """A broken sensor passes in silence."""
+
+    def _refuse_non_finite(self, signals: np.ndarray, other_phase: int) -> None:
+        signals[~np.isfinite(signals)] = 0.0
+
+
+class CountsAllOpenTicks(GaitStateMachine):
+    """A closed tick does not start the debounce anew."""
+
+    def advance(self, tick: int, signals: np.ndarray, other_phase: int) -> PhaseSwitch | None:
+        before = self._debounce.copy()
+        phase = self._index
+        switch = super().advance(tick, signals, other_phase)
+        if self._index == phase:
+            np.maximum(self._debounce, before, out=self._debounce)
+        return switch
+
+
+class NeverResetsItsClock(GaitStateMachine):
+    """Time in the phase is time since the start."""
+
+    def advance(self, tick: int, signals: np.ndarray, other_phase: int) -> PhaseSwitch | None:
+        switch = super().advance(tick, signals, other_phase)
+        self.entry_tick = 0
+        return switch
+
+
+class IgnoresTheOtherLeg(GaitStateMachine):
+    """The other leg is always thought to be in the same phase."""
+
+    def advance(self, tick: int, signals: np.ndarray, other_phase: int) -> PhaseSwitch | None:
+        return super().advance(tick, signals, other_phase if other_phase < 0 else self._index)
+
+
+class ReportsAnotherCause(GaitStateMachine):
+    """The right phase for the wrong reason."""
+
+    def advance(self, tick: int, signals: np.ndarray, other_phase: int) -> PhaseSwitch | None:
+        switch = super().advance(tick, signals, other_phase)
+        return None if switch is None else switch._replace(cause="something")
+
+
+class LeavesWithoutSaying(GaitStateMachine):
+    """The phase changes and no switch is reported."""
+
+    def advance(self, tick: int, signals: np.ndarray, other_phase: int) -> None:
+        super().advance(tick, signals, other_phase)
+
+
+@pytest.mark.parametrize(
+    ("broken", "part"),
+    [
+        (ForgivesNaN, "refuses signals that are NaN"),
+        (CountsAllOpenTicks, "debounce: one closed tick"),
+        (NeverResetsItsClock, "clock: "),
+        (IgnoresTheOtherLeg, "while the other leg is in"),
+        (ReportsAnotherCause, "fires just past"),
+        (LeavesWithoutSaying, "fires just past"),
+    ],
+)
+def test_broken_machine_fails_the_tests_of_what_is_broken(broken: type[GaitStateMachine], part: str) -> None:
+    table = rich_table()
+    failed = failures(table, lambda phase: broken(table, Side.LEFT, initial_phase=phase))
+    assert any(part in name for name in failed), failed
+    assert len(failed) < len(rich_tests())
+
+
+def test_machine_of_the_package_fails_nothing() -> None:
+    table = rich_table()
+    assert failures(table, lambda phase: GaitStateMachine(table, Side.RIGHT, initial_phase=phase)) == []
+
+
+def test_failure_says_tick_phase_expectation_and_measurements() -> None:
+    table = rich_table()
+    test = next(
+        item
+        for item in transition_tests(
+            table, lambda phase: ReportsAnotherCause(table, Side.LEFT, initial_phase=phase)
+        )
+        if "fires just past hip.angle_deg < -8" in item.name
+    )
+    with pytest.raises(
+        AssertionError, match=r"tick 24 in stance: expected .* goes to swing \(ready\)"
+    ) as caught:
+        test.run()
+    assert "goes to swing (something)" in str(caught.value)
+    assert "hip.angle_deg = -8.000000008" in str(caught.value)
+
+
+bounds = st.builds(
+    Bound,
+    upper=st.sampled_from([ZERO, "a", "b", "c", "d"]),
+    lower=st.sampled_from([ZERO, "a", "b", "c", "d"]),
+    limit=st.integers(-6, 9).map(float),
+).filter(lambda item: item.upper != item.lower)
+
+
+@settings(max_examples=200)
+@given(system=st.lists(bounds, min_size=1, max_size=9))
+def test_bounds_have_a_solution_exactly_if_a_linear_program_has_one(system: list[Bound]) -> None:
+    names = ["a", "b", "c", "d"]
+    rows = [[(item.upper == name) - float(item.lower == name) for name in names] for item in system]
+    limits = [item.limit for item in system]
+    program = linprog(np.zeros(4), A_ub=np.array(rows), b_ub=limits, bounds=(None, None), method="highs")
+    found = solve(system)
+    assert (found is not None) is (program.status == 0)
+    if found is not None:
+        values = {ZERO: 0.0, **found}
+        assert all(values[item.upper] - values[item.lower] <= item.limit + 1e-12 for item in system)
+
+
+@settings(max_examples=100)
+@given(system=st.lists(bounds, min_size=1, max_size=9))
+def test_feasible_agrees_with_solve_and_with_strict_bounds_a_whole_apart(system: list[Bound]) -> None:
+    """On whole limits a strict bound excludes as much as one that is tighter by less than 1 / 9."""
+    assert feasible(system) is (solve(system) is not None)
+    strict = [replace(item, strict=True) for item in system]
+    tighter = [replace(item, limit=item.limit - 0.1) for item in system]
+    assert feasible(strict) is (solve(tighter) is not None)
+
+
+def test_strict_bounds_exclude_their_limit() -> None:
+    below, above = Bound("a", ZERO, 5.0, strict=True), Bound(ZERO, "a", -5.0)
+    assert solve([below, above]) is None
+    assert not feasible([below, above])
+    assert feasible([replace(below, limit=math.nextafter(5.0, 6.0)), above])
+    assert solve([replace(below, strict=False), above]) == {"a": 5.0}
+
+
+def test_room_is_kept_from_a_limit() -> None:
+    found = solve([Bound(ZERO, "a", -3.0, room=2.0)], share=1.0)
+    assert found == {"a": 5.0}
+
+
+WALKS = ["bench_leg", "treadmill", "treadmill_normative", "treadmill_start_stop", "osl_walking", "sup_2009"]
+
+
+@pytest.mark.parametrize("name", WALKS)
+def test_rows_of_the_truth_table_cover_every_combination_once(name: str) -> None:
+    """All 2ⁿ combinations of the conditions of a phase, evaluated exit by exit with Python's all and any."""
+    table = packaged_gait_table(name)
+    for part in truth_table(table).phases:
+        exits = [(k, item) for k, item in enumerate(table.transitions) if item.source == part.phase]
+        for combination in itertools.product([True, False], repeat=len(part.conditions)):
+            known = dict(zip(part.conditions, combination, strict=True))
+            fits = [
+                row
+                for row in part.rows
+                if all(truth in (None, has) for truth, has in zip(row.truths, combination, strict=True))
+            ]
+            assert len(fits) == 1
+            due = [
+                k for k, item in exits if is_open(item.guard, known) and is_late(item.time_out_ticks, known)
+            ]
+            assert fits[0].transition == (due[0] if due else None)
+            assert fits[0].next_phase == (table.transitions[due[0]].target if due else part.phase)
+
+
+def is_open(tree: Guard, known: dict[str, bool]) -> bool:
+    if isinstance(tree, AllOf):
+        return all(is_open(inner, known) for inner in tree.guards)
+    if isinstance(tree, AnyOf):
+        return any(is_open(inner, known) for inner in tree.guards)
+    return known[str(tree)]
+
+
+def is_late(ticks: int | None, known: dict[str, bool]) -> bool:
+    return ticks is None or known[f"after {ticks / 1000:g} s"]
+
+
+def edited(**changes: object) -> GaitTable:
+    return replace(rich_table(), **changes)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        edited(
+            transitions=tuple(
+                replace(item, debounce_ticks=item.debounce_ticks + 1) for item in rich_table().transitions
+            )
+        ),
+        edited(transitions=rich_table().transitions[1::-1] + rich_table().transitions[2:]),
+        edited(transitions=rich_table().transitions[:1] + rich_table().transitions[2:]),
+        edited(phases={**rich_table().phases, "swing": phase(minimum_ticks=13)}),
+        edited(phases={**rich_table().phases, "swing": phase(minimum_ticks=12, gravity_compensation=0.1)}),
+        edited(side_phases={Side.LEFT: {"swing": phase(minimum_ticks=14)}}),
+        edited(blending=replace(rich_table().blending, duration_ticks=61)),
+        edited(scaling=replace(rich_table().scaling, speed=0.4)),
+    ],
+    ids=["debounce", "order", "exit", "minimum duration", "gravity", "side", "blending", "scaling"],
+)
+def test_approved_text_notices_an_edit(table: GaitTable, tmp_path: Path) -> None:
+    path = tmp_path / "new" / "rich.md"
+    write_approved(path, approval_text(rich_table()))
+    assert check_approved(path, approval_text(rich_table())) is None
+    problem = check_approved(path, approval_text(table))
+    assert problem is not None
+    assert any(line.startswith("+") for line in problem.splitlines()[2:]) or "\n-" in problem
+
+
+def test_approved_text_is_the_same_for_the_same_table() -> None:
+    assert approval_text(rich_table()) == approval_text(rich_table())
+    assert "| 0 | stance | swing | ready |" in approval_text(rich_table())
+
+
+def test_missing_or_unreadable_approved_text_is_told(tmp_path: Path) -> None:
+    problem = check_approved(tmp_path / "none.md", "")
+    assert problem is not None and "no approved text yet" in problem
+    (tmp_path / "bytes.md").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ParameterFileError, match=r"bytes\.md"):
+        check_approved(tmp_path / "bytes.md", "")
+    with pytest.raises(RunDirectoryError):
+        write_approved(tmp_path / "bytes.md" / "inside.md", "")

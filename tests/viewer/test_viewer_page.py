@@ -1,0 +1,584 @@
+"""Pages without a browser: what they hold, how the command line refuses, who may read them."""
+
+import http.client
+import json
+import re
+import socket
+import stat
+import webbrowser
+import zlib
+from base64 import b64decode
+from itertools import combinations
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+import pandas as pd
+import pytest
+from example_robots import JOINTS
+from scene_messages import unpacked
+
+from twin_gait import load_experiment, simulate
+from twin_gait.cli import main
+from twin_gait.cli.view import announce
+from twin_gait.exceptions import ParameterFileError, ViewerError
+from twin_gait.leg_model import LegModel
+from twin_gait.palette import (
+    EVENT_COLOUR,
+    EVENT_ON_DARK,
+    EXTENSION_COLOUR,
+    FLEXION_COLOUR,
+    HELD_COLOUR,
+    JOINT_COLOURS,
+    LIMIT_COLOUR,
+    PHASE_COLOURS,
+    REFERENCE_COLOUR,
+    SIDE_COLOURS,
+    SIDE_COLOURS_ON_DARK,
+    TORQUE_COLOURS,
+    WORK_COLOURS,
+    phase_colour,
+)
+from twin_gait.studies.record import load_run, write_run
+from twin_gait.studies.shown_run import ShownRun, page_of, read_shown_run
+from twin_gait.viewer.body import CLOTH
+from twin_gait.viewer.curves import extremes, faithful_curve
+from twin_gait.viewer.figure import ROOT
+from twin_gait.viewer.harness import VEST
+from twin_gait.viewer.motion import frame_rate, leg_values, phase_changes, read_motion
+from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, SCRIPTS, live_page, packed, page_data
+from twin_gait.viewer.page_server import PageServer
+from twin_gait.viewer.picture import BROWSER_VARIABLE, PictureSize, find_browser, take_picture
+from twin_gait.viewer.recorder import Recorder
+from twin_gait.viewer.ropes import MATERIAL as ROPE
+from twin_gait.viewer.scene import View
+from twin_gait.viewer.staging import build_scene
+from twin_gait.viewer.urdf_page import urdf_page
+from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, Side
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory) -> Path:
+    """A short run of the bench leg, as it lies on the disk."""
+    folder = tmp_path_factory.mktemp("runs") / "bench"
+    folder.mkdir()
+    settings = ["duration_s=2.0", "engine=pinocchio"]
+    write_run(simulate(load_experiment("bench_leg", settings).experiment), folder, pictures=False)
+    return folder
+
+
+def embedded(page: str) -> dict:
+    found = re.search(r'id="page-data">([^<]*)</script>', page)
+    assert found
+    return json.loads(found[1])
+
+
+def frames_of(entry: dict) -> dict:
+    return json.loads(zlib.decompress(b64decode(entry["frames"])))
+
+
+def curve_of(frames: dict, key: str, leg: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """Ticks and values of a curve, as the script of the page unfolds them."""
+    series = frames["legs"][leg]["series"][key]
+    return np.cumsum(series["steps"]), np.array(series["values"], dtype=float)
+
+
+def entries(phases: list[str]) -> list[dict]:
+    view = View(target=(0.0, 0.0, 0.0), width=1.0, height=1.0)
+    data = page_data(mode="live", title="", subtitle="", missing_meshes=[], view=view, phases=phases,
+                     legs=[], arrows=False)  # fmt: skip
+    return data["phases"]
+
+
+# ---------------------------------------------------------------------------------- what a page holds
+
+
+def test_a_page_has_a_frame_at_every_transition_and_its_numbers_are_the_logs(run_folder: Path) -> None:
+    shown = read_shown_run(run_folder)
+    (entry,) = embedded(page_of([shown], moments=[1.2345]))["runs"]
+    frames = frames_of(entry)
+    transitions = pd.read_csv(run_folder / "transitions.csv")
+    assert len(transitions) >= 3
+    assert set(transitions["tick"]) <= set(frames["times"])
+    assert 1235 in frames["times"]  # the first row that is not before the moment asked for
+    assert frames["times"][0] == 0 and frames["times"][-1] == len(shown.log) - 1
+    for key, column in (("hip", "angle_rad"), ("hip_torque", "motor_torque_Nm"),
+                        ("hip_impedance", "impedance_torque_Nm"),
+                        ("hip_friction_compensation", "friction_compensation_torque_Nm"),
+                        ("hip_gravity_compensation", "gravity_compensation_torque_Nm")):  # fmt: skip
+        ticks, seen = curve_of(frames, key)
+        assert set(frames["times"]) <= set(ticks.tolist())
+        values = shown.log[f"right_hip_{column}"].to_numpy()[ticks]
+        expected = np.degrees(values) if key == "hip" else values
+        np.testing.assert_allclose(seen, expected, rtol=0.0, atol=5.1e-5)
+
+
+@pytest.mark.parametrize("frames_per_second", [30.0, 10.0, 1.0])
+def test_curves_have_the_peaks_of_the_log_however_few_frames_there_are(
+    run_folder: Path, frames_per_second: float
+) -> None:
+    log = read_shown_run(run_folder).log
+    model = read_shown_run(run_folder).experiment.build_world().model
+    curves = read_motion(log, model, frames_per_second=frames_per_second).legs[Side.RIGHT].curves
+    values = leg_values(log, Side.RIGHT)
+    assert set(curves) == set(values) and len(values) >= 8
+    clock = log["time_s"].to_numpy()
+    for key, truth in values.items():
+        drawn = np.interp(clock, *curves[key])
+        # Within 0.2 % of its range everywhere, so every peak above a fifth of it within 1 %.
+        assert np.abs(drawn - truth).max() <= 0.002 * np.ptp(truth) + 1e-9, key
+        assert len(curves[key].times) < len(clock) / 2
+
+
+def test_a_curve_ends_where_the_log_has_no_number() -> None:
+    values = np.array([0.0, 1.0, 2.0, np.nan, np.nan, 5.0, 5.0, 9.0, 5.0])
+    curve = faithful_curve(np.arange(9.0), values, np.array([0, 8]))
+    assert curve.times.tolist() == [0, 2, 3, 4, 5, 6, 7, 8]
+    np.testing.assert_array_equal(np.isnan(curve.values), [False, False, True, True, *4 * [False]])
+
+
+def test_extremes_of_a_span_come_in_their_order() -> None:
+    rows, found = extremes(np.array([[0.0], [7.0], [-2.0], [1.0], [1.0], [3.0], [3.5]]))
+    assert rows.ravel().tolist() == [1, 2, 5, 6]
+    assert found.ravel().tolist() == [7.0, -2.0, 3.0, 3.5]
+
+
+@pytest.fixture(scope="module")
+def tripped(tmp_path_factory) -> Path:
+    """A walk whose left knee encoder freezes."""
+    folder = tmp_path_factory.mktemp("runs") / "tripped"
+    folder.mkdir()
+    settings = ["duration_s=1.6", "faults=[encoder_freeze:left_knee@1.0s]"]
+    write_run(simulate(load_experiment("treadmill", settings).experiment), folder, pictures=False)
+    return folder
+
+
+def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the_run(tripped: Path) -> None:
+    stored = load_run(tripped)
+    trip = stored.trip
+    assert trip is not None and 1.0 <= trip.time < 1.2
+    (entry,) = embedded(page_of([read_shown_run(tripped)]))["runs"]
+    assert [(one["kind"], one["time"]) for one in entry["events"]] == [("fault", 1.0), ("trip", trip.time)]
+    assert entry["events"][1]["text"] == "trip: encoder frozen, left knee"
+    assert entry["outcome"] == stored.outcome == "held"
+    assert [one["label"] for one in entry["phases"]][-1] == "Hold"
+    frames = frames_of(entry)
+    assert {1000, trip.tick} <= set(frames["times"])
+    for leg in frames["legs"]:
+        assert leg["phases"]["codes"][-1] == len(entry["phases"]) - 1
+        assert leg["phases"]["starts"][-1] == trip.time
+    # A run without a trip has neither.
+    (calm,) = embedded(page_of([ShownRun("calm", stored.experiment, stored.log.iloc[:900])]))["runs"]
+    assert calm["events"] == [] and "Hold" not in [one["label"] for one in calm["phases"]]
+
+
+def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:
+    log = pd.DataFrame({"time_s": [0.0, 0.001]})
+    for joint in ("hip", "knee"):
+        log[f"right_{joint}_angle_rad"] = 0.1
+        for part in ("motor", "impedance", "target"):
+            log[f"right_{joint}_{part}_torque_Nm"] = 0.0 if joint == "hip" or part != "target" else 2.0
+    leg = read_motion(log, bench).legs[Side.RIGHT]
+    assert "hip_target" not in leg.curves  # zero all the time
+    np.testing.assert_array_equal(leg.curves["knee_target"].values, 2.0)
+    np.testing.assert_array_equal(leg.curves["hip_impedance"].values, 0.0)
+    assert set(leg.torques) == {"hip", "knee"}
+    assert read_motion(log[["time_s", "right_hip_angle_rad", "right_knee_angle_rad"]], bench).legs[
+        Side.RIGHT
+    ].torques == {}  # fmt: skip
+
+
+def test_frames_of_a_long_run_are_fewer_a_second() -> None:
+    assert frame_rate(20.0) == 30.0
+    assert frame_rate(3600.0) * 3600.0 == pytest.approx(3000.0)
+
+
+def test_changes_of_phase_are_found_on_both_legs() -> None:
+    log = pd.DataFrame({"time_s": [5.0, 5.001, 5.002, 5.003], "left_phase": list("aabb"),
+                        "right_phase": list("abbb")})  # fmt: skip
+    np.testing.assert_allclose(phase_changes(log), [0.001, 0.002], atol=1e-12)
+    assert phase_changes(log[["time_s"]]).size == 0
+
+
+def test_two_runs_get_their_frames_at_the_same_moments(run_folder: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other"
+    other.mkdir()
+    settings = ["duration_s=1.5", "engine=pinocchio", "table.phases.late_stance.hip.equilibrium_deg=-9"]
+    write_run(simulate(load_experiment("bench_leg", settings).experiment), other, pictures=False)
+    first, second = embedded(page_of([read_shown_run(run_folder), read_shown_run(other)]))["runs"]
+    long, short = frames_of(first)["times"], frames_of(second)["times"]
+    assert set(short) - set(long) <= {1499}  # the last row of the shorter run
+    assert [time for time in long if time < 1499] == [time for time in short if time < 1499]
+
+
+def test_phases_are_told_apart_by_letters_too() -> None:
+    assert [one["short"] for one in entries([str(p) for p in GaitPhase])] == ["ES", "MS", "LS", "SF", "SE"]
+    # Where two phases would share their letters all get numbers.
+    assert [one["short"] for one in entries(["stance", "swing", "early_swing"])] == ["1", "2", "3"]
+
+
+def contrast(first: str, second: str) -> float:
+    """Contrast ratio of WCAG 2.2, written from its definition."""
+
+    def luminance(colour: str) -> float:
+        linear = []
+        for start in (1, 3, 5):
+            value = int(colour[start : start + 2], 16) / 255
+            linear.append(value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4)
+        return float(np.dot([0.2126, 0.7152, 0.0722], linear))
+
+    low, high = sorted((luminance(first), luminance(second)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_letters_can_be_read_on_every_phase() -> None:
+    for one in entries([str(phase) for phase in GaitPhase]):
+        assert contrast(one["colour"], one["ink"]) > 4.0, one["label"]
+        assert contrast(one["colour"], one["ink"]) >= contrast(one["colour"], "#ffffff")
+
+
+def light_of(colour: str) -> np.ndarray:
+    """Linear shares of red, green and blue light."""
+    return np.array([(int(colour[i : i + 2], 16) / 255) ** 2.2 for i in (1, 3, 5)])
+
+
+def lab(colour: str) -> np.ndarray:
+    """CIELAB of a colour."""
+    return lab_of_light(light_of(colour))
+
+
+def as_seen_without(cone: str, colour: str) -> np.ndarray:
+    """CIELAB of a colour as seen without one kind of cone (Viénot, Brettel and Mollon 1999)."""
+    linear = light_of(colour)
+    to_lms = np.array(
+        [[17.8824, 43.5161, 4.11935], [3.45565, 27.1554, 3.86714], [0.0299566, 0.184309, 1.46709]]
+    )
+    drop = {"red": [[0, 2.02344, -2.52581], [0, 1, 0], [0, 0, 1]],
+            "green": [[1, 0, 0], [0.494207, 0, 1.24827], [0, 0, 1]]}[cone]  # fmt: skip
+    return lab_of_light(np.clip(np.linalg.inv(to_lms) @ np.array(drop) @ to_lms @ linear, 0.0, 1.0))
+
+
+def lab_of_light(seen: np.ndarray) -> np.ndarray:
+    xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]) @ seen
+    f = np.cbrt(xyz / np.array([0.9505, 1.0, 1.089]))
+    return np.array([116 * f[1] - 16, 500 * (f[0] - f[1]), 200 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("cone", ["red", "green"])
+def test_phase_colours_differ_for_colour_blind_people(cone: str) -> None:
+    seen = {phase: as_seen_without(cone, phase_colour(str(phase))) for phase in PHASE_COLOURS}
+    for first, second in combinations(PHASE_COLOURS, 2):
+        # A difference of 2.3 is just noticeable; side by side in a band it takes several times that.
+        assert np.linalg.norm(seen[first] - seen[second]) > 9.0, (first, second)
+
+
+MEANINGS = {
+    "phase": {str(phase): phase_colour(str(phase)) for phase in (*GaitPhase, STAND, FIRST_SWING)},
+    "further phase": {str(k): phase_colour("of a user", k) for k in range(3)},
+    "side": {str(side): colour for side, colour in SIDE_COLOURS.items()},
+    "joint": {str(joint): colour for joint, colour in JOINT_COLOURS.items()},
+    "arrow": {"flexion": FLEXION_COLOUR, "extension": EXTENSION_COLOUR},
+    "torque": dict(TORQUE_COLOURS),
+    "work": dict(WORK_COLOURS),
+    "line": {"reference": REFERENCE_COLOUR, "limit": LIMIT_COLOUR},
+    "event": {"hold": EVENT_COLOUR, "held": HELD_COLOUR},
+}
+ON_DARK = MEANINGS | {
+    "side": {str(side): colour for side, colour in SIDE_COLOURS_ON_DARK.items()},
+    "event": {"hold": EVENT_ON_DARK},
+}
+
+
+@pytest.mark.parametrize("meanings", [MEANINGS, ON_DARK], ids=["light", "dark"])
+def test_no_two_meanings_share_a_colour(meanings: dict[str, dict[str, str]]) -> None:
+    named = {(group, name): colour for group, one in meanings.items() for name, colour in one.items()}
+    assert len(named) >= 30
+    for (first, here), (second, there) in combinations(named.items(), 2):
+        apart = np.linalg.norm(lab(here) - lab(there))
+        # 2.3 is just noticeable; side by side six times that is another colour to anybody.
+        assert apart > 14.0, (first, second)
+
+
+@pytest.mark.parametrize("cone", ["red", "green"])
+@pytest.mark.parametrize("meanings", [MEANINGS, ON_DARK], ids=["light", "dark"])
+def test_what_stands_together_differs_for_colour_blind_people(cone: str, meanings: dict) -> None:
+    for group in ("side", "joint", "arrow", "torque", "work"):
+        for first, second in combinations(meanings[group].values(), 2):
+            apart = np.linalg.norm(as_seen_without(cone, first) - as_seen_without(cone, second))
+            assert apart > 9.0, (group, first, second)
+
+
+def test_the_page_has_the_colours_of_the_palette_and_legs_the_colours_of_sides(run_folder: Path) -> None:
+    page = page_of([read_shown_run(run_folder)])
+    (entry,) = embedded(page)["runs"]
+    (leg,) = entry["legs"]
+    assert (leg["colour"], leg["dark"]) == (SIDE_COLOURS[Side.RIGHT], SIDE_COLOURS_ON_DARK[Side.RIGHT])
+    assert [arc["colour"] for arc in entry["arcs"]] == [FLEXION_COLOUR, EXTENSION_COLOUR]
+    # The page's own furniture borrows none of them.
+    style = page[page.index("<style>") : page.index("</style>")].lower()
+    assert EVENT_COLOUR.lower() in style and EVENT_ON_DARK.lower() in style
+    for group in ("phase", "side", "torque", "arrow"):
+        for colour in (*MEANINGS[group].values(), *ON_DARK[group].values()):
+            assert colour.lower() not in style
+
+
+def test_the_floor_that_a_dark_page_darkens_is_in_the_scene(worn_twin: LegModel) -> None:
+    recorder = Recorder()
+    build_scene(recorder, worn_twin)
+    assert any(c["type"] == "set_object" and c["path"] == FLOOR for c in recorder.commands())
+
+
+def test_harness_and_trunk_stand_out_by_night() -> None:
+    script = (PAGE_FOLDER / "stage.js").read_text(encoding="utf-8")
+    found = re.search(r"NIGHT = \{ top: \[([^]]*)\]", script)
+    assert found
+    night = "#" + "".join(f"{round(255 * float(share)):02x}" for share in found[1].split(","))
+    for material, least in ((VEST, 3.0), (CLOTH, 4.5), (ROPE, 2.5)):
+        shown = "#" + "".join(f"{round(255 * share):02x}" for share in material.colour)
+        assert contrast(shown, night) > least
+
+
+def test_every_script_of_the_page_is_in_it_and_nothing_else_lies_beside_them() -> None:
+    folder = Path(__file__).parents[2] / "twin_gait" / "viewer" / "page"
+    assert {path.name for path in folder.glob("*.js")} == set(SCRIPTS)
+
+
+def test_a_live_page_takes_a_panel_after_its_own_script() -> None:
+    page = live_page(
+        style="#knobs { top: 0 }", panel='<div id="knobs"></div>', script="'</script>'", socket=None
+    )
+    assert page.index("#knobs {") < page.index("</style>")
+    assert '<div id="knobs"></div>' in page and '"socket":null' in page
+    assert "\\x3c/script>" in page.rsplit("<script>", 1)[1]  # it cannot end its own element
+    assert page.index("window.twinGait =") < page.index("\\x3c/script>")
+
+
+def test_packing_is_lossless() -> None:
+    content = bytes(range(256)) * 9
+    assert zlib.decompress(b64decode(packed(content))) == content
+
+
+# ---------------------------------------------------------------------------------- runs written earlier
+
+
+def test_a_run_can_be_seen_after_its_urdf_has_changed(run_folder: Path, tmp_path: Path) -> None:
+    old = tmp_path / "old"
+    old.mkdir()
+    for path in run_folder.iterdir():
+        (old / path.name).write_bytes(path.read_bytes())
+    text = (old / "experiment.yaml").read_text()
+    (old / "experiment.yaml").write_text(re.sub(r"urdf_sha256: \w{64}", f"urdf_sha256: {'0' * 64}", text))
+    with pytest.raises(ParameterFileError, match="urdf_sha256"):
+        load_run(old)
+    shown = read_shown_run(old)
+    assert shown.notes and "URDF" in shown.notes[0]
+    (entry,) = embedded(page_of([shown]))["runs"]
+    assert entry["notes"] == list(shown.notes)
+    assert read_shown_run(run_folder).notes == ()
+
+
+# ---------------------------------------------------------------------------------- command line
+
+
+def fails_in_one_line(capsys, *arguments: str) -> str:
+    capsys.readouterr()
+    try:
+        status = main(["view", *arguments])
+    except SystemExit as leave:
+        status = leave.code
+    said = capsys.readouterr()
+    assert status == 2
+    assert said.out == "" and said.err.count("\n") == 1 and "Traceback" not in said.err
+    return said.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["RUN", "RUN", "RUN"], "one run or two"),
+        (["RUN", "nowhere"], "nowhere"),
+        (["RUN", "--at", "9", "--png", "NEW"], "0 to 1.999"),
+        (["RUN", "--at", "-1", "--png", "NEW"], "--at"),
+        (["RUN", "--at", "nan", "--png", "NEW"], "--at"),
+        (["RUN", "--at", "soon"], "soon"),
+        (["RUN", "--png", "NEW", "--size", "large"], "1600x1000"),
+        (["RUN", "--png", "NEW", "--size", "10x10"], "200 to 4000"),
+        (["RUN", "--png", "NEW", "--size", "1600x99999"], "200 to 4000"),
+        (["RUN", "--size", "800x600"], "--png"),
+        (["RUN", "--out", "OLD"], "--force"),
+        (["RUN", "--out", "FOLDER"], "directory"),
+        (["RUN", "--png", "FOLDER/nowhere/a.png"], "no directory"),
+        (["twin.urdf", "--png", "NEW", "--at", "1"], "run directory"),
+        (["twin.urdf", "--png", "NEW", "--size", "10x10"], "200 to 4000"),
+        (["twin.urdf", "--out", "OLD"], "--force"),
+        (["twin.urdf", "--up", "w"], "--up"),
+        (["RUN", "--up", "y"], "is for a URDF"),
+        (["twin.urdf", "RUN"], "URDF"),
+        (["RUN", "--port", "-1"], "65535"),
+        (["RUN", "--speed", "nan"], "--speed"),
+    ],
+)
+def test_wrong_values_give_one_line_and_no_file(
+    arguments: list[str], words: str, run_folder: Path, tmp_path: Path, capsys
+) -> None:
+    old = tmp_path / "old.html"
+    old.write_text("old")
+    names = {"RUN": str(run_folder), "NEW": str(tmp_path / "new"), "OLD": str(old)}
+    filled = [names.get(word, word.replace("FOLDER", str(tmp_path))) for word in arguments]
+    assert words in fails_in_one_line(capsys, *filled)
+    assert [path.name for path in tmp_path.iterdir()] == ["old.html"] and old.read_text() == "old"
+
+
+def test_a_page_of_two_runs_is_written_and_replaced_only_when_asked(
+    run_folder: Path, tmp_path: Path, capsys
+) -> None:
+    out = tmp_path / "both.html"
+    both = ["view", str(run_folder), str(run_folder), "--out", str(out)]
+    assert main(both) == 0
+    first = out.read_bytes()
+    assert len(embedded(first.decode())["runs"]) == 2
+    assert "exists" in fails_in_one_line(capsys, *both[1:])
+    assert main([*both, "--force"]) == 0
+    assert out.read_bytes() == first
+
+
+def test_a_urdf_has_a_slider_for_each_joint_with_its_axis_and_its_range(tmp_path: Path) -> None:
+    urdf = tmp_path / "slides.urdf"
+    urdf.write_text(JOINTS)
+    (entry,) = embedded(urdf_page(urdf))["runs"]
+    joints = {joint["name"]: joint for joint in entry["joints"]}
+    assert list(joints) == ["turns", "slides", "spins"]
+    np.testing.assert_allclose(joints["turns"]["axis"], [0.0, 0.6, 0.8], atol=1e-12)
+    np.testing.assert_allclose(joints["slides"]["axis"], [1.0, 0.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(joints["spins"]["axis"], [0.0, 0.0, -1.0], atol=1e-12)
+    assert [joint["slides"] for joint in joints.values()] == [False, True, False]
+    assert (joints["turns"]["lower"], joints["turns"]["upper"], joints["turns"]["free"]) == (0.5, 1.5, False)
+    assert (joints["slides"]["lower"], joints["slides"]["upper"]) == (-0.1, 0.3)
+    assert joints["spins"]["free"] and joints["spins"]["upper"] == pytest.approx(np.pi)
+    np.testing.assert_allclose(joints["slides"]["position"], [0.2, 0.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_the_vertical_of_a_urdf_can_be_told(axis: str, tmp_path: Path, capsys) -> None:
+    urdf, out = tmp_path / "post.urdf", tmp_path / "post.html"
+    box = '<visual><geometry><box size="1.1 1.6 0.2"/></geometry></visual>'
+    urdf.write_text(f'<robot name="post"><link name="a">{box}</link></robot>')
+    assert main(["view", str(urdf), "--up", axis, "--out", str(out)]) == 0
+    assert capsys.readouterr().out == f"{out}\n"
+    (entry,) = embedded(out.read_text())["runs"]
+    commands = unpacked(zlib.decompress(b64decode(entry["scene"])))
+    (base,) = (
+        item["matrix"] for item in commands if item["type"] == "set_transform" and item["path"] == ROOT
+    )
+    turn = np.reshape(base, (4, 4)).T[:3, :3]
+    np.testing.assert_allclose(np.linalg.det(turn), 1.0)
+    np.testing.assert_allclose(turn @ np.eye(3)["xyz".index(axis)], [0.0, 0.0, 1.0], atol=1e-9)
+
+
+def test_without_a_browser_a_picture_is_refused_with_the_way_out(
+    run_folder: Path, tmp_path: Path, capsys, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv(BROWSER_VARIABLE, raising=False)
+    monkeypatch.setattr("twin_gait.viewer.picture._MAC_BROWSER", tmp_path / "Chrome")
+    picture = tmp_path / "a.png"
+    said = fails_in_one_line(capsys, str(run_folder), "--png", str(picture))
+    assert "Chromium" in said and BROWSER_VARIABLE in said
+    monkeypatch.setenv(BROWSER_VARIABLE, "no-such-browser")
+    assert "no-such-browser" in fails_in_one_line(capsys, str(run_folder), "--png", str(picture))
+    assert list(tmp_path.iterdir()) == []
+
+
+def stand_in(folder: Path, script: str) -> str:
+    """A program that takes the place of Chromium."""
+    path = folder / "browser"
+    path.write_text(f"#!/bin/sh\n{script}\n")
+    path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [
+        ("exit 0", "did not finish"),
+        ("echo 'x \"twin_gait: WebGL is missing' >&2", "WebGL is missing"),
+        ("echo '\"twin_gait: ready' >&2", "no picture of 640x400"),
+        ("sleep 30", "within 0.5 s"),
+    ],
+)
+def test_a_browser_that_draws_nothing_leaves_the_old_picture(
+    script: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(BROWSER_VARIABLE, stand_in(tmp_path, script))
+    old = tmp_path / "old.png"
+    old.write_bytes(b"old")
+    limit = 0.5 if "sleep" in script else 20.0
+    with pytest.raises(ViewerError, match=words) as caught:
+        take_picture("<html></html>", old, size=PictureSize(640, 400), timeout=limit)
+    assert "\n" not in str(caught.value)
+    assert old.read_bytes() == b"old"
+    assert find_browser() == str(tmp_path / "browser")
+
+
+# ---------------------------------------------------------------------------------- page on this machine
+
+
+def answer(url: str, host: str | None = None, path: str = "/") -> tuple[int, bytes]:
+    parts = urlsplit(url)
+    connection = http.client.HTTPConnection(parts.hostname, parts.port, timeout=5)
+    try:
+        connection.request("GET", f"{path}?{parts.query}", headers={} if host is None else {"Host": host})
+        reply = connection.getresponse()
+        return reply.status, reply.read()
+    finally:
+        connection.close()
+
+
+def test_a_page_is_served_to_this_machine_only_and_gone_afterwards() -> None:
+    with PageServer("<p>é</p>", port=0) as server:
+        parts = urlsplit(server.url)
+        assert parts.hostname == "127.0.0.1"
+        assert answer(server.url) == (200, "<p>é</p>".encode())
+        assert answer(server.url, host=f"elsewhere.example:{parts.port}")[0] == 403
+        assert answer(server.url, path="/etc/passwd")[0] == 404
+    with pytest.raises(ConnectionRefusedError):
+        socket.create_connection(("127.0.0.1", parts.port), timeout=1)
+
+
+def test_a_page_is_for_whoever_has_the_address_with_its_token() -> None:
+    with PageServer("<p>a wearer's walk</p>", port=0) as server, PageServer("b", port=0) as other:
+        bare, foreign = server.url.partition("?")[0], urlsplit(other.url).query
+        for url in (bare, f"{bare}?{foreign}", server.url[:-1], f"{server.url}0"):
+            status, content = answer(url)
+            assert status == 403 and b"walk" not in content, url
+        assert answer(server.url)[0] == 200
+
+
+@pytest.mark.parametrize("screen", ["DISPLAY", "WAYLAND_DISPLAY"])
+def test_the_token_is_in_no_command_line(
+    screen: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What a browser is started with can be read by every user of the machine."""
+    opened: list[str] = []
+    monkeypatch.setenv(screen, ":0")
+    monkeypatch.setattr(webbrowser, "open", opened.append)
+    url = "http://127.0.0.1:7000/?token=0123456789abcdef#t=1&theme=dark"
+    announce(url)
+    assert url in capsys.readouterr().out
+    (given,) = opened
+    assert "0123456789abcdef" not in given
+    page = Path(urlsplit(given).path)
+    assert page.parent.stat().st_mode & 0o077 == 0
+    assert url.replace("&", "&amp;") in page.read_text()
+
+
+def test_a_taken_port_gives_the_next_one() -> None:
+    with PageServer("a", port=0) as first:
+        taken = urlsplit(first.url).port
+        assert taken is not None
+        with PageServer("b", port=taken) as second:
+            port = urlsplit(second.url).port
+            assert port is not None and taken < port < taken + 100
+            assert answer(first.url)[1] == b"a" and answer(second.url)[1] == b"b"
+    with pytest.raises(ViewerError, match="65535"):
+        PageServer("c", port=70000)

@@ -1,0 +1,179 @@
+"""The linear loop of firmware and leg over one frame, as a matrix.
+
+A frame is the time between two samples of the slow velocity: ten ticks of 1 ms. In each tick the firmware
+measures (:func:`twin_gait.core.control_tick.measure_joints`), answers with a torque
+(:func:`twin_gait.core.control_tick.controller_torques`) and holds it, while the leg moves on. Linearised,
+each of these is a matrix; their product over the ticks of a frame is exact, with nothing averaged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import expm
+
+from twin_gait.gait.table import TICK
+
+# Blocks of the state, n joints each: angle, velocity, fast velocity, last angle, angle of the last slow
+# sample; the ring of slow samples follows, newest first.
+ANGLE, VELOCITY, FAST, LAST, DECIMATED, RING = range(6)
+
+# Poles whose real part is five times that of the slowest hardly show in the response (Ogata, Modern Control
+# Engineering, from memory).
+DOMINANCE = 5.0
+_GONE = 1e-6  # an eigenvalue below this leaves nothing after one frame
+_STILL = 1e-4  # [1 / s], rounding of a mode that is zero
+
+
+class LegMotion(NamedTuple):
+    """Motion of a leg over one tick under torques that are held.
+
+    Attributes:
+        free: What angles and velocities before the tick give after it, shape ``(2 n, 2 n)``.
+        driven: What the torques add, shape ``(2 n, n)``.
+    """
+
+    free: np.ndarray
+    driven: np.ndarray
+
+
+def leg_motion(mass: np.ndarray, stiffness: np.ndarray, damping: np.ndarray) -> LegMotion:
+    r"""Motion of a linearised leg over one tick, by one matrix exponential.
+
+    The zero-order hold of :math:`M \ddot q = -K q - D \dot q + \tau`.
+
+    Args:
+        mass: M in [kg m²], armature included, shape ``(n, n)``.
+        stiffness: K, the slope of the leg's own torques over the angles, in [N m] / [rad], shape ``(n, n)``.
+        damping: Diagonal of D, the slope of its friction, in [N m s] / [rad], shape ``(n,)``.
+
+    Returns:
+        The motion.
+    """
+    n = len(damping)
+    inverse = np.linalg.inv(mass)
+    rates = np.zeros((3 * n, 3 * n))
+    rates[:n, n : 2 * n] = np.eye(n)
+    rates[n : 2 * n, :n] = -inverse @ stiffness
+    rates[n : 2 * n, n : 2 * n] = -inverse @ np.diag(damping)
+    rates[n : 2 * n, 2 * n :] = inverse
+    moved = expm(TICK * rates)
+    return LegMotion(moved[: 2 * n, : 2 * n], moved[: 2 * n, 2 * n :])
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearLoop:
+    """Leg and firmware, linearised about a posture and a velocity, for n coupled joints.
+
+    Attributes:
+        motion: Of the leg in a tick.
+        stiffness: k in [N m] / [rad], shape ``(n,)``.
+        damping: b in [N m s] / [rad], on the fast velocity, shape ``(n,)``.
+        gain: G, on the slow velocity, shape ``(n,)``.
+        modelled_friction: Slope of the compensator's friction model in [N m s] / [rad], shape ``(n,)``.
+        feed_forward: Slope of the gravity compensation over the angles in [N m] / [rad], shape ``(n, n)``.
+        fast_gain: Gain of the first-order filter of the fast velocity.
+        decimation: Ticks between two slow samples.
+        window: Slow samples that are averaged.
+    """
+
+    motion: LegMotion
+    stiffness: np.ndarray
+    damping: np.ndarray
+    gain: np.ndarray
+    modelled_friction: np.ndarray
+    feed_forward: np.ndarray
+    fast_gain: float
+    decimation: int
+    window: int
+
+    @property
+    def frame(self) -> float:
+        """Length of a frame in [s]."""
+        return self.decimation * TICK
+
+
+def _block(n: int, row: int) -> slice:
+    return slice(row * n, (row + 1) * n)
+
+
+def _measurement(loop: LinearLoop, decimates: bool) -> np.ndarray:
+    """What the sensors of one tick do to the state; angle and velocity stay."""
+    n, eye = len(loop.stiffness), np.eye(len(loop.stiffness))
+    angle, fast, last, decimated = (_block(n, row) for row in (ANGLE, FAST, LAST, DECIMATED))
+    measures = np.eye((RING + loop.window) * n)
+    measures[fast, fast] = (1.0 - loop.fast_gain) * eye
+    measures[fast, angle] = loop.fast_gain / TICK * eye
+    measures[fast, last] = -loop.fast_gain / TICK * eye
+    measures[last] = measures[angle]
+    if decimates:
+        for sample in range(loop.window - 1, 0, -1):
+            measures[_block(n, RING + sample)] = measures[_block(n, RING + sample - 1)]
+        newest = _block(n, RING)
+        measures[newest] = 0.0
+        measures[newest, angle] = eye / loop.frame
+        measures[newest, decimated] = -eye / loop.frame
+        measures[decimated] = measures[angle]
+    return measures
+
+
+def _response(loop: LinearLoop) -> np.ndarray:
+    """Torque of the controller on the measured state, shape ``(n, n_states)``."""
+    n = len(loop.stiffness)
+    response = np.zeros((n, (RING + loop.window) * n))
+    response[:, _block(n, LAST)] = loop.feed_forward - np.diag(loop.stiffness)
+    response[:, _block(n, FAST)] = -np.diag(loop.damping)
+    for sample in range(loop.window):
+        response[:, _block(n, RING + sample)] = np.diag(loop.gain * loop.modelled_friction) / loop.window
+    return response
+
+
+def transition_matrix(loop: LinearLoop) -> np.ndarray:
+    """Matrix that takes the state from before one slow sample to before the next.
+
+    The first tick of the frame takes a slow sample, the others do not.
+
+    Args:
+        loop: The loop.
+
+    Returns:
+        Shape ``(n_states, n_states)`` with ``(5 + window) n`` states.
+    """
+    n = len(loop.stiffness)
+    leg = np.eye((RING + loop.window) * n)
+    leg[: 2 * n, : 2 * n] = loop.motion.free
+    leg[: 2 * n] += loop.motion.driven @ _response(loop)
+    plain = leg @ _measurement(loop, decimates=False)
+    sampled = leg @ _measurement(loop, decimates=True)
+    return np.asarray(np.linalg.matrix_power(plain, loop.decimation - 1) @ sampled)
+
+
+def spectral_radius(matrix: np.ndarray) -> float:
+    """Largest magnitude of the eigenvalues: below 1 everything decays, above it something grows."""
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
+def effective_damping_ratio(matrix: np.ndarray, frame: float) -> float:
+    r"""Least damping ratio among the dominant oscillations.
+
+    An eigenvalue :math:`\lambda` of the map over a frame :math:`T` is the mode
+    :math:`s = \ln(\lambda) / T` of a continuous system, with the damping ratio
+    :math:`\zeta = -\operatorname{Re}(s) / |s|`. A pair is dominant unless it decays ``DOMINANCE`` times as
+    fast as the slowest mode; this leaves the modes of the filters out.
+
+    Args:
+        matrix: From :func:`transition_matrix`.
+        frame: T in [s].
+
+    Returns:
+        ζ of the dominant pair with the least of it; negative if it grows, 1 if nothing dominant oscillates.
+    """
+    values = np.linalg.eigvals(matrix)
+    modes = np.log(values[np.abs(values) > _GONE].astype(complex)) / frame
+    # A joint without a spring stays where it is: that mode neither decays nor oscillates.
+    modes = modes[np.abs(modes) > _STILL]
+    slowest = float(modes.real.max(initial=-np.inf))
+    pairs = modes[(modes.imag > _STILL) & (modes.real >= min(DOMINANCE * slowest, 0.0))]
+    return float((-pairs.real / np.abs(pairs)).min(initial=1.0))
