@@ -5,7 +5,7 @@ import time
 from pathlib import Path
 from types import SimpleNamespace
 
-from twin_gait.studies.live.session_records import SessionRecorder
+from twin_gait.live.session_records import SessionRecorder
 
 
 def main() -> None:

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from twin_gait.gait import GaitStateMachine, GaitTable
     from twin_gait.leg_model import LegModel
     from twin_gait.parameters import Patient
+    from twin_gait.runs.public import load_run, plot_run, save_run
+    from twin_gait.runs.summary.summary import summarise
     from twin_gait.simulation import Run, RunStatus, simulate
     from twin_gait.studies.batch import simulate_batch
-    from twin_gait.studies.public import load_run, plot_run, save_run
-    from twin_gait.studies.summary.summary import summarise
     from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 __all__ = [
@@ -67,13 +67,13 @@ _HOMES = {
     "TwinGaitError": "exceptions",
     "load_experiment": "configuration",
     "load_gait_table": "configuration",
-    "load_run": "studies.public",
-    "plot_run": "studies.public",
+    "load_run": "runs.public",
+    "plot_run": "runs.public",
     "presets": "configuration",
-    "save_run": "studies.public",
+    "save_run": "runs.public",
     "simulate": "simulation",
     "simulate_batch": "studies.batch",
-    "summarise": "studies.summary.summary",
+    "summarise": "runs.summary.summary",
 }
 
 

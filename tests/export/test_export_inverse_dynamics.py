@@ -22,7 +22,7 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.export import export_inverse_dynamics
 from twin_gait.gait.table import TICK
 from twin_gait.replay.opensim import parse_storage
-from twin_gait.studies.record import load_run
+from twin_gait.runs.record import load_run
 from twin_gait.vocabulary import JointName, Side
 
 SECONDS = 4.0

@@ -7,14 +7,14 @@ import pytest
 from test_live_loop import Rig, say, wait_for
 
 from twin_gait.configuration import load_experiment
+from twin_gait.live.controls import Panel
+from twin_gait.live.forecast import HORIZON, LEAST, foresee
+from twin_gait.live.protocol import Outcome
+from twin_gait.live.session import LiveSession
+from twin_gait.live.settings import loop_numbers
+from twin_gait.live.walk import LiveWalk
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.stepping import SteppedRun
-from twin_gait.studies.live.controls import Panel
-from twin_gait.studies.live.forecast import HORIZON, LEAST, foresee
-from twin_gait.studies.live.protocol import Outcome
-from twin_gait.studies.live.session import LiveSession
-from twin_gait.studies.live.settings import loop_numbers
-from twin_gait.studies.live.walk import LiveWalk
 
 # Of the default treadmill walk: each ends it within seconds, and the check has nothing against any of them.
 FALLS = [

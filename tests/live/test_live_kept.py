@@ -17,19 +17,19 @@ from test_live_loop import Rig, say, wait_for
 from twin_gait.cli.program import main
 from twin_gait.configuration import load_experiment
 from twin_gait.exceptions import RunDirectoryError
+from twin_gait.live import finishing, recovery, session_records
+from twin_gait.live.finishing import complete, complete_all
+from twin_gait.live.journal import Journal, journal_of, locked, read_journal
+from twin_gait.live.loop import PIECE_TICKS
+from twin_gait.live.pieces import AppliedChange, Piece, take_of
+from twin_gait.live.session import LiveSession
+from twin_gait.live.session_records import list_sessions, read_session
+from twin_gait.runs.record import load_run
 from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation import stepping
 from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.stepping import SteppedRun
-from twin_gait.studies.live import finishing, recovery, session_records
-from twin_gait.studies.live.finishing import complete, complete_all
-from twin_gait.studies.live.journal import Journal, journal_of, locked, read_journal
-from twin_gait.studies.live.loop import PIECE_TICKS
-from twin_gait.studies.live.pieces import AppliedChange, Piece, take_of
-from twin_gait.studies.live.session import LiveSession
-from twin_gait.studies.live.session_records import list_sessions, read_session
-from twin_gait.studies.record import load_run
 
 MOST_LOST = 1000  # ticks: a second
 KILLS = 3
@@ -233,8 +233,8 @@ PARENT = """
     import sys, time
     from pathlib import Path
     from twin_gait.configuration import load_experiment
-    from twin_gait.studies.live.protocol import SetControl
-    from twin_gait.studies.live.session import LiveSession
+    from twin_gait.live.protocol import SetControl
+    from twin_gait.live.session import LiveSession
 
     loaded = load_experiment("bench_leg", ["duration_s=60"])
     session = LiveSession(loaded, Path(sys.argv[1]), pictures=False, database=Path(sys.argv[2]))

@@ -19,16 +19,13 @@ import pytest
 from twin_gait.configuration import load_experiment
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.exceptions import ParameterError
-from twin_gait.simulation import simulate
-from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.stepping import SteppedRun
-from twin_gait.studies.live.actions import Actions
-from twin_gait.studies.live.controls import Panel
-from twin_gait.studies.live.deadlines import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
-from twin_gait.studies.live.finishing import run_of
-from twin_gait.studies.live.loop import LiveLoop
-from twin_gait.studies.live.pieces import take_of
-from twin_gait.studies.live.protocol import (
+from twin_gait.live.actions import Actions
+from twin_gait.live.controls import Panel
+from twin_gait.live.deadlines import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
+from twin_gait.live.finishing import run_of
+from twin_gait.live.loop import LiveLoop
+from twin_gait.live.pieces import take_of
+from twin_gait.live.protocol import (
     LARGEST_MESSAGE,
     Action,
     ControlKind,
@@ -42,11 +39,14 @@ from twin_gait.studies.live.protocol import (
     id_of,
     read_message,
 )
-from twin_gait.studies.live.rules import judge, refusal, warnings
-from twin_gait.studies.live.session import LiveSession
-from twin_gait.studies.live.session_records import list_sessions, read_session
-from twin_gait.studies.live.settings import Mode, effect_of, loop_numbers
-from twin_gait.studies.record import load_run
+from twin_gait.live.rules import judge, refusal, warnings
+from twin_gait.live.session import LiveSession
+from twin_gait.live.session_records import list_sessions, read_session
+from twin_gait.live.settings import Mode, effect_of, loop_numbers
+from twin_gait.runs.record import load_run
+from twin_gait.simulation import simulate
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.stepping import SteppedRun
 
 DEGREE = math.pi / 180.0
 
@@ -736,7 +736,7 @@ def begin(folder):
     document = load_experiment("bench_leg", ["duration_s=60"]).document
     setup = {"document": document, "folder": str(folder), "force": False, "pictures": False}
     process = subprocess.Popen(
-        [sys.executable, "-m", "twin_gait.studies.live.process"],
+        [sys.executable, "-m", "twin_gait.live.process"],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1,
     )  # fmt: skip
     process.stdin.write(json.dumps(setup) + "\n")
@@ -792,7 +792,7 @@ PARENT = """
     import sys, time
     from pathlib import Path
     from twin_gait.configuration import load_experiment
-    from twin_gait.studies.live.session import LiveSession
+    from twin_gait.live.session import LiveSession
 
     session = LiveSession(load_experiment("bench_leg", ["duration_s=60"]), Path(sys.argv[1]), pictures=False)
     session.start()

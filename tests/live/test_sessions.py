@@ -17,8 +17,8 @@ import pytest
 from twin_gait.cli import sessions as command
 from twin_gait.cli.program import OneLineParser
 from twin_gait.exceptions import TwinGaitError
-from twin_gait.studies.live import session_records as sessions
-from twin_gait.studies.live.session_records import (
+from twin_gait.live import session_records as sessions
+from twin_gait.live.session_records import (
     SessionError,
     SessionRecorder,
     default_database,

@@ -15,11 +15,11 @@ import pytest
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Engine, Experiment
+from twin_gait.runs.summary.summary import summarise
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.studies import batch
 from twin_gait.studies.batch import BatchResult, overridden, simulate_batch
 from twin_gait.studies.people.outcome_map import Case, draw_map, experiment_of, map_outcomes
-from twin_gait.studies.summary.summary import summarise
 
 FALLING = 4
 LOGS = (1, FALLING)

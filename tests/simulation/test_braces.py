@@ -27,11 +27,11 @@ from twin_gait.replay.opensim import parse_storage
 from twin_gait.report.cycle import draw_angles
 from twin_gait.report.energy import draw_energy
 from twin_gait.report.reference import reference_cycle
+from twin_gait.runs.summary.summary import summarise
 from twin_gait.scenario import World, bracing
 from twin_gait.simulation.columns import BRACED_WORK_SOURCES
 from twin_gait.simulation.pinocchio.plant import PinocchioPlant
 from twin_gait.studies.compare.numbers import numbers_of
-from twin_gait.studies.summary.summary import summarise
 from twin_gait.vocabulary import JointName, Side
 
 FINE = Integration(method=IntegrationMethod.RK4, step=0.1e-3)

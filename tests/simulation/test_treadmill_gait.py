@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from twin_gait import RunStatus, load_experiment, simulate
+from twin_gait.runs.summary.summary import summarise
 from twin_gait.simulation.columns import WORK_SOURCES
-from twin_gait.studies.summary.summary import summarise
 
 SIDES = ("left", "right")
 

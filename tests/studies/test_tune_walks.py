@@ -22,8 +22,8 @@ from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.reference import reference_curve
 from twin_gait.report import tune as pictures
 from twin_gait.report import tune_page
+from twin_gait.runs.summary.summary import summarise
 from twin_gait.simulation import Run, RunStatus, simulate
-from twin_gait.studies.summary.summary import summarise
 from twin_gait.studies.tune import outcome, stages, writing
 from twin_gait.studies.tune.cases import Case, departures
 from twin_gait.studies.tune.parts import FALL, PARTS, part_values

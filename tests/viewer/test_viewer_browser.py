@@ -19,8 +19,8 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.palette import PHASE_COLOURS
-from twin_gait.studies.record import write_run
-from twin_gait.studies.shown_run import ShownRun, page_of, read_shown_run
+from twin_gait.runs.record import write_run
+from twin_gait.runs.shown_run import ShownRun, page_of, read_shown_run
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.recorder import Recorder

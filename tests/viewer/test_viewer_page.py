@@ -39,8 +39,8 @@ from twin_gait.palette import (
     WORK_COLOURS,
     phase_colour,
 )
-from twin_gait.studies.record import load_run, write_run
-from twin_gait.studies.shown_run import ShownRun, page_of, read_shown_run
+from twin_gait.runs.record import load_run, write_run
+from twin_gait.runs.shown_run import ShownRun, page_of, read_shown_run
 from twin_gait.viewer.body import CLOTH
 from twin_gait.viewer.curves import extremes, faithful_curve
 from twin_gait.viewer.figure import ROOT

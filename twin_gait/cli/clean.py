@@ -25,7 +25,7 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """List, ask and remove."""
     from twin_gait.exceptions import RunDirectoryError
-    from twin_gait.studies.folders import abandoned, remove_abandoned
+    from twin_gait.runs.folders import abandoned, remove_abandoned
 
     folder = arguments.folder.expanduser()
     if not folder.is_dir():

@@ -59,11 +59,11 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder and print what it says."""
     from twin_gait.configuration import load_experiment
+    from twin_gait.runs.folders import check_target
     from twin_gait.studies.compare.comparing import ComparisonInterrupted, compare
     from twin_gait.studies.compare.controllers import CONTROLLERS, find_controllers
     from twin_gait.studies.compare.words import paragraphs
     from twin_gait.studies.compare.writing import COMPARISON, PAGE_FILE, write_comparison
-    from twin_gait.studies.folders import check_target
 
     names = list(CONTROLLERS)
     if arguments.controllers is not None:

@@ -11,7 +11,7 @@ from twin_gait.cli.terminal import DONE
 
 if TYPE_CHECKING:
     from twin_gait.conventions import Convention
-    from twin_gait.studies.record import StoredRun
+    from twin_gait.runs.record import StoredRun
 
 DEFAULT_CONVENTION = "opensim_gait2392"
 MODELS = (DEFAULT_CONVENTION, "rajagopal")
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Export the log."""
     from twin_gait.conventions import find_convention
     from twin_gait.exceptions import ParameterError
-    from twin_gait.studies.record import load_run
+    from twin_gait.runs.record import load_run
 
     kind = arguments.format or _format_of(arguments.out, arguments.convention)
     if kind == CSV and arguments.convention is not None:
@@ -96,7 +96,7 @@ def _write_file(stored: StoredRun, path: Path, kind: str, convention: Convention
 def _write_folder(stored: StoredRun, path: Path, convention: Convention, *, device: bool, force: bool) -> int:
     from twin_gait.export import export_inverse_dynamics
     from twin_gait.export.inverse_dynamics import MODEL_FILE, SETUP_FILE
-    from twin_gait.studies.folders import FolderKind, staged_directory
+    from twin_gait.runs.folders import FolderKind, staged_directory
 
     kind = FolderKind("a folder of this command", MODEL_FILE)
     with staged_directory(path, kind, force=force) as staging:

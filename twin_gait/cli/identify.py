@@ -98,7 +98,7 @@ def _add_rig(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write and print."""
     from twin_gait.identification import identify_logs
-    from twin_gait.studies.folders import check_target
+    from twin_gait.runs.folders import check_target
     from twin_gait.studies.identify import (
         COMPENSATOR_FILE,
         IDENTIFICATION,

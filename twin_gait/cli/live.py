@@ -17,7 +17,7 @@ from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED, clear_line, note_c
 
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
-    from twin_gait.studies.live.session import LiveSession
+    from twin_gait.live.session import LiveSession
 
 FIRST_PORT = 7000
 
@@ -55,9 +55,9 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.exceptions import ParameterError
     from twin_gait.experiment import LONGEST_RUN
     from twin_gait.files import private_files
-    from twin_gait.studies.live.protocol import LONGEST_NAME
-    from twin_gait.studies.live.session import LiveSession
-    from twin_gait.studies.live.session_records import default_database
+    from twin_gait.live.protocol import LONGEST_NAME
+    from twin_gait.live.session import LiveSession
+    from twin_gait.live.session_records import default_database
 
     if not 0 <= arguments.port <= 65535:
         raise ParameterError(f"--port: expected 0 to 65535, got {arguments.port}")
@@ -84,7 +84,7 @@ def run(arguments: argparse.Namespace) -> int:
 async def _serve(session: LiveSession, experiment: Experiment, arguments: argparse.Namespace) -> bool:
     """Serve the pages until the walk ends or somebody ends it; True in the second case."""
     from twin_gait.cli.view import announce
-    from twin_gait.studies.live.page import PERIOD, LivePage
+    from twin_gait.live.page import PERIOD, LivePage
 
     ended = asyncio.Event()
     with _ended_by_signals(ended):

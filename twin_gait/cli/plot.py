@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.exceptions import ParameterError
     from twin_gait.report.canvas import save
     from twin_gait.report.figures import available_figures, draw_for_paper
-    from twin_gait.studies.record import FIGURES_FOLDER, load_run
+    from twin_gait.runs.record import FIGURES_FOLDER, load_run
 
     run_shown = load_run(arguments.directory).run
     names = arguments.figures or available_figures(run_shown)

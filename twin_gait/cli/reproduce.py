@@ -50,8 +50,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Make, write and print."""
     from twin_gait.exceptions import ParameterError
     from twin_gait.parameters import require
+    from twin_gait.runs.folders import staged_directory
     from twin_gait.simulation import RunStatus
-    from twin_gait.studies.folders import staged_directory
     from twin_gait.studies.reproduction.recipes import find_recipes
     from twin_gait.studies.reproduction.running import run_recipes
     from twin_gait.studies.reproduction.writing import REPRODUCTION, write_reproduction

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from twin_gait.cli.terminal import DONE
 
 if TYPE_CHECKING:
-    from twin_gait.studies.live.session_records import SessionEntry
+    from twin_gait.live.session_records import SessionEntry
 
 
 def add_parser(commands: Any) -> None:
@@ -47,8 +47,8 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked for with the record."""
-    from twin_gait.studies.live.recovery import recover
-    from twin_gait.studies.live.session_records import default_database
+    from twin_gait.live.recovery import recover
+    from twin_gait.live.session_records import default_database
 
     database = arguments.database or default_database()
     if arguments.act is not _complete:
@@ -59,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _list(arguments: argparse.Namespace, database: Path) -> None:
-    from twin_gait.studies.live.session_records import list_sessions
+    from twin_gait.live.session_records import list_sessions
 
     entries = list_sessions(database, arguments.user)
     for entry in entries:
@@ -85,7 +85,7 @@ def line_of(entry: SessionEntry) -> str:
 
 
 def _show(arguments: argparse.Namespace, database: Path) -> None:
-    from twin_gait.studies.live.session_records import list_sessions, read_session
+    from twin_gait.live.session_records import list_sessions, read_session
 
     found = read_session(database, arguments.session)
     print(next(line_of(item) for item in list_sessions(database) if item.id == arguments.session))
@@ -97,7 +97,7 @@ def _show(arguments: argparse.Namespace, database: Path) -> None:
 
 def _export(arguments: argparse.Namespace, database: Path) -> None:
     from twin_gait.files import write_atomically
-    from twin_gait.studies.live.session_records import read_session
+    from twin_gait.live.session_records import read_session
 
     text = json.dumps(read_session(database, arguments.session), indent=2, ensure_ascii=False) + "\n"
     if arguments.out is None:
@@ -108,15 +108,15 @@ def _export(arguments: argparse.Namespace, database: Path) -> None:
 
 
 def _delete(arguments: argparse.Namespace, database: Path) -> None:
-    from twin_gait.studies.live.session_records import delete_session
+    from twin_gait.live.session_records import delete_session
 
     delete_session(database, arguments.session)
     print(f"session {arguments.session} deleted; its run folders stay")
 
 
 def _complete(arguments: argparse.Namespace, database: Path) -> None:
-    from twin_gait.studies.live.finishing import complete
-    from twin_gait.studies.live.journal import journal_of
+    from twin_gait.live.finishing import complete
+    from twin_gait.live.journal import journal_of
 
     done = complete(journal_of(arguments.folder.expanduser().absolute()))
     print("nothing had been walked" if done is None else done.folder)

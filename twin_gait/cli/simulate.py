@@ -68,10 +68,10 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Simulate and write the run directory."""
     from twin_gait.configuration import load_experiment
+    from twin_gait.runs.folders import staged_directory
+    from twin_gait.runs.record import RUN_DIRECTORY, write_run
     from twin_gait.simulation import RunStatus, simulate
     from twin_gait.studies.accuracy import step_error
-    from twin_gait.studies.folders import staged_directory
-    from twin_gait.studies.record import RUN_DIRECTORY, write_run
 
     settings = list(arguments.settings)
     if arguments.duration is not None:

@@ -27,7 +27,7 @@ def note_abandoned(out: Path | None) -> None:
     Args:
         out: What was written; None stands for a folder in runs.
     """
-    from twin_gait.studies.folders import abandoned
+    from twin_gait.runs.folders import abandoned
 
     parent = Path("runs") if out is None else out.expanduser().absolute().parent
     found = abandoned(parent)

@@ -23,8 +23,8 @@ from twin_gait.exceptions import ParameterError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from twin_gait.runs.shown_run import ShownRun
     from twin_gait.simulation.run import Run
-    from twin_gait.studies.shown_run import ShownRun
     from twin_gait.viewer.picture import PictureSize
 
 _SIZE = re.compile(r"(\d{1,5})[xX×](\d{1,5})")
@@ -59,7 +59,7 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Show or draw the targets."""
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
-    from twin_gait.studies.shown_run import page_of, read_shown_run
+    from twin_gait.runs.shown_run import page_of, read_shown_run
 
     _check(arguments)
     urdfs = [path for path in arguments.targets if path.is_file() or str(path) in PACKAGED_URDFS]
@@ -180,7 +180,7 @@ def _serve(
     dark: bool = False,
 ) -> int:
     """Serve the page until Ctrl-C, or for as long as the run lasts."""
-    from twin_gait.studies.shown_run import page_of
+    from twin_gait.runs.shown_run import page_of
     from twin_gait.viewer.page_server import PageServer
 
     with stop_on_interrupt() as should_stop:
@@ -214,7 +214,7 @@ def show_run(run: Run, *, speed: float = 1.0, repeat: bool = True, port: int = 7
     Returns:
         Exit status.
     """
-    from twin_gait.studies.shown_run import ShownRun
+    from twin_gait.runs.shown_run import ShownRun
 
     name = f"twin_gait · {run.experiment.name}"
     shown = ShownRun(name, run.experiment, run.log, (), run.events, run.verdict.outcome or run.status)

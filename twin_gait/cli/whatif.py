@@ -47,7 +47,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the study, write its folder and print its paragraphs."""
-    from twin_gait.studies.folders import check_target
+    from twin_gait.runs.folders import check_target
     from twin_gait.studies.whatif.page import STUDY, write_report
     from twin_gait.studies.whatif.reports import report_on
     from twin_gait.studies.whatif.work import Interrupted, Means

@@ -17,6 +17,7 @@ from twin_gait.control import Controller
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.parameters import require, require_non_negative, require_positive
+from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.scenario.bench_joint import (
     BENCH_FRICTION,
     HORIZONTAL,
@@ -35,7 +36,6 @@ from twin_gait.simulation.bench_joint import (
     simulate_bench,
 )
 from twin_gait.simulation.run import RunStatus
-from twin_gait.studies.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 
 WEIGHTS = (3.0, 2.5, 2.0, 1.5, 1.0)  # [kg], thesis 2.2.3

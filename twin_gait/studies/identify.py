@@ -20,7 +20,7 @@ from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
 from twin_gait.report.canvas import save
 from twin_gait.report.identification import DrawnModel, DrawnSamples, draw_fits, draw_residuals
-from twin_gait.studies.folders import FolderKind, staged_directory
+from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 
 DOCUMENT_FILE = "identification.json"

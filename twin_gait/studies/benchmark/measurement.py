@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from twin_gait.runs.summary.summary import versions
 from twin_gait.studies.benchmark.contestant import Session
-from twin_gait.studies.summary.summary import versions
 
 Progress = Callable[[int, int], None]
 

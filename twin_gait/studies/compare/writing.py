@@ -16,14 +16,14 @@ from twin_gait.measures.strides import normalise_strides
 from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.compare import COLOURS, Walked, comparison_page, draw_comparison
 from twin_gait.report.reference import reference_cycle
+from twin_gait.runs.folders import FolderKind, staged_directory
+from twin_gait.runs.record import belt_speed_of, describe
+from twin_gait.runs.summary.summary import versions
 from twin_gait.simulation.run import Run
 from twin_gait.studies.compare.comparing import Comparison, summary_rows
 from twin_gait.studies.compare.controllers import CONTROLLERS
 from twin_gait.studies.compare.measures_shown import table_rows
 from twin_gait.studies.compare.words import paragraphs
-from twin_gait.studies.folders import FolderKind, staged_directory
-from twin_gait.studies.record import belt_speed_of, describe
-from twin_gait.studies.summary.summary import versions
 from twin_gait.vocabulary import MOTOR_JOINTS, Side
 
 PAGE_FILE = "compare.html"

@@ -2,8 +2,8 @@
 
 Every case holds the bench leg at one posture with the same k, b and G in hip and knee. The transition
 matrix (:mod:`twin_gait.checking.transition_matrix`) predicts. The *linear run* is the compiled engine on the
-same leg with friction replaced by its slope and a start 1e-5 rad away, judged before anything saturates. The *true
-run* has the friction law, the limits and the stops, and starts 5° away.
+same leg with friction replaced by its slope and a start 1e-5 rad away, judged before anything saturates. The
+*true run* has the friction law, the limits and the stops, and starts 5° away.
 """
 
 from __future__ import annotations

@@ -28,8 +28,8 @@ from twin_gait.replay import (
 )
 from twin_gait.replay.normative import is_normative
 from twin_gait.replay.reading import shifted
+from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.studies.record import EXPERIMENT_FILE, LOG_FILE
 from twin_gait.vocabulary import Side
 
 DEFAULT_TABLE = "treadmill"

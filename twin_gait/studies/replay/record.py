@@ -18,8 +18,8 @@ from twin_gait.replay import Agreement, Replay, agreement
 from twin_gait.replay.strides import meant_cycles, stride_phases
 from twin_gait.report.canvas import save
 from twin_gait.report.replay_figure import ReplayedLeg, draw_replay
-from twin_gait.studies.folders import FolderKind, staged_directory
-from twin_gait.studies.record import SUMMARY_FILE, SWITCHES_FILE
+from twin_gait.runs.folders import FolderKind, staged_directory
+from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE
 from twin_gait.vocabulary import Side
 
 PHASES_FILE = "phases.csv"

@@ -9,8 +9,8 @@ from typing import Any
 from twin_gait import __version__
 from twin_gait.files import finite_or_none, write_atomically
 from twin_gait.report.reproduction import ShownClaim, ShownFigure, page_text
+from twin_gait.runs.folders import FolderKind
 from twin_gait.simulation.run import RunStatus
-from twin_gait.studies.folders import FolderKind
 from twin_gait.studies.reproduction.claim import Claim
 from twin_gait.studies.reproduction.running import Made, ReproductionResult
 

@@ -26,8 +26,8 @@ from twin_gait.measures.strides import (
     root_mean_square_error,
     symmetry_index,
 )
+from twin_gait.runs.summary.summary import summarise
 from twin_gait.simulation import Run
-from twin_gait.studies.summary.summary import summarise
 from twin_gait.vocabulary import JointName, Outcome
 
 WORST = 30.0  # cost of the worst walk that does not fall; the shipped table costs some 6

@@ -11,7 +11,7 @@ from typing import Any
 
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
-from twin_gait.studies.folders import FolderKind, check_target
+from twin_gait.runs.folders import FolderKind, check_target
 from twin_gait.studies.tune.search import Generation
 
 STATE_FILE = "state.json"

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.studies.summary.summary import versions
+from twin_gait.runs.summary.summary import versions
 from twin_gait.studies.validation.check import Check, CheckPlan
 from twin_gait.studies.validation.dynamics import DYNAMICS_CHECKS
 from twin_gait.studies.validation.laws import LAW_CHECKS

@@ -14,7 +14,7 @@ from twin_gait import __version__
 from twin_gait.files import write_atomically
 from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.html_page import html_page, paragraphs, picture_source
-from twin_gait.studies.folders import FolderKind, staged_directory
+from twin_gait.runs.folders import FolderKind, staged_directory
 
 PAGE_FILE = "whatif.html"
 STUDY = FolderKind("a study", PAGE_FILE)

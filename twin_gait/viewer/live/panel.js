@@ -1,6 +1,6 @@
 // The panel of the live page. It draws the controls that the simulation tells of, sends what is set, and shows
 // what became of it: a refusal stands beside its control, which goes back to the value that holds.
-// Messages are those of twin_gait/studies/live/protocol.py; a batch of them comes as one list.
+// Messages are those of twin_gait/live/protocol.py; a batch of them comes as one list.
 "use strict";
 
 (() => {

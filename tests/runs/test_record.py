@@ -1,0 +1,178 @@
+"""The run directory: complete, atomic, readable again."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+import yaml
+
+from twin_gait import load_experiment, simulate
+from twin_gait.exceptions import RunDirectoryError
+from twin_gait.files import write_atomically
+from twin_gait.simulation.columns import LogLayout, unit_of
+from twin_gait.runs.folders import staged_directory
+from twin_gait.runs.record import RUN_DIRECTORY, load_run, trip_time_of, write_run
+from twin_gait.runs.summary.summary import summarise
+
+
+@pytest.fixture(scope="module")
+def run():
+    return simulate(load_experiment("bench_leg", ["duration_s=1.2"]).experiment)
+
+
+@pytest.fixture(scope="module")
+def directory(run, tmp_path_factory):
+    target = tmp_path_factory.mktemp("runs") / "walk"
+    with staged_directory(target, RUN_DIRECTORY) as staging:
+        write_run(run, staging, pictures=False)
+    return target
+
+
+def test_holds_every_file(directory):
+    assert sorted(path.name for path in directory.iterdir()) == [
+        "experiment.yaml",
+        "log.parquet",
+        "summary.json",
+        "transitions.csv",
+    ]
+
+
+def test_log_is_read_back_bit_for_bit(run, directory):
+    log = load_run(directory).log
+    pd.testing.assert_frame_equal(log, run.log, check_exact=True)
+
+
+def test_a_run_is_read_back_with_all_that_it_had(run, directory):
+    again = load_run(directory).run
+    assert (again.table, again.switches, again.trip) == (run.table, run.switches, run.trip)
+    assert (again.status, again.reason, again.wall_s) == (run.status, run.reason, run.wall_s)
+    assert (again.body_weight, again.duration) == (run.body_weight, run.duration)
+    assert summarise(again) == summarise(run)
+
+
+def test_switches_that_the_table_does_not_have_are_refused(directory, tmp_path):
+    broken = tmp_path / "run"
+    shutil.copytree(directory, broken)
+    switches = broken / "transitions.csv"
+    switches.write_text(switches.read_text().replace(",late_stance,", ",last_stance,"))
+    with pytest.raises(RunDirectoryError, match=r"transitions.csv: cannot be read"):
+        _ = load_run(broken).run
+
+
+def test_log_carries_units_schema_version_and_status(directory):
+    metadata = pq.read_schema(directory / "log.parquet").metadata
+    assert metadata[b"twin_gait.schema_version"] == b"1"
+    assert metadata[b"twin_gait.status"] == b"completed"
+    units = json.loads(metadata[b"twin_gait.units"])
+    assert units["right_hip_motor_torque_Nm"] == "N m"
+    assert units["right_knee_stiffness_Nm_per_rad"] == "N m/rad"
+    assert units["right_knee_velocity_rad_per_s"] == "rad/s"
+
+
+def test_every_column_has_a_unit():
+    layout = LogLayout(legs={"left": ("hip",)}, ankles=("left",), feet=("left",), pelvis=True)
+    without = [name for name in layout.names if unit_of(name) == "1"]
+    assert without == ["left_hip_friction_compensation_gain"]
+
+
+def test_transitions_hold_cause_and_angles(run, directory):
+    table = pd.read_csv(directory / "transitions.csv", dtype=str)  # pandas 2 reads numbers to an ulp only
+    assert len(table) == len(run.switches) >= 2
+    first = table.iloc[0]
+    assert first["cause"] == run.switches[0].cause
+    assert float(first["time_s"]) == pytest.approx(run.switches[0].tick * 1e-3)
+    assert float(first["hip_angle_rad"]) == run.log["right_hip_angle_rad"].iloc[run.switches[0].tick]
+
+
+def test_experiment_has_hashes_and_versions(directory):
+    document = yaml.safe_load((directory / "experiment.yaml").read_text())
+    assert len(document["provenance"]["urdf_sha256"]) == 64
+    assert len(document["provenance"]["table_sha256"]) == 64
+    assert {"twin_gait", "pinocchio", "numpy", "python"} <= set(document["provenance"]["versions"])
+
+
+def test_summary_is_strict_json(directory):
+    def refuse(text):
+        raise AssertionError(f"{text} is not JSON")
+
+    json.loads((directory / "summary.json").read_text(), parse_constant=refuse)
+
+
+def test_an_error_inside_leaves_nothing_behind(tmp_path):
+    with pytest.raises(ZeroDivisionError), staged_directory(tmp_path / "walk", RUN_DIRECTORY) as staging:
+        (staging / "half").write_text("half")
+        raise ZeroDivisionError
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_existing_directory_is_refused_and_kept(directory):
+    with (
+        pytest.raises(RunDirectoryError, match="exists; choose another --out"),
+        staged_directory(directory, RUN_DIRECTORY),
+    ):
+        pass
+    assert (directory / "log.parquet").is_file()
+
+
+def test_force_replaces_a_run_but_nothing_else(tmp_path, directory):
+    other = tmp_path / "letters"
+    other.mkdir()
+    (other / "dear.txt").write_text("dear")
+    with (
+        pytest.raises(RunDirectoryError, match="not a run directory"),
+        staged_directory(other, RUN_DIRECTORY, force=True),
+    ):
+        pass
+    assert (other / "dear.txt").read_text() == "dear"
+    run_again = tmp_path / "walk"
+    for text in ("one", "two"):
+        with staged_directory(run_again, RUN_DIRECTORY, force=True) as staging:
+            (staging / "experiment.yaml").write_text(text)
+    assert (run_again / "experiment.yaml").read_text() == "two"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["letters", "walk"]
+
+
+def test_a_folder_that_is_not_a_run_is_refused(tmp_path):
+    with pytest.raises(RunDirectoryError, match=r"not a run directory: it has no experiment\.yaml"):
+        load_run(tmp_path)
+
+
+def test_a_broken_log_is_one_line(tmp_path, directory):
+    for name in ("experiment.yaml", "summary.json"):
+        (tmp_path / name).write_bytes((directory / name).read_bytes())
+    (tmp_path / "log.parquet").write_bytes(b"PAR1 broken")
+    with pytest.raises(RunDirectoryError) as caught:
+        load_run(tmp_path)
+    assert "\n" not in str(caught.value)
+
+
+def test_atomic_write_keeps_the_old_file_when_it_fails(tmp_path):
+    path = tmp_path / "file.txt"
+    write_atomically(path, "old")
+    with pytest.raises(RunDirectoryError):
+        write_atomically(tmp_path / "no" / "such" / "folder.txt", "x")
+    assert path.read_text() == "old"
+    assert [item.name for item in tmp_path.iterdir()] == ["file.txt"]
+
+
+def test_csv_export_has_every_column_and_all_digits(tmp_path, run):
+    from twin_gait.export import export_csv
+
+    export_csv(run.log, tmp_path / "log.csv")
+    table = pd.read_csv(tmp_path / "log.csv", dtype=str)
+    assert list(table.columns) == list(run.log.columns)
+    np.testing.assert_array_equal(
+        table["right_knee_angle_rad"].map(float).to_numpy(), run.log["right_knee_angle_rad"].to_numpy()
+    )
+
+
+def test_the_belt_of_a_log_of_an_earlier_version_has_no_trip():
+    log = pd.DataFrame({"time_s": [0.0, 0.001, 0.002]})
+    assert trip_time_of(log) == math.inf
+    assert trip_time_of(log.assign(safety_state=[0.0, 1.0, 1.0])) == 0.001

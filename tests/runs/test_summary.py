@@ -1,0 +1,294 @@
+"""The summary of a walk whose every measure is known, of a real one-legged run, and of nothing at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pinocchio
+import pytest
+from synthetic_run import (
+    CLEARANCE,
+    CYCLE,
+    DIP,
+    ENERGY_SLIP,
+    HIP_OFFSET,
+    KNEE_AMPLITUDE,
+    LAG,
+    LENGTH,
+    N_STRIDES,
+    PHASE_TICKS,
+    PHASES,
+    STRIDE,
+    SWING,
+    synthetic_experiment,
+    synthetic_run,
+)
+
+import twin_gait
+from twin_gait import load_experiment, simulate
+from twin_gait.gait.table import TICK
+from twin_gait.scenario import TreadmillScenario
+from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.runs.summary.summary import summarise, versions
+
+
+@pytest.fixture(scope="module")
+def walk() -> Run:
+    return synthetic_run()
+
+
+@pytest.fixture(scope="module")
+def summary(walk: Run) -> dict[str, Any]:
+    return summarise(walk)
+
+
+@pytest.fixture(scope="module")
+def bench_run() -> Run:
+    """Long enough for a stride in the air."""
+    return simulate(replace(load_experiment("bench_leg").experiment, duration=3.0))
+
+
+def leaves(value: Any) -> list[Any]:
+    if isinstance(value, dict):
+        return [leaf for item in value.values() for leaf in leaves(item)]
+    return [value]
+
+
+def test_summary_is_json_and_comes_back_equal(summary: dict[str, Any]) -> None:
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+    assert {type(leaf) for leaf in leaves(summary)} <= {int, float, str, bool, type(None)}
+
+
+def test_run_is_described(summary: dict[str, Any]) -> None:
+    assert summary["name"] == "synthetic"
+    assert summary["engine"] == "compiled"
+    assert summary["status"] == "completed" and summary["fell"] is False and summary["reason"] == ""
+    assert summary["duration_s"] == pytest.approx(LENGTH * TICK)
+    assert summary["realtime_factor"] == pytest.approx(LENGTH * TICK / 3.6)
+
+
+def test_versions_are_those_that_were_imported() -> None:
+    found = versions()
+    assert found["twin_gait"] == twin_gait.__version__
+    assert found["python"] == platform.python_version()
+    assert found["numpy"] == np.__version__
+    assert found["pinocchio"] == pinocchio.__version__
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_strides_of_the_known_walk(summary: dict[str, Any], side: str) -> None:
+    values = summary["sides"][side]
+    # Six heel strikes make five strides, of which the first two do not count.
+    assert (values["strides"], values["strides_counted"]) == (N_STRIDES - 1, N_STRIDES - 3)
+    assert values["stride_time_mean_s"] == pytest.approx(STRIDE * TICK)
+    assert values["stride_time_variation"] == pytest.approx(0.0, abs=1e-12)
+    assert values["swing_share"] == pytest.approx(SWING / STRIDE)
+    assert values["toe_clearance_least_m"] == pytest.approx(DIP)
+    assert DIP < CLEARANCE
+    assert (values["further_contacts"], values["scuffs"]) == (0, 0)
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_early_stance_leads_each_heel_strike_by_the_known_time(summary: dict[str, Any], side: str) -> None:
+    values = summary["sides"][side]
+    assert values["early_stance_lag_mean_s"] == pytest.approx(LAG * TICK)
+    assert values["early_stance_lag_largest_s"] == pytest.approx(LAG * TICK)
+    assert values["heel_strikes_without_early_stance"] == 0
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_error_from_contact_is_the_error_that_was_put_in(summary: dict[str, Any], side: str) -> None:
+    values = summary["sides"][side]
+    # Between ticks the curves are interpolated linearly, which errs by less than 1e-3 deg.
+    assert values["rmse_hip_by_contact_deg"] == pytest.approx(math.degrees(HIP_OFFSET), abs=1e-3)
+    expected = math.degrees(KNEE_AMPLITUDE / math.sqrt(2.0))
+    assert values["rmse_knee_by_contact_deg"] == pytest.approx(expected, abs=1e-3)
+
+
+def test_error_from_phase_entry_is_that_of_a_shifted_curve(summary: dict[str, Any]) -> None:
+    # A stride that begins 0.2 s early is compared with the reference 16.7 % of a cycle too late.
+    assert summary["sides"]["left"]["rmse_knee_by_phase_deg"] > 10.0
+
+
+def test_phases_of_the_known_walk(summary: dict[str, Any]) -> None:
+    for values in summary["sides"].values():
+        assert values["phases_in_order"] is True
+        for name, ticks in zip(PHASES, PHASE_TICKS, strict=True):
+            assert values["phase_duration_mean_s"][name] == pytest.approx(ticks * TICK)
+        assert values["stride_time_by_phase_mean_s"] == pytest.approx(STRIDE * TICK)
+
+
+def test_joint_motion_and_effort_of_the_known_walk(walk: Run, summary: dict[str, Any]) -> None:
+    hip = summary["sides"]["left"]["joints"]["hip"]
+    angle = np.degrees(walk.log["left_hip_angle_rad"].to_numpy()[LAG : LAG + STRIDE])
+    assert hip["range_of_motion_deg"] == pytest.approx(angle.max() - angle.min())
+    assert hip["peak_deg"] == pytest.approx(angle.max())
+    # The motor torque is 20 sin: below every limit.
+    assert hip["torque_peak_Nm"] == pytest.approx(20.0)
+    assert hip["torque_rms_Nm"] == pytest.approx(20.0 / math.sqrt(2.0))
+    assert hip["torque_continuous_share"] == pytest.approx(20.0 / math.sqrt(2.0) / 43.0)
+    assert hip["saturated_share"] == 0.0
+
+
+def test_symmetric_walk_has_no_asymmetry(summary: dict[str, Any]) -> None:
+    assert all(value == pytest.approx(0.0, abs=1e-9) for value in summary["symmetry"].values())
+
+
+def test_battery_guide_and_energy_of_the_known_walk(summary: dict[str, Any]) -> None:
+    assert summary["battery_power_mean_W"] == pytest.approx(40.0)
+    assert summary["battery_power_peak_W"] == 100.0
+    assert summary["battery_power_lowest_W"] == -20.0
+    assert summary["battery_energy_J"] == pytest.approx(40.0 * LENGTH * TICK)
+    assert (summary["guide_force_lowest_N"], summary["guide_force_highest_N"]) == (-30.0, 40.0)
+    assert (summary["guide_moment_lowest_Nm"], summary["guide_moment_highest_Nm"]) == (-15.0, 5.0)
+    assert summary["energy_residual_J"] == pytest.approx(ENERGY_SLIP)
+    assert summary["energy_throughput_J"] == pytest.approx(60.0)
+    assert summary["energy_residual_share"] == pytest.approx(ENERGY_SLIP / 60.0)
+
+
+def test_largest_jump_names_its_switch(walk: Run) -> None:
+    log = walk.log.copy()
+    command = log["right_knee_motor_command_torque_Nm"].to_numpy().copy()
+    switch = next(item for item in walk.switches if item.side == "right" and item.tick > 3000)
+    command[:] = 0.0
+    command[switch.tick :] = 35.0
+    command[switch.tick + 40] = -50.0  # within the 60 ticks of blending
+    command[switch.tick + 90] = 500.0  # after them
+    log["right_knee_motor_command_torque_Nm"] = command
+    jump = summarise(replace(walk, log=log))["largest_torque_jump"]
+    assert jump["at_switch_Nm"] == 35.0
+    assert jump["over_blending_Nm"] == 50.0
+    assert jump["in_one_tick_Nm"] == 85.0  # from 35 to -50
+    assert (jump["side"], jump["joint"]) == ("right", "knee")
+    assert (jump["from"], jump["to"]) == (switch.source, switch.target)
+    assert jump["time_s"] == pytest.approx(switch.tick * TICK)
+
+
+def stiffness_and_equilibrium_by_phase(walk: Run, equilibrium: float) -> Run:
+    """A left knee held at 0.2 rad, with 300 N m/rad in early stance and 100 N m/rad about zero elsewhere."""
+    early = (walk.log["left_phase"] == "early_stance").to_numpy()
+    columns = {
+        "measured_angle_rad": np.full(LENGTH, 0.2),
+        "stiffness_Nm_per_rad": np.where(early, 300.0, 100.0),
+        "equilibrium_rad": np.where(early, equilibrium, 0.0),
+    }
+    log = walk.log.assign(**{f"left_knee_{name}": values for name, values in columns.items()})
+    return replace(walk, log=log)
+
+
+def test_held_joint_gives_back_what_a_stiff_phase_puts_in(walk: Run) -> None:
+    knee = summarise(stiffness_and_equilibrium_by_phase(walk, 0.0))["sides"]["left"]["joints"]["knee"]
+    assert knee["switch_energy_put_in_J"] == pytest.approx(0.5 * 200.0 * 0.2**2)
+    assert knee["switch_energy_J"] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_energy_by_switching_counts_the_equilibrium_too(walk: Run) -> None:
+    knee = summarise(stiffness_and_equilibrium_by_phase(walk, -0.1))["sides"]["left"]["joints"]["knee"]
+    assert knee["switch_energy_put_in_J"] == pytest.approx(0.5 * 300.0 * 0.3**2 - 0.5 * 100.0 * 0.2**2)
+
+
+def test_torque_jump_and_change_of_a_joint_are_those_of_its_counted_switches(walk: Run) -> None:
+    first, counted = (LAG + 100, LAG + 3 * STRIDE)  # no switch, and within the third stride
+    tick = next(item.tick for item in walk.switches if item.side == "left" and item.tick > counted)
+    command = np.zeros(LENGTH)
+    command[first:] += 200.0
+    command[tick + 10 :] += 4.0
+    command[tick + 20 :] += 3.0
+    log = walk.log.assign(left_hip_motor_command_torque_Nm=command)
+    hip = summarise(replace(walk, log=log))["sides"]["left"]["joints"]["hip"]
+    assert hip["switch_torque_jump_Nm"] == 4.0
+    assert hip["switch_torque_change_Nm"] == 7.0
+
+
+def test_jerk_of_a_sine_is_the_closed_form(walk: Run) -> None:
+    rate = 2.0 * math.pi / (STRIDE * TICK)
+    velocity = 1.5 * np.sin(rate * np.arange(LENGTH) * TICK)
+    log = walk.log.assign(right_hip_velocity_rad_per_s=velocity)
+    hip = summarise(replace(walk, log=log))["sides"]["right"]["joints"]["hip"]
+    # The filter takes less than 1e-3 at the frequency of the stride.
+    assert hip["jerk_rms_rad_per_s3"] == pytest.approx(1.5 * rate**2 / math.sqrt(2.0), rel=1e-3)
+    assert hip["jerk_dimensionless"] == pytest.approx((2.0 * math.pi) ** 4 / 2.0, rel=2e-3)
+
+
+def test_command_beyond_the_limit_counts_as_saturated(walk: Run) -> None:
+    log = walk.log.copy()
+    command = log["left_hip_motor_command_torque_Nm"].to_numpy().copy()
+    command[: LENGTH // 10] = 61.0
+    log["left_hip_motor_command_torque_Nm"] = command
+    hip = summarise(replace(walk, log=log))["sides"]["left"]["joints"]["hip"]
+    assert hip["at_torque_limit_share"] == pytest.approx(0.1)
+    assert hip["saturated_share"] == pytest.approx(0.1)
+
+
+def test_time_outs_are_counted_in_all_and_once_the_gait_has_settled() -> None:
+    into_extension = sum(PHASE_TICKS[:4])
+    # The fourth left stride begins with the heel strike at 200 + 3 · 1200.
+    early, late = into_extension + 2 * STRIDE, into_extension + 3 * STRIDE
+    assert early < LAG + 3 * STRIDE < late
+    values = summarise(synthetic_run(timed_out={early, late}))["sides"]["left"]
+    assert (values["time_outs"], values["time_outs_after_third_stride"]) == (2, 1)
+    assert (CYCLE[3][0], CYCLE[3][1]) == ("swing_flexion", "swing_extension")
+
+
+def test_skipped_strides_are_a_choice(walk: Run) -> None:
+    summary = summarise(walk, skip_strides=0)
+    assert summary["strides_skipped"] == 0
+    assert summary["sides"]["left"]["strides_counted"] == N_STRIDES - 1
+
+
+@pytest.mark.parametrize("belt_speed", [0.1, 1.9])
+def test_no_reference_beyond_its_speeds(belt_speed: float) -> None:
+    experiment = synthetic_experiment()
+    scenario = replace(experiment.scenario, belt_speed=belt_speed)
+    assert isinstance(scenario, TreadmillScenario)
+    run = replace(synthetic_run(), experiment=replace(experiment, scenario=scenario))
+    values = summarise(run)["sides"]["left"]
+    assert values["rmse_hip_by_contact_deg"] is None
+    assert values["stride_time_mean_s"] == pytest.approx(STRIDE * TICK)
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2, 500])
+def test_run_that_ends_at_once_is_summed_up_without_numbers(walk: Run, rows: int) -> None:
+    cut = replace(walk, log=walk.log.iloc[:rows], switches=(), status=RunStatus.INTERRUPTED, reason="stopped")
+    summary = summarise(cut)
+    json.dumps(summary, allow_nan=False)
+    left = summary["sides"]["left"]
+    assert left["strides"] == 0
+    assert left["stride_time_mean_s"] is None
+    assert left["rmse_hip_by_contact_deg"] is None
+    assert left["time_outs_after_third_stride"] is None
+    assert summary["largest_torque_jump"] is None
+    knee = left["joints"]["knee"]
+    for name in ("switch_torque_jump_Nm", "switch_energy_J", "jerk_rms_rad_per_s3", "jerk_dimensionless"):
+        assert knee[name] is None
+    assert summary["duration_s"] == pytest.approx(rows * TICK)
+
+
+def test_bench_leg_has_strides_by_phase_only(bench_run: Run) -> None:
+    summary = summarise(bench_run, skip_strides=0)
+    json.dumps(summary, allow_nan=False)
+    (values,) = summary["sides"].values()
+    assert values["strides"] is None and values["further_contacts"] is None
+    entries = [item.tick for item in bench_run.switches if item.target == "early_stance"]
+    assert len(entries) >= 1
+    assert values["strides_by_phase"] == len(entries)  # tick 0 begins the first
+    assert values["stride_time_by_phase_mean_s"] == pytest.approx(entries[-1] * TICK / len(entries))
+    assert values["rmse_hip_by_phase_deg"] is None
+    knee = np.degrees(bench_run.log["right_knee_angle_rad"].to_numpy())
+    edges = [0, *entries]
+    peaks = [knee[start : end + 1].max() for start, end in pairwise(edges)]
+    assert values["joints"]["knee"]["peak_deg"] == pytest.approx(np.mean(peaks))
+    assert summary["symmetry"] is None and "guide_force_lowest_N" not in summary
+
+
+def test_energy_of_a_simulated_run_balances(bench_run: Run) -> None:
+    # What is left is the integrator's error; the wrong sign of one work is a hundred times as much.
+    assert summarise(bench_run)["energy_residual_share"] < 1e-3
+    wrong = bench_run.log.assign(friction_work_J=-bench_run.log["friction_work_J"])
+    assert summarise(replace(bench_run, log=wrong))["energy_residual_share"] > 0.1

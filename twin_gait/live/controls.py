@@ -1,0 +1,367 @@
+"""The controls of a live session as data: names, units, ranges, present values, and what setting one does.
+
+Ranges are those that other parts of the program go by: angles end at the stops of the URDF, stiffness at the
+published ranges of the check or what the table itself has, torque at the limit of the motors, gain and shares
+at 0 and 1. Whether a value within its range is safe is for :mod:`twin_gait.live.rules` to say.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from twin_gait.checking.check import build_subject
+from twin_gait.checking.sense import STIFFNESS_RANGES
+from twin_gait.experiment import Experiment
+from twin_gait.gait.table import GaitTable
+from twin_gait.live.actions import EVERYTHING
+from twin_gait.live.places import Place, places
+from twin_gait.live.protocol import Control, ControlKind, MessageRefused, Value
+from twin_gait.live.settings import (
+    HELD_PHASE,
+    Mode,
+    MonitorJoint,
+    Settings,
+    first_settings,
+    resolved_damping,
+)
+from twin_gait.live.values import checked
+from twin_gait.scenario import TreadmillScenario
+from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.vocabulary import JointName, Side
+
+_DEGREE = math.pi / 180.0
+KM_PER_H = 1.0 / 3.6
+TORQUE_STEP = 0.05  # [N m], the step of the thesis's monitor
+BELT_RANGE = (0.5, 1.5)  # of the preset's speed; tables are made for one speed
+
+
+class Quantity(NamedTuple):
+    """A parameter of an impedance as a control shows it.
+
+    Attributes:
+        label: In words, with its letter.
+        unit: Of the control.
+        scale: SI value of one unit.
+        step: Of the control, in its unit.
+        help: One sentence.
+    """
+
+    label: str
+    unit: str
+    scale: float
+    step: float
+    help: str
+
+
+QUANTITIES = {
+    "stiffness": Quantity("stiffness k", "Nm/deg", 1.0 / _DEGREE, 0.05, "How hard the spring pulls to θ0."),
+    "damping": Quantity("damping b", "Nms/rad", 1.0, 0.5, "How much the spring's motion is braked."),
+    "equilibrium": Quantity("equilibrium θ0", "deg", _DEGREE, 0.5, "Angle that the spring pulls to."),
+    "gain": Quantity("friction gain G", "", 1.0, 0.01, "Share of the modelled friction that is compensated."),
+    "torque": Quantity("target torque", "Nm", 1.0, TORQUE_STEP, "Added to the command in torque control."),
+}
+_FIELDS = {
+    "stiffness": "stiffness",
+    "damping": "damping",
+    "equilibrium": "equilibrium_angle",
+    "gain": "friction_compensation_gain",
+    "torque": "target_torque",
+}
+
+
+class Panel:
+    """The controls and actions of one experiment.
+
+    Attributes:
+        preset: Settings that the session began with.
+        problem: The experiment as arrays, as it began.
+    """
+
+    def __init__(self, experiment: Experiment) -> None:
+        """Find the ranges of all controls.
+
+        Args:
+            experiment: What the session begins with.
+        """
+        self.preset: Settings = first_settings(experiment)
+        self.problem: Problem = build_problem(experiment)
+        subject = build_subject(experiment.table, experiment)
+        self._angles = {JointName(name): limits for name, limits in subject.limits.items()}
+        self._places = tuple(places(experiment.table, self.problem.sides))
+        self._inertias = _inertias(self.problem)
+        self._torque = experiment.control.limits.torque
+        self._shown: tuple[Settings, tuple[Control, ...]] | None = None  # the last ones asked for
+
+    # ------------------------------------------------------------------ drawing
+
+    def controls(self, settings: Settings) -> tuple[Control, ...]:
+        """All controls with the values of some settings.
+
+        Args:
+            settings: The settings.
+
+        Returns:
+            Controls in the order in which a page shows them.
+        """
+        if self._shown is not None and self._shown[0] is settings:
+            return self._shown[1]
+        found = (
+            *self._walk_controls(settings),
+            *self._table_controls(settings),
+            *self._monitor_controls(settings),
+        )
+        self._shown = (settings, found)
+        return found
+
+    def _walk_controls(self, settings: Settings) -> Iterator[Control]:
+        yield Control(
+            name="mode",
+            label="what drives the joints",
+            group="monitor",
+            kind=ControlKind.CHOICE,
+            value=str(settings.mode),
+            default=str(self.preset.mode),
+            choices=tuple(str(item) for item in Mode),
+            help="The gait table, or one of the monitor's three controls, for which the belt stands still.",
+        )
+        if HELD_PHASE in settings.table.phases:
+            yield Control(
+                name="manual",
+                label="steps by hand",
+                group="walk",
+                kind=ControlKind.SWITCH,
+                value=settings.manual,
+                default=self.preset.manual,
+                help="A leg at the end of stance waits for the step button, and the belt waits with it.",
+            )
+        yield from self._treadmill_controls(settings)
+
+    def _treadmill_controls(self, settings: Settings) -> Iterator[Control]:
+        scenario, preset = settings.experiment.scenario, self.preset.experiment.scenario
+        if not isinstance(scenario, TreadmillScenario) or not isinstance(preset, TreadmillScenario):
+            return
+        begun = preset.belt_speed / KM_PER_H
+        yield Control(
+            name="belt_speed",
+            label="belt speed",
+            group="walk",
+            kind=ControlKind.NUMBER,
+            value=scenario.belt_speed / KM_PER_H,
+            default=begun,
+            unit="km/h",
+            least=BELT_RANGE[0] * begun,
+            largest=BELT_RANGE[1] * begun,
+            step=0.05,
+            help="The table's hip angles follow it by the table's own law.",
+        )
+        yield Control(
+            name="support_share",
+            label="body-weight support",
+            group="walk",
+            kind=ControlKind.NUMBER,
+            value=scenario.support.share,
+            default=preset.support.share,
+            least=0.0,
+            largest=1.0,
+            step=0.01,
+            help="Share of the weight of wearer and device that the ropes carry.",
+        )
+
+    def _table_controls(self, settings: Settings) -> Iterator[Control]:
+        now = build_problem(settings.experiment)
+        # A damping ratio follows the stiffness: the preset's b is the one that its ratio gives now.
+        as_preset = build_problem(settings.with_table(self._with_preset_damping(settings.table)).experiment)
+        for place in self._places:
+            impedance, begun = place.read(settings.table), place.read(self.preset.table)
+            for quantity in ("stiffness", "damping", "equilibrium", "gain"):
+                if quantity == "damping":
+                    value, default = self._damping(now, place), self._damping(as_preset, place)
+                else:
+                    value = getattr(impedance, _FIELDS[quantity]) / QUANTITIES[quantity].scale
+                    default = getattr(begun, _FIELDS[quantity]) / QUANTITIES[quantity].scale
+                yield self._number(place.prefix, quantity, "table", value, default, place=place)
+
+    def _damping(self, problem: Problem, place: Place) -> float:
+        return resolved_damping(problem, self._side_of(place), place.phase, place.joint)
+
+    def _side_of(self, place: Place) -> Side:
+        """A leg that the control reaches."""
+        if place.side is not None:
+            return place.side
+        differing = self.preset.table.side_phases
+        common = [side for side in self.problem.sides if place.phase not in differing.get(side, {})]
+        return (common or list(self.problem.sides))[0]
+
+    def _with_preset_damping(self, table: GaitTable) -> GaitTable:
+        for place in self._places:
+            begun = place.read(self.preset.table)
+            changed = replace(place.read(table), damping=begun.damping, damping_ratio=begun.damping_ratio)
+            table = place.write(table, changed)
+        return table
+
+    def _monitor_controls(self, settings: Settings) -> Iterator[Control]:
+        for (side, joint), item in settings.monitor.items():
+            begun = self.preset.monitor[side, joint]
+            for quantity, field in _FIELDS.items():
+                scale = QUANTITIES[quantity].scale
+                value, default = getattr(item, field) / scale, getattr(begun, field) / scale
+                prefix = f"monitor.{side}.{joint}"
+                place = Place("", joint, side)
+                yield self._number(prefix, quantity, "monitor", value, default, place=place)
+
+    def _number(
+        self, prefix: str, quantity: str, group: str, value: float, default: float, *, place: Place
+    ) -> Control:
+        least, largest = self.range_of(quantity, JointName(place.joint))
+        return Control(
+            name=f"{prefix}.{quantity}",
+            label=QUANTITIES[quantity].label,
+            group=group,
+            kind=ControlKind.NUMBER,
+            value=value,
+            default=default,
+            unit=QUANTITIES[quantity].unit,
+            least=least,
+            largest=largest,
+            step=QUANTITIES[quantity].step,
+            phase=place.phase or None,
+            joint=place.joint,
+            side=place.side,
+            help=QUANTITIES[quantity].help,
+        )
+
+    def range_of(self, quantity: str, joint: JointName) -> tuple[float, float]:
+        """Least and largest value of a quantity of a joint, in the unit of the control.
+
+        Args:
+            quantity: A key of ``QUANTITIES``.
+            joint: The joint.
+
+        Returns:
+            Angles: the stops. Stiffness: the published range, or what the table has if that is more.
+            Damping: critical at that stiffness with the leg's inertia, or twice what the table has if that is
+            more. Gain: 0 to 1. Torque: the limit, both ways.
+        """
+        if quantity == "equilibrium":
+            low, high = self._angles[joint]
+            # Whole tenths just inside the stops.
+            return math.ceil(10.0 * low / _DEGREE) / 10.0, math.floor(10.0 * high / _DEGREE) / 10.0
+        if quantity == "torque":
+            return -self._torque, self._torque
+        if quantity == "gain":
+            return 0.0, 1.0
+        own = [place.read(self.preset.table) for place in self._places if place.joint == joint]
+        unit = QUANTITIES["stiffness"].scale
+        stiffness = max(STIFFNESS_RANGES[joint].most, *(item.stiffness / unit for item in own))
+        if quantity == "stiffness":
+            return 0.0, stiffness
+        critical = 2.0 * math.sqrt(stiffness * unit * self._inertias[joint])
+        has = [self._damping(self.problem, place) for place in self._places if place.joint == joint]
+        return 0.0, math.ceil(max(critical, 2.0 * max(has)))
+
+    # ------------------------------------------------------------------ setting
+
+    def set(self, settings: Settings, name: str, value: Value) -> Settings:
+        """Settings with one control changed.
+
+        Args:
+            settings: Before.
+            name: Of the control.
+            value: In its unit.
+
+        Returns:
+            The settings after it; whether they are safe is not looked at.
+
+        Raises:
+            MessageRefused: If there is no such control, or the value is out of its range.
+        """
+        controls = {item.name: item for item in self.controls(settings)}
+        if name not in controls:
+            raise MessageRefused(f"control: no {name!r}; the state lists them all")
+        return self._changed(settings, controls[name], checked(controls[name], value))
+
+    def _changed(self, settings: Settings, control: Control, value: Value) -> Settings:
+        if control.name == "mode":
+            return replace(settings, mode=Mode(str(value)))
+        if control.name == "manual":
+            return replace(settings, manual=bool(value))
+        number = float(value)
+        if control.name in ("belt_speed", "support_share"):
+            return _on_treadmill(settings, control.name, number)
+        quantity = control.name.rpartition(".")[2]
+        number *= QUANTITIES[quantity].scale
+        assert control.joint is not None  # all other controls belong to a joint
+        if control.group == "monitor":
+            joint = (Side(str(control.side)), JointName(control.joint))
+            item: MonitorJoint = replace(settings.monitor[joint], **{_FIELDS[quantity]: number})
+            return replace(settings, monitor={**settings.monitor, joint: item})
+        place = next(item for item in self._places if control.name == f"{item.prefix}.{quantity}")
+        change: dict[str, float | None] = {_FIELDS[quantity]: number}
+        if quantity == "damping":
+            change["damping_ratio"] = None
+        impedance = replace(place.read(settings.table), **change)  # type: ignore[arg-type]  # numbers as typed
+        return settings.with_table(place.write(settings.table, impedance))
+
+    def revert(self, settings: Settings, name: str) -> Settings:
+        """Settings with one control, or everything, as the session began.
+
+        Args:
+            settings: Before.
+            name: Of the control, or ``all``.
+
+        Returns:
+            The settings after it.
+
+        Raises:
+            MessageRefused: If there is no such control.
+        """
+        if name == EVERYTHING:
+            return self.preset
+        controls = {item.name: item for item in self.controls(settings)}
+        if name not in controls:
+            raise MessageRefused(f"revert: no control {name!r}; give one of the state's, or {EVERYTHING}")
+        prefix, _, quantity = name.rpartition(".")
+        # Numbers are taken over as they were: through the unit of the control the last bit could differ.
+        if controls[name].group == "table":
+            place = next(item for item in self._places if item.prefix == prefix)
+            begun = place.read(self.preset.table)
+            fields = ("damping", "damping_ratio") if quantity == "damping" else (_FIELDS[quantity],)
+            impedance = replace(place.read(settings.table), **{item: getattr(begun, item) for item in fields})
+            return settings.with_table(place.write(settings.table, impedance))
+        if prefix:
+            joint = (Side(str(controls[name].side)), JointName(str(controls[name].joint)))
+            value = getattr(self.preset.monitor[joint], _FIELDS[quantity])
+            item = replace(settings.monitor[joint], **{_FIELDS[quantity]: value})
+            return replace(settings, monitor={**settings.monitor, joint: item})
+        scenario, begun_scenario = settings.experiment.scenario, self.preset.experiment.scenario
+        if isinstance(scenario, TreadmillScenario) and isinstance(begun_scenario, TreadmillScenario):
+            if name == "belt_speed":
+                scenario = replace(scenario, belt_speed=begun_scenario.belt_speed)
+            elif name == "support_share":
+                scenario = replace(scenario, support=begun_scenario.support)
+            settings = replace(settings, experiment=replace(settings.experiment, scenario=scenario))
+        if name in ("mode", "manual"):
+            settings = replace(settings, **{name: getattr(self.preset, name)})
+        return settings
+
+
+def _inertias(problem: Problem) -> dict[JointName, float]:
+    """Inertia of the leg about every joint, all joints at zero, in [kg m²], armature included."""
+    model = problem.control_model
+    q = np.zeros(model.nv)
+    return {item.joint: model.effective_inertia(q, item.control_coordinate) for item in problem.joints}
+
+
+def _on_treadmill(settings: Settings, name: str, value: float) -> Settings:
+    scenario = settings.experiment.scenario
+    assert isinstance(scenario, TreadmillScenario)  # else there are no such controls
+    if name == "belt_speed":
+        scenario = replace(scenario, belt_speed=value * KM_PER_H)
+    else:
+        scenario = replace(scenario, support=replace(scenario.support, share=value))
+    return replace(settings, experiment=replace(settings.experiment, scenario=scenario))

@@ -1,0 +1,87 @@
+"""How a loop in blocks of 10 ms keeps to the clock, and how well it does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from twin_gait.gait.table import TICK
+from twin_gait.live.protocol import DeadlineStatistics
+
+BLOCK_TICKS = 10
+PERIOD = BLOCK_TICKS * TICK  # [s]
+LATE = PERIOD  # [s]; a block that is finished later than this after its time counts as late
+CATCH_UP = 5 * PERIOD  # [s]; a loop further behind than this gives the time up instead of racing after it
+_BINS = 10_000  # of 0.1 ms, so that a session of hours needs no more memory than one of seconds
+_BIN = 1e-4  # [s]
+
+
+class BlockClock:
+    """When the next block is to begin, and how late the blocks so far were finished.
+
+    Block n of a stretch without a pause begins n periods after its start and is to be finished one period
+    later. The caller asks the time; nothing here does.
+    """
+
+    def __init__(self) -> None:
+        """Begin without any block."""
+        self._start: float | None = None
+        self._number = 0
+        self._blocks = self._late = 0
+        self._sum = self._worst = self._lost = 0.0
+        self._counts = np.zeros(_BINS, dtype=np.int64)
+
+    def wait(self, now: float) -> float:
+        """Time until the next block may begin.
+
+        Args:
+            now: Present time in [s].
+
+        Returns:
+            Time in [s]; 0 if the block is due. A loop that is more than ``CATCH_UP`` behind begins a new
+            stretch; the time that it gives up is counted as lost, and the blocks that belonged there as late.
+        """
+        if self._start is None:
+            self._start, self._number = now, 0
+        behind = now - (self._start + self._number * PERIOD)
+        if behind > CATCH_UP:
+            self._lost += behind
+            self._start, self._number = now, 0
+            self._count(behind, round(behind / PERIOD))
+            return 0.0
+        return max(0.0, -behind)
+
+    def finished(self, now: float) -> None:
+        """Count a block.
+
+        Args:
+            now: Time in [s] at which it was finished.
+        """
+        assert self._start is not None  # a block is waited for before it is finished
+        self._number += 1
+        self._count(max(0.0, now - (self._start + self._number * PERIOD)), 1)
+
+    def _count(self, lateness: float, blocks: int) -> None:
+        self._blocks += blocks
+        self._late += blocks * (lateness > LATE)
+        self._sum += blocks * lateness
+        self._worst = max(self._worst, lateness)
+        self._counts[min(int(lateness / _BIN), _BINS - 1)] += blocks
+
+    def pause(self) -> None:
+        """Let the next block begin a new stretch: time until then is nobody's loss."""
+        self._start = None
+
+    def statistics(self) -> DeadlineStatistics:
+        """Lateness of all blocks so far; the 99 % are read to the next 0.1 ms above."""
+        blocks = max(self._blocks, 1)
+        below = np.cumsum(self._counts)
+        bin_of_99 = int(np.searchsorted(below, 0.99 * self._blocks))
+        p99 = 0.0 if self._blocks == 0 else min((bin_of_99 + 1) * _BIN, self._worst)
+        return DeadlineStatistics(
+            blocks=self._blocks,
+            late=int(self._late),
+            mean_ms=1e3 * self._sum / blocks,
+            p99_ms=1e3 * p99,
+            worst_ms=1e3 * self._worst,
+            lost_s=self._lost,
+        )

@@ -1,0 +1,171 @@
+"""From the journal of a live walk to its run folder, at the end of the walk or whenever somebody looks."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from twin_gait.configuration.documents import dump_yaml
+from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.exceptions import RunDirectoryError
+from twin_gait.files import write_atomically
+from twin_gait.gait.table import TICK
+from twin_gait.live.journal import Content, locked, next_free, read_journal
+from twin_gait.live.pieces import AppliedChange, Take, take_of
+from twin_gait.runs.folders import staged_directory
+from twin_gait.runs.record import RUN_DIRECTORY, write_run
+from twin_gait.scenario.faults import parse_fault
+from twin_gait.simulation.engine import log_layout
+from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.run import Run, log_table
+
+CHANGES_FILE = "live_changes.csv"
+TABLE_FILE = "live_table.yaml"
+CHANGE_COLUMNS = ("tick", "time_s", "user", "subject", "before", "value", "text")
+# Drawing takes about a tenth of the walk; nobody waits minutes for the pictures of an hour.
+LONGEST_PICTURES = 120.0  # [s]
+
+
+class Completed(NamedTuple):
+    """A walk whose run folder is complete.
+
+    Attributes:
+        folder: The run folder.
+        summary: Content of its ``summary.json``.
+    """
+
+    folder: Path
+    summary: dict[str, Any]
+
+
+def complete(
+    journal: Path, *, pictures: bool = False, on_step: Callable[[str], None] | None = None
+) -> Completed | None:
+    """Make the run folder of a walk out of its journal, which then goes.
+
+    Args:
+        journal: The file; its walk has ended or its process is dead.
+        pictures: Whether to draw figures and animation, where the set-up wants them and the walk is short.
+        on_step: Called with the name of each file before it is written.
+
+    Returns:
+        The folder, or None if not one tick had been walked.
+
+    Raises:
+        RunDirectoryError: If the journal cannot be read or is still being written, or the folder cannot be
+            made.
+    """
+    with locked(journal):
+        content = read_journal(journal)
+        problem = build_problem(experiment_from_mapping(content.setup["document"], "experiment", Path()))
+        if content.columns != log_layout(problem).names:
+            raise RunDirectoryError(
+                f"{journal}: its log has other columns than this version writes; use the version that made it"
+            )
+        take = take_of(content.pieces, len(content.columns), problem.experiment.n_ticks)
+        done = None if len(take.result.rows) == 0 else _write(content, take, problem, pictures, on_step)
+        journal.unlink()
+    return done
+
+
+def _write(
+    content: Content,
+    take: Take,
+    problem: Problem,
+    pictures: bool,
+    on_step: Callable[[str], None] | None,
+) -> Completed:
+    setup, run = content.setup, run_of(take, problem)
+    folder, force = Path(setup["folder"]), bool(setup["force"])
+    if folder.exists() and not force:  # somebody else's; what was walked is not lost for it
+        folder = next_free(folder, 2)
+    drawn = pictures and bool(setup["pictures"]) and run.duration <= LONGEST_PICTURES
+    with staged_directory(folder, RUN_DIRECTORY, force=force) as staging:
+        write_atomically(staging / CHANGES_FILE, changes_csv(take.changes))
+        if take.table is not None:
+            write_atomically(staging / TABLE_FILE, dump_yaml(dict(take.table)))
+        document = {**setup["document"], "duration_s": run.duration}
+        summary = write_run(run, staging, document=document, pictures=drawn, on_step=on_step)
+    return Completed(folder, summary)
+
+
+def run_of(take: Take, problem: Problem) -> Run:
+    """A live walk as a run like any other; faults that somebody let strike are faults of its experiment.
+
+    Args:
+        take: The walk.
+        problem: The experiment that it began with, as arrays.
+
+    Returns:
+        The run, as long as it was walked.
+    """
+    result, experiment = take.result, problem.experiment
+    struck = [
+        replace(parse_fault(change.note["fault"]), time=change.tick * TICK)
+        for change in take.changes
+        if "fault" in change.note and change.tick < len(result.rows)
+    ]
+    return Run(
+        experiment=replace(
+            experiment,
+            duration=round(len(result.rows) * TICK, 3),
+            faults=(*(item for item in experiment.faults if item.time < len(result.rows) * TICK), *struck),
+        ),
+        table=problem.table,
+        log=log_table(result.rows, log_layout(problem), problem.table),
+        switches=result.switches,
+        status=result.status,
+        reason=result.reason,
+        wall_s=take.wall_s,
+        body_weight=problem.world.body_weight,
+        trip=result.trip,
+    )
+
+
+def complete_all(
+    journals: Iterable[Path], tell: Callable[[Mapping[str, Any]], None], *, pictures: bool
+) -> None:
+    """Complete the walks of a session; only the last one is drawn, as nobody waits for twenty.
+
+    Args:
+        journals: In the order of the walks; those that somebody has completed already are passed over.
+        tell: Takes a mapping before each step (``kind`` ``writing`` with ``step``) and after each walk
+            (``folder`` with ``folder``, ``summary`` and ``failed``).
+        pictures: Whether to draw the last one.
+    """
+    there = [path for path in journals if path.exists()]
+    for number, journal in enumerate(there, start=1):
+        which = f"walk {number} of {len(there)}: " if len(there) > 1 else ""
+
+        def step(name: str, which: str = which) -> None:
+            tell({"kind": "writing", "step": f"{which}{name}"})
+
+        message = {"kind": "folder", "folder": str(journal), "summary": {}, "failed": ""}
+        try:
+            done = complete(journal, pictures=pictures and journal == there[-1], on_step=step)
+        except RunDirectoryError as error:
+            tell({**message, "failed": " ".join(str(error).split())})
+            continue
+        if done is not None:
+            tell({**message, "folder": str(done.folder), "summary": done.summary})
+
+
+def changes_csv(changes: list[AppliedChange]) -> str:
+    """The changes of a walk as CSV.
+
+    Args:
+        changes: In order.
+
+    Returns:
+        One line per change: its first tick, who, what, and the values before and after.
+    """
+    buffer = io.StringIO()
+    writer = csv.DictWriter(buffer, CHANGE_COLUMNS, lineterminator="\n", extrasaction="ignore")
+    writer.writeheader()
+    for change in changes:
+        writer.writerow({**change.note, "tick": change.tick, "time_s": f"{change.tick * TICK:.3f}"})
+    return buffer.getvalue()

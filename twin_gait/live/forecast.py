@@ -1,0 +1,230 @@
+"""What becomes of a live walk if a change is applied: its present moment run ahead in a process of its own.
+
+``python -m twin_gait.live.forecast`` speaks as :mod:`twin_gait.live.process` does. It is
+handed a moment of the walk and the numbers of the change, lets them fade in as the walk would, and runs on
+for ``LEAST`` ticks and as much longer as ``BUDGET`` allows; the walk itself knows nothing of it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.experiment import Experiment
+from twin_gait.files import finite_or_none
+from twin_gait.gait.table import TICK
+from twin_gait.live.protocol import dump
+from twin_gait.live.walk import LiveWalk
+from twin_gait.measures.leg_record import LegRecord, leg_record
+from twin_gait.measures.verdict import gait_verdict
+from twin_gait.runs.summary.side import summarise_side
+from twin_gait.scenario import TreadmillScenario
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.run import Run, RunStatus, log_table
+from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.vocabulary import Outcome
+
+HORIZON = 20_000  # ticks that are looked ahead at most
+LEAST = 8_000  # ticks that are looked ahead in any case: four strides; a change that fells does so by then
+BUDGET = 0.25  # [s] of computing after which the look ahead ends where it is
+HELD_TICKS = 2_000  # ticks of a hold that are looked at: a wearer who falls in it has fallen by then
+PIECE_TICKS, BLOCK_TICKS = 250, 10  # that are run at a time: usually, and while steps wait for a hand
+NICENESS = 5  # the walk goes first
+
+
+@dataclass(frozen=True, kw_only=True)
+class Forecast:
+    """What comes.
+
+    Attributes:
+        text: In one sentence.
+        bad: Whether the wearer falls or hangs, the monitor trips, the walk stalls or the state diverges.
+        horizon_s: How far ahead was looked, in [s].
+        rmse_deg: Mean deviation of both sides from the reference by joint in [deg] RMS, from the second
+            stride on; None where there is no reference or no stride.
+        saturated_share: Share of the time in which the most loaded joint is at a limit of torque, current or
+            voltage.
+    """
+
+    text: str
+    bad: bool
+    horizon_s: float
+    rmse_deg: Mapping[str, float | None]
+    saturated_share: float
+
+
+def foresee(
+    walk: LiveWalk,
+    moment: Mapping[str, Any],
+    numbers: Mapping[str, Any],
+    *,
+    now: Callable[[], float] = time.perf_counter,
+    horizon: int = HORIZON,
+) -> Forecast:
+    """Run a moment ahead with other settings.
+
+    Args:
+        walk: Of the same experiment; what it did before is forgotten.
+        moment: From :meth:`~twin_gait.live.walk.LiveWalk.moment`.
+        numbers: Settings that are to be tried.
+        now: Time in [s], for the budget.
+        horizon: Ticks to look ahead at most.
+
+    Returns:
+        The forecast. Of a walk that is over, that of a new start.
+    """
+    until = now() + BUDGET
+    least = min(LEAST, horizon)
+    first = _run_ahead(walk, moment, numbers, range(least, horizon + 1), lambda: now() > until)
+    run, begun = walk.run, "after a new start " if first == 0 and moment["run"]["tick"] > 0 else ""
+    ends, ahead = _endings(walk, first), f"for the {(run.tick - first) * TICK:.0f} s looked ahead"
+    shown = _shown(walk, first, numbers)
+    records = _records(shown, first)
+    sides = [summarise_side(shown, record.side, 1, record) for record in records]
+    verdict, bad = gait_verdict(records), bool(ends)
+    if ends:
+        told = " and ".join(ends)
+        # The look without the change comes last: the walk forgets the change over it.
+        if begun == "" and _ends_anyway(walk, moment, run.tick - first):
+            told += ", as it does without the change"
+    elif not numbers["watching"]:
+        told = f"stays up {ahead}"
+    elif run.waiting():
+        told = f"waits for a step {ahead}"
+    elif verdict.outcome is Outcome.WALKED:
+        told = f"walks on {ahead}"
+    else:
+        told, bad = f"{verdict.outcome} {ahead}: {verdict.reason}", True
+    return Forecast(
+        text=begun + told,
+        bad=bad,
+        horizon_s=len(shown.log) * TICK,
+        rmse_deg=_deviations(sides),
+        saturated_share=max(item["saturated_share"] for side in sides for item in side["joints"].values()),
+    )
+
+
+def _run_ahead(
+    walk: LiveWalk,
+    moment: Mapping[str, Any],
+    numbers: Mapping[str, Any] | None,
+    ticks: range,
+    enough: Callable[[], bool],
+) -> int:
+    """Run on from a moment, or from the start if that walk is over, by the first to last ticks of a range.
+
+    Returns:
+        The tick that it began with.
+    """
+    run = walk.run
+    walk.go_on_from(moment)
+    ended = run.tripped or run.status is not RunStatus.COMPLETED
+    if numbers is not None:
+        walk.set(numbers)
+    if ended:
+        walk.restart()
+    first = run.tick
+    piece = PIECE_TICKS if run.held_phase is None else BLOCK_TICKS
+    while run.status is RunStatus.COMPLETED and (done := run.tick - first) < ticks[-1]:
+        held = run.trip is not None and run.tick - run.trip.tick >= HELD_TICKS
+        if held or (done >= ticks[0] and enough()):
+            break
+        walk.advance(min(piece, ticks[-1] - done))
+    return first
+
+
+def _endings(walk: LiveWalk, first: int) -> list[str]:
+    run, found = walk.run, []
+    if run.trip is not None:
+        found.append(
+            f"trips after {(run.trip.tick - first) * TICK:.1f} s "
+            f"({str(run.trip.cause).replace('_', ' ')}, {run.trip.place})"
+        )
+    if run.status is not RunStatus.COMPLETED:
+        what = {RunStatus.FELL: "falls", RunStatus.DIVERGED: "diverges"}[run.status]
+        found.append(f"{what} after {(run.tick - first) * TICK:.1f} s")
+    return found
+
+
+def _ends_anyway(walk: LiveWalk, moment: Mapping[str, Any], ticks: int) -> bool:
+    first = _run_ahead(walk, moment, None, range(ticks, ticks + 1), lambda: True)
+    return bool(_endings(walk, first))
+
+
+def _shown(walk: LiveWalk, first: int, numbers: Mapping[str, Any]) -> Run:
+    """What was looked ahead, as a run that begins with its first tick."""
+    run, problem = walk.run, walk.run.problem
+    return Run(
+        experiment=_at_speed(problem.experiment, numbers["belt_speed"]),
+        table=problem.table,
+        log=log_table(run.rows(first), run.layout, problem.table),
+        switches=tuple(item._replace(tick=item.tick - first) for item in run.switches()),
+        status=run.status,
+        reason=run.reason,
+        wall_s=0.0,
+        body_weight=problem.world.body_weight,
+    )
+
+
+def _records(shown: Run, first: int) -> list[LegRecord]:
+    """Both legs, with the time of even walking counted from the first tick."""
+    begin, end = (max(time - first * TICK, 0.0) for time in shown.experiment.steady)
+    names = shown.table.phase_names
+    return [leg_record(shown.log, side, names, TICK, steady=(begin, end)) for side in shown.sides]
+
+
+def _at_speed(experiment: Experiment, speed: float | None) -> Experiment:
+    scenario = experiment.scenario
+    if not speed or not isinstance(scenario, TreadmillScenario):
+        return experiment
+    return replace(experiment, scenario=replace(scenario, belt_speed=speed))
+
+
+def _deviations(sides: list[dict[str, Any]]) -> dict[str, float | None]:
+    found: dict[str, float | None] = {}
+    for joint in sides[0]["joints"]:
+        of_sides = [side.get(f"rmse_{joint}_by_contact_deg", np.nan) for side in sides]
+        found[joint] = finite_or_none(float(np.mean(of_sides)))
+    return found
+
+
+def main() -> int:
+    """Read the set-up, then requests, until the input ends.
+
+    Returns:
+        Exit status 0.
+    """
+    for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)  # the end of the input ends us
+    os.nice(NICENESS)
+    output = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # whatever else is printed must not run into the messages
+    setup = json.loads(sys.stdin.readline() or "null")
+    if setup is None:
+        return 0
+    problem = build_problem(experiment_from_mapping(setup["document"], "experiment", Path()))
+    walk = LiveWalk(SteppedRun(problem))
+    foresee(walk, walk.moment(), setup["numbers"], horizon=PIECE_TICKS)  # the first one takes longest
+    for line in sys.stdin:
+        request = json.loads(line)
+        if request["command"] == "end":
+            break
+        found = asdict(foresee(walk, request["moment"], request["numbers"]))
+        answer = {"kind": "answer", "serial": request["serial"], "refused": "", "forecast": found}
+        output.write(dump(answer) + "\n")
+        output.flush()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,194 @@
+"""A process of a live session as its parent holds it: commands with answers, frames, and its end."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from twin_gait.exceptions import ParameterError
+from twin_gait.live.protocol import MessageRefused, dump
+
+ANSWER_TIME = 60.0  # [s]; answers come within a block, unless the machine has stopped working
+END_TIME = 300.0  # [s]; time to write the run folder of the longest session
+FRAME = '{"kind":"frame"'  # how the line of a frame begins
+
+Answer = Mapping[str, Any]
+
+
+class _Pending:
+    """A command that waits for its answer."""
+
+    def __init__(self, then: Callable[[Answer], None]) -> None:
+        self.then = then
+        self.answered = threading.Event()
+        self.answer: Answer = {}
+
+
+class LoopProcess:
+    """Starts ``python -m`` a module of this package, talks with it and ends it."""
+
+    def __init__(
+        self,
+        module: str = "process",
+        *,
+        on_frame: Callable[[str], None],
+        on_message: Callable[[Mapping[str, Any]], None],
+        on_end: Callable[[int], None],
+    ) -> None:
+        """Keep whom to tell; all of them are called from the thread that reads.
+
+        Args:
+            module: The loop, or the one that looks ahead.
+            on_frame: Takes the line of a frame.
+            on_message: Takes any other message but answers.
+            on_end: Called when the process is gone, with its exit status; negative: killed by that signal.
+        """
+        self._module = f"{__package__}.{module}"
+        self._on_frame, self._on_message, self._on_end = on_frame, on_message, on_end
+        self._process: subprocess.Popen[str] | None = None
+        self._thread: threading.Thread | None = None
+        self._pending: dict[int, _Pending] = {}
+        self._serial = 0
+        self._lock = threading.Lock()
+
+    def start(self, setup: Mapping[str, Any]) -> None:
+        """Start the process.
+
+        Args:
+            setup: What it reads first.
+        """
+        # -P: what lies in the present folder is not ours to import.
+        command = [sys.executable, "-P", "-m", self._module]
+        self._process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, encoding="utf-8"
+        )
+        self._send(setup)
+        self._thread = threading.Thread(target=self._read, name="live reader", daemon=True)
+        self._thread.start()
+
+    @property
+    def pid(self) -> int | None:
+        """Number of the process, or None before the start."""
+        return None if self._process is None else self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process is there, and how it ended has not been told yet."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def close(self) -> None:
+        """Tell the process to end and wait until it has written its folders."""
+        process = self._process
+        if process is None:
+            return
+        with contextlib.suppress(OSError, ValueError):
+            self._send({"command": "end"})
+        try:
+            process.wait(END_TIME)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        if self._thread is not None:
+            self._thread.join()
+        for stream in (process.stdin, process.stdout):
+            assert stream is not None  # start() opened them
+            with contextlib.suppress(OSError, ValueError):  # the reader of what is left has gone
+                stream.close()
+
+    # ------------------------------------------------------------------ commands
+
+    def command(self, command: Mapping[str, Any], then: Callable[[Answer], None]) -> _Pending:
+        """Send a command.
+
+        Args:
+            command: Its name and values.
+            then: Called with the answer, from the thread that reads.
+
+        Returns:
+            What becomes answered.
+
+        Raises:
+            ParameterError: If the process is gone, or has not been started.
+        """
+        if self._process is None:
+            raise ParameterError("the walk has not begun yet")
+        with self._lock:
+            self._serial += 1
+            serial = self._serial
+            pending = self._pending[serial] = _Pending(then)
+        try:
+            self._send({**command, "serial": serial})
+        except (OSError, ValueError) as error:
+            self._pending.pop(serial, None)
+            raise ParameterError("the walk has ended") from error
+        return pending
+
+    def ask(self, command: Mapping[str, Any]) -> Answer:
+        """Send a command and wait for the answer.
+
+        Args:
+            command: Its name and values.
+
+        Returns:
+            The answer, with the tick.
+
+        Raises:
+            ParameterError: If the process is gone.
+            MessageRefused: If the loop refuses it.
+        """
+        return self.answer(self.command(command, lambda answer: None))
+
+    def answer(self, pending: _Pending) -> Answer:
+        """Wait for the answer to a command.
+
+        Args:
+            pending: From :meth:`command`.
+
+        Returns:
+            The answer.
+
+        Raises:
+            ParameterError: If the process is gone.
+            MessageRefused: If it refuses the command.
+        """
+        if not pending.answered.wait(ANSWER_TIME):
+            raise ParameterError(f"the walk has not answered for {ANSWER_TIME:g} s")
+        if not pending.answer:
+            raise ParameterError("the walk has ended")
+        if pending.answer["refused"]:
+            raise MessageRefused(pending.answer["refused"])
+        return pending.answer
+
+    def _send(self, data: Mapping[str, Any]) -> None:
+        assert self._process is not None and self._process.stdin is not None  # start() opened them
+        with self._lock:
+            self._process.stdin.write(dump(data) + "\n")
+            self._process.stdin.flush()
+
+    def _read(self) -> None:
+        assert self._process is not None and self._process.stdout is not None  # start() opened them
+        for line in self._process.stdout:
+            if line.startswith(FRAME):
+                self._on_frame(line.rstrip("\n"))
+                continue
+            message = json.loads(line)
+            if message["kind"] == "answer":
+                self._hear(message)
+            else:
+                self._on_message(message)
+        self._on_end(self._process.wait())
+        for pending in list(self._pending.values()):
+            pending.answered.set()
+        self._pending.clear()
+
+    def _hear(self, answer: Answer) -> None:
+        pending = self._pending.pop(answer["serial"], None)
+        if pending is not None:
+            pending.answer = answer
+            pending.then(answer)
+            pending.answered.set()

@@ -1,0 +1,178 @@
+"""The journal of a live walk: a stream of Arrow batches beside the run folder to come.
+
+Every half second a :class:`~twin_gait.live.pieces.Piece` is appended as one batch: the rows of the
+log as columns, the rest as the batch's own metadata. The walk's set-up stands in the schema, so that the file
+is all that is needed to make the run folder, whoever is left to do so; a batch that a kill has cut short is
+left out. Whoever writes or completes a journal holds a lock on it, which the system takes back from the dead.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import itertools
+import json
+import os
+import queue
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+
+from twin_gait.exceptions import RunDirectoryError
+from twin_gait.live.pieces import Piece
+from twin_gait.runs.folders import journal_of
+
+_SETUP, _NEWS = b"twin_gait.setup", b"twin_gait.news"
+
+
+def next_free(folder: Path, number: int) -> Path:
+    """Folder of a later walk: the first name ``folder-number`` … that no folder and no journal has yet."""
+    names = (folder.with_name(f"{folder.name}-{count}") for count in itertools.count(number))
+    return next(path for path in names if not path.exists() and not journal_of(path).exists())
+
+
+@contextlib.contextmanager
+def locked(journal: Path, *, make: bool = False) -> Iterator[None]:
+    """Hold a journal, so that nobody else writes or completes it.
+
+    Args:
+        journal: The file.
+        make: Whether it is to be made; nobody but this user may read it.
+
+    Raises:
+        RunDirectoryError: If it cannot be opened, has gone, or is held.
+    """
+    flags = os.O_RDWR | (os.O_CREAT | os.O_EXCL if make else 0)
+    try:
+        if make:
+            journal.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(journal, flags, 0o600)
+    except OSError as error:
+        raise RunDirectoryError(f"{journal}: cannot be used ({error.strerror})") from error
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if not journal.exists():  # completed by somebody between our opening and our holding it
+            raise RunDirectoryError(f"{journal}: has just been completed")
+        yield
+    except BlockingIOError:
+        raise RunDirectoryError(f"{journal}: its walk is still going on, or being written") from None
+    finally:
+        os.close(descriptor)
+
+
+class Journal:
+    """Writes one walk in a thread of its own: the loop never waits for the disk.
+
+    Attributes:
+        path: The file.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        columns: Sequence[str],
+        setup: Mapping[str, Any],
+        *,
+        on_failure: Callable[[str], None],
+    ) -> None:
+        """Make the file, and its folder if there is none.
+
+        Args:
+            path: The file.
+            columns: Of the log.
+            setup: What the run folder needs beside the log, as JSON takes it.
+            on_failure: Called once, from the thread, if it cannot be written any more.
+
+        Raises:
+            RunDirectoryError: If it cannot be made.
+        """
+        self.path = path
+        self._on_failure = on_failure
+        self._pieces: queue.SimpleQueue[Piece] = queue.SimpleQueue()
+        self._held = contextlib.ExitStack()
+        self._held.enter_context(locked(path, make=True))
+        metadata = {_SETUP: json.dumps(dict(setup)).encode()}
+        self._schema = pa.schema([(name, pa.float64()) for name in columns], metadata=metadata)
+        self._thread = threading.Thread(target=self._write, name="journal", daemon=True)
+        self._thread.start()
+
+    def keep(self, piece: Piece) -> None:
+        """Take a piece, which may be the last; returns at once."""
+        self._pieces.put(piece)
+
+    def join(self) -> None:
+        """Wait until the last piece is written and the file let go."""
+        self._thread.join()
+
+    def _write(self) -> None:
+        options = pa.ipc.IpcWriteOptions(compression="zstd", use_threads=False)
+        try:
+            with (
+                self._held,
+                pa.OSFile(str(self.path), "wb") as file,
+                pa.ipc.new_stream(file, self._schema, options=options) as stream,
+            ):
+                over = False
+                while not over:
+                    piece = self._pieces.get()
+                    news = json.dumps(piece.to_dict()).encode()
+                    stream.write_batch(self._batch(piece.rows), custom_metadata={_NEWS: news})
+                    over = piece.over
+        except (OSError, pa.ArrowException) as error:
+            self._on_failure(f"{self.path}: cannot be written any more ({' '.join(str(error).split())})")
+
+    def _batch(self, rows: np.ndarray) -> pa.RecordBatch:
+        columns = [pa.array(column) for column in np.ascontiguousarray(rows.T)]
+        return pa.RecordBatch.from_arrays(columns, schema=self._schema)
+
+
+class Content(NamedTuple):
+    """What a journal holds.
+
+    Attributes:
+        setup: From :class:`Journal`.
+        columns: Of the log.
+        pieces: One after the other, those up to the last complete one.
+    """
+
+    setup: dict[str, Any]
+    columns: tuple[str, ...]
+    pieces: Iterator[Piece]
+
+
+def read_journal(path: Path) -> Content:
+    """Read a journal, whatever has become of its writer.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Its content.
+
+    Raises:
+        RunDirectoryError: If not even its beginning can be read.
+    """
+    try:
+        stream = pa.ipc.open_stream(pa.OSFile(str(path), "rb"))
+        setup = json.loads(stream.schema.metadata[_SETUP])
+    except (OSError, pa.ArrowException, ValueError, KeyError, TypeError) as error:
+        raise RunDirectoryError(
+            f"{path}: is no journal of a walk ({' '.join(str(error).split())})"
+        ) from error
+    return Content(setup, tuple(stream.schema.names), _pieces(stream))
+
+
+def _pieces(stream: Any) -> Iterator[Piece]:
+    while True:
+        try:
+            batch, metadata = stream.read_next_batch_with_custom_metadata()
+        except (StopIteration, OSError, pa.ArrowException):  # the end, or where the writer was killed
+            return
+        rows = np.empty((batch.num_rows, batch.num_columns))
+        for place, column in enumerate(batch.columns):
+            rows[:, place] = column.to_numpy()
+        yield Piece.from_dict(json.loads(metadata[_NEWS]), rows)

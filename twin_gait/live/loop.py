@@ -1,0 +1,305 @@
+"""The walk in real time: blocks of 10 ms against a clock, commands between them, a frame now and then.
+
+Nothing here waits for anybody: commands are taken if there are some, and what is sent is handed to a function
+that must return at once. The clock and the sleep are passed in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.files import finite_or_none
+from twin_gait.gait.table import TICK
+from twin_gait.live.deadlines import BLOCK_TICKS, PERIOD, BlockClock
+from twin_gait.live.pieces import AppliedChange, Piece
+from twin_gait.live.protocol import Frame
+from twin_gait.live.walk import LiveWalk
+from twin_gait.scenario.faults import parse_fault
+from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.viewer.curves import extremes
+from twin_gait.viewer.motion import leg_columns
+from twin_gait.viewer.page import event_entries
+
+FRAME_BLOCKS = 2  # a frame every 20 ms: 50 a second
+MOST_TRACES = 400  # kept for who does not read: eight seconds, which is what a page remembers
+STILL_FRAME = 10 * PERIOD  # [s] between two frames while nothing moves
+PIECE_TICKS = 500  # between two pieces: a kill loses no more than this and what waits to be written
+
+
+class LoopStatus(StrEnum):
+    """What the walk does."""
+
+    WALKING = "walking"
+    PAUSED = "paused"
+    WAITING = "waiting"
+    HELD = "held"
+    FELL = "fell"
+    DIVERGED = "diverged"
+    ENDED = "ended"
+
+
+@dataclass
+class _Kept:
+    """What of the present walk has been handed over."""
+
+    tick: int = 0
+    switches: int = 0
+    changes: list[AppliedChange] = field(default_factory=list)  # that have not been
+
+
+class LiveLoop:
+    """Runs one walk after the other until it is told to end.
+
+    Attributes:
+        status: What the walk does.
+        clock: Deadlines of the blocks.
+    """
+
+    def __init__(
+        self,
+        run: SteppedRun,
+        *,
+        now: Callable[[], float],
+        sleep: Callable[[float], None],
+        commands: Callable[[], Mapping[str, Any] | None],
+        send: Callable[[Mapping[str, Any]], None],
+        keep: Callable[[Piece], None],
+        longest: int,
+        paused: bool = False,
+    ) -> None:
+        """Prepare the loop; :meth:`run` starts it.
+
+        Args:
+            run: The walk at tick 0.
+            now: Time in [s] of a clock that never goes back.
+            sleep: Waits for a time in [s].
+            commands: Gives the next command, or None; returns at once.
+            send: Takes a frame or an answer; returns at once.
+            keep: Takes the next piece of the walk, the last one of a walk marked so; returns at once.
+            longest: Ticks after which a walk ends.
+            paused: Whether to wait for the command to walk.
+        """
+        self._run, self._now, self._sleep = run, now, sleep
+        self._commands, self._send, self._keep = commands, send, keep
+        self._longest = longest
+        self._paused, self._ended = paused, False
+        self._walk = LiveWalk(run)
+        self._table: Mapping[str, Any] | None = None  # as it was changed to
+        self._kept = _Kept()
+        self._began = now()
+        self._last_frame = -np.inf
+        self._traced = 0
+        layout = run.layout
+        self._columns = {
+            name: layout.positions[name]
+            for side in layout.legs
+            for name in leg_columns(side).values()
+            if name in layout.positions
+        }
+        self.clock = BlockClock()
+
+    # ------------------------------------------------------------------ the loop
+
+    def run(self) -> None:
+        """Walk until a command ends it, or the longest time is over."""
+        while not self._ended:
+            self._take_commands()
+            if self._moving:
+                self._one_block()
+            else:
+                self._stand()
+            self._ended = self._ended or self._run.tick >= self._longest
+            self._keep_what_is_new()
+        self._keep_piece(over=True)
+        self._send_frame()
+
+    @property
+    def status(self) -> LoopStatus:
+        """What the walk does at present."""
+        if self._ended:
+            return LoopStatus.ENDED
+        if self._run.status is not RunStatus.COMPLETED:
+            return LoopStatus(str(self._run.status))
+        if self._run.tripped:
+            return LoopStatus.HELD
+        if self._paused:
+            return LoopStatus.PAUSED
+        return LoopStatus.WAITING if self._run.waiting() else LoopStatus.WALKING
+
+    @property
+    def _moving(self) -> bool:
+        """Whether time goes on: in a hold it does, so that the legs are lowered even in a pause."""
+        over = self._run.status is not RunStatus.COMPLETED or self._ended
+        return not over and (self._run.tripped or not self._paused)
+
+    def _one_block(self) -> None:
+        """Wait for the next block, or run it if its time has come."""
+        wait = self.clock.wait(self._now())
+        if wait > 0.0:
+            self._sleep(wait)
+            return  # for commands that came meanwhile
+        left = min(BLOCK_TICKS, self._longest - self._run.tick)
+        self._walk.advance(left - 1)
+        q = self._run.q
+        rows = self._run.advance(1)
+        self.clock.finished(self._now())
+        # A look at the last row is always possible.
+        self._run.forget_rows(self._kept.tick - 1)
+        if self._run.tick // BLOCK_TICKS % FRAME_BLOCKS == 0 or not self._moving:
+            self._send_frame(q, rows)
+
+    def _stand(self) -> None:
+        self.clock.pause()
+        if self._now() - self._last_frame >= STILL_FRAME:
+            self._send_frame()
+        self._sleep(PERIOD)
+
+    # ------------------------------------------------------------------ what is kept
+
+    def _keep_what_is_new(self) -> None:
+        """Hand a piece over when there is enough for one, and what there is when the walk stands still."""
+        new = self._run.tick - self._kept.tick
+        if new >= PIECE_TICKS or ((new or self._kept.changes) and not self._moving):
+            self._keep_piece()
+
+    def _keep_piece(self, *, over: bool = False) -> None:
+        run, kept = self._run, self._kept
+        piece = Piece(
+            rows=run.rows(kept.tick),
+            switches=run.switches(kept.switches),
+            changes=tuple(kept.changes),
+            table=self._table,
+            status=run.status,
+            reason=run.reason,
+            trip=run.trip,
+            wall_s=self._now() - self._began,
+            over=over,
+        )
+        self._kept = _Kept(run.tick, kept.switches + len(piece.switches))
+        self._keep(piece)
+
+    # ------------------------------------------------------------------ frames
+
+    def _send_frame(self, q: np.ndarray | None = None, rows: np.ndarray | None = None) -> None:
+        """Send the last row of the log with the coordinates that belong to it."""
+        run = self._run
+        if rows is None or len(rows) == 0:
+            rows = run.rows(max(run.tick - 1, 0))
+        self._last_frame = self._now()
+        tick = max(run.tick - 1, 0)
+        frame = Frame(
+            tick=tick,
+            time_s=tick * TICK,
+            status=str(self.status),
+            q=tuple((run.q if q is None else q).tolist()),
+            log=self._named(rows[-1].tolist()) if len(rows) else {},
+            events=tuple(event_entries(run.events)),
+            deadlines=self.clock.statistics(),
+        )
+        self._send_trace()
+        self._send(frame.to_dict())
+
+    def _send_trace(self) -> None:
+        """Send what the curves of a page did since the last frame."""
+        first, self._traced = self._traced, self._run.tick
+        if first == self._run.tick:
+            return
+        values = self._run.rows(first)[:, list(self._columns.values())]
+        rows, found = extremes(values)
+        ticks, shown = (first + rows).T.tolist(), found.T.tolist()
+        columns = {
+            name: [ticks[k], [finite_or_none(value) for value in shown[k]]]
+            for k, name in enumerate(self._columns)
+        }
+        self._send({"kind": "trace", "first": first, "end": self._run.tick, "columns": columns})
+
+    def _named(self, row: list[float]) -> dict[str, float | str]:
+        layout, names = self._run.layout, self._run.problem.table.phase_names
+        log: dict[str, float | str] = dict(zip(layout.names, row, strict=True))
+        for side in layout.legs:
+            log[f"{side}_phase"] = names[int(row[layout.positions[f"{side}_phase"]])]
+        return log
+
+    # ------------------------------------------------------------------ commands
+
+    def _take_commands(self) -> None:
+        while (command := self._commands()) is not None:
+            answer: dict[str, Any] = {"kind": "answer", "serial": command.get("serial", 0), "refused": ""}
+            try:
+                if command["command"] == "moment":
+                    answer["moment"] = self._walk.moment()
+                else:
+                    self._obey(command)
+            except TwinGaitError as error:
+                answer["refused"] = " ".join(str(error).split())
+            # After a restart the tick is that of the new walk.
+            tick = self._run.tick
+            if not answer["refused"] and "note" in command:
+                fault = {"fault": command["fault"]} if "fault" in command else {}
+                self._kept.changes.append(AppliedChange(tick, {**command["note"], **fault}))
+            self._send({**answer, "tick": tick, "status": str(self.status)})
+
+    def _obey(self, command: Mapping[str, Any]) -> None:
+        name = command["command"]
+        if name in ("push", "fault", "step") and (self._run.tripped or not self._alive):
+            raise ParameterError(f"{name}: the walk is over; start again")
+        if name == "step":
+            self._step()
+            return
+        obeying: dict[str, Callable[[], None]] = {
+            "end": self._end,
+            "walk": self._go_on,
+            "pause": self._pause,
+            "stop": self._stop,
+            "restart": self._restart,
+            "settings": lambda: self._set(command["numbers"], command.get("table")),
+            "push": lambda: self._run.push(command["joint"], command["torque"], command["ticks"]),
+            "fault": lambda: self._run.inject(parse_fault(command["fault"])),
+        }
+        obeying[name]()
+
+    @property
+    def _alive(self) -> bool:
+        return self._run.status is RunStatus.COMPLETED
+
+    def _end(self) -> None:
+        self._ended = True
+
+    def _go_on(self) -> None:
+        if self._run.tripped or not self._alive:
+            raise ParameterError("walk: the walk is over; start again")
+        self._paused = False
+
+    def _pause(self) -> None:
+        self._paused = True
+
+    def _stop(self) -> None:
+        self._run.stop()
+
+    def _step(self) -> None:
+        if not self._run.waiting():
+            raise ParameterError(
+                "step: no leg waits for one; switch steps by hand on, and wait for the status"
+            )
+        self._run.release()
+
+    def _restart(self) -> None:
+        if self._run.tick > 0:
+            self._keep_piece(over=True)
+            self._kept = _Kept()
+        self._walk.restart()
+        self._traced = 0
+        self._paused, self._began = False, self._now()
+        self.clock.pause()
+
+    def _set(self, numbers: Mapping[str, Any], table: Mapping[str, Any] | None) -> None:
+        """Let new settings fade in."""
+        self._walk.set(numbers)
+        self._table = table or self._table

@@ -1,0 +1,179 @@
+"""Between the simulation that runs live and the pages that show it.
+
+Frames move the scene and the numbers; events and the state of the controls go to the panels; what a panel
+says becomes a message of the session, or is refused if it is none.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from twin_gait.experiment import Experiment
+from twin_gait.live.protocol import (
+    Action,
+    DoAction,
+    Event,
+    Frame,
+    MessageRefused,
+    Outcome,
+    State,
+    id_of,
+    read_message,
+)
+from twin_gait.live.session import LiveSession
+from twin_gait.runs.record import belt_speed_of, describe
+from twin_gait.scenario import TreadmillScenario
+from twin_gait.viewer.live.figure import LiveFigure
+from twin_gait.viewer.live.page import panel_page
+from twin_gait.viewer.live.server import LiveServer, Panel
+
+PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
+READ_OUT = 100  # ticks between two read-outs of a panel
+EVENTS_SHOWN = 400  # to a page that comes late
+BELT_CONTROL = "belt_speed"
+_KM_PER_H = 1.0 / 3.6  # [m/s]
+
+
+class LivePage:
+    """The pages of one live session; belongs to one event loop.
+
+    Attributes:
+        server: The web server.
+    """
+
+    def __init__(self, session: LiveSession, experiment: Experiment, *, port: int, user: str = "") -> None:
+        """Draw the scene and listen.
+
+        Args:
+            session: What walks; it need not have started.
+            experiment: What it walks.
+            port: First port to try; 0 lets the system choose.
+            user: Who is at the pages.
+
+        Raises:
+            ModelError: If the URDF cannot be read.
+            ViewerError: If a mesh cannot be read or no port is free.
+        """
+        self._session, self._user = session, user
+        self._belt_speed = belt_speed_of(experiment)
+        self._scenario = experiment.scenario
+        self._walked_until = 0.0  # the last moment seen without a trip
+        self._sides = tuple(str(side) for side in experiment.leg.legs)
+        self._state: State | None = None
+        self._short: dict[str, Any] | None = None
+        self._number = self._serial = self._told_at = 0
+        self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
+        self.figure = LiveFigure(
+            experiment.build_world().model,
+            title=f"twin_gait live · {experiment.name}",
+            subtitle=describe(experiment.patient, self._belt_speed),
+            patient=experiment.patient,
+            phases=experiment.table.phase_names,
+        )
+        self.server = LiveServer(
+            panel_page(),
+            first_port=port,
+            on_message=self._hear,
+            on_stop=self._stop,
+            refusal=lambda reason: self._refusal(reason).to_dict(),
+            greeting=self._greeting,
+            scene=self.figure.window.everything,
+        )
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return self.server.url
+
+    def update(self) -> None:
+        """Bring what is new in the session to all pages; call it every ``PERIOD``."""
+        self._tell_events()
+        self._tell_state()
+        number, text = self._session.newest_frame()
+        if number != self._number:
+            self._number = number
+            self.show(Frame.from_dict(json.loads(text)))
+
+    def show(self, frame: Frame) -> None:
+        """Show a moment on all pages.
+
+        Args:
+            frame: The moment.
+        """
+        if frame.log:  # empty before the first tick
+            belt_speed = self._belt_speed * self._belt_share(frame)
+            self.figure.show(
+                frame.time_s, frame.q, frame.log, belt_speed=belt_speed, traces=self._session.traces(),
+                events=frame.events,
+            )  # fmt: skip
+            self.server.show(self.figure.window.changes())
+        before, self._short = self._short, self._shortened(frame)
+        if before is None or before["status"] != frame.status or abs(frame.tick - self._told_at) >= READ_OUT:
+            self._told_at = frame.tick
+            self.server.tell(self._short, key="frame")
+
+    def _belt_share(self, frame: Frame) -> float:
+        """Share of the speed that is set which the belt has, by its profile and after a trip."""
+        scenario = self._scenario
+        if not isinstance(scenario, TreadmillScenario):
+            return 1.0
+        if not frame.log["safety_state"]:
+            self._walked_until = frame.time_s
+        return scenario.belt_speed_at(frame.time_s, self._walked_until) / scenario.belt_speed
+
+    async def close(self) -> None:
+        """End the server."""
+        await self.server.close()
+
+    def _shortened(self, frame: Frame) -> dict[str, Any]:
+        """What a panel reads out of a frame; the scene has the rest."""
+        entries = frame.to_dict()
+        short = {key: entries[key] for key in ("kind", "tick", "time_s", "status", "events", "deadlines")}
+        held = bool(frame.log.get("safety_state"))
+        phases = {side: None if held else frame.log.get(f"{side}_phase") for side in self._sides}
+        return short | {"phases": phases}
+
+    def _tell_events(self) -> None:
+        for event in self._session.events(self._serial):
+            self._serial = event.serial
+            self.server.tell(event.to_dict())
+
+    def _tell_state(self) -> None:
+        state = self._session.state()
+        known = self._state
+        if known is not None and known.controls is state.controls and known.saved == state.saved:
+            return  # only its serial number is new
+        self._state = state
+        speeds = [item.value for item in state.controls if item.name == BELT_CONTROL]
+        if speeds:
+            self._belt_speed = float(speeds[0]) * _KM_PER_H
+        self.server.tell(state.to_dict(), key="state")
+
+    def _greeting(self) -> Iterator[dict[str, Any]]:
+        yield {"kind": "page", "session": self._id, "phases": self.figure.page["phases"]}
+        if self._state is not None:
+            yield self._state.to_dict()
+        for event in self._session.events()[-EVENTS_SHOWN:]:
+            if event.serial <= self._serial:
+                yield event.to_dict()
+        if self._short is not None:
+            yield self._short
+
+    def _hear(self, panel: Panel, text: str) -> None:
+        try:
+            message = read_message(text)
+        except MessageRefused as error:
+            self._session.refuse(str(error), id=id_of(text), user=self._user)
+            return
+        self._session.submit(replace(message, user=message.user or self._user))
+
+    def _stop(self) -> None:
+        self._session.submit(DoAction(id="stop", user=self._user, action=Action.STOP))
+
+    def _refusal(self, reason: str) -> Event:
+        tick = 0 if self._short is None else int(self._short["tick"])
+        return Event(serial=0, outcome=Outcome.REFUSED, text=reason, tick=tick)

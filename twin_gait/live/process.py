@@ -1,0 +1,229 @@
+"""The process of the live loop: ``python -m twin_gait.live.process``.
+
+It reads one JSON object per line from its standard input, first the set-up, then commands, and writes frames
+and answers likewise. The end of the input is the end of the process: however the parent dies, the loop stops,
+writes its run folder and is gone. Nothing that it is sent is ever executed or unpickled.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import gc
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import IO, Any
+
+from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.exceptions import RunDirectoryError, TwinGaitError
+from twin_gait.live.finishing import complete_all
+from twin_gait.live.journal import Journal, journal_of, next_free
+from twin_gait.live.loop import MOST_TRACES, LiveLoop
+from twin_gait.live.pieces import Piece
+from twin_gait.live.protocol import dump
+from twin_gait.simulation.problem import build_problem
+from twin_gait.simulation.stepping import SteppedRun
+
+SWITCH_INTERVAL = 1e-3  # [s], after which a thread of this process must let the loop go on
+REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time
+
+
+class Sender:
+    """Writes messages in a thread of its own: the loop never waits for a pipe.
+
+    All messages are kept in order, but for frames, of which only the newest is, and traces, of which those of
+    some seconds are.
+    """
+
+    def __init__(self, stream: IO[str]) -> None:
+        """Start the thread."""
+        self._stream = stream
+        self._messages: deque[Mapping[str, Any]] = deque()
+        self._traces: deque[Mapping[str, Any]] = deque(maxlen=MOST_TRACES)
+        self._frame: Mapping[str, Any] | None = None
+        self._awake, self._closed = threading.Event(), False
+        self._thread = threading.Thread(target=self._write, name="sender", daemon=True)
+        self._thread.start()
+
+    def send(self, message: Mapping[str, Any]) -> None:
+        """Take a message; returns at once."""
+        if message["kind"] == "frame":
+            self._frame = message
+        elif message["kind"] == "trace":
+            self._traces.append(message)
+        else:
+            self._messages.append(message)
+        self._awake.set()
+
+    def close(self, timeout: float = 5.0) -> None:
+        """Write what is left, as far as anybody reads it."""
+        self._closed = True
+        self._awake.set()
+        self._thread.join(timeout)
+
+    def _write(self) -> None:
+        with contextlib.suppress(OSError, ValueError):  # the reader has gone
+            while True:
+                self._awake.wait()
+                self._awake.clear()
+                closing = self._closed
+                while self._messages:
+                    self._stream.write(dump(self._messages.popleft()) + "\n")
+                while self._traces:
+                    self._stream.write(dump(self._traces.popleft()) + "\n")
+                frame, self._frame = self._frame, None
+                if frame is not None:
+                    self._stream.write(dump(frame) + "\n")
+                self._stream.flush()
+                if closing:
+                    return
+
+
+class Inbox:
+    """Commands as they come in; the end of the input is a command to end."""
+
+    def __init__(self, stream: IO[str]) -> None:
+        """Start the thread that reads."""
+        self._commands: deque[Mapping[str, Any]] = deque()
+        self.orphaned = False
+        threading.Thread(target=self._read, args=(stream,), name="inbox", daemon=True).start()
+
+    def next(self) -> Mapping[str, Any] | None:
+        """The next command, or None."""
+        return self._commands.popleft() if self._commands else None
+
+    def end(self, *signal: object) -> None:
+        """Put a command to end in."""
+        self._commands.append({"command": "end"})
+
+    def _read(self, stream: IO[str]) -> None:
+        for line in stream:
+            self._commands.append(json.loads(line))
+        self.orphaned = True
+        self.end()
+
+
+class Journals:
+    """The journals of all walks of a session, one after the other."""
+
+    def __init__(self, columns: Sequence[str], setup: Mapping[str, Any], sender: Sender) -> None:
+        """Begin that of the first walk, so that what cannot be written is found out before it."""
+        self._columns, self._setup, self._sender = columns, setup, sender
+        self._all: list[Journal] = []
+        self._present: Journal | None = self._begin(Path(setup["folder"]))
+
+    def _begin(self, folder: Path) -> Journal:
+        setup = {**self._setup, "folder": str(folder)}
+        journal = Journal(journal_of(folder), self._columns, setup, on_failure=self._note_failure)
+        self._all.append(journal)
+        self._sender.send({"kind": "journal", "folder": str(folder)})
+        return journal
+
+    def _note_failure(self, failure: str) -> None:
+        self._sender.send({"kind": "unkept", "text": failure})
+
+    def keep(self, piece: Piece) -> None:
+        """Hand a piece to the journal of its walk, which its first piece begins."""
+        if self._present is None:
+            try:
+                self._present = self._begin(next_free(Path(self._setup["folder"]), len(self._all) + 1))
+            except RunDirectoryError as error:  # the walk goes on all the same
+                self._note_failure(str(error))
+                return
+        self._present.keep(piece)
+        if piece.over:
+            self._present = None
+
+    def complete(self, *, pictures: bool) -> None:
+        """Make the run folders, and say where they are."""
+        for journal in self._all:
+            journal.join()
+        complete_all([item.path for item in self._all], self._sender.send, pictures=pictures)
+
+
+def main() -> int:
+    """Read the set-up, walk, write the run folder.
+
+    Returns:
+        Exit status: 0, or 2 if the set-up cannot be used.
+    """
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(
+            number, signal.SIG_IGN
+        )  # a terminal sends them to the parent too, which ends us in order
+    output = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # whatever else is printed must not run into the messages
+    setup = json.loads(sys.stdin.readline() or "null")
+    if setup is None:
+        return 0
+    sender = Sender(output)
+    try:
+        _walk(setup, sender)
+    except TwinGaitError as error:
+        sender.send({"kind": "failed", "text": " ".join(str(error).split())})
+        return 2
+    finally:
+        sender.close()
+    return 0
+
+
+def _walk(setup: Mapping[str, Any], sender: Sender) -> None:
+    experiment = experiment_from_mapping(setup["document"], "experiment", Path())
+    problem = build_problem(experiment)
+    run = SteppedRun(problem, on_compile=lambda: sender.send({"kind": "compiling"}))
+    inbox = Inbox(sys.stdin)
+    signal.signal(signal.SIGTERM, inbox.end)
+    journals = Journals(run.layout.names, setup, sender)
+    loop = LiveLoop(
+        run,
+        now=time.monotonic,
+        sleep=time.sleep,
+        commands=inbox.next,
+        send=sender.send,
+        keep=journals.keep,
+        longest=experiment.n_ticks,
+        paused=True,  # until the session is ready for it
+    )
+    sender.send({"kind": "ready"})
+    with _undisturbed():
+        loop.run()
+    journals.complete(pictures=not inbox.orphaned)
+
+
+@contextlib.contextmanager
+def _undisturbed() -> Iterator[None]:
+    """Keep garbage collection, other threads and other processes out of the loop's way."""
+    sys.setswitchinterval(SWITCH_INTERVAL)
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    _real_time(True)
+    try:
+        yield
+    finally:
+        _real_time(False)
+        gc.enable()
+
+
+def _real_time(wanted: bool) -> None:
+    """Let all threads of this process go before those of others, where the system allows it.
+
+    All of them, because the loop waits for the one that holds the interpreter's lock. They sleep most of the
+    time; the system keeps a share for the rest in any case.
+    """
+    if sys.platform != "linux":
+        return
+    policy, priority = (os.SCHED_RR, REAL_TIME_PRIORITY) if wanted else (os.SCHED_OTHER, 0)
+    with contextlib.suppress(OSError):  # not for every user: see ulimit -r
+        for thread in threading.enumerate():
+            os.sched_setscheduler(thread.native_id or 0, policy, os.sched_param(priority))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

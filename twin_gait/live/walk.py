@@ -1,0 +1,82 @@
+"""The walk of a live session: a stepped run, the settings in force, and a belt that waits with the wearer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from twin_gait.simulation.stepping import SteppedRun
+
+BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
+
+
+class LiveWalk:
+    """Advances a run and lets settings fade in.
+
+    Attributes:
+        run: The run.
+    """
+
+    def __init__(self, run: SteppedRun) -> None:
+        """Begin with the settings of the run's own problem."""
+        self.run = run
+        world = run.problem.world
+        self._belt_speed: float | None = None if world.contact is None else world.belt_speed
+        self._belt_waits = False
+
+    def advance(self, ticks: int) -> np.ndarray:
+        """Run some ticks; the belt stands while a leg waits for its step, else it would carry the leg away.
+
+        Args:
+            ticks: How many; the belt is looked after once.
+
+        Returns:
+            Their rows of the log.
+        """
+        waits = bool(self.run.waiting())
+        if waits != self._belt_waits and self._belt_speed is not None:
+            self._belt_waits = waits
+            self.run.set_belt_speed(0.0 if waits else self._belt_speed, fade_ticks=BELT_TICKS)
+        return self.run.advance(ticks)
+
+    def restart(self) -> None:
+        """Go back to tick 0 with the present settings."""
+        self.run.restart()
+        self._belt_waits = False
+        if self._belt_speed is not None:
+            self.run.set_belt_speed(self._belt_speed, fade_ticks=0)
+
+    def set(self, numbers: Mapping[str, Any]) -> None:
+        """Let new settings fade in.
+
+        Args:
+            numbers: As :class:`~twin_gait.live.settings.LoopNumbers` gives them.
+        """
+        run = self.run
+        run.set_phase_rows(np.array(numbers["phase_rows"]))
+        run.set_comparisons(np.array(numbers["comparisons"]).reshape(run.problem.program.comparisons.shape))
+        run.set_target_torque(np.array(numbers["target_torque"]))
+        if numbers["support_force"] is not None:
+            run.set_support_force(numbers["support_force"])
+        if numbers["belt_speed"] is not None:
+            self._belt_speed = numbers["belt_speed"]
+            if not self._belt_waits:
+                run.set_belt_speed(numbers["belt_speed"])
+        run.watch_phases(numbers["watching"])
+        if numbers["held_phase"] != run.held_phase:
+            run.hold_phase(numbers["held_phase"])
+
+    def moment(self) -> dict[str, Any]:
+        """The present moment, from which another walk of the same experiment can go on."""
+        return {"run": self.run.moment(), "belt_speed": self._belt_speed, "belt_waits": self._belt_waits}
+
+    def go_on_from(self, moment: Mapping[str, Any]) -> None:
+        """Take over a moment of another walk of the same experiment.
+
+        Args:
+            moment: From :meth:`moment`.
+        """
+        self.run.go_on_from(moment["run"])
+        self._belt_speed, self._belt_waits = moment["belt_speed"], moment["belt_waits"]

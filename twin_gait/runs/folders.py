@@ -1,0 +1,168 @@
+"""Folders that appear when all in them is written, and replace only their own kind."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from twin_gait.exceptions import RunDirectoryError
+from twin_gait.files import permitted, sync_folder
+
+PARTIAL = ".partial"  # how the name of a folder ends that is being written
+SETTLED = 60.0  # [s]
+JOURNAL_SUFFIX = ".unfinished.arrows"
+
+
+def journal_of(folder: Path) -> Path:
+    """File of the live walk whose run folder is not complete yet."""
+    return folder.with_name(folder.name + JOURNAL_SUFFIX)
+
+
+class FolderKind(NamedTuple):
+    """What a command leaves behind.
+
+    Attributes:
+        name: With its article, for messages.
+        mark: File by which such a folder is known.
+    """
+
+    name: str
+    mark: str
+
+    def owns(self, folder: Path) -> bool:
+        """Whether a folder is of this kind, or empty."""
+        return folder.is_dir() and ((folder / self.mark).is_file() or not any(folder.iterdir()))
+
+
+@contextlib.contextmanager
+def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> Iterator[Path]:
+    """Give a hidden folder beside the target that takes its place when all is written.
+
+    Whatever happens inside, the target is either as it was or complete.
+
+    Args:
+        target: The folder to make.
+        kind: What it is.
+        force: Whether an existing folder of this kind may be replaced.
+
+    Yields:
+        Folder to write into.
+
+    Raises:
+        RunDirectoryError: If the target exists, or cannot be written.
+    """
+    target = target.expanduser().absolute()
+    check_target(target, kind, force=force)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        staging = Path(tempfile.mkdtemp(prefix=f".{target.name}.", suffix=PARTIAL, dir=target.parent))
+    except OSError as error:
+        raise RunDirectoryError(
+            f"{target}: cannot be written ({error.strerror}); choose another --out"
+        ) from error
+    held = _hold(staging)
+    try:
+        yield staging
+        os.chmod(staging, permitted(0o755))
+        _put_in_place(staging, target)
+    except OSError as error:
+        raise RunDirectoryError(f"{target}: cannot be written ({error.strerror})") from error
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+        if held is not None:
+            os.close(held)
+
+
+def _hold(staging: Path) -> int | None:
+    """Lock a folder; the system takes the lock back from a process that is killed. None if it is held."""
+    descriptor = os.open(staging, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:  # held, or on a file system without locks
+        os.close(descriptor)
+        return None
+    return descriptor
+
+
+def abandoned(parent: Path) -> list[Path]:
+    """What killed runs have left behind beside the folders that they were to make.
+
+    Args:
+        parent: Folder to look in.
+
+    Returns:
+        Hidden, incomplete folders that no process writes any more, sorted.
+    """
+    try:
+        found = sorted(
+            path for path in parent.glob(f".*{PARTIAL}") if path.is_dir() and not path.is_symlink()
+        )
+        # One that is a moment old may be about to be locked.
+        settled = [path for path in found if time.time() - path.stat().st_mtime > SETTLED]
+        return [path for path in settled if _released(path)]
+    except OSError:
+        return []
+
+
+def _released(path: Path) -> bool:
+    held = _hold(path)
+    if held is not None:
+        os.close(held)
+    return held is not None
+
+
+def remove_abandoned(path: Path) -> None:
+    """Remove a folder of :func:`abandoned`.
+
+    Args:
+        path: The folder.
+
+    Raises:
+        RunDirectoryError: If it cannot be removed.
+    """
+    try:
+        shutil.rmtree(path)
+    except OSError as error:
+        raise RunDirectoryError(f"{path}: cannot be removed ({error.strerror})") from error
+
+
+def check_target(target: Path, kind: FolderKind, *, force: bool) -> None:
+    """Refuse a folder that exists, unless it is of its kind and may be replaced.
+
+    Args:
+        target: The folder to make.
+        kind: What it is to be.
+        force: Whether an existing folder of this kind may be replaced.
+
+    Raises:
+        RunDirectoryError: If it may not be used.
+    """
+    target = target.expanduser().absolute()
+    if not target.exists():
+        return
+    if not force:
+        raise RunDirectoryError(f"{target}: exists; choose another --out, or replace it with --force")
+    if not kind.owns(target):
+        raise RunDirectoryError(
+            f"{target}: is not {kind.name}, so --force does not replace it; choose another --out"
+        )
+
+
+def _put_in_place(staging: Path, target: Path) -> None:
+    sync_folder(staging)
+    if target.exists():
+        old = staging.with_suffix(".old")
+        os.rename(target, old)
+        os.rename(staging, target)
+        sync_folder(target.parent)
+        shutil.rmtree(old, ignore_errors=True)
+    else:
+        os.rename(staging, target)
+        sync_folder(target.parent)

@@ -1,0 +1,310 @@
+"""The run directory: what a run leaves behind, written atomically, and how it is read again."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from twin_gait.configuration.documents import dump_yaml
+from twin_gait.configuration.experiments import load_experiment, resolved_document
+from twin_gait.control import Trip, TripCause
+from twin_gait.exceptions import ParameterError, RunDirectoryError
+from twin_gait.experiment import Experiment
+from twin_gait.files import read_parquet, write_atomically
+from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.measures.events import RunEvent, run_events
+from twin_gait.parameters import Patient
+from twin_gait.report.figures import write_figures
+from twin_gait.scenario import TreadmillScenario
+from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, unit_of
+from twin_gait.simulation.problem import scaled_table
+from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.runs.folders import FolderKind, journal_of
+from twin_gait.runs.summary.summary import summarise, versions
+from twin_gait.viewer.animation import write_animation
+from twin_gait.viewer.motion import held_rows
+from twin_gait.viewer.surroundings import Belt
+from twin_gait.vocabulary import JointName, Side
+
+EXPERIMENT_FILE = "experiment.yaml"
+LOG_FILE = "log.parquet"
+SWITCHES_FILE = "transitions.csv"
+SUMMARY_FILE = "summary.json"
+FIGURES_FOLDER = "figures"
+ANIMATION_FILE = "animation.html"
+RUN_DIRECTORY = FolderKind("a run directory", EXPERIMENT_FILE)
+
+
+@dataclass(frozen=True)
+class StoredRun:
+    """A run read back from its directory.
+
+    Attributes:
+        directory: Where it is.
+        experiment: What was run.
+        log: One row per tick.
+        summary: Content of ``summary.json``.
+    """
+
+    directory: Path
+    experiment: Experiment
+    log: pd.DataFrame
+    summary: dict[str, Any]
+
+    @property
+    def trip(self) -> Trip | None:
+        """What the safety monitor tripped on, or None."""
+        safety = self.summary.get("safety", {})  # runs of earlier versions have none
+        if not safety.get("tripped"):
+            return None
+        side, _, joint = safety["place"].partition(" ")
+        return Trip(
+            round(safety["time_s"] / TICK),
+            TripCause(safety["cause"]),
+            Side(side) if joint else None,
+            JointName(joint) if joint in list(JointName) else None,
+        )
+
+    @property
+    def outcome(self) -> str:
+        """What came of it, in a word; of runs of earlier versions how they ended."""
+        return str(self.summary.get("outcome") or self.summary.get("status", ""))
+
+    @property
+    def events(self) -> tuple[RunEvent, ...]:
+        """Faults that struck, trip, fall and divergence in the order of time."""
+        end = float(self.log["time_s"].iloc[-1]) if len(self.log) else 0.0
+        return run_events(self.experiment.faults, self.trip, str(self.summary.get("status", "")), end)
+
+    @cached_property
+    def run(self) -> Run:
+        """The run as :func:`twin_gait.simulate` gave it back.
+
+        Raises:
+            RunDirectoryError: If the switches cannot be read.
+        """
+        world = self.experiment.build_world()
+        table = scaled_table(self.experiment, world)
+        return Run(
+            experiment=self.experiment,
+            table=table,
+            log=self.log,
+            switches=_read_switches(self.directory / SWITCHES_FILE, table),
+            status=RunStatus(self.summary["status"]),
+            reason=self.summary["reason"],
+            wall_s=self.summary["wall_s"],
+            body_weight=world.body_weight,
+            trip=self.trip,
+        )
+
+
+def write_run(
+    run: Run,
+    directory: Path,
+    *,
+    document: dict[str, Any] | None = None,
+    pictures: bool = True,
+    accuracy: dict[str, Any] | None = None,
+    on_step: Callable[[str], None] | None = None,
+) -> dict[str, Any]:
+    """Write everything that a run leaves behind into a folder.
+
+    Args:
+        run: The run.
+        directory: An existing, empty folder.
+        document: Mapping that the experiment was loaded from, to keep the units as typed.
+        pictures: Whether to draw figures and animation.
+        accuracy: Comparison with a tenth of the step, for the summary.
+        on_step: Called with the name of each file before it is written.
+
+    Returns:
+        The summary.
+    """
+    tell = on_step or (lambda name: None)
+    tell(EXPERIMENT_FILE)
+    resolved = resolved_document(run.experiment, document, versions())
+    write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
+    tell(LOG_FILE)
+    write_log(run.log, directory / LOG_FILE, run.status)
+    write_atomically(directory / SWITCHES_FILE, switches_csv(run.switches, run.log))
+    summary = summarise(run)
+    if accuracy is not None:
+        summary["accuracy"] = accuracy
+    write_atomically(directory / SUMMARY_FILE, json.dumps(summary, indent=2, allow_nan=False) + "\n")
+    if pictures and len(run.log) > 1:
+        tell(FIGURES_FOLDER)
+        (directory / FIGURES_FOLDER).mkdir()
+        write_figures(run, directory / FIGURES_FOLDER)
+        tell(ANIMATION_FILE)
+        write_run_animation(run, directory / ANIMATION_FILE)
+    return summary
+
+
+def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
+    """Write a log as parquet, with units, schema version and status in the metadata.
+
+    Args:
+        log: One row per tick.
+        path: The file.
+        status: How the run ended.
+    """
+    table = pa.Table.from_pandas(log, preserve_index=False)
+    units = json.dumps({name: unit_of(name) for name in log.columns})
+    metadata = {
+        **(table.schema.metadata or {}),
+        b"twin_gait.schema_version": str(LOG_SCHEMA_VERSION).encode(),
+        b"twin_gait.status": status.encode(),
+        b"twin_gait.units": units.encode(),
+    }
+    buffer = io.BytesIO()
+    pq.write_table(table.replace_schema_metadata(metadata), buffer, compression="zstd")
+    write_atomically(path, buffer.getvalue())
+
+
+def switches_csv(switches: tuple[PhaseSwitch, ...], log: pd.DataFrame) -> str:
+    """Phase switches with their causes, angles and velocities, as CSV text.
+
+    Args:
+        switches: The switches.
+        log: The log of the same run.
+
+    Returns:
+        The text.
+    """
+    measured = ("hip_angle_rad", "hip_velocity_rad_per_s", "knee_angle_rad", "knee_velocity_rad_per_s")
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(["tick", "time_s", "side", "from", "to", "cause", *measured])
+    for switch in switches:
+        row = log.iloc[switch.tick]
+        values = [repr(float(row[f"{switch.side}_{name}"])) for name in measured]
+        writer.writerow([switch.tick, f"{switch.time:.3f}", *switch[1:5], *values])
+    return buffer.getvalue()
+
+
+def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
+    places = {(item.source, item.target, item.cause): k for k, item in enumerate(table.transitions)}
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = [
+                (int(row["tick"]), Side(row["side"]), row["from"], row["to"], row["cause"])
+                for row in csv.DictReader(file)
+            ]
+        return tuple(PhaseSwitch(*row, places[row[2:]]) for row in rows)
+    except (OSError, ValueError, KeyError) as error:
+        raise RunDirectoryError(f"{path}: cannot be read ({error!r})") from error
+
+
+def write_run_animation(run: Run, path: Path) -> None:
+    """Write the animation of a run.
+
+    Args:
+        run: The run.
+        path: The HTML file.
+    """
+    experiment = run.experiment
+    belt = belt_speed_of(experiment)
+    write_animation(
+        path,
+        run.log,
+        experiment.build_world().model,
+        title=f"twin_gait · {experiment.name}",
+        subtitle=describe(experiment.patient, belt),
+        belt_speed=belt_motion_of(experiment, run.log),
+        patient=experiment.patient,
+        events=run.events,
+        outcome=run.verdict.outcome or run.status,
+    )
+
+
+def belt_speed_of(experiment: Experiment) -> float:
+    """Speed of the belt in [m] / [s], of one that starts and stops in between; 0 on the bench."""
+    scenario = experiment.scenario
+    return scenario.belt_speed if isinstance(scenario, TreadmillScenario) else 0.0
+
+
+def belt_motion_of(experiment: Experiment, log: pd.DataFrame) -> Belt:
+    """How the belt moved in a run, as the viewer takes it."""
+    scenario, tripped = experiment.scenario, trip_time_of(log)
+    if isinstance(scenario, TreadmillScenario) and (scenario.belt is not None or math.isfinite(tripped)):
+        return partial(scenario.belt_travel, trip_time=tripped)
+    return belt_speed_of(experiment)
+
+
+def trip_time_of(log: pd.DataFrame) -> float:
+    """Time of the trip in a log in [s]; infinite without one, and in logs of earlier versions."""
+    held = np.flatnonzero(held_rows(log))
+    return float(log["time_s"].iloc[held[0]]) if len(held) else math.inf
+
+
+def describe(patient: Patient | None, belt_speed: float) -> str:
+    """One line on who walks and how fast.
+
+    Args:
+        patient: The wearer, or None.
+        belt_speed: In [m] / [s]; 0 on the bench.
+
+    Returns:
+        For example ``70 kg, 1.75 m, 1.50 km/h``.
+    """
+    who = "no wearer" if patient is None else f"{patient.mass:g} kg, {patient.height:.2f} m"
+    return who if belt_speed == 0.0 else f"{who}, {3.6 * belt_speed:.2f} km/h"
+
+
+def load_run(directory: Path) -> StoredRun:
+    """Read a run back.
+
+    Args:
+        directory: A run directory.
+
+    Returns:
+        The run.
+
+    Raises:
+        RunDirectoryError: If it is not a complete run directory.
+    """
+    directory = Path(directory).expanduser()
+    if journal_of(directory.absolute()).is_file():
+        raise RunDirectoryError(
+            f"{directory}: its walk is going on, or was killed; twin-gait sessions complete {directory}"
+        )
+    for name in (EXPERIMENT_FILE, LOG_FILE, SUMMARY_FILE):
+        if not (directory / name).is_file():
+            raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")
+    return read_run(directory, load_experiment(directory / EXPERIMENT_FILE).experiment)
+
+
+def read_run(directory: Path, experiment: Experiment) -> StoredRun:
+    """Read log and summary of a run.
+
+    Args:
+        directory: A run directory.
+        experiment: What was run.
+
+    Returns:
+        The run.
+
+    Raises:
+        RunDirectoryError: If they cannot be read.
+    """
+    try:
+        log = read_parquet(directory / LOG_FILE)
+        summary = json.loads((directory / SUMMARY_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise RunDirectoryError(f"{directory}: cannot be read ({error})".replace("\n", " ")) from error
+    if not isinstance(summary, dict):
+        raise ParameterError(f"{directory / SUMMARY_FILE}: expected keys and values")
+    return StoredRun(directory, experiment, log, summary)
