@@ -116,7 +116,7 @@ def _delete(arguments: argparse.Namespace, database: Path) -> None:
 
 def _complete(arguments: argparse.Namespace, database: Path) -> None:
     from twin_gait.live.finishing import complete
-    from twin_gait.live.journal import journal_of
+    from twin_gait.runs.folders import journal_of
 
     done = complete(journal_of(arguments.folder.expanduser().absolute()))
     print("nothing had been walked" if done is None else done.folder)

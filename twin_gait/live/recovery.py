@@ -10,8 +10,8 @@ from typing import Any
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.gait.table import TICK
 from twin_gait.live.finishing import Completed, complete
-from twin_gait.live.journal import journal_of
 from twin_gait.live.session_records import KILLED, SessionEntry, close_killed, list_sessions
+from twin_gait.runs.folders import journal_of
 from twin_gait.runs.record import SUMMARY_FILE
 
 

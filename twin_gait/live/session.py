@@ -25,7 +25,6 @@ from twin_gait.live.actions import EVERYTHING, Actions
 from twin_gait.live.controls import KM_PER_H, Panel
 from twin_gait.live.finishing import complete, complete_all
 from twin_gait.live.handle import LoopProcess
-from twin_gait.live.journal import journal_of
 from twin_gait.live.loop import MOST_TRACES
 from twin_gait.live.protocol import (
     Action,
@@ -42,7 +41,7 @@ from twin_gait.live.protocol import (
 from twin_gait.live.rules import Place, Verdict, described, judge, refusal, warnings
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.settings import Settings, effect_of, loop_numbers
-from twin_gait.runs.folders import check_target
+from twin_gait.runs.folders import check_target, journal_of
 from twin_gait.runs.record import RUN_DIRECTORY
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.watching import ticks
