@@ -1,0 +1,91 @@
+"""Insert numbers and tables of results into the pages beside this file.
+
+A page quotes the number ``fit.gain`` of ``examples/results/NAME/results.json`` (or of ``benchmarks/results``) as
+
+    <!-- value NAME fit.gain .2f -->0.58<!-- / -->
+
+with a format as in Python, or none, and a list of mappings with the same keys as
+
+    <!-- table NAME rows -->
+    | k [Nm/deg] | outcome |
+    ...
+    <!-- / -->
+
+``python docs/insert.py`` brings all pages up to date, ``--check`` only says which are not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+DOCS = Path(__file__).parent
+QUOTED = re.compile(r"<!-- (value|table) (\S+) (\S+)(?: (\S+))? -->(.*?)<!-- / -->", re.DOTALL)
+
+
+@cache
+def results_of(name: str) -> Any:
+    """Results of a script in their full form."""
+    places = [
+        DOCS.parent / folder / "results" / name / "results.json" for folder in ("examples", "benchmarks")
+    ]
+    found = json.loads(next(path for path in places if path.is_file()).read_text(encoding="utf-8"))
+    if found["quick"]:
+        raise ValueError(f"{name}: its results are of the quick form; run the script without --quick")
+    return found
+
+
+def looked_up(name: str, key: str) -> Any:
+    """Entry of a result by its dotted key."""
+    entry = results_of(name)
+    for part in key.split("."):
+        entry = entry[int(part)] if isinstance(entry, list) else entry[part]
+    return entry
+
+
+def table_of(rows: list[dict[str, Any]]) -> str:
+    """Rows as a table in Markdown, with the keys of the first as the heading."""
+    lines = [list(rows[0]), ["---"] * len(rows[0]), *(list(row.values()) for row in rows)]
+    return "\n".join(
+        "| " + " | ".join("" if cell is None else str(cell) for cell in line) + " |" for line in lines
+    )
+
+
+def with_results(page: str) -> str:
+    """A page with every quoted number and table as the results have them."""
+
+    def current(match: re.Match[str]) -> str:
+        kind, name, key, spec, old = match.groups()
+        entry = looked_up(name, key)
+        text = format(entry, spec or "") if kind == "value" else f"\n{table_of(entry)}\n"
+        return match.group().replace(f"-->{old}<!-- / -->", f"-->{text}<!-- / -->")
+
+    return QUOTED.sub(current, page)
+
+
+def main() -> int:
+    """Bring the pages up to date, or name those that are not."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "--check", action="store_true", help="change nothing; exit 1 if a page is out of date"
+    )
+    check = parser.parse_args().check
+    stale = []
+    for path in sorted(DOCS.glob("**/*.md")):
+        page = path.read_text(encoding="utf-8")
+        current = with_results(page)
+        if current != page:
+            stale.append(path.name)
+            if not check:
+                path.write_text(current, encoding="utf-8")
+    print(f"{'out of date' if check else 'brought up to date'}: {', '.join(stale) or 'none'}")
+    return int(check and bool(stale))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

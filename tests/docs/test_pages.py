@@ -1,0 +1,51 @@
+"""Pages quote the results that are kept beside the scripts."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+INSERT = ROOT / "docs" / "insert.py"
+
+
+@pytest.fixture
+def insert(tmp_path):
+    spec = importlib.util.spec_from_file_location("insert", INSERT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    module.DOCS = tmp_path / "docs"
+    return module
+
+
+def test_numbers_and_tables_of_all_pages_are_those_of_the_results():
+    check = subprocess.run([sys.executable, INSERT, "--check"], capture_output=True, text=True)
+    assert check.returncode == 0, f"{check.stdout}{check.stderr}run python docs/insert.py"
+
+
+def keep(folder, **results):
+    folder.mkdir(parents=True)
+    (folder / "results.json").write_text(json.dumps(results))
+
+
+def test_a_page_gets_number_and_table(insert, tmp_path):
+    rows = [{"k": 1.5, "ends": "rest"}, {"k": 2, "ends": None}]
+    keep(tmp_path / "examples" / "results" / "fit", quick=False, gain={"hip": [0.0, 0.4567]}, rows=rows)
+    page = "G = <!-- value fit gain.hip.1 .2f -->9<!-- / -->.\n<!-- table fit rows --><!-- / -->\n"
+    expected = (
+        "G = <!-- value fit gain.hip.1 .2f -->0.46<!-- / -->.\n"
+        "<!-- table fit rows -->\n| k | ends |\n| --- | --- |\n| 1.5 | rest |\n| 2 |  |\n<!-- / -->\n"
+    )
+    assert insert.with_results(page) == expected
+    assert insert.with_results(expected) == expected
+
+
+def test_results_of_the_quick_form_are_not_quoted(insert, tmp_path):
+    keep(tmp_path / "benchmarks" / "results" / "engines", quick=True, ratio=2.0)
+    with pytest.raises(ValueError, match="engines: its results are of the quick form"):
+        insert.with_results("<!-- value engines ratio -->1<!-- / -->")

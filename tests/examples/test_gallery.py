@@ -1,0 +1,55 @@
+"""Every script of the gallery and of the benchmarks stands on public names, and runs in its quick form."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SCRIPTS = sorted(path for folder in ("examples", "benchmarks") for path in (ROOT / folder).glob("*.py"))
+RUN = [path for path in SCRIPTS if path.stem != "gallery"]
+MODULES = sorted((ROOT / "examples").rglob("*.py"))
+
+
+def imported_names(path: Path) -> list[tuple[str, str]]:
+    """Modules of this package that a script imports from, with the names."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "twin_gait":
+            found += [(node.module, item.name) for item in node.names]
+        if isinstance(node, ast.Import):
+            found += [(item.name, "") for item in node.names if item.name.split(".")[0] == "twin_gait"]
+    return found
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.stem)
+def test_examples_import_public_names_only(path):
+    """Public is what ``twin_gait`` or one of its packages lists in ``__all__``."""
+    for module, name in imported_names(path):
+        assert module.count(".") <= 1, f"{module} is not a public namespace"
+        public = getattr(importlib.import_module(module), "__all__", ())
+        assert not name or name in public, f"{name} is not in {module}.__all__"
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
+def test_a_script_begins_with_what_it_shows_and_has_cells(path):
+    text = path.read_text(encoding="utf-8")
+    assert ast.get_docstring(ast.parse(text))
+    assert path.stem == "gallery" or "\n# %%" in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", RUN, ids=lambda path: path.stem)
+def test_a_script_runs_in_its_quick_form(path, tmp_path):
+    command = [sys.executable, path, "--quick", "--workers", "1", "--out", tmp_path]
+    done = subprocess.run(
+        command, capture_output=True, text=True, cwd=tmp_path, env={**os.environ, "MPLBACKEND": "Agg"}
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert any(tmp_path.iterdir()), "it left nothing"
