@@ -74,12 +74,11 @@ def build_parser() -> argparse.ArgumentParser:
         tune,
         validate,
         view,
-        whatif,
     )
 
     runs = (simulate, live, sessions, view, plot, export, presets, clean)
     tables = (check, diagram, replay)
-    studies = (compare, tune, reproduce, whatif, sweep, faults, outcomes, validate, benchmark)
+    studies = (compare, tune, reproduce, sweep, faults, outcomes, validate, benchmark)
     for module in (*runs, *tables, bench, identify, *studies):
         module.add_parser(commands)
     return parser
