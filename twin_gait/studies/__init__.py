@@ -1,4 +1,4 @@
-"""Many runs: batches, sweeps, tuning, comparison, faults, and the job runner under all of them.
+"""Many runs: batches, sweeps, tuning, comparison, faults, campaigns, and the job runner under all of them.
 
 What is offered here is imported when it is first asked for.
 """
@@ -9,12 +9,31 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from twin_gait.studies.campaign import Campaign, Protocol, TwoWayProtocol, planned_tests
     from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
     from twin_gait.studies.processes import WorkersLost
 
-__all__ = ["JobFailed", "Workers", "WorkersLost", "run_jobs"]
+__all__ = [
+    "Campaign",
+    "JobFailed",
+    "Protocol",
+    "TwoWayProtocol",
+    "Workers",
+    "WorkersLost",
+    "planned_tests",
+    "run_jobs",
+]
 
-_HOMES = {"JobFailed": "jobs", "Workers": "jobs", "WorkersLost": "processes", "run_jobs": "jobs"}
+_HOMES = {
+    "Campaign": "campaign",
+    "JobFailed": "jobs",
+    "Protocol": "campaign",
+    "TwoWayProtocol": "campaign",
+    "Workers": "jobs",
+    "WorkersLost": "processes",
+    "planned_tests": "campaign",
+    "run_jobs": "jobs",
+}
 
 
 def __getattr__(name: str) -> Any:
