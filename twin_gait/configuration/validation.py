@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import reprlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -200,18 +200,30 @@ def _explain(first: Any, model: type[BaseModel]) -> str:
     kind, value = first["type"], first.get("input")
     if kind == "extra_forbidden":
         place = _model_at(model, first["loc"][:-1])
-        renamed = RENAMED.get(str(first["loc"][-1]))
-        if renamed:
-            return f"is called {renamed} now"
-        known = [] if place is None else _keys(place)
-        near = [] if place is None else _nearest(str(first["loc"][-1]), place)
-        hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
-        return f"unknown key; {hint}allowed: {', '.join(known)}" if known else "unknown key"
+        name = str(first["loc"][-1])
+        return "unknown key" if place is None else unknown_key(name, _keys(place), _nearest(name, place))
     if kind == "missing":
         return "is missing"
     if kind == "value_error":
         return str(first["msg"]).removeprefix("Value error, ")
     return f"{_lower_first(first['msg'])}, got {short(value)}"
+
+
+def unknown_key(name: str, known: Sequence[str], near: Sequence[str] = ()) -> str:
+    """Say that there is no such key, and which may have been meant.
+
+    Args:
+        name: The key.
+        known: Keys that there are.
+        near: Those that it may be a slip of.
+
+    Returns:
+        The complaint.
+    """
+    if name in RENAMED:
+        return f"is called {RENAMED[name]} now"
+    hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+    return f"unknown key; {hint}allowed: {', '.join(known)}"
 
 
 def _nearest(name: str, model: type[BaseModel]) -> list[str]:
