@@ -253,9 +253,6 @@ class LiveSession:
             reason: One sentence.
             id: Of the message, if it had one.
             user: Who, if known.
-
-        Returns:
-            The event.
         """
         return self._emit(Outcome.REFUSED, reason, id=id, user=user)
 
@@ -272,9 +269,6 @@ class LiveSession:
 
         Args:
             after: Serial number of the last event that is known; 0 gives all that are kept.
-
-        Returns:
-            Events in order.
         """
         with self._lock:
             return [item for item in self._events if item.serial > after]

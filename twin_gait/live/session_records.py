@@ -209,13 +209,6 @@ class SessionEntry:
 def list_sessions(folder: Path, user: str | None = None) -> list[SessionEntry]:
     """All sessions of the record, the newest first.
 
-    Args:
-        folder: Of the record.
-        user: Only those of this user.
-
-    Returns:
-        The sessions.
-
     Raises:
         SessionError: If the record cannot be read.
     """
@@ -225,10 +218,6 @@ def list_sessions(folder: Path, user: str | None = None) -> list[SessionEntry]:
 
 def read_session(folder: Path, session: int) -> dict[str, Any]:
     """Everything that is recorded of a session.
-
-    Args:
-        folder: Of the record.
-        session: Number.
 
     Returns:
         The entry's fields, ``document`` of the experiment, ``summary``, ``tables`` and ``log``: every event
@@ -269,10 +258,6 @@ def close_killed(
 
 def delete_session(folder: Path, session: int) -> None:
     """Take a session out of the record; its run folders stay.
-
-    Args:
-        folder: Of the record.
-        session: Number.
 
     Raises:
         SessionError: If there is no such session, or it is still going on.
