@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.files import private_files
     from twin_gait.live.protocol import LONGEST_NAME
     from twin_gait.live.session import LiveSession
-    from twin_gait.live.session_records import default_database
+    from twin_gait.live.session_records import default_records
 
     if not 0 <= arguments.port <= 65535:
         raise ParameterError(f"--port: expected 0 to 65535, got {arguments.port}")
@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
             user=arguments.user,
             force=arguments.force,
             pictures=not arguments.no_pictures,
-            database=None if arguments.no_record else default_database(),
+            records=None if arguments.no_record else default_records(),
             on_compile=note_compilation,
             on_step=note_step,
         )

@@ -1,4 +1,4 @@
-"""Who works a command's runs off: ``--workers`` of this machine, or those of a ``--scheduler``."""
+"""Who executes the runs of a command: ``--workers`` of this machine, or those of a ``--scheduler``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from twin_gait.studies.workers import Runner
+    from twin_gait.studies.jobs import Workers
 
 
 PROCESSORS = os.cpu_count() or 1
@@ -74,26 +74,20 @@ def check_runner(arguments: argparse.Namespace) -> None:
 
 
 @contextlib.contextmanager
-def runner_of(arguments: argparse.Namespace) -> Iterator[Runner]:
+def runner_of(arguments: argparse.Namespace) -> Iterator[Workers]:
     """The processes of this machine or the cluster that the user asked for.
 
     Args:
         arguments: Of the command.
 
     Yields:
-        The runner; its processes end with the context.
+        The workers; processes end with the context.
 
     Raises:
         ParameterError: If there is no scheduler at the address.
         MissingOptionalDependency: If a cluster is asked for and dask.distributed is not installed.
     """
-    from twin_gait.studies.workers import StandingRunner
+    from twin_gait.studies.jobs import Workers
 
-    if arguments.scheduler is None:
-        with StandingRunner(workers_of(arguments)) as runner:
-            yield runner
-        return
-    from twin_gait.studies.cluster import connected
-
-    with connected(arguments.scheduler) as cluster:
-        yield cluster
+    with Workers(workers_of(arguments), arguments.scheduler) as workers:
+        yield workers

@@ -47,9 +47,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the sweep, or go on with it."""
     from twin_gait.exceptions import ParameterError
     from twin_gait.simulation import RunStatus
+    from twin_gait.studies import WorkersLost
     from twin_gait.studies.sweep.spec import load_sweep
     from twin_gait.studies.sweep.sweep import run_sweep
-    from twin_gait.studies.workers import WorkersLost
 
     check_runner(arguments)
     if not 0.0 < arguments.chunk_seconds < float("inf"):
@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     again = f"the same command goes on from there: {arguments.out}"
     try:
         with (
-            runner_of(arguments) as runner,
+            runner_of(arguments) as workers,
             stop_on_interrupt() as should_stop,
             progress_bar("checking", "episode") as checking,
             progress_bar("sweeping", "episode") as progress,
@@ -66,7 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
             result = run_sweep(
                 sweep,
                 arguments.out,
-                runner=runner,
+                workers=workers,
                 chunk_seconds=arguments.chunk_seconds,
                 pictures=not arguments.no_pictures,
                 checking=checking,

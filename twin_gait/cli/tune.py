@@ -77,10 +77,10 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.configuration import load_experiment
     from twin_gait.exceptions import ParameterError
     from twin_gait.simulation import RunStatus
+    from twin_gait.studies import WorkersLost
     from twin_gait.studies.tune.settings import Settings
     from twin_gait.studies.tune.tune import tune
     from twin_gait.studies.tune.writing import write_tuning
-    from twin_gait.studies.workers import WorkersLost
 
     check_runner(arguments)
     if arguments.resume and arguments.force:
@@ -102,12 +102,12 @@ def run(arguments: argparse.Namespace) -> int:
     again = f"the same command with --resume goes on from there: {arguments.out}"
     folder = None
     try:
-        with runner_of(arguments) as runner, stop_on_interrupt() as should_stop:
+        with runner_of(arguments) as workers, stop_on_interrupt() as should_stop:
             tuning = tune(
                 experiment,
                 arguments.out,
                 settings,
-                runner=runner,
+                workers=workers,
                 resume=arguments.resume,
                 force=arguments.force,
                 progress=_note,
@@ -123,7 +123,7 @@ def run(arguments: argparse.Namespace) -> int:
                         settings,
                         arguments.out,
                         wearer=_wearer(arguments, experiment),
-                        runner=runner,
+                        workers=workers,
                         progress=progress,
                         should_stop=should_stop,
                     )
