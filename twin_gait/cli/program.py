@@ -54,7 +54,6 @@ def build_parser() -> argparse.ArgumentParser:
     # Heavy imports wait until a command runs, so that --help answers at once.
     from twin_gait.cli import (
         bench,
-        benchmark,
         check,
         clean,
         compare,
@@ -72,14 +71,13 @@ def build_parser() -> argparse.ArgumentParser:
         simulate,
         sweep,
         tune,
-        validate,
         view,
         whatif,
     )
 
     runs = (simulate, live, sessions, view, plot, export, presets, clean)
     tables = (check, diagram, replay)
-    studies = (compare, tune, reproduce, whatif, sweep, faults, outcomes, validate, benchmark)
+    studies = (compare, tune, reproduce, whatif, sweep, faults, outcomes)
     for module in (*runs, *tables, bench, identify, *studies):
         module.add_parser(commands)
     return parser

@@ -1,28 +1,32 @@
-"""MuJoCo as contestants: the same bodies, integrator and step, and everything off that is not used."""
+"""MuJoCo as a peer: the same bodies, integrator and step, and everything off that is not used."""
 
 from __future__ import annotations
 
-import importlib
 from typing import Any
 
+import mujoco
 import numpy as np
+from crosscheck.mujoco_legs import compiled_legs, coordinate_order, legs_of, legs_spec
+from mujoco.rollout import Rollout
+from peers.engines import BATCH_EPISODES, THREADS
+from peers.native import controller_record, native_callback
+from peers.plain import PlainController, PlainPlant
+from peers.scenarios import RK4, Case
+from peers.timing import Implementation
 
-from twin_gait.experiment import IntegrationMethod
+from twin_gait.leg_model.bodies import contact_points
 from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.studies.benchmark.contestant import Contestant
-from twin_gait.studies.benchmark.engines import BATCH_EPISODES, THREADS
-from twin_gait.studies.benchmark.native import controller_record, native_callback
-from twin_gait.studies.benchmark.plain import PlainController, PlainPlant
-from twin_gait.studies.benchmark.subjects import Case
-from twin_gait.studies.benchmark.treadmill import BELT_JOINT, treadmill_model
-from twin_gait.studies.validation.mujoco_witness import EXTRA, coordinate_order, import_mujoco, witness_model
 
-RK4_STAGES = 4
 # Springs that hold the legs up while nothing controls them, as stiff as a phase of stance.
 HOLDING_STIFFNESS, HOLDING_DAMPING = 300.0, 30.0  # [N m] / [rad], [N m s] / [rad]
+BELT_JOINT = "belt"
+SOLE_RADIUS = 0.005  # [m] of the spheres at heel and toe
+# MuJoCo knows no belt. A body that no leg can slow down runs backwards in its place.
+BELT_MASS, BELT_HALF_LENGTH, BELT_HALF_WIDTH, BELT_HALF_HEIGHT = 1e6, 50.0, 2.0, 0.1  # [kg], [m]
+UNUSED = ("EQUALITY", "FRICTIONLOSS", "LIMIT", "SENSOR", "CLAMPCTRL", "EULERDAMP", "ISLAND", "MIDPHASE")
 
 
-def contestant_model(case: Case, problem: Problem, *, controlled: bool) -> Any:
+def peer_model(case: Case, problem: Problem, *, controlled: bool) -> mujoco.MjModel:
     """MuJoCo's model of a case at its best.
 
     Args:
@@ -30,34 +34,68 @@ def contestant_model(case: Case, problem: Problem, *, controlled: bool) -> Any:
         problem: Its problem.
         controlled: Whether a callback will control it. Without one, on the treadmill, springs hold the
             start posture on a belt at rest; with one the belt is a body that moves.
-
-    Returns:
-        The ``MjModel``.
     """
-    mujoco = import_mujoco()
     grounded = problem.world.contact is not None
-    if grounded:
-        model = treadmill_model(case.experiment, problem.world, moving=controlled)
-    else:
-        model = witness_model(case.experiment, problem.world.model)
-    unused = ["EQUALITY", "FRICTIONLOSS", "LIMIT", "SENSOR", "CLAMPCTRL", "EULERDAMP", "ISLAND", "MIDPHASE"]
+    model = (
+        _on_ground(problem, moving=controlled) if grounded else legs_of(case.experiment, problem.world.model)
+    )
+    unused = list(UNUSED)
     if not grounded:
         unused += ["CONTACT", "CONSTRAINT"]
     if not controlled:
-        # MuJoCo asks its callback as part of actuation.
-        unused += ["ACTUATION"]
+        unused += ["ACTUATION"]  # MuJoCo asks its callback as part of actuation
     bits = [int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")) for name in unused]
     model.opt.disableflags = int(np.bitwise_or.reduce(bits))
-    if case.integration.method is IntegrationMethod.RK4:
+    if case.integration.method is RK4:
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
     if grounded and not controlled:
         _hold(model, problem)
     return model
 
 
-def _hold(model: Any, problem: Problem) -> None:
+def _on_ground(problem: Problem, *, moving: bool) -> mujoco.MjModel:
+    """Legs with a sphere at every heel and toe over a belt, or over a plane at rest, which is cheaper."""
+    experiment, world = problem.experiment, problem.world
+    assert world.contact is not None
+    spec = legs_spec(world.model, experiment.patient, fit_device=experiment.leg.fit_device)
+    for leg in world.model.legs.values():
+        for point in contact_points(world.model.model, leg.contact_frames):
+            # Its lowest point, with the foot level, is the heel or the toe.
+            place = np.add(point.position, [0.0, 0.0, SOLE_RADIUS])
+            spec.joint(leg.ankle).parent.add_geom(
+                type=mujoco.mjtGeom.mjGEOM_SPHERE,
+                size=[SOLE_RADIUS, 0, 0],
+                pos=place,
+                mass=0.0,
+                contype=1,
+                conaffinity=0,
+            )
+    # Only soles touch the ground, and with the friction of the experiment.
+    friction = [world.contact.friction_coefficient, 0.005, 0.0001]
+    ground: dict[str, Any] = {"contype": 0, "conaffinity": 1, "friction": friction}
+    if moving:
+        _add_belt(spec, ground)
+    else:
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], **ground)
+    armature = {joint: item.armature for joint, item in experiment.plant.actuators.items()}
+    gravity, step = experiment.plant.gravity, experiment.stepping.step
+    return compiled_legs(spec, world.model, armature, gravity=gravity, step=step)
+
+
+def _add_belt(spec: mujoco.MjSpec, ground: dict[str, Any]) -> None:
+    belt = spec.worldbody.add_body(name=BELT_JOINT, mass=BELT_MASS, inertia=[1.0, 1.0, 1.0])
+    belt.explicitinertial = True
+    belt.add_joint(name=BELT_JOINT, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1.0, 0.0, 0.0])
+    belt.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[BELT_HALF_LENGTH, BELT_HALF_WIDTH, BELT_HALF_HEIGHT],
+        pos=[0.0, 0.0, -BELT_HALF_HEIGHT],
+        **ground,
+    )
+
+
+def _hold(model: mujoco.MjModel, problem: Problem) -> None:
     """Springs on every joint but the pelvis, which is a slide."""
-    mujoco = import_mujoco()
     order = coordinate_order(model, problem.world.model)
     for place, angle in zip(order, problem.world.start_q.tolist(), strict=True):
         if model.jnt_type[place] == mujoco.mjtJoint.mjJNT_SLIDE:
@@ -67,30 +105,21 @@ def _hold(model: Any, problem: Problem) -> None:
         model.qpos_spring[place] = angle
 
 
-class MujocoSession:
-    """A model of MuJoCo with its start."""
+class BareSession:
+    """``mj_step`` alone, all steps in one call of C."""
 
     def __init__(self, case: Case, ticks: int, *, controlled: bool = False) -> None:
-        """Build the model.
-
-        Args:
-            case: The case.
-            ticks: Length of a run.
-            controlled: See :func:`contestant_model`.
-        """
-        self.mujoco = import_mujoco()
+        """Build the model; see :func:`peer_model`."""
         self.problem = build_problem(case.lasting(ticks))
-        self.ticks, self.steps = ticks, ticks * case.integration.substeps
-        self.rk4 = case.integration.method is IntegrationMethod.RK4
-        self.evaluations = case.integration.substeps * (RK4_STAGES if self.rk4 else 1)
-        self.model = contestant_model(case, self.problem, controlled=controlled)
-        self.data = self.mujoco.MjData(self.model)
+        self.steps, self.evaluations = ticks * case.integration.substeps, case.evaluations
+        self.model = peer_model(case, self.problem, controlled=controlled)
+        self.data = mujoco.MjData(self.model)
         self.order = coordinate_order(self.model, self.problem.world.model)
         self.reset()
 
     def reset(self) -> None:
         """Put the state back to the start."""
-        self.mujoco.mj_resetData(self.model, self.data)
+        mujoco.mj_resetData(self.model, self.data)
         world = self.problem.world
         self.data.qpos[self.order], self.data.qvel[self.order] = world.start_q, world.start_v
         pelvis = world.model.pelvis_index
@@ -101,23 +130,18 @@ class MujocoSession:
 
     def run(self) -> None:
         """All steps in one call of C."""
-        self.mujoco.mj_step(self.model, self.data, nstep=self.steps)
+        mujoco.mj_step(self.model, self.data, nstep=self.steps)
 
     def angles(self) -> np.ndarray | None:
         """A bare step is no closed loop."""
         return None
 
 
-class NativeSession(MujocoSession):
+class NativeSession(BareSession):
     """The control loop as a native callback; still one call of C."""
 
     def __init__(self, case: Case, ticks: int) -> None:
-        """Compile the callback.
-
-        Args:
-            case: The case.
-            ticks: Length of a run.
-        """
+        """Compile the callback."""
         super().__init__(case, ticks, controlled=True)
         self._start = controller_record(self.problem, ticks)
         self._record = self._start.copy()
@@ -134,29 +158,23 @@ class NativeSession(MujocoSession):
             trace[:] = 0.0
 
     def run(self) -> None:
-        """All steps in one call of C."""
-        self.mujoco.set_mjcb_control(self._callback)
+        """All steps in one call of C, which calls back."""
+        mujoco.set_mjcb_control(self._callback)
         try:
             super().run()
         finally:
-            self.mujoco.set_mjcb_control(None)
+            mujoco.set_mjcb_control(None)
 
     def angles(self) -> np.ndarray | None:
         """Coordinates at every tick; None on the treadmill, where MuJoCo's contacts make another motion."""
         return np.array(self._record["trace"][0]) if self.problem.world.contact is None else None
 
 
-class PythonSession(MujocoSession):
+class PythonSession(BareSession):
     """The controller of the plain script as a Python callback."""
 
     def __init__(self, case: Case, ticks: int) -> None:
-        """Make room for the record.
-
-        Args:
-            case: The case.
-            ticks: Length of a run.
-        """
-        self._trace = np.zeros((ticks, 0))
+        """Make room for the record."""
         super().__init__(case, ticks, controlled=True)
         self._trace = np.zeros((ticks, self.problem.world.model.nv))
 
@@ -168,13 +186,13 @@ class PythonSession(MujocoSession):
 
     def run(self) -> None:
         """All steps in one call, which calls back."""
-        self.mujoco.set_mjcb_control(self._control)
+        mujoco.set_mjcb_control(self._control)
         try:
             super().run()
         finally:
-            self.mujoco.set_mjcb_control(None)
+            mujoco.set_mjcb_control(None)
 
-    def _control(self, model: Any, data: Any) -> None:
+    def _control(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         q, v = data.qpos[self.order], data.qvel[self.order]
         if self._calls % self.evaluations == 0:
             tick = self._calls // self.evaluations
@@ -188,50 +206,31 @@ class PythonSession(MujocoSession):
         return self._trace if self.problem.world.contact is None else None
 
 
-class RolloutSession(MujocoSession):
+class RolloutSession(BareSession):
     """``mujoco.rollout``: many open-loop episodes on threads."""
 
     def __init__(
         self, case: Case, ticks: int, *, episodes: int = BATCH_EPISODES, threads: int = THREADS
     ) -> None:
-        """Make the pool and room for the states.
-
-        Args:
-            case: The case.
-            ticks: Length of every episode.
-            episodes: How many.
-            threads: How many work at once.
-        """
+        """Make the pool and room for the states."""
         super().__init__(case, ticks)
-        self._pool = importlib.import_module("mujoco.rollout").Rollout(nthread=threads)
-        self._workers = [self.mujoco.MjData(self.model) for _ in range(threads)]
-        kind = self.mujoco.mjtState.mjSTATE_FULLPHYSICS
-        size = self.mujoco.mj_stateSize(self.model, kind)
+        self._pool = Rollout(nthread=threads)
+        self._workers = [mujoco.MjData(self.model) for _ in range(threads)]
+        kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        size = mujoco.mj_stateSize(self.model, kind)
         start = np.zeros(size)
-        self.mujoco.mj_getState(self.model, self.data, start, kind)
+        mujoco.mj_getState(self.model, self.data, start, kind)
         self._starts = np.tile(start, (episodes, 1))
-        self._states = np.ones((episodes, self.steps, size))
+        self.states = np.ones((episodes, self.steps, size))
 
     def run(self) -> None:
         """Roll all episodes out."""
-        self._pool.rollout(self.model, self._workers, self._starts, nstep=self.steps, state=self._states)
+        self._pool.rollout(self.model, self._workers, self._starts, nstep=self.steps, state=self.states)
 
 
-MUJOCO_CONTESTANTS = (
-    Contestant("mujoco_bare", "MuJoCo, bare mj_step(nstep) in one call of C", MujocoSession, needs=EXTRA),
-    Contestant("mujoco_native", "MuJoCo, control loop as a native callback", NativeSession, needs=EXTRA),
-    Contestant(
-        "mujoco_python",
-        "MuJoCo, plain script's controller as a Python callback",
-        PythonSession,
-        compiled=False,
-        needs=EXTRA,
-    ),
-    Contestant(
-        "mujoco_rollout",
-        f"MuJoCo rollout, {BATCH_EPISODES} open-loop episodes on {THREADS} threads",
-        RolloutSession,
-        episodes=BATCH_EPISODES,
-        needs=EXTRA,
-    ),
+MUJOCO_PEERS = (
+    Implementation("MuJoCo, bare", BareSession),
+    Implementation("MuJoCo, native loop", NativeSession),
+    Implementation("MuJoCo, Python loop", PythonSession, compiled=False),
+    Implementation("MuJoCo rollout", RolloutSession, episodes=BATCH_EPISODES),
 )

@@ -1,8 +1,9 @@
 """A plain script such as one writes first: numpy laws, ``transitions`` and ``pin.aba`` in a loop.
 
-It shares data with the package (URDF, gait table, parameters) and none of its laws or loops. Nothing in it
-is slow on purpose; it allocates and calls small numpy functions as such scripts do. The contact law is the
-package's own formula, written for arrays.
+It shares data with the package (URDF, gait table, parameters) and none of its laws or loops, so that it is
+also the reference implementation that tests hold both engines to. Nothing in it is slow on purpose; it
+allocates and calls small numpy functions as such scripts do. The contact law is the package's own formula,
+written for arrays.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from peers.scenarios import Case
+from peers.timing import Implementation
 from transitions import Machine
 
 from twin_gait.core.plant import LOAD_FRICTION
@@ -20,8 +23,6 @@ from twin_gait.experiment import IntegrationMethod
 from twin_gait.gait.guards import OTHER, AnyOf, Comparison, Guard, PhaseMembership, signal_scale
 from twin_gait.gait.table import TICK, BlendingLaw
 from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.studies.benchmark.contestant import Contestant
-from twin_gait.studies.benchmark.subjects import Case
 from twin_gait.vocabulary import Side
 
 Signals = Mapping[str, float]
@@ -46,12 +47,7 @@ class PlainMachine:
     """Phase of one leg on ``transitions``, whose conditions are Python functions."""
 
     def __init__(self, problem: Problem, side: Side) -> None:
-        """Add every transition of the gait table under one trigger.
-
-        Args:
-            problem: For the table.
-            side: The leg.
-        """
+        """Add every transition of the gait table under one trigger."""
         table = problem.table
         self.signals: dict[str, float] = {}
         self.other_phase: str | None = None
@@ -112,11 +108,7 @@ class PlainController:
     """Measurement, state machines and control law of one run."""
 
     def __init__(self, problem: Problem) -> None:
-        """Read the parameters.
-
-        Args:
-            problem: The problem, with ideal sensors.
-        """
+        """Read the parameters; sensors are ideal."""
         experiment = problem.experiment
         self._problem = problem
         self._sensors, self._gain = experiment.sensors, problem.fast_gain
@@ -149,16 +141,7 @@ class PlainController:
         self._start = self._blended.copy()
 
     def torque(self, tick: int, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Motor torques of a tick.
-
-        Args:
-            tick: Present tick.
-            q: Coordinates, shape ``(nv,)``.
-            v: Velocities, shape ``(nv,)``.
-
-        Returns:
-            Torques on all coordinates in [N m], shape ``(nv,)``.
-        """
+        """Motor torques of a tick on all coordinates in [N m], shape ``(nv,)``."""
         self._measure(tick, q[self._index])
         self._decide(tick)
         stiffness, damping, equilibrium, gain = self._parameters()
@@ -201,7 +184,7 @@ class PlainController:
                 machine.signals |= self._signals(other, OTHER)
                 machine.signals[f"{OTHER}time_in_phase_s"] = (tick - entries[other]) * TICK
                 machine.other_phase = before[other]
-            if machine.advance():  # type: ignore[attr-defined]  # made by transitions
+            if machine.advance():
                 self._start[leg] = self._blended[leg]
         self._blend(tick)
 
@@ -246,28 +229,16 @@ class PlainPlant:
     """Passive torques, contact and forward dynamics."""
 
     def __init__(self, problem: Problem) -> None:
-        """Read the parameters.
-
-        Args:
-            problem: The problem.
-        """
+        """Read the parameters."""
         world = problem.world
         self.world, self.model, self.data = world, world.model.model, world.model.data
         self._columns = world.plant_rows.T.copy()
-        assert not self._columns[LOAD_FRICTION].any()  # no subject of the benchmark has any
+        assert not self._columns[LOAD_FRICTION].any()  # no scenario of the benchmark has any
         frames = [name for names in world.contact_frames.values() for name in names]
         self._frames = [self.model.getFrameId(name) for name in frames]
 
     def passive_torque(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Friction, stops, springs and support.
-
-        Args:
-            q: Coordinates, shape ``(nv,)``.
-            v: Velocities, shape ``(nv,)``.
-
-        Returns:
-            Torques on the coordinates, shape ``(nv,)``.
-        """
+        """Friction, stops, springs and support on the coordinates, shape ``(nv,)``."""
         lower, upper, stiffness, dissipation, spring, damper, constant = self._columns[4:LOAD_FRICTION]
         below = stiffness * np.maximum(lower - q, 0.0) * np.maximum(1.0 - dissipation * v, 0.0)
         above = stiffness * np.maximum(q - upper, 0.0) * np.maximum(1.0 + dissipation * v, 0.0)
@@ -275,16 +246,7 @@ class PlainPlant:
         return np.asarray(constant - spring * q - damper * v + stops - friction_torque(v, self._columns[:4]))
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
-        """Accelerations under motors, passive torques and contact.
-
-        Args:
-            q: Coordinates, shape ``(nv,)``.
-            v: Velocities, shape ``(nv,)``.
-            motor: Motor torques, shape ``(nv,)``.
-
-        Returns:
-            Shape ``(nv,)``.
-        """
+        """Accelerations under motors, passive torques and contact, shape ``(nv,)``."""
         torque = motor + self.passive_torque(q, v)
         if not self._frames:
             return np.asarray(pin.aba(self.model, self.data, q, v, torque))
@@ -313,18 +275,7 @@ class PlainPlant:
         return forces
 
     def step(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray, h: float, rk4: bool) -> Any:
-        """One step of the semi-implicit Euler or the Runge-Kutta method.
-
-        Args:
-            q: Coordinates, shape ``(nv,)``.
-            v: Velocities, shape ``(nv,)``.
-            motor: Motor torques, shape ``(nv,)``.
-            h: Step in [s].
-            rk4: Whether to use Runge-Kutta.
-
-        Returns:
-            Coordinates and velocities after the step.
-        """
+        """Coordinates and velocities after a step of the semi-implicit Euler or the Runge-Kutta method."""
         if not rk4:
             v = v + h * self.acceleration(q, v, motor)
             return q + h * v, v
@@ -342,12 +293,7 @@ class PlainSession:
     """The loop of the script."""
 
     def __init__(self, case: Case, ticks: int) -> None:
-        """Lay the problem out.
-
-        Args:
-            case: The case.
-            ticks: Length of a run.
-        """
+        """Lay the problem out."""
         self._problem = build_problem(case.lasting(ticks))
         self._ticks = ticks
         self._trace = np.zeros((ticks, self._problem.world.model.nv))
@@ -373,4 +319,4 @@ class PlainSession:
         return self._trace
 
 
-PLAIN = Contestant("plain_python", "plain script: numpy, transitions, pin.aba", PlainSession, compiled=False)
+PLAIN = Implementation("plain Python", PlainSession, compiled=False)

@@ -1,19 +1,18 @@
-"""The engines of this package as contestants of the benchmark."""
+"""The engines of this package as sessions of the benchmark."""
 
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from peers.scenarios import Case
+from peers.timing import Implementation
 
-from twin_gait.simulation import Run, simulate
+from twin_gait import JointName, Run, simulate
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.pinocchio.engine import PinocchioEngine
 from twin_gait.simulation.problem import Problem, build_problem
-from twin_gait.studies.benchmark.contestant import Contestant
-from twin_gait.studies.benchmark.subjects import Case
-from twin_gait.vocabulary import JointName
 
 THREADS = 2
 BATCH_EPISODES = 16
@@ -23,14 +22,7 @@ class EngineSession:
     """An engine of this package, made anew for every run."""
 
     def __init__(self, case: Case, ticks: int, *, compiled: bool, record: bool = True) -> None:
-        """Lay the problem out.
-
-        Args:
-            case: The case.
-            ticks: Length of a run.
-            compiled: Compiled or Pinocchio engine.
-            record: Whether the compiled engine keeps its log.
-        """
+        """Lay the problem out; only the compiled engine can do without its log."""
         self._problem = build_problem(case.lasting(ticks))
         self._compiled, self._record = compiled, record
         self._result: EngineResult | None = None
@@ -73,12 +65,7 @@ class SimulateSession:
     """The whole call ``simulate(experiment)``: URDF, problem, loop, table of the log."""
 
     def __init__(self, case: Case, ticks: int) -> None:
-        """Keep the experiment.
-
-        Args:
-            case: The case.
-            ticks: Length of a run.
-        """
+        """Keep the experiment."""
         self._experiment = case.lasting(ticks)
         self.last: Run | None = None
 
@@ -100,61 +87,38 @@ class BatchSession:
     def __init__(
         self, case: Case, ticks: int, *, episodes: int = BATCH_EPISODES, threads: int = THREADS
     ) -> None:
-        """Lay the problem out.
-
-        Args:
-            case: The case.
-            ticks: Length of every episode.
-            episodes: How many.
-            threads: How many work at once.
-        """
+        """Lay the episodes out."""
         problem = build_problem(case.lasting(ticks))
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
-        self._engines = [CompiledEngine(problem, record=False) for _ in range(episodes)]
-        self._engines[0].warm_up()
-        self._start = [array.copy() for array in self._engines[-1].episode.state]
+        self.engines = [CompiledEngine(problem, record=False) for _ in range(episodes)]
+        self.engines[0].warm_up()
+        self._start = [array.copy() for array in self.engines[-1].episode.state]
 
     def reset(self) -> None:
         """Put every episode back to its start; a thousand new engines would take longer than they run."""
-        for engine in self._engines:
+        for engine in self.engines:
             for array, start in zip(engine.episode.state, self._start, strict=True):
                 array[...] = start
 
     def run(self) -> None:
         """Run all episodes."""
         if self._pool is None:
-            for engine in self._engines:
+            for engine in self.engines:
                 engine.run()
             return
-        list(self._pool.map(lambda engine: engine.run(), self._engines))
+        list(self._pool.map(lambda engine: engine.run(), self.engines))
 
     def angles(self) -> np.ndarray | None:
         """Nothing is recorded."""
         return None
 
 
-ENGINE_CONTESTANTS = (
-    Contestant(
-        "compiled",
-        "compiled engine, loop without log",
-        lambda case, ticks: EngineSession(case, ticks, compiled=True, record=False),
-    ),
-    Contestant(
-        "compiled_log",
-        "compiled engine, loop with log",
-        lambda case, ticks: EngineSession(case, ticks, compiled=True),
-    ),
-    Contestant("simulate", "simulate(experiment), compiled", SimulateSession),
-    Contestant(
-        "batch",
-        f"compiled engine, {BATCH_EPISODES} episodes on {THREADS} threads",
-        BatchSession,
-        episodes=BATCH_EPISODES,
-    ),
-    Contestant(
-        "pinocchio",
-        "Pinocchio engine (this package's laws in Python)",
-        lambda case, ticks: EngineSession(case, ticks, compiled=False),
-        compiled=False,
+ENGINES = (
+    Implementation("compiled", lambda case, ticks: EngineSession(case, ticks, compiled=True, record=False)),
+    Implementation("compiled, log", lambda case, ticks: EngineSession(case, ticks, compiled=True)),
+    Implementation("simulate()", SimulateSession),
+    Implementation("batch", BatchSession, episodes=BATCH_EPISODES),
+    Implementation(
+        "Pinocchio", lambda case, ticks: EngineSession(case, ticks, compiled=False), compiled=False
     ),
 )

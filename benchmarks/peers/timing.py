@@ -6,23 +6,52 @@ import gc
 import os
 import platform
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from importlib import metadata
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
+from peers.scenarios import Case
 
-from twin_gait.runs.summary.summary import versions
-from twin_gait.studies.benchmark.contestant import Session
 
-Progress = Callable[[int, int], None]
+class Session(Protocol):
+    """Something that does the same work again and again; all that may be done beforehand is done."""
+
+    def reset(self) -> None:
+        """Go back to the start; not timed."""
+
+    def run(self) -> None:
+        """Do the work; this is timed."""
+
+    def angles(self) -> np.ndarray | None:
+        """Coordinates at every tick of the last run, shape ``(n_ticks, nv)`` in the order of the leg model.
+
+        None if the session steps another motion than the closed loop or keeps no record.
+        """
+
+
+@dataclass(frozen=True)
+class Implementation:
+    """One way to step through a case.
+
+    Attributes:
+        name: In tables.
+        open: Sets it up for a case and a number of ticks.
+        episodes: Episodes that one run steps at once.
+        compiled: Whether the loop is native code; others get fewer ticks.
+    """
+
+    name: str
+    open: Callable[[Case, int], Session]
+    episodes: int = 1
+    compiled: bool = True
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Times of one contestant.
+    """Times of one session.
 
     Attributes:
         rounds: Wall-clock time of every round for one unit of work in [ns].
@@ -50,44 +79,24 @@ class Timing:
         return float(np.median(np.array(self.rounds) * np.array(self.processor)))
 
 
-@dataclass(frozen=True)
-class Entry:
-    """A session to be timed.
-
-    Attributes:
-        name: Of the contestant.
-        session: Set up.
-        work: Units that one run does: ticks times episodes, or calls.
-    """
-
-    name: str
-    session: Session
-    work: int
-
-
-def time_in_turn(
-    entries: Sequence[Entry], rounds: int, on_run: Callable[[], None] | None = None
-) -> dict[str, Timing]:
-    """Time all entries once a round, so that a disturbance of the machine meets all of them alike.
+def time_in_turn(entries: Mapping[str, tuple[Session, int]], rounds: int) -> dict[str, Timing]:
+    """Time all sessions once a round, so that a disturbance of the machine meets all of them alike.
 
     A first round warms caches up and counts for nothing. The collector of garbage is held during a run.
 
     Args:
-        entries: With different names.
+        entries: By name, a session and the units of work of one run: ticks times episodes, or calls.
         rounds: How many count.
-        on_run: Called after every run.
 
     Returns:
         Times by name.
     """
-    times: dict[str, list[tuple[float, float]]] = {entry.name: [] for entry in entries}
+    times: dict[str, list[tuple[float, float]]] = {name: [] for name in entries}
     for _ in range(rounds + 1):
-        for entry in entries:
-            entry.session.reset()
-            wall, processor = _seconds(entry.session)
-            times[entry.name].append((wall / entry.work * 1e9, processor / wall))
-            if on_run is not None:
-                on_run()
+        for name, (session, work) in entries.items():
+            session.reset()
+            wall, processor = _seconds(session)
+            times[name].append((wall / work * 1e9, processor / wall))
     return {name: Timing(*zip(*values[1:], strict=True)) for name, values in times.items()}
 
 
@@ -109,43 +118,29 @@ def speed_ratio(slower: Timing, faster: Timing) -> float:
     The smaller one of two ratios, by the clock and by processor time. On a quiet machine they are equal.
     On a busy one a short run slips through undisturbed while a long one waits, which flatters whatever is
     fast; processor time alone would not see threads that wait for each other.
-
-    Args:
-        slower: Of the peer.
-        faster: Of the one that is judged, from the same rounds.
-
-    Returns:
-        The ratio.
     """
     clock = np.array(slower.rounds) / np.array(faster.rounds)
     processor = clock * np.array(slower.processor) / np.array(faster.processor)
     return float(min(np.median(clock), np.median(processor)))
 
 
+def significant(value: float, digits: int = 3) -> float:
+    """A number without digits that say nothing, for tables; a whole one from as many digits on."""
+    rounded = float(f"{value:.{digits}g}")
+    return round(value) if abs(value) >= 10 ** (digits - 1) else rounded
+
+
 def machine() -> dict[str, Any]:
-    """Processor, cores, load and versions.
-
-    Returns:
-        Plain values.
-    """
-    return {
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-        "load_average": [round(item, 2) for item in os.getloadavg()],
-        "system": platform.platform(),
-        "versions": {**versions(), **_mujoco_version()},
-    }
-
-
-def _processor() -> str:
+    """Processor, cores, load and versions, as plain values."""
     path = Path("/proc/cpuinfo")
     lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
-
-
-def _mujoco_version() -> Mapping[str, str]:
-    try:
-        return {"mujoco": metadata.version("mujoco")}
-    except metadata.PackageNotFoundError:
-        return {}
+    return {
+        "processor": names[0] if names else platform.processor() or platform.machine(),
+        "cores": os.cpu_count(),
+        "load average": round(os.getloadavg()[0], 2),
+        "versions": {
+            "python": platform.python_version(),
+            **{name: version(name) for name in ("twin-gait", "numpy", "numba", "pin", "mujoco")},
+        },
+    }

@@ -39,7 +39,7 @@ from twin_gait.simulation.kernel import body_values, write_control_gravity
 from twin_gait.simulation.problem import Problem
 
 
-@intrinsic  # type: ignore[untyped-decorator]  # numba has no types
+@intrinsic
 def _pointer(typing_context: Any, address: Any) -> Any:
     """A number as the pointer that it is."""
 
@@ -50,15 +50,7 @@ def _pointer(typing_context: Any, address: Any) -> Any:
 
 
 def controller_record(problem: Problem, ticks: int) -> np.ndarray:
-    """Constants and memory of the control loop at time 0.
-
-    Args:
-        problem: The problem; its controller must not use the inertia term.
-        ticks: Rows of the record of the coordinates.
-
-    Returns:
-        Shape ``(1,)`` of one record with a field for every array.
-    """
+    """Constants and memory of the control loop at time 0, one record; ``ticks`` rows keep the coordinates."""
     assert problem.experiment.control.inertia_compensation == 0.0  # left out here, as by default
     experiment, world, program = problem.experiment, problem.world, problem.program
     n, legs, joints = world.model.nv, len(problem.sides), problem.joints
@@ -125,15 +117,7 @@ def controller_record(problem: Problem, ticks: int) -> np.ndarray:
 
 
 def native_tick(problem: Problem) -> Callable[[Any, int], None]:
-    """One tick of the control loop on a record, compiled.
-
-    Args:
-        problem: The problem.
-
-    Returns:
-        Function of record and tick that measures, decides and sets the motor torques. The loads of the
-        feet are those in the record.
-    """
+    """Compile one tick of the control loop on a record: it measures, decides and sets the motor torques."""
     register_core()
     experiment = problem.experiment
     limits, battery, sensors = experiment.control.limits, experiment.plant.battery, experiment.sensors
@@ -145,7 +129,7 @@ def native_tick(problem: Problem) -> Callable[[Any, int], None]:
     share = problem.phase_rows.shape[2] - 1
     control_gravity = _gravity_function(problem)
 
-    @numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]  # numba has no types
+    @numba.njit(error_model="numpy")
     def decide(memory: Any, tick: int) -> None:
         for leg in range(legs):
             memory.ticks[leg] = tick - memory.entry[leg]
@@ -185,7 +169,7 @@ def native_tick(problem: Problem) -> Callable[[Any, int], None]:
                 memory.blended,
             )
 
-    @numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+    @numba.njit(error_model="numpy")
     def drive(memory: Any, joint: int) -> float:
         leg, column = joint // per_leg, COLUMNS_PER_JOINT * (joint % per_leg)
         impedance, friction = controller_torques(
@@ -215,7 +199,7 @@ def native_tick(problem: Problem) -> Callable[[Any, int], None]:
         memory.motor[place] = torque
         return motor_electrical_power(current, memory.v[place], actuator[3], actuator[0], actuator[1])
 
-    @numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
+    @numba.njit(error_model="numpy")
     def tick_once(memory: Any, tick: int) -> None:
         for joint in range(legs * per_leg):
             memory.angles[joint] = memory.q[memory.coordinates[joint]]
@@ -282,7 +266,7 @@ def native_callback(
     home, places = record.ctypes.data, tuple(order)
     q_address, v_address, applied_address = addresses
 
-    @numba.cfunc("void(voidptr, voidptr)", error_model="numpy")  # type: ignore[untyped-decorator]
+    @numba.cfunc("void(voidptr, voidptr)", error_model="numpy")
     def control(model: Any, data: Any) -> None:
         memory = numba.carray(_pointer(home), 1, layout)[0]
         q = numba.carray(_pointer(q_address), size, numba.float64)
@@ -303,18 +287,8 @@ def native_callback(
                 memory.q[i],
                 memory.v[i],
                 memory.motor[i],
-                row[0],
-                row[1],
-                row[2],
-                row[3],
-                row[4],
-                row[5],
-                row[6],
-                row[7],
-                row[8],
-                row[9],
-                row[10],
-                row[11],
+                *(row[0], row[1], row[2], row[3], row[4], row[5]),
+                *(row[6], row[7], row[8], row[9], row[10], row[11]),
             )
             applied[places[i]] = memory.motor[i] + (friction + stop + spring)
 
