@@ -26,7 +26,6 @@ def main() -> None:
             text="belt_speed",
         )
         recorder.event(change)
-        recorder.progress(tick, "walking")
         if serial % 7 == 0:
             recorder.table({"version": serial}, tick)
         print("change", serial, time.monotonic(), flush=True)

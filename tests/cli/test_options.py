@@ -188,7 +188,7 @@ def test_identify_answers_with_its_document(tmp_path, capsys):
 
 
 def test_sessions_are_a_list(tmp_path, capsys):
-    assert answered(capsys, "sessions", "--database", tmp_path / "none.sqlite", "list") == []
+    assert answered(capsys, "sessions", "--records", tmp_path / "none", "list") == []
 
 
 def test_numbers_that_are_not_finite_become_null():

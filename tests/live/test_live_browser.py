@@ -70,7 +70,7 @@ class Walk:
             command,
             stdout=subprocess.PIPE,
             text=True,
-            env=os.environ | {"TWIN_GAIT_SESSIONS": str(folder / "sessions.db")},
+            env=os.environ | {"TWIN_GAIT_SESSIONS": str(folder / "sessions")},
         )
         try:
             self.url = self._address()

@@ -605,11 +605,11 @@ def finished(tmp_path_factory):
     """A session on the bench with all kinds of messages, and what it left behind."""
     folder = tmp_path_factory.mktemp("live")
     loaded = load_experiment("bench_leg", ["duration_s=60"])
-    database = folder / "sessions.sqlite"
+    database = folder / "sessions"
     said = {}
     (folder / "run-2").mkdir()  # somebody else's
     (folder / "run-table-1.yaml").write_text(EARLIER)
-    with LiveSession(loaded, folder / "run", user="Ann", database=database, pictures=False) as session:
+    with LiveSession(loaded, folder / "run", user="Ann", records=database, pictures=False) as session:
         said["k"] = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
         said["zero"] = say(session, kind="set", control="swing_flexion.knee.equilibrium", value=57.0)
         said["unsafe"] = say(session, kind="set", control="middle_stance.hip.gain", value=0.95)
@@ -704,8 +704,8 @@ def test_the_saved_table_walks_in_simulate_with_the_parameters_of_the_live_episo
 
 def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finished):
     session, said, folder = finished
-    (entry,) = list_sessions(folder / "sessions.sqlite")
-    found = read_session(folder / "sessions.sqlite", entry.id)
+    (entry,) = list_sessions(folder / "sessions")
+    found = read_session(folder / "sessions", entry.id)
     assert (entry.user, entry.experiment, entry.status, entry.versions) == ("Ann", "bench_leg", "ended", 3)
     assert entry.folders == tuple(map(str, session.folders)) and found["summary"] == session.summary
     logged = {item["serial"]: item for item in found["log"]}

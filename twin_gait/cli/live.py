@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.files import private_files
     from twin_gait.live.protocol import LONGEST_NAME
     from twin_gait.live.session import LiveSession
-    from twin_gait.live.session_records import default_database
+    from twin_gait.live.session_records import default_records
 
     options.check_port(arguments.port)
     if len(arguments.user) > LONGEST_NAME or not arguments.user.isprintable():
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
             user=arguments.user,
             force=arguments.force,
             pictures=not arguments.no_pictures,
-            database=None if arguments.no_record else default_database(),
+            records=None if arguments.no_record else default_records(),
             on_compile=terminal.note_compilation,
             on_step=terminal.note_step,
         )

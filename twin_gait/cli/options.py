@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,7 @@ from twin_gait.exceptions import GaitTableError, ParameterError, RunDirectoryErr
 if TYPE_CHECKING:
     from twin_gait.configuration import LoadedExperiment
     from twin_gait.experiment import Experiment
-    from twin_gait.studies.workers import Runner
+    from twin_gait.studies.jobs import Workers
 
 PROCESSORS = os.cpu_count() or 1
 FIRST_PORT = 7000
@@ -216,25 +215,16 @@ def workers_of(arguments: argparse.Namespace) -> int:
     return int(arguments.workers)
 
 
-@contextlib.contextmanager
-def runner_of(arguments: argparse.Namespace) -> Iterator[Runner]:
-    """The processes of this machine, or the cluster, that the user asked for; they end with the context.
+def runner_of(arguments: argparse.Namespace) -> Workers:
+    """The processes of this machine, or the cluster, that the user asked for; a context that ends them.
 
     Raises:
-        ParameterError: If there is no scheduler at the address.
+        ParameterError: If there are fewer than 1, or there is no scheduler at the address.
         MissingOptionalDependency: If a cluster is asked for and dask.distributed is not installed.
     """
-    workers = workers_of(arguments)
-    if arguments.scheduler is None:
-        from twin_gait.studies.workers import StandingRunner
+    from twin_gait.studies.jobs import Workers
 
-        with StandingRunner(workers) as runner:
-            yield runner
-        return
-    from twin_gait.studies.cluster import connected
-
-    with connected(arguments.scheduler) as cluster:
-        yield cluster
+    return Workers(workers_of(arguments), arguments.scheduler)
 
 
 # ---------------------------------------------------------------------- values

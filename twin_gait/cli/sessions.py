@@ -24,7 +24,7 @@ def add_parser(commands: Any) -> None:
             "processes were killed are completed first, up to the last second that they wrote."
         ),
     )
-    parser.add_argument("--database", type=Path, metavar="FILE", help="record to read (that of this user)")
+    parser.add_argument("--records", type=Path, metavar="DIR", help="record to read (that of this user)")
     parser.set_defaults(run=run)
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION", parser_class=type(parser))
 
@@ -56,25 +56,25 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked for with the record."""
     from twin_gait.live.recovery import recover
-    from twin_gait.live.session_records import default_database
+    from twin_gait.live.session_records import default_records
 
     if arguments.act is _clean:
         status: int = arguments.act(arguments)
         return status
-    database = arguments.database or default_database()
+    records = arguments.records or default_records()
     if arguments.act is not _complete:
-        for told in recover(database):
+        for told in recover(records):
             print(f"twin-gait sessions: {told}", file=sys.stderr)
-    arguments.act(arguments, database)
+    arguments.act(arguments, records)
     return DONE
 
 
-def _list(arguments: argparse.Namespace, database: Path) -> None:
+def _list(arguments: argparse.Namespace, records: Path) -> None:
     from dataclasses import asdict
 
     from twin_gait.live.session_records import list_sessions
 
-    entries = list_sessions(database, arguments.user)
+    entries = list_sessions(records, arguments.user)
     nobody = "no sessions" if arguments.user is None else f"no sessions of {arguments.user}"
     answer(
         arguments,
@@ -92,18 +92,18 @@ def line_of(entry: SessionEntry) -> str:
     return f"{entry.id:>4}  {began} UTC  {who}  {entry.experiment}  {entry.status}  {counted}  {folder}"
 
 
-def _show(arguments: argparse.Namespace, database: Path) -> None:
+def _show(arguments: argparse.Namespace, records: Path) -> None:
     from twin_gait.live.session_records import list_sessions, read_session
 
-    found = read_session(database, arguments.session)
-    print(next(line_of(item) for item in list_sessions(database) if item.id == arguments.session))
+    found = read_session(records, arguments.session)
+    print(next(line_of(item) for item in list_sessions(records) if item.id == arguments.session))
     for item in found["log"]:
         who = f" {item['user']}" if item["user"] else ""
         about = f"{item['subject']}: " if item["outcome"] == "refused" and item["subject"] else ""
         print(f"  tick {item['tick']:>7}  {item['outcome']}{who}  {about}{item['text']}")
 
 
-def _export(arguments: argparse.Namespace, database: Path) -> None:
+def _export(arguments: argparse.Namespace, records: Path) -> None:
     import json
 
     from twin_gait.files import write_atomically
@@ -111,7 +111,7 @@ def _export(arguments: argparse.Namespace, database: Path) -> None:
 
     if arguments.out is not None:
         options.check_file("--out", arguments.out, force=arguments.force)
-    text = json.dumps(read_session(database, arguments.session), indent=2, ensure_ascii=False) + "\n"
+    text = json.dumps(read_session(records, arguments.session), indent=2, ensure_ascii=False) + "\n"
     if arguments.out is None:
         print(text, end="")
         return
@@ -119,14 +119,14 @@ def _export(arguments: argparse.Namespace, database: Path) -> None:
     print(arguments.out)
 
 
-def _delete(arguments: argparse.Namespace, database: Path) -> None:
+def _delete(arguments: argparse.Namespace, records: Path) -> None:
     from twin_gait.live.session_records import delete_session
 
-    delete_session(database, arguments.session)
+    delete_session(records, arguments.session)
     print(f"session {arguments.session} deleted; its run folders stay")
 
 
-def _complete(arguments: argparse.Namespace, database: Path) -> None:
+def _complete(arguments: argparse.Namespace, records: Path) -> None:
     from twin_gait.live.finishing import complete
     from twin_gait.runs.folders import journal_of
 

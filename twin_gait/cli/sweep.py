@@ -49,9 +49,9 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the sweep, or go on with it."""
     from twin_gait.exceptions import ParameterError
     from twin_gait.simulation import RunStatus
+    from twin_gait.studies import WorkersLost
     from twin_gait.studies.sweep.spec import load_sweep
     from twin_gait.studies.sweep.sweep import run_sweep
-    from twin_gait.studies.workers import WorkersLost
 
     options.workers_of(arguments)
     if not 0.0 < arguments.chunk_seconds < float("inf"):
@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     again = f"the same command goes on from there: {arguments.out}"
     try:
         with (
-            options.runner_of(arguments) as runner,
+            options.runner_of(arguments) as workers,
             stop_on_interrupt() as should_stop,
             progress_bar("checking", "episode") as checking,
             progress_bar("sweeping", "episode") as progress,
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
             result = run_sweep(
                 sweep,
                 arguments.out,
-                runner=runner,
+                workers=workers,
                 chunk_seconds=arguments.chunk_seconds,
                 pictures=not arguments.no_pictures,
                 checking=checking,

@@ -58,10 +58,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Tune, and write the table with its report."""
     from twin_gait.exceptions import ParameterError
     from twin_gait.simulation import RunStatus
+    from twin_gait.studies import WorkersLost
     from twin_gait.studies.tune.settings import Settings
     from twin_gait.studies.tune.tune import tune
     from twin_gait.studies.tune.writing import write_tuning
-    from twin_gait.studies.workers import WorkersLost
 
     options.workers_of(arguments)
     if arguments.resume and arguments.force:
@@ -80,12 +80,12 @@ def run(arguments: argparse.Namespace) -> int:
     again = f"the same command with --resume goes on from there: {arguments.out}"
     folder = None
     try:
-        with options.runner_of(arguments) as runner, stop_on_interrupt() as should_stop:
+        with options.runner_of(arguments) as workers, stop_on_interrupt() as should_stop:
             tuning = tune(
                 experiment,
                 arguments.out,
                 settings,
-                runner=runner,
+                workers=workers,
                 resume=arguments.resume,
                 force=arguments.force,
                 progress=_note,
@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> int:
                         settings,
                         arguments.out,
                         wearer=_wearer(options.person_of(arguments.settings), experiment),
-                        runner=runner,
+                        workers=workers,
                         progress=progress,
                         should_stop=should_stop,
                     )

@@ -23,6 +23,7 @@ from twin_gait.configuration.validation import (
     converting,
     one_of,
     short,
+    unknown_key,
     validate,
 )
 from twin_gait.exceptions import GaitTableError, ParameterFileError
@@ -313,8 +314,8 @@ def _merged(
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> PhaseParameters:
     for name in values:
         if name not in (*joints, *_PHASE_KEYS):
-            allowed = ", ".join((*joints, *_PHASE_KEYS))
-            raise ParameterFileError(source, f"{key}.{name}", f"unknown key; allowed: {allowed}")
+            reason = unknown_key(name, [*joints, *_PHASE_KEYS])
+            raise ParameterFileError(source, f"{key}.{name}", reason)
     for joint in joints:
         if not isinstance(values.get(joint), dict):
             raise ParameterFileError(source, f"{key}.{joint}", "is missing; expected an impedance")

@@ -99,11 +99,7 @@ class LivePage:
             self.show(Frame.from_dict(json.loads(text)))
 
     def show(self, frame: Frame) -> None:
-        """Show a moment on all pages.
-
-        Args:
-            frame: The moment.
-        """
+        """Show a moment on all pages."""
         if frame.log:  # empty before the first tick
             belt_speed = self._belt_speed * self._belt_share(frame)
             self.figure.show(

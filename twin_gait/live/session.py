@@ -86,7 +86,7 @@ class LiveSession:
         force: bool = False,
         pictures: bool = True,
         paused: bool = False,
-        database: Path | None = None,
+        records: Path | None = None,
         on_compile: Callable[[], None] | None = None,
         on_step: Callable[[str], None] | None = None,
     ) -> None:
@@ -99,7 +99,7 @@ class LiveSession:
             force: Whether an existing run folder may be replaced.
             pictures: Whether to draw figures and animation at the end.
             paused: Whether to begin in a pause.
-            database: Of the sessions, or None to keep no record.
+            records: Folder of the record of sessions, or None to keep no record.
             on_compile: Called if the walk has to be compiled first, which takes 10 to 20 s.
             on_step: Called at the end with the name of each file before it is written.
         """
@@ -114,7 +114,7 @@ class LiveSession:
             "pictures": pictures,
         }
         self._paused = paused
-        self._database, self._on_compile = database, on_compile
+        self._records, self._on_compile = records, on_compile
         self._on_step = on_step or (lambda name: None)
         self._walks: list[Path] = []  # run folders to come
         self._panel = Panel(loaded.experiment)
@@ -185,9 +185,9 @@ class LiveSession:
         if self.failure:
             raise ParameterError(self.failure)
         self._start_forecaster()
-        if self._database is not None:
+        if self._records is not None:
             self._recorder = SessionRecorder(
-                self._database,
+                self._records,
                 user=self._user,
                 experiment=self._loaded.experiment.name,
                 document=self._loaded.document,
@@ -227,7 +227,8 @@ class LiveSession:
         self._forecaster.close()
         complete_all(map(journal_of, self._walks), self._hear, pictures=True)  # those that it left behind
         if self._recorder is not None:
-            self._recorder.close(self._status, self.summary, [str(item) for item in self.folders])
+            folders = [str(item) for item in self.folders]
+            self._recorder.close(self._status, self._tick, self.summary, folders)
         return self.summary
 
     # ------------------------------------------------------------------ what pages ask for
@@ -252,9 +253,6 @@ class LiveSession:
             reason: One sentence.
             id: Of the message, if it had one.
             user: Who, if known.
-
-        Returns:
-            The event.
         """
         return self._emit(Outcome.REFUSED, reason, id=id, user=user)
 
@@ -271,9 +269,6 @@ class LiveSession:
 
         Args:
             after: Serial number of the last event that is known; 0 gives all that are kept.
-
-        Returns:
-            Events in order.
         """
         with self._lock:
             return [item for item in self._events if item.serial > after]
@@ -509,11 +504,9 @@ class LiveSession:
             if status in ("held", "fell", "diverged") and before not in ("starting", "ended"):
                 told = "; ".join([*(event["text"] for event in head["events"]), _ENDINGS[status]])
                 self._emit(Outcome.NOTE, told, tick=self._tick)
-        if self._recorder is not None:
-            self._recorder.progress(self._tick, status)
-            if self._recorder.failure:
-                lost, self._recorder = self._recorder.failure, None
-                self._emit(Outcome.NOTE, f"the session is no longer recorded: {lost}")
+        if self._recorder is not None and self._recorder.failure:
+            lost, self._recorder = self._recorder.failure, None
+            self._emit(Outcome.NOTE, f"the session is no longer recorded: {lost}")
 
     def _hear(self, message: Mapping[str, Any]) -> None:
         kind = message["kind"]
