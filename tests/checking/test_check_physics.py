@@ -11,13 +11,13 @@ from scipy.integrate import solve_ivp
 
 from twin_gait import load_experiment, simulate
 from twin_gait.checking import leaving, sense, serving, stability, torque_jumps
-from twin_gait.checking.balance import driving_torque, find_rest, left_over_friction, rest_posture
-from twin_gait.checking.check import build_subject
-from twin_gait.checking.finding import Finding, Severity, Subject
+from twin_gait.checking.postures import driving_torque, find_rest, left_over_friction, rest_posture
+from twin_gait.checking.check import build_case
+from twin_gait.checking.finding import Finding, Severity, CheckCase
 from twin_gait.checking.hanging_leg import friction_torque, hanging_legs
-from twin_gait.checking.serving import release_speed
+from twin_gait.checking.torques import release_speed
 from twin_gait.checking.signals import SignalSpace
-from twin_gait.checking.switch_postures import Postures, first_rests
+from twin_gait.checking.postures import Postures, first_rests
 from twin_gait.configuration import packaged_gait_table
 from twin_gait.gait import Blending, BlendingLaw, GaitTable, Transition
 from twin_gait.gait.guards import parse_guard
@@ -31,13 +31,13 @@ RULES = (*leaving.RULES, *torque_jumps.RULES, *serving.RULES, *stability.RULES, 
 
 def subject_of(preset: str, *settings: str) -> Subject:
     experiment = load_experiment(preset, settings).experiment
-    return build_subject(experiment.table, experiment)
+    return build_case(experiment.table, experiment)
 
 
 def with_table(preset: str, change) -> Subject:
     """A preset whose table a function has changed."""
     experiment = load_experiment(preset).experiment
-    return build_subject(change(experiment.table), experiment)
+    return build_case(change(experiment.table), experiment)
 
 
 def of_phase(findings: list[Finding], phase: str) -> list[Finding]:
@@ -72,11 +72,11 @@ def test_a_finding_is_named_after_its_rule_and_says_what_and_what_to_do():
 def test_a_table_without_a_leg_model_is_only_checked_for_sense():
     table = packaged_gait_table("osl_walking")
     for rule in RULES:
-        assert rule(build_subject(table)) == []
+        assert rule(build_case(table)) == []
     phase = table.phases["late_swing"]
     ankle = replace(phase.joints["ankle"], equilibrium_angle=2.0, stiffness=math.degrees(6.0))
     changed = {**table.phases, "late_swing": replace(phase, joints={**phase.joints, "ankle": ankle})}
-    subject = build_subject(replace(table, phases=changed))
+    subject = build_case(replace(table, phases=changed))
     for rule in (sense.equilibrium_beyond_limits, sense.unusual_stiffness):
         assert [item.phase for item in rule(subject)] == ["late_swing"]
 
@@ -197,7 +197,7 @@ def holding(*settings: str):
         cycles=(),
     )
     experiment = replace(experiment, table=table)
-    (leg,) = hanging_legs(build_subject(table, experiment))
+    (leg,) = hanging_legs(build_case(table, experiment))
     return experiment, leg
 
 

@@ -13,11 +13,11 @@ import pytest
 from guard_solver import holds
 from table_builder import JOINTS, guard, phase
 
-from twin_gait.checking.ambiguity import ambiguity, can_fire, can_open, shadowed_exit
-from twin_gait.checking.both_legs import TwoLegs, deadlock, starting_pairs
+from twin_gait.checking.exits import ambiguity, can_fire, can_open, shadowed_exit
+from twin_gait.checking.graph import TwoLegs, deadlock, starting_pairs
 from twin_gait.checking.cascade import NOISE, cascade, hysteresis
-from twin_gait.checking.check import build_subject
-from twin_gait.checking.finding import Finding, Subject, label
+from twin_gait.checking.check import build_case
+from twin_gait.checking.finding import Finding, CheckCase, label
 from twin_gait.checking.polyhedra import MOST_CLAUSES, Inequality, disjunctive_form, find_point
 from twin_gait.checking.signals import SignalSpace
 from twin_gait.configuration import load_experiment, packaged_gait_table
@@ -187,7 +187,7 @@ SEEDS = range(12)
 @cache
 def random_subject(seed: int) -> Subject:
     experiment = treadmill()
-    plain = build_subject(packaged_gait_table("treadmill"), experiment)
+    plain = build_case(packaged_gait_table("treadmill"), experiment)
     return Subject(
         table=random_table(seed),
         experiment=experiment,
@@ -294,7 +294,7 @@ def test_noise_does_undo_a_reported_switch() -> None:
     table = DraftTable(
         name="t", joints=JOINTS, phases={n: phase() for n in PHASES}, transitions=(there, back)
     )
-    (finding,) = (item for item in hysteresis(build_subject(table)) if item.transition == label(back))
+    (finding,) = (item for item in hysteresis(build_case(table)) if item.transition == label(back))
     angle = finding.witness["hip.angle_deg"]
     assert isinstance(angle, float)
     assert angle > 10.0
@@ -445,7 +445,7 @@ def test_guard_with_too_many_alternatives_is_refused_in_one_line() -> None:
 def space_of(*transitions: Transition, change: Callable[[Any], Any] = lambda phases: phases) -> SignalSpace:
     phases = change({name: phase() for name in PHASES})
     table = DraftTable(name="t", joints=JOINTS, phases=phases, transitions=transitions)
-    return SignalSpace(build_subject(table))
+    return SignalSpace(build_case(table))
 
 
 def leaving(text: str, **changes: Any) -> Transition:
@@ -483,7 +483,7 @@ def test_exit_that_needs_time_is_not_open_at_entry() -> None:
     for text, found in (("time_in_phase_s > 0.05", 0), ("time_in_phase_s > 0.0005", 1)):
         out = AllOf(guards=(guard("hip.angle_deg > 8", PHASES), guard(text, PHASES)))
         table = space_of(into, Transition(source="a", target="b", cause="out", guard=out)).table
-        assert len([item for item in cascade(build_subject(table)) if item.phase == "a"]) == found
+        assert len([item for item in cascade(build_case(table)) if item.phase == "a"]) == found
 
 
 def test_two_earlier_exits_can_shadow_a_third_together() -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from twin_gait.checking.check import build_subject
+from twin_gait.checking.check import build_case
 from twin_gait.checking.hanging_leg import friction_slope, friction_torque, hanging_legs
 from twin_gait.checking.transition_matrix import (
     RING,
@@ -28,7 +28,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION
 from twin_gait.studies.loop_stability.loop_stability import (
     UNDECIDED,
-    Case,
+    CheckCase,
     linear_run_grows,
     predicted_radius,
 )
@@ -183,7 +183,7 @@ def test_friction_slope_is_the_derivative_of_equation_3_1(law, velocity):
 
 def test_the_loop_of_a_phase_takes_its_numbers_from_leg_and_table():
     experiment = load_experiment("bench_leg", ["plant.friction_ratio={hip: 0.5, knee: 0.7}"]).experiment
-    (leg,) = hanging_legs(build_subject(experiment.table, experiment))
+    (leg,) = hanging_legs(build_case(experiment.table, experiment))
     phase = leg.phases.index("swing_flexion")
     found = leg.linear_loop(phase, 0.0)
     model = experiment.build_world().model
@@ -206,7 +206,7 @@ def test_the_loop_of_a_phase_takes_its_numbers_from_leg_and_table():
 
 # Slopes of friction at rest, and k, b and G on both sides of the limit: 6 that grow, 12 that decay.
 CASES = [
-    Case(math.degrees(k), b, gain)
+    CheckCase(math.degrees(k), b, gain)
     for k, b, gain in itertools.product((1.0, 2.5, 6.0), (0.0, 30.0), (0.2, 0.4, 1.0))
 ]
 

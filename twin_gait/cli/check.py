@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Check and print what was found."""
     import json
 
-    from twin_gait.checking.check import check, counts, load_subject, report, rules
+    from twin_gait.checking.check import check, counts, load_case, report, rules
 
     if arguments.rules:
         width = max(map(len, rules()))
@@ -52,14 +52,14 @@ def run(arguments: argparse.Namespace) -> int:
         return DONE
     if arguments.table is None and arguments.experiment is None:
         raise ParameterError("check: expected a gait table or --experiment; --rules lists the rules")
-    subject = load_subject(arguments.table, arguments.experiment, arguments.settings)
-    findings = check(subject)
+    case = load_case(arguments.table, arguments.experiment, arguments.settings)
+    findings = check(case)
     if arguments.json:
-        print(json.dumps(report(subject, findings), indent=2, ensure_ascii=False, allow_nan=False))
+        print(json.dumps(report(case, findings), indent=2, ensure_ascii=False, allow_nan=False))
     else:
-        against = "by itself" if subject.experiment is None else f"against {subject.experiment.name}"
+        against = "by itself" if case.experiment is None else f"against {case.experiment.name}"
         print("\n".join(draw(findings)))
-        print(f"{subject.table.name}, {against}: {counted(counts(findings))}")
+        print(f"{case.table.name}, {against}: {counted(counts(findings))}")
     return FAILED if counts(findings)["errors"] else DONE
 
 
@@ -75,8 +75,8 @@ def draw(findings: Sequence[Finding]) -> Iterator[str]:
             yield from _wrapped(finding.waived)
             continue
         yield from _wrapped(finding.reason)
-        if finding.witness:
-            yield from _wrapped(f"at {', '.join(_signal(*item) for item in finding.witness.items())}")
+        if finding.counterexample:
+            yield from _wrapped(f"at {', '.join(_signal(*item) for item in finding.counterexample.items())}")
         if finding.severity != "note":
             yield from _wrapped(f"→ {finding.suggestion}")
 

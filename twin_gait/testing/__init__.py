@@ -18,15 +18,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from twin_gait.testing.approval import approval_text
     from twin_gait.testing.cases import TransitionTest, transition_tests
-    from twin_gait.testing.mutation import Mutant, mutants
 
-__all__ = ["Mutant", "TransitionTest", "approval_text", "mutants", "transition_tests"]
+__all__ = ["TransitionTest", "approval_text", "transition_tests"]
 
 _HOMES = {
-    "Mutant": "mutation",
     "TransitionTest": "cases",
     "approval_text": "approval",
-    "mutants": "mutation",
     "transition_tests": "cases",
 }
 

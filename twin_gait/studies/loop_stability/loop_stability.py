@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.finding import Subject
+from twin_gait.checking.finding import CheckCase
 from twin_gait.checking.hanging_leg import friction_slope, hanging_legs
 from twin_gait.checking.transition_matrix import LinearLoop, spectral_radius, transition_matrix
 from twin_gait.configuration import load_experiment
@@ -170,7 +170,7 @@ def _viscous(law: FrictionParameters, velocity: float) -> FrictionParameters:
 def _any_loop(velocity: float) -> LinearLoop:
     """Loop of the bench leg at the posture; k, b and G are put in by the case."""
     experiment = true_experiment(Case(STIFFNESSES[0], DAMPINGS[0], GAINS[0]))
-    (leg,) = hanging_legs(Subject(table=experiment.table, experiment=experiment, limits={}))
+    (leg,) = hanging_legs(CheckCase(table=experiment.table, experiment=experiment, limits={}))
     return leg.linear_loop(0, velocity)
 
 

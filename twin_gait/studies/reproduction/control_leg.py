@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.finding import Subject
+from twin_gait.checking.finding import CheckCase
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
 from twin_gait.checking.transition_matrix import spectral_radius, transition_matrix
 from twin_gait.configuration import load_experiment
@@ -148,7 +148,7 @@ def swing_limit(direction: Pair, ratios: Pair = EQUAL, *, fixed: Pair = NEITHER)
 @cache
 def _hanging_leg() -> HangingLeg:
     experiment = hanging_experiment(EQUAL)
-    (leg,) = hanging_legs(Subject(table=experiment.table, experiment=experiment, limits={}))
+    (leg,) = hanging_legs(CheckCase(table=experiment.table, experiment=experiment, limits={}))
     return leg
 
 
