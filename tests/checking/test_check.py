@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from twin_gait.checking.check import RULES, build_case, check, counts, load_case, report, rules
-from twin_gait.checking.finding import Finding, Severity, CheckCase
+from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.signals import JOINT_RANGES, SignalSpace
 from twin_gait.configuration import load_experiment, packaged_gait_tables
 from twin_gait.configuration.documents import table_document
@@ -43,18 +43,18 @@ def sound() -> Mapping:
     return data
 
 
-def subject_of(data: Mapping) -> Subject:
+def case_of(data: Mapping) -> CheckCase:
     return build_case(gait_table_from_mapping(data, "table.yaml", "planted", draft=True), experiment())
 
 
-OF_GUARDS = ("reachability", "ambiguity", "cascade", "conditions", "both_legs")
+OF_GUARDS = ("graph", "exits", "cascade")
 GUARD_RULES = [rule for rule in RULES if rule.__module__.rsplit(".", 1)[-1] in OF_GUARDS]
 
 
 def findings_of(data: Mapping, *names: str) -> list[Finding]:
     """What the rules of guards find, or those that are named."""
     chosen = [rule for rule in GUARD_RULES if not names or rule.__name__ in names]
-    return check(subject_of(data), chosen)
+    return check(case_of(data), chosen)
 
 
 @cache
@@ -273,7 +273,7 @@ def test_every_finding_bears_the_name_of_its_rule() -> None:
     for rule in GUARD_RULES:
         data = copy.deepcopy(sound())
         planted_for[rule.__name__](data)
-        assert {item.rule for item in rule(subject_of(data))} == {rule.__name__}
+        assert {item.rule for item in rule(case_of(data))} == {rule.__name__}
 
 
 @pytest.mark.parametrize("name", packaged_gait_tables())
@@ -283,9 +283,9 @@ def test_shipped_tables_have_no_errors(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["treadmill", "treadmill_start_stop", "bench_leg"])
 def test_every_warning_of_the_tables_that_are_walked_in_is_waived(name: str) -> None:
-    subject = load_case(name)
-    assert subject.experiment is not None
-    assert subject.experiment.name == name
+    case = load_case(name)
+    assert case.experiment is not None
+    assert case.experiment.name == name
     assert [item for item in checked(name) if item.severity == "warning" and not item.waived] == []
 
 
@@ -368,12 +368,12 @@ transitions:
 def test_machine_with_other_joints_and_four_phases_is_checked_by_itself(tmp_path: Path) -> None:
     path = tmp_path / "prosthesis.yaml"
     path.write_text(KNEE_AND_ANKLE, encoding="utf-8")
-    subject = load_case(path)
-    assert subject.experiment is None
-    assert subject.limits == {name: JOINT_RANGES[name] for name in ("knee", "ankle")}
-    found = check(subject)
+    case = load_case(path)
+    assert case.experiment is None
+    assert case.limits == {name: JOINT_RANGES[name] for name in ("knee", "ankle")}
+    found = check(case)
     assert counts(found)["errors"] == 0
-    assert {item.phase for item in found if item.rule == "missing_time_out"} == set(subject.table.phases)
+    assert {item.phase for item in found if item.rule == "missing_time_out"} == set(case.table.phases)
     # It knows nothing of another leg, which then may swing too.
     assert [str(item.severity) for item in found if item.rule == "both_in_swing"][:1] == ["warning"]
 
@@ -467,9 +467,9 @@ def test_table_that_is_not_there_is_one_line() -> None:
 def test_report_names_table_experiment_counts_and_findings() -> None:
     data = copy.deepcopy(sound())
     add(data, FLEXION, "early_stance", "knee.angle_deg > 60")
-    subject = subject_of(data)
-    found = check(subject, [rule for rule in RULES if rule.__name__ in ("ambiguity", "undeclared_cycle")])
-    document = report(subject, found)
+    case = case_of(data)
+    found = check(case, [rule for rule in RULES if rule.__name__ in ("ambiguity", "undeclared_cycle")])
+    document = report(case, found)
     assert (document["schema_version"], document["table"], document["experiment"]) == (
         1,
         "treadmill",
@@ -481,8 +481,8 @@ def test_report_names_table_experiment_counts_and_findings() -> None:
     assert contending["rule"] == "ambiguity"
     assert contending["phase"] == FLEXION
     assert contending["transition"] == "swing_flexion → early_stance (planted)"
-    assert contending["witness"]["knee.angle_deg"] > 60
-    assert contending["witness"]["hip.angle_deg"] > 23.5
+    assert contending["counterexample"]["knee.angle_deg"] > 60
+    assert contending["counterexample"]["hip.angle_deg"] > 23.5
     assert "swing_flexion → swing_extension (clearance) wins" in contending["reason"]
 
 

@@ -25,7 +25,7 @@ from twin_gait.report import tune_page
 from twin_gait.runs.summary.summary import summarise
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.tune import outcome, stages, writing
-from twin_gait.studies.tune.cases import CheckCase, departures
+from twin_gait.studies.tune.cases import Case, departures
 from twin_gait.studies.tune.parts import FALL, PARTS, part_values
 from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.space import editable_document
@@ -35,7 +35,7 @@ from twin_gait.studies.workers import LocalRunner, StandingRunner
 from twin_gait.vocabulary import JointName, Side
 
 TITLES = [part.title for part in PARTS]
-NOMINAL = CheckCase("nominal", {})
+NOMINAL = Case("nominal", {})
 
 
 @pytest.fixture(scope="module")
@@ -103,7 +103,7 @@ def test_a_table_with_an_error_of_the_check_is_not_walked() -> None:
 
 def test_a_walk_that_cannot_be_run_is_told_with_its_case() -> None:
     experiment = load_experiment("treadmill").experiment
-    wrong = CheckCase("no such place", {"plant.nothing": 1.0})
+    wrong = Case("no such place", {"plant.nothing": 1.0})
     ask = Ask(editable_document(experiment.table), wrong)
     with pytest.raises(ParameterFileError, match="the tuning: no such place"):
         walk_all([ask], experiment_document(experiment), LocalRunner())
@@ -113,7 +113,7 @@ def test_walks_do_not_depend_on_who_walks() -> None:
     experiment = load_experiment("treadmill").experiment
     document = {**experiment_document(experiment), "duration_s": 1.5}
     table = editable_document(experiment.table)
-    cases = [NOMINAL, CheckCase("low", {"plant.battery.voltage_V": 23.0}), CheckCase("slow", {"seed": 3})]
+    cases = [NOMINAL, Case("low", {"plant.battery.voltage_V": 23.0}), Case("slow", {"seed": 3})]
     asks = [Ask(table, case) for case in cases]
     with StandingRunner(2) as runner:
         assert walk_all(asks, document, runner) == walk_all(asks, document, LocalRunner())
@@ -134,7 +134,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages, "FINALISTS", 1)
         patch.setattr(
-            stages, "robust_cases", lambda item: (NOMINAL, CheckCase("23 V", {"plant.battery.voltage_V": 23.0}))
+            stages, "robust_cases", lambda item: (NOMINAL, Case("23 V", {"plant.battery.voltage_V": 23.0}))
         )
         patch.setattr(stages, "search_cases", lambda item: (NOMINAL,))
         patch.setattr(outcome, "departures", lambda item: departures(item)[:1])
