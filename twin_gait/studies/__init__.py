@@ -6,20 +6,31 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from twin_gait.studies.campaign import Campaign, Protocol, TwoWayProtocol, planned_tests
+    from twin_gait.studies.campaign import (
+        Campaign,
+        PlannedTest,
+        Protocol,
+        TwoWayProtocol,
+        planned_tests,
+        run_campaign,
+    )
 
 __all__ = [
     "Campaign",
+    "PlannedTest",
     "Protocol",
     "TwoWayProtocol",
     "planned_tests",
+    "run_campaign",
 ]
 
 _HOMES = {
     "Campaign": "campaign",
+    "PlannedTest": "campaign",
     "Protocol": "campaign",
     "TwoWayProtocol": "campaign",
     "planned_tests": "campaign",
+    "run_campaign": "campaign",
 }
 
 
