@@ -1,4 +1,7 @@
-"""What people do with many runs: sweep, tune, compare, put them to the test."""
+"""Many runs: batches, sweeps, tuning, comparison, faults, campaigns, and the job runner under all of them.
+
+What is offered here is imported when it is first asked for.
+"""
 
 from __future__ import annotations
 
@@ -14,23 +17,33 @@ if TYPE_CHECKING:
         planned_tests,
         run_campaign,
     )
+    from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
+    from twin_gait.studies.processes import WorkersLost
 
 __all__ = [
     "Campaign",
+    "JobFailed",
     "PlannedTest",
     "Protocol",
     "TwoWayProtocol",
+    "Workers",
+    "WorkersLost",
     "planned_tests",
     "run_campaign",
+    "run_jobs",
 ]
 
 _HOMES = {
     "Campaign": "campaign",
+    "JobFailed": "jobs",
     "PlannedTest": "campaign",
     "Protocol": "campaign",
     "TwoWayProtocol": "campaign",
+    "Workers": "jobs",
+    "WorkersLost": "processes",
     "planned_tests": "campaign",
     "run_campaign": "campaign",
+    "run_jobs": "jobs",
 }
 
 
