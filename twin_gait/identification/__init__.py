@@ -1,5 +1,6 @@
 """Identification of joint friction from logs and from series of velocity and torque."""
 
+from twin_gait.identification.filters import decimate, moving_average
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
 from twin_gait.identification.friction_model import FrictionModel
 from twin_gait.identification.identify import (
@@ -40,11 +41,13 @@ __all__ = [
     "Quantity",
     "RigParameters",
     "Samples",
+    "decimate",
     "find_models",
     "fit_model",
     "identify_logs",
     "identify_tests",
     "join_tests",
+    "moving_average",
     "parse_columns",
     "process_log",
     "read_log",

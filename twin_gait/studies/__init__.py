@@ -9,29 +9,40 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from twin_gait.studies.campaign import Campaign, Protocol, TwoWayProtocol, planned_tests
+    from twin_gait.studies.campaign import (
+        Campaign,
+        PlannedTest,
+        Protocol,
+        TwoWayProtocol,
+        planned_tests,
+        run_campaign,
+    )
     from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
     from twin_gait.studies.processes import WorkersLost
 
 __all__ = [
     "Campaign",
     "JobFailed",
+    "PlannedTest",
     "Protocol",
     "TwoWayProtocol",
     "Workers",
     "WorkersLost",
     "planned_tests",
+    "run_campaign",
     "run_jobs",
 ]
 
 _HOMES = {
     "Campaign": "campaign",
     "JobFailed": "jobs",
+    "PlannedTest": "campaign",
     "Protocol": "campaign",
     "TwoWayProtocol": "campaign",
     "Workers": "jobs",
     "WorkersLost": "processes",
     "planned_tests": "campaign",
+    "run_campaign": "campaign",
     "run_jobs": "jobs",
 }
 
