@@ -63,7 +63,6 @@ def build_parser() -> argparse.ArgumentParser:
         faults,
         identify,
         live,
-        outcomes,
         plot,
         presets,
         replay,
@@ -79,7 +78,7 @@ def build_parser() -> argparse.ArgumentParser:
 
     runs = (simulate, live, sessions, view, plot, export, presets, clean)
     tables = (check, diagram, replay)
-    studies = (compare, tune, reproduce, whatif, sweep, faults, outcomes, validate, benchmark)
+    studies = (compare, tune, reproduce, whatif, sweep, faults, validate, benchmark)
     for module in (*runs, *tables, bench, identify, *studies):
         module.add_parser(commands)
     return parser

@@ -9,12 +9,42 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from twin_gait.studies.batch import overridden
     from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
     from twin_gait.studies.processes import WorkersLost
+    from twin_gait.studies.sweep.spec import load_sweep
+    from twin_gait.studies.sweep.sweep import run_sweep
+    from twin_gait.studies.tune.parts import rate_walk
+    from twin_gait.studies.tune.tune import tuned_table
+    from twin_gait.studies.virtual_people import BodySizes, cohort
 
-__all__ = ["JobFailed", "Workers", "WorkersLost", "run_jobs"]
+__all__ = [
+    "BodySizes",
+    "JobFailed",
+    "Workers",
+    "WorkersLost",
+    "cohort",
+    "load_sweep",
+    "overridden",
+    "rate_walk",
+    "run_jobs",
+    "run_sweep",
+    "tuned_table",
+]
 
-_HOMES = {"JobFailed": "jobs", "Workers": "jobs", "WorkersLost": "processes", "run_jobs": "jobs"}
+_HOMES = {
+    "BodySizes": "virtual_people",
+    "JobFailed": "jobs",
+    "Workers": "jobs",
+    "WorkersLost": "processes",
+    "cohort": "virtual_people",
+    "load_sweep": "sweep.spec",
+    "overridden": "batch",
+    "rate_walk": "tune.parts",
+    "run_jobs": "jobs",
+    "run_sweep": "sweep.sweep",
+    "tuned_table": "tune.tune",
+}
 
 
 def __getattr__(name: str) -> Any:
