@@ -1,4 +1,4 @@
-"""A table for anybody: who walks with the shipped tables and their scaling laws, and how the laws were fitted.
+"""A table for anybody: who walks with the shipped tables, and how their scaling laws were fitted.
 
 Four cohorts of 200 virtual people walk a minute each, and CMA-ES looks again for the exponents of the
 scaling laws of both tables. Twenty minutes on two cores; page: docs/cohort.md.

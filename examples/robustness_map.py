@@ -43,10 +43,14 @@ def spec_in(folder: str, *, quick: bool) -> Path:
 def rows_of(table: pd.DataFrame) -> pd.DataFrame:
     """What the map tells of each walk: its place, its outcome, and what the feet did."""
     sides = ("left", "right")
-    return table[[*SHORT, "outcome", "duration_s"]].rename(columns=SHORT).assign(
-        strides=table[[f"{side}_strides" for side in sides]].min(axis=1),
-        further_contacts=table[[f"{side}_further_contacts" for side in sides]].sum(axis=1),
-        time_outs=table[[f"{side}_time_outs" for side in sides]].sum(axis=1),
+    return (
+        table[[*SHORT, "outcome", "duration_s"]]
+        .rename(columns=SHORT)
+        .assign(
+            strides=table[[f"{side}_strides" for side in sides]].min(axis=1),
+            further_contacts=table[[f"{side}_further_contacts" for side in sides]].sum(axis=1),
+            time_outs=table[[f"{side}_time_outs" for side in sides]].sum(axis=1),
+        )
     )
 
 

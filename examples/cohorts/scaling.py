@@ -90,9 +90,7 @@ def worth_of(table: str, people: Sequence[Mapping[str, Any]], law: Law, workers:
     return Worth(float(costs.mean()), float(np.median(costs)), int((costs > FALL).sum()))
 
 
-def fitted_law(
-    cost: Callable[[Law], float], start: Law, generations: int, seed: int = 0
-) -> dict[str, float]:
+def fitted_law(cost: Callable[[Law], float], start: Law, generations: int, seed: int = 0) -> dict[str, float]:
     """Exponents with the least cost, to one digit, searched for by CMA-ES.
 
     Args:

@@ -29,7 +29,9 @@ def wearer_power(run: Run, joint: JointName) -> float:
     """Mean power of the wearer's torques at both joints in [W]; the wearer is one body with the device."""
     return sum(
         float(
-            (run.log[f"{side}_{joint}_patient_torque_Nm"] * run.log[f"{side}_{joint}_velocity_rad_per_s"]).mean()
+            (
+                run.log[f"{side}_{joint}_patient_torque_Nm"] * run.log[f"{side}_{joint}_velocity_rad_per_s"]
+            ).mean()
         )
         for side in Side
     )

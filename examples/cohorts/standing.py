@@ -67,7 +67,8 @@ ROWS = (
     Row(
         "lightest and heaviest, shortest and tallest",
         "55 and 95 kg, 1.60 and 1.90 m",
-        _each("patient.mass_kg", (MASSES[0], MASSES[-1])) + _each("patient.height_m", (HEIGHTS[0], HEIGHTS[-1])),
+        _each("patient.mass_kg", (MASSES[0], MASSES[-1]))
+        + _each("patient.height_m", (HEIGHTS[0], HEIGHTS[-1])),
         MANY,
     ),
     Row("mass and height", "55, 65, 75, 85, 95 kg by 1.60, 1.70, 1.80, 1.90 m", _SIZES, FEW),

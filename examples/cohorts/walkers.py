@@ -38,9 +38,7 @@ def walkers(count: int, seed: int) -> list[dict[str, Any]]:
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(2,)))
     low, high = SPEEDS
     found = []
-    for person, (which, share) in zip(
-        cohort(count, seed), generator.uniform(size=(count, 2)), strict=True
-    ):
+    for person, (which, share) in zip(cohort(count, seed), generator.uniform(size=(count, 2)), strict=True):
         condition = conditions[int(which * len(conditions))]
         somebody = {} if condition == MASS_ALONE else {"patient": condition}
         speed = {"scenario.belt_speed_m_per_s": float(low + share * (high - low))}

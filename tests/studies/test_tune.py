@@ -557,7 +557,7 @@ def test_a_missing_optimiser_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch
         (["--resume", "--force"], "--resume: does not go with --force"),
         (["--workers", "1", "--scheduler", "tcp://x"], "does not go with --scheduler"),
         (["--patient", "nobody"], "nobody is called 'nobody'"),
-        (["--experiment", "bench_leg"], "expected a treadmill with a wearer"),
+        (["bench_leg"], "expected a treadmill with a wearer"),
     ],
 )
 def test_a_mistake_is_told_in_one_line_and_makes_no_folder(

@@ -9,7 +9,12 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.table_inheritance import own_entries_named, packaged_table_path, read_gait_table
+from twin_gait.configuration.table_inheritance import (
+    own_entries_named,
+    packaged_gait_tables,
+    packaged_table_path,
+    read_gait_table,
+)
 from twin_gait.configuration.validation import (
     DEGREE,
     Count,
@@ -201,6 +206,29 @@ def packaged_gait_table(name: str) -> GaitTable:
         GaitTableError: If there is no such table.
     """
     return load_gait_table(packaged_table_path(name))
+
+
+def find_gait_table(source: str | Path, *, draft: bool = False) -> GaitTable:
+    """Read a gait table by the name of a packaged one, or by path.
+
+    Args:
+        source: Name or path.
+        draft: Whether phases without an exit are let through, as in :func:`load_gait_table`.
+
+    Returns:
+        The table as it is written.
+
+    Raises:
+        GaitTableError: If there is neither.
+        ParameterFileError: If the file has a mistake.
+    """
+    if str(source) in packaged_gait_tables():
+        return load_gait_table(packaged_table_path(str(source)), draft=draft)
+    path = Path(source).expanduser()
+    if not path.is_file():
+        names = ", ".join(packaged_gait_tables())
+        raise GaitTableError(f"{source}: neither a packaged gait table ({names}) nor a file")
+    return load_gait_table(path, draft=draft)
 
 
 def gait_table_from_mapping(

@@ -253,7 +253,7 @@ def _paths(model: type[BaseModel]) -> Iterator[str]:
     for name, info in model.model_fields.items():
         key = info.alias or name
         yield key
-        for inner in _models_in(info.annotation):
+        for inner in models_in(info.annotation):
             yield from (f"{key}.{path}" for path in _paths(inner))
 
 
@@ -265,7 +265,7 @@ def _model_at(model: type[BaseModel], location: tuple[Any, ...]) -> type[BaseMod
             return None
         field = _field(current, part)
         if field is not None:
-            current = next(_models_in(field.annotation), None)
+            current = next(models_in(field.annotation), None)
     return current
 
 
@@ -276,12 +276,12 @@ def _field(model: type[BaseModel], part: Any) -> Any:
     return None
 
 
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
     """Schema classes inside an annotation such as ``dict[str, Phase] | None``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for inner in getattr(annotation, "__args__", ()):
-        yield from _models_in(inner)
+        yield from models_in(inner)
 
 
 def _as_written(location: tuple[Any, ...], data: Any) -> tuple[Any, ...]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from twin_gait.studies.batch import overridden
+    from twin_gait.studies.campaign import Campaign, Protocol, TwoWayProtocol, planned_tests
     from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
     from twin_gait.studies.processes import WorkersLost
     from twin_gait.studies.sweep.spec import load_sweep
@@ -20,12 +21,16 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BodySizes",
+    "Campaign",
     "JobFailed",
+    "Protocol",
+    "TwoWayProtocol",
     "Workers",
     "WorkersLost",
     "cohort",
     "load_sweep",
     "overridden",
+    "planned_tests",
     "rate_walk",
     "run_jobs",
     "run_sweep",
@@ -34,12 +39,16 @@ __all__ = [
 
 _HOMES = {
     "BodySizes": "virtual_people",
+    "Campaign": "campaign",
     "JobFailed": "jobs",
+    "Protocol": "campaign",
+    "TwoWayProtocol": "campaign",
     "Workers": "jobs",
     "WorkersLost": "processes",
     "cohort": "virtual_people",
     "load_sweep": "sweep.spec",
     "overridden": "batch",
+    "planned_tests": "campaign",
     "rate_walk": "tune.parts",
     "run_jobs": "jobs",
     "run_sweep": "sweep.sweep",
