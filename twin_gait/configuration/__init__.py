@@ -2,6 +2,7 @@
 
 from twin_gait.configuration.experiments import LoadedExperiment, load_experiment, presets
 from twin_gait.configuration.gait_table_file import find_gait_table, load_gait_table, packaged_gait_table
+from twin_gait.configuration.people import people
 from twin_gait.configuration.table_inheritance import packaged_gait_tables
 
 __all__ = [
@@ -11,5 +12,6 @@ __all__ = [
     "load_gait_table",
     "packaged_gait_table",
     "packaged_gait_tables",
+    "people",
     "presets",
 ]

@@ -6,7 +6,7 @@ Person number i of a seed is the same in a cohort of any size.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 
@@ -92,21 +92,6 @@ def cohort(
         )
     pattern = Patient() if like is None else like
     return tuple(_person(pattern, sizes, np.random.SeedSequence(seed, spawn_key=(i,))) for i in range(count))
-
-
-def overrides(people: Iterable[Patient]) -> list[dict[str, float | str]]:
-    """Sizes of people as changes of an experiment, for :func:`twin_gait.studies.batch.simulate_batch`.
-
-    Args:
-        people: The people; what they do is left to the experiment's own wearer.
-
-    Returns:
-        Stature, mass and sex of each.
-    """
-    return [
-        {"patient.mass_kg": item.mass, "patient.height_m": item.height, "patient.sex": str(item.sex)}
-        for item in people
-    ]
 
 
 def _person(pattern: Patient, sizes: Mapping[Sex, BodySizes], seed: np.random.SeedSequence) -> Patient:
