@@ -12,7 +12,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
-from twin_gait.measures.assistance import root_mean_square
+from twin_gait.measures.effort import root_mean_square
 from twin_gait.parameters import FrictionParameters
 from twin_gait.scenario.bench_joint import BenchJoint
 from twin_gait.simulation import simulate

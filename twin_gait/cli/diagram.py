@@ -34,7 +34,9 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Print one format, or write one or all into a folder."""
-    table = find_table(arguments.table)
+    from twin_gait.configuration import load_gait_table
+
+    table = load_gait_table(arguments.table)
     if arguments.out is None:
         print(_writers()[arguments.format or "transitions"](table), end="")
         return DONE
@@ -42,31 +44,6 @@ def run(arguments: argparse.Namespace) -> int:
     for path in write_diagrams(table, arguments.out, formats, force=arguments.force):
         print(path)
     return DONE
-
-
-def find_table(source: str) -> GaitTable:
-    """Read a gait table by the name of a packaged one, or by path.
-
-    Args:
-        source: Name or path.
-
-    Returns:
-        The table.
-
-    Raises:
-        ParameterError: If there is neither.
-        ParameterFileError: If the file has a mistake.
-    """
-    from twin_gait.configuration import load_gait_table, packaged_gait_table, packaged_gait_tables
-    from twin_gait.exceptions import ParameterError
-
-    if source in packaged_gait_tables():
-        return packaged_gait_table(source)
-    path = Path(source).expanduser()
-    if not path.is_file():
-        names = ", ".join(packaged_gait_tables())
-        raise ParameterError(f"{source}: neither a packaged gait table ({names}) nor a file")
-    return load_gait_table(path)
 
 
 def write_diagrams(table: GaitTable, folder: Path, formats: list[str], *, force: bool) -> list[Path]:

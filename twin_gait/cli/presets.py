@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.configuration import load_experiment, packaged_gait_tables, presets
     from twin_gait.configuration.documents import dump_yaml
     from twin_gait.configuration.people import people, person_text
-    from twin_gait.configuration.table_inheritance import packaged_table_path
+    from twin_gait.configuration.table_inheritance import find_gait_table
     from twin_gait.exceptions import ParameterError
 
     if arguments.name in people():
@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
         return DONE
     tables = packaged_gait_tables() if arguments.table or arguments.name not in presets() else []
     if arguments.name in tables:
-        print(packaged_table_path(arguments.name).read_text(encoding="utf-8"), end="")
+        print(find_gait_table(arguments.name).read_text(encoding="utf-8"), end="")
         return DONE
     if arguments.table:
         raise ParameterError(f"--table: expected one of {', '.join(tables)}, got {arguments.name}")

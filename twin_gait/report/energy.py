@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
-from twin_gait.measures.energy import energy_balance
+from twin_gait.measures.effort import energy_balance
 from twin_gait.palette import BLACK, WORK_COLOURS
 from twin_gait.report.canvas import SCREEN_WIDTH, new_figure, put_legend, style_panel
 from twin_gait.report.marks import mark_events

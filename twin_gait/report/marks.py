@@ -6,8 +6,8 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
-from twin_gait.measures.events import EventKind, held_from
 from twin_gait.measures.leg_record import LegRecord
+from twin_gait.measures.outcome import EventKind, held_from
 from twin_gait.palette import EVENT_COLOUR
 from twin_gait.report.canvas import HELD
 from twin_gait.report.window import Window

@@ -69,7 +69,7 @@ class Walk(NamedTuple):
 
     Attributes:
         walker: Who.
-        outcome: See :mod:`twin_gait.measures.verdict`.
+        outcome: See :mod:`twin_gait.measures.outcome`.
         reason: Why, if they did not walk.
         lasted: In [s].
         parts: Of the walk, see :mod:`twin_gait.studies.tune.parts`.

@@ -26,7 +26,7 @@ class Trial(NamedTuple):
 
     Attributes:
         patient: Who walked.
-        outcome: See :mod:`twin_gait.measures.verdict`.
+        outcome: See :mod:`twin_gait.measures.outcome`.
         reason: Why, if they did not walk.
         summary: Of the run.
         peaks: Highest torque of the wearer at any hip and at any knee in [N m].
@@ -82,7 +82,7 @@ class BraceTrial(NamedTuple):
 
     Attributes:
         braces: What binds him.
-        outcome: See :mod:`twin_gait.measures.verdict`.
+        outcome: See :mod:`twin_gait.measures.outcome`.
         interaction: From :func:`twin_gait.runs.summary.interaction.interaction_summary`.
         stride_times: Mean of each leg in [s]; None without strides.
     """

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.identification.filters import decimate, moving_average
-from twin_gait.measures.assistance import root_mean_square
+from twin_gait.measures.effort import root_mean_square
 from twin_gait.palette import BLUE, BLUISH_GREEN, GREY, ORANGE, SKY_BLUE, VERMILLION
 from twin_gait.report.canvas import style_panel
 from twin_gait.simulation.bench_joint import TICK, BenchRun, simulate_bench

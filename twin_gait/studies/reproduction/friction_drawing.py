@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
-from twin_gait.measures.assistance import root_mean_square
+from twin_gait.measures.effort import root_mean_square
 from twin_gait.palette import BLACK, BLUE, SKY_BLUE, VERMILLION
 from twin_gait.report.canvas import style_panel
 from twin_gait.studies.reproduction.shared import LawFit, law_torque, table_values

@@ -11,7 +11,7 @@ from pathlib import Path
 from twin_gait.identification import Processing, ProcessingOptions, RigParameters
 from twin_gait.identification.processing import RATE
 from twin_gait.identification.statistics import goodness
-from twin_gait.measures.assistance import root_mean_square
+from twin_gait.measures.effort import root_mean_square
 from twin_gait.report.reproduction import number_text
 from twin_gait.scenario.bench_joint import BENCH_ACTUATORS
 from twin_gait.simulation.bench_joint import TICK

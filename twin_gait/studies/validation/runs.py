@@ -12,7 +12,7 @@ import numpy as np
 from twin_gait.configuration import load_experiment
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.gait.machine import PhaseSwitch
-from twin_gait.measures.energy import energy_balance
+from twin_gait.measures.effort import energy_balance
 from twin_gait.simulation import RunStatus, simulate
 from twin_gait.simulation.columns import WORK_SOURCES
 from twin_gait.simulation.pinocchio.engine import PinocchioEngine

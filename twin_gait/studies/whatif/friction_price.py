@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from twin_gait.gait.table import TICK
-from twin_gait.measures.assistance import root_mean_square
+from twin_gait.measures.effort import root_mean_square
 from twin_gait.scenario.bench_joint import CosinePath, TorqueControl
 from twin_gait.simulation.bench_joint import simulate_bench
 from twin_gait.studies.whatif.friction_joint import DEGREE, Compensation, Setting, bench_of

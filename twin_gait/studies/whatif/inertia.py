@@ -17,7 +17,7 @@ import pandas as pd
 
 from twin_gait.checking.stability import largest_stable
 from twin_gait.gait.table import TICK
-from twin_gait.measures.assistance import root_mean_square
+from twin_gait.measures.effort import root_mean_square
 from twin_gait.scenario.bench_leg import HandParameters
 from twin_gait.simulation.bench_joint import BenchRun, simulate_bench
 from twin_gait.studies.whatif.friction_joint import DEGREE, THESIS_RATIO

@@ -19,7 +19,7 @@ from twin_gait.control import Controller
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE
 from twin_gait.gait.table import TICK
-from twin_gait.measures.assistance import root_mean_square
+from twin_gait.measures.effort import root_mean_square
 from twin_gait.parameters import FrictionParameters, SensorParameters
 from twin_gait.scenario.bench_joint import (
     BENCH_FRICTION,
