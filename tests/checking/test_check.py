@@ -18,8 +18,8 @@ from twin_gait.checking.signals import JOINT_RANGES, SignalSpace
 from twin_gait.configuration import load_experiment, packaged_gait_tables
 from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.gait_table_file import (
-    find_gait_table,
     gait_table_from_mapping,
+    gait_table_path,
     load_gait_table,
 )
 from twin_gait.exceptions import ParameterError, TwinGaitError
@@ -37,7 +37,7 @@ def experiment() -> Experiment:
 @cache
 def sound() -> Mapping:
     """The treadmill's table without its waivers."""
-    data: Mapping = yaml.safe_load(find_gait_table("treadmill").read_text(encoding="utf-8"))
+    data: Mapping = yaml.safe_load(gait_table_path("treadmill").read_text(encoding="utf-8"))
     data.pop("waive", None)
     return data
 

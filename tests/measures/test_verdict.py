@@ -20,7 +20,7 @@ from twin_gait.measures.outcome import (
     flight_share,
     gait_verdict,
 )
-from twin_gait.report.cycle import draw_cycle
+from twin_gait.report.run_figures import draw_cycle
 from twin_gait.runs.summary.summary import summarise
 from twin_gait.simulation import RunStatus
 from twin_gait.studies.batch import flat_summary

@@ -24,9 +24,8 @@ from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import normalise_strides, root_mean_square_error, stride_extremes
 from twin_gait.parameters import BraceParameters, SpringDamper
 from twin_gait.replay.opensim import parse_storage
-from twin_gait.report.cycle import draw_angles
-from twin_gait.report.energy import draw_energy
 from twin_gait.report.reference import reference_cycle
+from twin_gait.report.run_figures import draw_angles, draw_energy
 from twin_gait.runs.summary.summary import summarise
 from twin_gait.scenario import World, bracing
 from twin_gait.simulation.columns import BRACED_WORK_SOURCES

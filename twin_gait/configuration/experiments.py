@@ -15,7 +15,7 @@ from twin_gait.configuration.overrides import assign, merge, parse_assignments
 from twin_gait.configuration.people import SIDES, names_a_person, person_document
 from twin_gait.configuration.table_inheritance import (
     extended_table,
-    find_gait_table,
+    gait_table_path,
     own_entries_named,
     packaged_gait_tables,
     read_gait_table,
@@ -198,7 +198,7 @@ def _resolve_table(table: Any, path: Path) -> dict[str, Any]:
             "table",
             f"expected a packaged table ({', '.join(packaged_gait_tables())}), a path or a mapping",
         )
-    found = converting(str(path), "table", lambda: find_gait_table(table, path.parent))
+    found = converting(str(path), "table", lambda: gait_table_path(table, path.parent))
     data, places = read_gait_table(found)
     with own_entries_named(places):  # while it is known what was written where
         gait_table_from_mapping(data, str(found), found.stem)

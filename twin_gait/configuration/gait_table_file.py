@@ -9,7 +9,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.table_inheritance import find_gait_table, own_entries_named, read_gait_table
+from twin_gait.configuration.table_inheritance import gait_table_path, own_entries_named, read_gait_table
 from twin_gait.configuration.validation import (
     DEGREE,
     Count,
@@ -184,7 +184,7 @@ def load_gait_table(source: str | Path, *, draft: bool = False) -> GaitTable:
         ParameterError: If there is no such table.
         ParameterFileError: If the file has a mistake; the message names file, key and value.
     """
-    path = source if isinstance(source, Path) else find_gait_table(source)
+    path = source if isinstance(source, Path) else gait_table_path(source)
     data, places = read_gait_table(path)
     with own_entries_named(places):
         return gait_table_from_mapping(data, str(path), path.stem, draft=draft)

@@ -96,7 +96,7 @@ def extended_table(
     name = data["extends"]
     if not isinstance(name, str):
         raise ParameterFileError(source, "extends", f"no gait table {name!r}; expected a name or a path")
-    found = converting(source, "extends", lambda: find_gait_table(name, path.parent))
+    found = converting(source, "extends", lambda: gait_table_path(name, path.parent))
     chain = (*below, path.resolve())
     if found.resolve() in chain:
         raise ParameterFileError(source, "extends", f"{data['extends']!r} extends this table itself")
@@ -198,7 +198,7 @@ def own_entries_named(places: Mapping[str, Place]) -> Iterator[None]:
         raise ParameterFileError(place.source, *((where, problem) if key else ("", where))) from error
 
 
-def find_gait_table(name: str | Path, folder: Path | None = None) -> Path:
+def gait_table_path(name: str | Path, folder: Path | None = None) -> Path:
     """File of a gait table.
 
     Args:

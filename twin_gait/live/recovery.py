@@ -18,9 +18,6 @@ from twin_gait.runs.record import SUMMARY_FILE
 def recover(records: Path) -> Iterator[str]:
     """Complete the run folders of all sessions that were killed, and close those sessions in the record.
 
-    Args:
-        records: Folder of the record of sessions.
-
     Yields:
         One sentence for each session, as the record has it from then on.
 
