@@ -25,10 +25,10 @@ from twin_gait.identification import (
     parse_columns,
     process_log,
 )
-from twin_gait.identification.processing import ProcessingOptions
+from twin_gait.identification.bench import ProcessingOptions
 from twin_gait.identification.reading import read_log
 from twin_gait.identification.samples import FrictionTest
-from twin_gait.identification.stops import soft_stop
+from twin_gait.identification.signals import soft_stop
 from twin_gait.studies.coverage import Estimate, coverage_table, parameter_coverage, true_parameters
 from twin_gait.vocabulary import JointName
 

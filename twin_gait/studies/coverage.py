@@ -19,19 +19,19 @@ import numpy as np
 
 from twin_gait.identification import (
     MODELS,
+    BenchSetup,
     FitOptions,
     Log,
     Loss,
     Processing,
     ProcessingOptions,
     Quantity,
-    RigParameters,
     fit_model,
     join_tests,
     process_log,
 )
 from twin_gait.identification.bootstrap import uncertainty
-from twin_gait.identification.doubts import doubts_of_fit, doubts_of_processing, doubts_of_samples
+from twin_gait.identification.diagnostics import fit_warnings, processing_warnings, sample_warnings
 from twin_gait.parameters import require
 from twin_gait.scenario.bench_joint import BENCH_ACTUATORS, BENCH_FRICTION
 from twin_gait.simulation.bench_joint import simulate_bench
@@ -191,8 +191,8 @@ def campaign_logs(campaign: Campaign) -> list[Log]:
 
 
 def _identified(logs: Sequence[Log], joint: JointName, processing: Processing) -> Estimate:
-    rig, options = RigParameters(actuator=BENCH_ACTUATORS[joint]), ProcessingOptions(processing=processing)
-    samples = join_tests([process_log(log, rig, options) for log in logs])
+    bench, options = BenchSetup(actuator=BENCH_ACTUATORS[joint]), ProcessingOptions(processing=processing)
+    samples = join_tests([process_log(log, bench, options) for log in logs])
     fit = fit_model(MODELS[LAW], samples, FitOptions(loss=Loss.HUBER))
     known = uncertainty(fit, samples, 0)
     values, names = fit.model.parameters(fit.x), true_parameters(joint)
@@ -200,9 +200,9 @@ def _identified(logs: Sequence[Log], joint: JointName, processing: Processing) -
         np.array([values[name] for name in names]),
         np.array([known.intervals[name] for name in names]),
         (
-            *doubts_of_processing(options),
-            *doubts_of_samples(samples),
-            *doubts_of_fit(fit, known, samples),
+            *processing_warnings(options),
+            *sample_warnings(samples),
+            *fit_warnings(fit, known, samples),
         ),
     )
 

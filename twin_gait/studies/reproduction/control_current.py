@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from twin_gait.core.actuator import torque_to_current
-from twin_gait.identification.filters import decimate, moving_average
+from twin_gait.identification.signals import decimate, moving_average
 from twin_gait.measures.effort import root_mean_square
 from twin_gait.palette import BLUE, BLUISH_GREEN, GREY, ORANGE, SKY_BLUE, VERMILLION
 from twin_gait.report.canvas import style_panel

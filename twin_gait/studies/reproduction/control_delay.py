@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from twin_gait.identification.filters import decimate, moving_average
+from twin_gait.identification.signals import decimate, moving_average
 from twin_gait.palette import BLACK, BLUE, GREY, VERMILLION
 from twin_gait.report.canvas import style_panel
 from twin_gait.simulation.bench_joint import TICK, BenchRun, simulate_bench

@@ -12,9 +12,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from twin_gait.identification import LoadAngle, ProcessingOptions, RigParameters
-from twin_gait.identification.filters import decimate, moving_average
+from twin_gait.identification import BenchSetup, LoadAngle, ProcessingOptions
 from twin_gait.identification.processing import RATE
+from twin_gait.identification.signals import decimate, moving_average
 from twin_gait.report.canvas import style_panel
 from twin_gait.report.reproduction import number_text
 from twin_gait.scenario.bench_joint import BENCH_ACTUATORS, HORIZONTAL, STOP_ANGLE
@@ -83,7 +83,7 @@ def load_torque(angle: np.ndarray, mass: float, form: LoadAngle = LoadAngle.CORR
     Returns:
         In [N m], shape ``(n,)``.
     """
-    return RigParameters(actuator=BENCH_ACTUATORS[KNEE], load_angle=form).load_torque(angle, mass)
+    return BenchSetup(actuator=BENCH_ACTUATORS[KNEE], load_angle=form).load_torque(angle, mass)
 
 
 def _load_change(form: LoadAngle) -> tuple[float, float]:

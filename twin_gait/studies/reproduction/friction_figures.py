@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from twin_gait.identification import Processing, ProcessingOptions, RigParameters
+from twin_gait.identification import BenchSetup, Processing, ProcessingOptions
 from twin_gait.identification.processing import RATE
 from twin_gait.identification.statistics import goodness
 from twin_gait.measures.effort import root_mean_square
@@ -190,10 +190,10 @@ def lagged_viscous(viscous: float, inertia: float, frequency: float) -> float:
 
 
 def _driven_claim(joint: JointName, driven: LawFit) -> Claim:
-    rig = RigParameters(actuator=BENCH_ACTUATORS[joint])
+    bench = BenchSetup(actuator=BENCH_ACTUATORS[joint])
     frequency = 2.0 * math.pi / TwoWayProtocol().period
     viscous = table_values(joint)["d"]
-    ends = [float(lagged_viscous(viscous, float(rig.inertia(mass)), frequency)) for mass in WEIGHTS]
+    ends = [float(lagged_viscous(viscous, float(bench.inertia(mass)), frequency)) for mass in WEIGHTS]
     margin = driven.half_width("d", LEVEL)
     return Claim(
         name="d that the thesis's processing finds in motor-driven tests",

@@ -16,6 +16,7 @@ from scipy.stats import t as student
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.files import write_atomically
 from twin_gait.identification import (
+    BenchSetup,
     FitOptions,
     FrictionTest,
     IdentificationOptions,
@@ -23,7 +24,6 @@ from twin_gait.identification import (
     Loss,
     Processing,
     ProcessingOptions,
-    RigParameters,
     bootstrap,
     identify_tests,
     process_log,
@@ -175,13 +175,13 @@ def fit_campaign(
         The fit.
     """
     name = f"{joint}_{protocol}_{processing}_{seed}_{forward:d}{mass_as_printed:d}"
-    rig = RigParameters(actuator=BENCH_ACTUATORS[joint], mass_as_printed=mass_as_printed)
+    bench = BenchSetup(actuator=BENCH_ACTUATORS[joint], mass_as_printed=mass_as_printed)
 
     def make() -> LawFit:
         options = ProcessingOptions(processing=processing)
         paths = campaign_logs(folder, joint, protocol, seed)
-        tests = [process_log(read_log(path, LogColumns()), rig, options) for path in paths]
-        return _fit([_forward(test) for test in tests] if forward else tests, rig, seed)
+        tests = [process_log(read_log(path, LogColumns()), bench, options) for path in paths]
+        return _fit([_forward(test) for test in tests] if forward else tests, bench, seed)
 
     return kept(folder, name, make)
 
@@ -190,9 +190,9 @@ def _forward(test: FrictionTest) -> FrictionTest:
     return replace(test, used=test.used & (test.velocity > 0.0))
 
 
-def _fit(tests: list[FrictionTest], rig: RigParameters, seed: int) -> LawFit:
+def _fit(tests: list[FrictionTest], bench: BenchSetup, seed: int) -> LawFit:
     options = IdentificationOptions(
-        rig=rig, fit=FitOptions(loss=Loss.LINEAR, seed=seed), models=(_LAW,), cross_validation=False
+        bench=bench, fit=FitOptions(loss=Loss.LINEAR, seed=seed), models=(_LAW,), cross_validation=False
     )
     result = identify_tests(tests, options)
     found, samples = result.models[0], result.samples.used_only()

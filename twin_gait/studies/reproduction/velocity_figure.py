@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from twin_gait.identification import ProcessingOptions
-from twin_gait.identification.filters import decimate, moving_average
 from twin_gait.identification.processing import RATE
+from twin_gait.identification.signals import decimate, moving_average
 from twin_gait.palette import BLACK, BLUE, ORANGE, VERMILLION
 from twin_gait.report.canvas import style_panel
 from twin_gait.simulation.bench_joint import TICK, BenchRun, simulate_bench

@@ -12,17 +12,10 @@ from twin_gait.experiment import PlantParameters
 from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import require_positive
-from twin_gait.replay import (
-    LogFormat,
-    Recording,
-    Replay,
-    mirrored,
-    normative_walk,
-    read_recording,
-    replay,
-)
-from twin_gait.replay.normative import is_normative
-from twin_gait.replay.reading import shifted
+from twin_gait.replay.machine import Replay, replay
+from twin_gait.replay.normative import is_normative, normative_walk
+from twin_gait.replay.reading import LogFormat, read_recording, shifted
+from twin_gait.replay.recording import Recording, mirrored
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.vocabulary import Side
