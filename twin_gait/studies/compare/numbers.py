@@ -11,24 +11,27 @@ import pandas as pd
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.experiment import ControlMode
 from twin_gait.gait.table import TICK
-from twin_gait.measures.assistance import (
+from twin_gait.measures.effort import (
+    battery_life,
     interaction_torque,
+    load,
     opposing_torque,
     positive_work,
     root_mean_square,
     share_of_work,
 )
-from twin_gait.measures.clearance import scuffs, swing_clearances
-from twin_gait.measures.effort import battery_life, load
-from twin_gait.measures.foot_contact import CONTACT_FORCE
-from twin_gait.measures.gait_score import gait_profile_score, gait_variable_score
+from twin_gait.measures.foot_contact import CONTACT_FORCE, scuffs, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells
-from twin_gait.measures.spatiotemporal import cadence, double_support_share, step_times, stride_lengths
+from twin_gait.measures.reference import gait_profile_score, gait_variable_score
 from twin_gait.measures.strides import (
     PERCENT,
+    cadence,
+    double_support_share,
     normalise_strides,
+    step_times,
     stride_extremes,
+    stride_lengths,
     stride_times,
     swing_shares,
     symmetry_index,

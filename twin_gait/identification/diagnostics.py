@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from twin_gait.identification.bench import BenchSetup, Processing, ProcessingOptions
 from twin_gait.identification.bootstrap import Uncertainty
 from twin_gait.identification.fitting import Fit
 from twin_gait.identification.models import rarer_direction
-from twin_gait.identification.processing import RATE, Processing, ProcessingOptions
+from twin_gait.identification.processing import RATE
 from twin_gait.identification.samples import FrictionTest, Samples
 
 WIDE = 0.25  # half-width of an interval over the parameter
@@ -20,7 +21,7 @@ _FEW = 0.02  # share of the samples that counts as none
 _DRIFT = 0.5  # of the residual's standard deviation, from the first third of the time to the last
 
 
-def doubts_of_samples(samples: Samples) -> list[str]:
+def sample_warnings(samples: Samples) -> list[str]:
     """What the samples cannot tell, whatever the model.
 
     Args:
@@ -50,7 +51,7 @@ def doubts_of_samples(samples: Samples) -> list[str]:
     return found
 
 
-def doubts_of_processing(options: ProcessingOptions) -> list[str]:
+def processing_warnings(options: ProcessingOptions) -> list[str]:
     """What the processing does to the result.
 
     Args:
@@ -68,7 +69,7 @@ def doubts_of_processing(options: ProcessingOptions) -> list[str]:
     ]
 
 
-def doubts_of_fit(fit: Fit, uncertainty: Uncertainty, samples: Samples) -> list[str]:
+def fit_warnings(fit: Fit, uncertainty: Uncertainty, samples: Samples) -> list[str]:
     """What is doubtful about a fit.
 
     Args:
@@ -141,7 +142,7 @@ def _power(fit: Fit, samples: Samples) -> list[str]:
     return [f"the law drives the joint in {100.0 * share:.1f} % of the samples; --physical forbids that"]
 
 
-def doubts_of_time(tests: Sequence[FrictionTest], residuals: np.ndarray, samples: Samples) -> list[str]:
+def drift_warnings(tests: Sequence[FrictionTest], residuals: np.ndarray, samples: Samples) -> list[str]:
     """Drift of the residuals along the tests, such as warming up.
 
     Args:
@@ -161,3 +162,39 @@ def doubts_of_time(tests: Sequence[FrictionTest], residuals: np.ndarray, samples
     if abs(drift) < _DRIFT * float(residuals.std()):
         return []
     return [f"friction drifts by {drift:+.2g} N m from the first to the last third of the tests: warming up?"]
+
+
+def thinning_warnings(number: int, kept: int) -> list[str]:
+    """Say that not every sample was used."""
+    if kept == number:
+        return []
+    return [f"of {number} samples every {-(-number // kept)}th was used, {kept} in all"]
+
+
+def file_warnings(tests: Sequence[FrictionTest]) -> list[str]:
+    """What a reader should know about the files, each once."""
+    where: dict[str, list[str]] = {}
+    for test in tests:
+        for note in test.notes:
+            where.setdefault(note, []).append(test.name)
+    return [
+        f"{names[0]}: {note}" if len(names) == 1 else f"{len(names)} files: {note}"
+        for note, names in where.items()
+    ]
+
+
+def weight_warnings(tests: Sequence[FrictionTest], bench: BenchSetup | None) -> list[str]:
+    """Say that files name another weight than the bench does: theirs counts."""
+    if bench is None or bench.mass is None:
+        return []
+    others = [f"{test.name} ({test.mass:g} kg)" for test in tests if test.mass not in (None, bench.mass)]
+    more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+    return [f"--mass {bench.mass:g} is overruled by what {others[0]}{more} says"] if others else []
+
+
+def untimed_warnings(samples: Samples, skipped: Mapping[str, tuple[str, ...]]) -> list[str]:
+    """Say that a missing time costs the models with a state."""
+    missed = [name for name, columns in skipped.items() if "period" in columns]
+    if samples.period is not None or not missed:
+        return []
+    return [f"without a time {', '.join(missed)} cannot be fitted; name the column with --columns time=NAME"]

@@ -1,4 +1,4 @@
-"""The joint test bench of the thesis as an identification sees it: what hangs on the joint."""
+"""The joint test bench of the thesis as an identification sees it, and how its logs are processed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class LoadAngle(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RigParameters:
+class BenchSetup:
     """Test bench of one joint (thesis 2.2.1).
 
     Attributes:
@@ -97,3 +97,51 @@ class RigParameters:
     def motor_torque(self, current: np.ndarray) -> np.ndarray:
         """K_t τ I in [N m] of a motor current in [A]."""
         return np.asarray(current * self.actuator.torque_constant * self.actuator.gear_ratio)
+
+
+class Processing(StrEnum):
+    """How a log is smoothed before the friction torque is computed."""
+
+    ZERO_PHASE = "zero_phase"  # angle, current and load through the same filter without delay
+    THESIS = "thesis"  # decimate by 10, moving average of 10 over the velocity alone, forward difference
+    NONE = "none"  # as recorded
+
+
+class CurrentSource(StrEnum):
+    """Which current the motor torque is computed from."""
+
+    MEASURED = "measured"
+    TARGET = "target"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProcessingOptions:
+    """How to process logs.
+
+    Attributes:
+        processing: None takes zero phase for logs with a current, and none for friction torques.
+        cutoff: Of the zero-phase filter in [Hz].
+        window: Samples of the thesis's moving average.
+        current: None takes the measured one if it is logged; with the thesis's processing the target.
+        standstill_velocity: Slower samples are rejected, in [rad] / [s]; None for 0.002 in logs with a
+            current and 0 in series of friction torques.
+        impact_acceleration: Beyond it the link has hit a stop, in [rad] / [s²].
+        stop_margin: Samples so near to where a stop was hit are rejected, in [rad].
+    """
+
+    processing: Processing | None = None
+    cutoff: float = 40.0
+    window: int = 10
+    current: CurrentSource | None = None
+    standstill_velocity: float | None = None
+    impact_acceleration: float = 25.0
+    stop_margin: float = 0.01
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_positive("cutoff", self.cutoff)
+        require(self.window >= 1, "window", "a whole number above 0", self.window)
+        if self.standstill_velocity is not None:
+            require_non_negative("standstill velocity", self.standstill_velocity)
+        require_positive("impact acceleration", self.impact_acceleration)
+        require_non_negative("stop margin", self.stop_margin)

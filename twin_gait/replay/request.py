@@ -6,23 +6,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from twin_gait.configuration import find_gait_table, load_experiment
+from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import PlantParameters
 from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import require_positive
-from twin_gait.replay import (
-    LogFormat,
-    Recording,
-    Replay,
-    mirrored,
-    normative_walk,
-    read_recording,
-    replay,
-)
-from twin_gait.replay.normative import is_normative
-from twin_gait.replay.reading import shifted
+from twin_gait.replay.machine import Replay, replay
+from twin_gait.replay.normative import is_normative, normative_walk
+from twin_gait.replay.reading import LogFormat, read_recording, shifted
+from twin_gait.replay.recording import Recording, mirrored
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.vocabulary import Side
@@ -142,6 +135,6 @@ def _table(request: ReplayRequest, walk: _Walk) -> GaitTable:
     if request.table is None and walk.table is not None:
         table = walk.table
     else:
-        table = find_gait_table(request.table or DEFAULT_TABLE)
+        table = load_gait_table(request.table or DEFAULT_TABLE)
     speed = walk.speed if request.speed is None else request.speed
     return scale_table(table, carried_mass=None, speed=speed)

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from twin_gait.files import finite_or_none, write_atomically
 from twin_gait.gait.table import TICK
-from twin_gait.replay import Agreement, Replay, agreement
-from twin_gait.replay.strides import meant_cycles, stride_phases
+from twin_gait.replay.agreement import Agreement, agreement, meant_cycles, stride_phases
+from twin_gait.replay.machine import Replay
 from twin_gait.report.canvas import save
 from twin_gait.report.replay_figure import ReplayedLeg, draw_replay
 from twin_gait.runs.folders import FolderKind, staged_directory
