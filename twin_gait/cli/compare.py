@@ -60,10 +60,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Compare, write the folder and print what it says."""
     from twin_gait.configuration import load_experiment
     from twin_gait.runs.folders import check_target
-    from twin_gait.studies.compare.comparing import ComparisonInterrupted, compare
-    from twin_gait.studies.compare.controllers import CONTROLLERS, find_controllers
-    from twin_gait.studies.compare.words import paragraphs
-    from twin_gait.studies.compare.writing import COMPARISON, PAGE_FILE, write_comparison
+    from twin_gait.studies.compare.comparing import (
+        CONTROLLERS,
+        ComparisonInterrupted,
+        compare,
+        find_controllers,
+    )
+    from twin_gait.studies.compare.writing import COMPARISON, PAGE_FILE, conclusions, write_comparison
 
     names = list(CONTROLLERS)
     if arguments.controllers is not None:
@@ -89,6 +92,6 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"twin-gait: {error}", file=sys.stderr)
         return INTERRUPTED
     write_comparison(comparison, who, out, force=arguments.force)
-    print("\n\n".join(textwrap.fill(text, _WIDTH) for text in paragraphs(comparison)))
+    print("\n\n".join(textwrap.fill(text, _WIDTH) for text in conclusions(comparison)))
     print(f"\n{out / PAGE_FILE}")
     return DONE
