@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from twin_gait.checking.check import build_subject
 from twin_gait.checking.hanging_leg import friction_slope, friction_torque, hanging_legs
-from twin_gait.checking.transition_matrix import (
+from twin_gait.checking.linear_loop import (
     RING,
     LinearLoop,
     effective_damping_ratio,

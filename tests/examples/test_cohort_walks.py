@@ -64,7 +64,7 @@ def test_whatever_the_exponents_the_base_walks_as_its_table_says(base: Experimen
 def test_the_fit_finds_exponents_that_were_planted(base: Experiment, monkeypatch: pytest.MonkeyPatch) -> None:
     planted = {"carried_mass_exponent": 0.6, "speed_exponent": -0.5, "height_exponent": 0.2}
 
-    def bowl(base: Experiment, people: Sequence[Person], law: Scaling, runner: Any) -> Worth:
+    def bowl(base: Experiment, people: Sequence[Person], law: Scaling, workers: Any) -> Worth:
         return Worth(sum((getattr(law, name) - value) ** 2 for name, value in planted.items()), 0.0, 0)
 
     monkeypatch.setattr(scaling_fit, "worth_of", bowl)
@@ -74,9 +74,7 @@ def test_the_fit_finds_exponents_that_were_planted(base: Experiment, monkeypatch
 
 def test_a_law_is_worth_the_mean_over_its_people(base: Experiment, monkeypatch: pytest.MonkeyPatch) -> None:
     costs = {0: 1.0, 1: 2.0, 2: 99.0}
-    monkeypatch.setattr(
-        scaling_fit, "cost_of", lambda trial: (trial.person.number, costs[trial.person.number])
-    )
+    monkeypatch.setattr(scaling_fit, "cost_of", lambda trial: costs[trial.person.number])
     worth = scaling_fit.worth_of(base, draw_people(3, 0), base.table.scaling)
     assert worth == Worth(34.0, 2.0, 1)
 

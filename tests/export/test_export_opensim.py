@@ -99,7 +99,7 @@ def bench(tmp_path_factory):
     ("options", "sign", "in_degrees"),
     [
         (["--format", "mot"], -1.0, "yes"),
-        (["--to", "sto"], -1.0, "no"),
+        (["--format", "sto"], -1.0, "no"),
         (["--format", "sto", "--convention", "rajagopal"], 1.0, "no"),
     ],
 )

@@ -327,7 +327,7 @@ def test_needed_signals_are_those_that_the_guards_name():
         ("other.phase in [swing]", {}, "other.phase .* one leg"),
         ("knee.angle_deg > 3", {"angles": {Side.LEFT: {HIP: np.zeros(5)}}}, "no angle of the left knee"),
         ("foot.load_bw > 0.1", {}, "no left_foot_normal_force_N"),
-        ("foot.load_bw > 0.1", {"loads": {Side.LEFT: np.zeros(5)}}, "add --mass"),
+        ("foot.load_bw > 0.1", {"loads": {Side.LEFT: np.zeros(5)}}, "add --total-mass"),
     ],
 )
 def test_a_signal_that_the_log_lacks_is_named_with_its_transitions(condition, changes, message):

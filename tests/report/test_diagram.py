@@ -23,7 +23,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 from table_builder import JOINTS, guard, impedance, phase, transition, two_phase_table
 
-from twin_gait.cli import diagram as command
+from twin_gait.cli import tables as command
 from twin_gait.configuration import packaged_gait_table, packaged_gait_tables
 from twin_gait.core.guards import NO_TRANSITION
 from twin_gait.exceptions import TwinGaitError

@@ -226,14 +226,14 @@ def test_one_test_from_the_command_line_shows_what_no_bench_can_see(
         "hip",
         "--out",
         str(out),
-        "--hand-amplitude-deg",
+        "--imposed-amplitude-deg",
         "-30",
-        "--duration-s",
+        "--duration",
         "2",
     )
-    assert called(*arguments, "--controller", "impedance", "--mass-kg", "0") == 0
+    assert called(*arguments, "--controller", "impedance", "--mass", "0") == 0
     printed = capsys.readouterr().out
-    assert "synthetic" in printed and "the hand needed" in printed
+    assert "synthetic" in printed and "the imposed motion needed" in printed
     log = pd.read_csv(out, comment="#")
     assert len(log) == 2000
     assert {"hand_torque_Nm", "friction_torque_Nm", "current_A"} < set(log.columns)

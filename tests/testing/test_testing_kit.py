@@ -118,7 +118,7 @@ def test_names_say_transition_and_what_is_shown() -> None:
         "priority: wins over rest (time_out) when both are due",
         "clock: 30 ticks for back count from the entry of swing",
         "clock: 26 ticks for loaded count from the entry of swing",
-        "debounce: 5 ticks are counted anew after bent and the way back",
+        "debounce: 5 ticks counted anew after bent and back",
         "holds in rest, which it does not leave",
         "holds without another leg",
     ],

@@ -8,8 +8,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from twin_gait.configuration.documents import content_hash, experiment_document, integration_document
-from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.documents import content_hash, experiment_document
+from twin_gait.configuration.experiment_file import IntegrationEntry, experiment_from_mapping
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.configuration.overrides import assign, merge, parse_assignments
 from twin_gait.configuration.people import SIDES, names_a_person, person_document
@@ -128,7 +128,7 @@ def resolved_document(
     if typed is not None and experiment_from_mapping(typed, "experiment", Path()) == experiment:
         document = typed
     return {
-        "integration": integration_document(experiment.stepping),
+        "integration": IntegrationEntry.document(experiment.stepping),
         **document,
         "provenance": {
             "urdf_sha256": urdf_hash(find_urdf(experiment.leg.urdf)),

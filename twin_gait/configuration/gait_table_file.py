@@ -9,7 +9,12 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.table_inheritance import own_entries_named, packaged_table_path, read_gait_table
+from twin_gait.configuration.table_inheritance import (
+    own_entries_named,
+    packaged_gait_tables,
+    packaged_table_path,
+    read_gait_table,
+)
 from twin_gait.configuration.validation import (
     DEGREE,
     Count,
@@ -18,6 +23,7 @@ from twin_gait.configuration.validation import (
     converting,
     one_of,
     short,
+    unknown_key,
     validate,
 )
 from twin_gait.exceptions import GaitTableError, ParameterFileError
@@ -202,6 +208,29 @@ def packaged_gait_table(name: str) -> GaitTable:
     return load_gait_table(packaged_table_path(name))
 
 
+def find_gait_table(source: str | Path, *, draft: bool = False) -> GaitTable:
+    """Read a gait table by the name of a packaged one, or by path.
+
+    Args:
+        source: Name or path.
+        draft: Whether phases without an exit are let through, as in :func:`load_gait_table`.
+
+    Returns:
+        The table as it is written.
+
+    Raises:
+        GaitTableError: If there is neither.
+        ParameterFileError: If the file has a mistake.
+    """
+    if str(source) in packaged_gait_tables():
+        return load_gait_table(packaged_table_path(str(source)), draft=draft)
+    path = Path(source).expanduser()
+    if not path.is_file():
+        names = ", ".join(packaged_gait_tables())
+        raise GaitTableError(f"{source}: neither a packaged gait table ({names}) nor a file")
+    return load_gait_table(path, draft=draft)
+
+
 def gait_table_from_mapping(
     data: dict[str, Any], source: str, name: str, *, draft: bool = False
 ) -> GaitTable:
@@ -285,8 +314,8 @@ def _merged(
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> PhaseParameters:
     for name in values:
         if name not in (*joints, *_PHASE_KEYS):
-            allowed = ", ".join((*joints, *_PHASE_KEYS))
-            raise ParameterFileError(source, f"{key}.{name}", f"unknown key; allowed: {allowed}")
+            reason = unknown_key(name, [*joints, *_PHASE_KEYS])
+            raise ParameterFileError(source, f"{key}.{name}", reason)
     for joint in joints:
         if not isinstance(values.get(joint), dict):
             raise ParameterFileError(source, f"{key}.{joint}", "is missing; expected an impedance")

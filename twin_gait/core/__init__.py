@@ -5,3 +5,8 @@ a random number. The Pinocchio engine calls these functions as Python; the compi
 the very same functions with numba from outside, so there is no second copy of a law to drift.
 Scalars use :mod:`math` and plain products, because numpy's tanh and powers differ in the last bit.
 """
+
+from twin_gait.core.estimation import first_order_gain
+from twin_gait.core.motor_drive import drive_efficiency
+
+__all__ = ["drive_efficiency", "first_order_gain"]

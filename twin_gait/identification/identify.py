@@ -266,7 +266,7 @@ def _overruled(tests: Sequence[FrictionTest], rig: RigParameters | None) -> list
         return []
     others = [f"{test.name} ({test.mass:g} kg)" for test in tests if test.mass not in (None, rig.mass)]
     more = f" and {len(others) - 1} more" if len(others) > 1 else ""
-    return [f"--mass-kg {rig.mass:g} is overruled by what {others[0]}{more} says"] if others else []
+    return [f"--mass {rig.mass:g} is overruled by what {others[0]}{more} says"] if others else []
 
 
 def _untimed(samples: Samples, skipped: Mapping[str, tuple[str, ...]]) -> list[str]:

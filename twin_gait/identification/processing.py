@@ -201,7 +201,7 @@ def _mass(log: Log, rig: RigParameters) -> float:
         raise ParameterFileError(
             log.source,
             "mass",
-            "does not say which weight hung on the link: add --mass-kg, a line '# mass_kg: 2.5', or name the "
+            "does not say which weight hung on the link: add --mass, a line '# mass_kg: 2.5', or name the "
             "file so (knee_2.5kg_1.log)",
         )
     return mass

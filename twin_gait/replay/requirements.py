@@ -81,7 +81,7 @@ def _lacking(recording: Recording, signal: str, body_weight: float | None) -> st
         lacking = [side for side in recording.sides if side not in recording.loads]
         if lacking:
             return f"the log has no {lacking[0]}_foot_normal_force_N: name it in --columns"
-        return "" if body_weight else "the weight is not known: add --mass KG"
+        return "" if body_weight else "the weight is not known: add --total-mass KG"
     joint, _, quantity = name.partition(".")
     if not quantity:
         return ""  # the time in phase is the machine's own

@@ -36,7 +36,7 @@ from twin_gait.parameters import require
 from twin_gait.scenario.bench_joint import BENCH_ACTUATORS, BENCH_FRICTION
 from twin_gait.simulation.bench_joint import simulate_bench
 from twin_gait.studies.campaign import Campaign, Protocol, TwoWayProtocol, planned_tests
-from twin_gait.studies.workers import LocalRunner
+from twin_gait.studies.jobs import run_jobs
 from twin_gait.vocabulary import JointName
 
 LAW = "rotational"
@@ -147,16 +147,14 @@ def measure_coverage(
     Returns:
         One estimate a campaign, by processing.
     """
-    found: dict[Processing, list[Estimate]] = {processing: [] for processing in study.processings}
-    for number, estimates in enumerate(
-        LocalRunner(workers).run(partial(estimate_campaign, study), range(study.campaigns))
-    ):
-        for processing, estimate in estimates.items():
-            found[processing].append(estimate)
-        progress(number + 1, study.campaigns)
-        if should_stop():
-            break
-    return found
+    campaigns = run_jobs(
+        partial(estimate_campaign, study),
+        range(study.campaigns),
+        workers=workers,
+        progress=progress,
+        should_stop=should_stop,
+    )
+    return {processing: [item[processing] for item in campaigns] for processing in study.processings}
 
 
 def estimate_campaign(study: CoverageStudy, seed: int) -> dict[Processing, Estimate]:

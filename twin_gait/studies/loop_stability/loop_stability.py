@@ -1,7 +1,7 @@
 """Does the spectral radius of the transition matrix predict instability? Checked against the engine.
 
 Every case holds the bench leg at one posture with the same k, b and G in hip and knee. The transition
-matrix (:mod:`twin_gait.checking.transition_matrix`) predicts. The *linear run* is the compiled engine on the
+matrix (:mod:`twin_gait.checking.linear_loop`) predicts. The *linear run* is the compiled engine on the
 same leg with friction replaced by its slope and a start 1e-5 rad away, judged before anything saturates. The
 *true run* has the friction law, the limits and the stops, and starts 5° away.
 """
@@ -20,7 +20,7 @@ import numpy as np
 
 from twin_gait.checking.finding import Subject
 from twin_gait.checking.hanging_leg import friction_slope, hanging_legs
-from twin_gait.checking.transition_matrix import LinearLoop, spectral_radius, transition_matrix
+from twin_gait.checking.linear_loop import LinearLoop, spectral_radius, transition_matrix
 from twin_gait.configuration import load_experiment
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters

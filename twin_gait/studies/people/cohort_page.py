@@ -21,6 +21,7 @@ from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import SCALING_EXPONENTS
 from twin_gait.parameters import HEAVIEST_WEARER
+from twin_gait.studies.jobs import Workers
 from twin_gait.studies.people.cohort_walks import (
     DURATION,
     GENERATIONS,
@@ -44,7 +45,6 @@ from twin_gait.studies.people.scaling_fit import (
     worth_of,
 )
 from twin_gait.studies.tune.stages import START_TABLES
-from twin_gait.studies.workers import Runner, StandingRunner
 from twin_gait.vocabulary import Outcome
 
 FIT_PEOPLE, FIT_SEED = 48, 3
@@ -127,25 +127,25 @@ screening, {generations} generations (a whole tuning has some hundred).
 """
 
 
-def fit_rows(name: str, runner: Runner) -> list[dict[str, object]]:
+def fit_rows(name: str, workers: Workers) -> list[dict[str, object]]:
     """Fit the laws of a shipped table, and see what laws are worth.
 
     Args:
         name: Of the table.
-        runner: Who works.
+        workers: Who works.
 
     Returns:
         A row for each law: no law, the stated one, the fitted one, and that with each exponent left out.
     """
     base = load_experiment(DEFAULT_PRESET, [f"table={name}"]).experiment
     people, others = draw_people(FIT_PEOPLE, FIT_SEED), draw_people(FIT_PEOPLE, TEST_SEED)
-    fitted = fit_exponents(base, people, runner=runner, progress=_say)
+    fitted = fit_exponents(base, people, workers=workers, progress=_say)
     stated = {exponent: getattr(base.table.scaling, exponent) for exponent in SCALING_EXPONENTS}
     laws = {NONE: dict.fromkeys(SCALING_EXPONENTS, 0.0), STATED: stated, FITTED: fitted}
     laws |= {f"without {exponent}": {**fitted, exponent: 0.0} for exponent, x in fitted.items() if x != 0.0}
     rows: list[dict[str, object]] = []
     for law, exponents in laws.items():
-        seen, new = (worth_of(base, group, law_of(base, exponents), runner) for group in (people, others))
+        seen, new = (worth_of(base, group, law_of(base, exponents), workers) for group in (people, others))
         worth = {"mean_fitted": seen.mean, "mean_others": new.mean, "median_others": new.median}
         rows.append(
             {
@@ -274,23 +274,23 @@ def _say(done: int, total: int) -> None:
     print(f"{done} of {total}", flush=True)
 
 
-def write_fit(folder: Path, runner: Runner) -> None:
+def write_fit(folder: Path, workers: Workers) -> None:
     """Fit the laws of all tables and write ``cohort.csv``."""
-    rows = [row for name in START_TABLES for row in fit_rows(name, runner)]
+    rows = [row for name in START_TABLES for row in fit_rows(name, workers)]
     text = io.StringIO()
     pd.DataFrame(rows).to_csv(text, index=False, lineterminator="\n")
     write_atomically(folder / FIT_FILE, text.getvalue())
 
 
-def write_page(folder: Path, runner: Runner, tuned: bool) -> None:
+def write_page(folder: Path, workers: Workers, tuned: bool) -> None:
     """Let the cohorts walk, if asked for with tables tuned one by one too, and write ``cohort.md``."""
     cohorts = {
-        (table, seed): walk_cohort([Work(item, table) for item in draw_walkers(COHORT, seed)], runner, _say)
+        (table, seed): walk_cohort([Work(item, table) for item in draw_walkers(COHORT, seed)], workers, _say)
         for table in START_TABLES
         for seed in COHORT_SEEDS
     }
     people = draw_walkers(TUNED, TUNED_SEED) if tuned else ()
-    apart = walk_cohort([Work(item, START_TABLES[0], True) for item in people], runner, _say)
+    apart = walk_cohort([Work(item, START_TABLES[0], True) for item in people], workers, _say)
     plain = cohorts[START_TABLES[0], TUNED_SEED][:TUNED]
     fits = pd.read_csv(folder / FIT_FILE)
     write_atomically(folder / PAGE_FILE, cohort_text(fits, cohorts, apart, plain))
@@ -303,7 +303,7 @@ if __name__ == "__main__":
     parser.add_argument("--tuned", action="store_true", help="and with tables tuned one by one")
     parser.add_argument("--workers", type=int, default=2)
     chosen = parser.parse_args()
-    with StandingRunner(chosen.workers) as standing:
+    with Workers(chosen.workers) as standing:
         if chosen.walk:
             write_page(chosen.folder, standing, chosen.tuned)
         else:

@@ -17,6 +17,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.simulation import simulate
 from twin_gait.studies.batch import overridden
+from twin_gait.studies.jobs import Workers, run_jobs
 from twin_gait.studies.people.cohort import cohort, overrides
 from twin_gait.studies.people.trials import MASS_ALONE
 from twin_gait.studies.tune.outcome import choose
@@ -24,7 +25,6 @@ from twin_gait.studies.tune.parts import part_values
 from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.tune import tune
 from twin_gait.studies.tune.walks import experiment_of as experiment_with
-from twin_gait.studies.workers import LocalRunner, Runner
 from twin_gait.vocabulary import Outcome
 
 SPEEDS = (0.36, 0.42)  # [m/s]
@@ -140,25 +140,20 @@ def _tuned(experiment: Experiment, seed: int) -> GaitTable:
 
 def walk_cohort(
     works: Sequence[Work],
-    runner: Runner | None = None,
+    workers: int | Workers = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Walk, ...]:
     """Let everybody walk.
 
     Args:
         works: Who and how.
-        runner: Who works; the calling process if None.
+        workers: Who works.
         progress: Called with walks done and in all.
 
     Returns:
-        In the order of the numbers of the walkers.
+        In the order of the works.
     """
-    done = []
-    for outcome in (runner or LocalRunner()).run(do_walk, works):
-        done.append(outcome)
-        if progress is not None:
-            progress(len(done), len(works))
-    return tuple(sorted(done, key=lambda item: item.walker.number))
+    return tuple(run_jobs(do_walk, works, workers=workers, progress=progress))
 
 
 def walking_share(outcomes: Sequence[Walk]) -> float:

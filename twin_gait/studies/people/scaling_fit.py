@@ -18,12 +18,12 @@ from twin_gait.gait.table import SCALING_EXPONENTS, Scaling
 from twin_gait.parameters import Patient
 from twin_gait.simulation import simulate
 from twin_gait.studies.batch import overridden
+from twin_gait.studies.jobs import Workers, run_jobs
 from twin_gait.studies.people.cohort import cohort, overrides
 from twin_gait.studies.tune.cases import check_walker
 from twin_gait.studies.tune.parts import WORST, judge
 from twin_gait.studies.tune.search import Generation, Search
 from twin_gait.studies.tune.walks import QUICK_INTEGRATION
-from twin_gait.studies.workers import LocalRunner, Runner
 
 SUPPORTS = (0.4, 0.7)
 SPEEDS = (0.33, 0.45)  # [m/s]
@@ -126,28 +126,27 @@ def law_of(base: Experiment, exponents: Mapping[str, float]) -> Scaling:
     )
 
 
-def cost_of(trial: Trial) -> tuple[int, float]:
-    """Number of the person and cost of the walk."""
+def cost_of(trial: Trial) -> float:
+    """Cost of the walk."""
     experiment = experiment_of(trial.base, trial.person)
     run = simulate(replace(experiment, table=replace(experiment.table, scaling=trial.law)))
-    return trial.person.number, judge(run).cost
+    return judge(run).cost
 
 
-def worth_of(base: Experiment, people: Sequence[Person], law: Scaling, runner: Runner | None = None) -> Worth:
+def worth_of(base: Experiment, people: Sequence[Person], law: Scaling, workers: int | Workers = 1) -> Worth:
     """Costs of a set of people with a law.
 
     Args:
         base: Experiment whose table is scaled.
         people: Who walks.
         law: The scaling.
-        runner: Who works; the calling process if None.
+        workers: Who works.
 
     Returns:
-        Mean, median and falls; they do not depend on the runner.
+        Mean, median and falls; they do not depend on the workers.
     """
     trials = [Trial(base, person, law) for person in people]
-    found = dict((runner or LocalRunner()).run(cost_of, trials))
-    costs = np.array([found[person.number] for person in people])
+    costs = np.array(run_jobs(cost_of, trials, workers=workers))
     return Worth(float(costs.mean()), float(np.median(costs)), int((costs > WORST).sum()))
 
 
@@ -157,7 +156,7 @@ def fit_exponents(
     *,
     generations: int = GENERATIONS,
     seed: int = 0,
-    runner: Runner | None = None,
+    workers: int | Workers = 1,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, float]:
     """Exponents with the least mean cost, searched for from those that the table states.
@@ -167,7 +166,7 @@ def fit_exponents(
         people: Who walks.
         generations: Of the search.
         seed: Of the search.
-        runner: Who works; the calling process if None.
+        workers: Who works.
         progress: Called with generations done and in all.
 
     Returns:
@@ -187,7 +186,7 @@ def fit_exponents(
         for key in keys:
             if key not in known:
                 law = law_of(base, dict(zip(SCALING_EXPONENTS, key, strict=True)))
-                known[key] = worth_of(base, people, law, runner).mean
+                known[key] = worth_of(base, people, law, workers).mean
         costs = [known[key] for key in keys]
         search.tell(Generation(points, costs))
         if progress is not None:

@@ -17,8 +17,8 @@ from twin_gait.configuration.experiments import load_experiment
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.files import write_atomically
 from twin_gait.simulation import Run, RunStatus, simulate
+from twin_gait.studies.jobs import run_jobs
 from twin_gait.studies.people.outcome_map import HEIGHTS, MASSES
-from twin_gait.studies.workers import LocalRunner, Runner
 from twin_gait.vocabulary import STAND
 
 PRESET, PAGE = "treadmill_start_stop", "stand.md"
@@ -184,12 +184,12 @@ def table_text(lines: Iterable[str]) -> str:
     return "\n".join(["| what | range | stops that end standing |", "|---|---|---|", *lines]) + "\n"
 
 
-def write_page(folder: Path, runner: Runner) -> None:
+def write_page(folder: Path, workers: int) -> None:
     """Try all rows and write them into the page.
 
     Args:
         folder: Where the page is.
-        runner: Who works.
+        workers: Processes.
 
     Raises:
         TwinGaitError: If the page has no marks.
@@ -202,14 +202,9 @@ def write_page(folder: Path, runner: Runner) -> None:
     lines = []
     for row in ROWS:
         trials = trials_of(row)
-        found = list(runner.run(_numbered, enumerate(trials)))
-        lines.append(line_of(row, [word for _, word in sorted(found)]))
+        lines.append(line_of(row, run_jobs(ending, trials, workers=workers)))
         print(lines[-1], flush=True)
     write_atomically(path, f"{before}{BEGIN}\n{table_text(lines)}\n{END}{rest.split(END)[1]}")
-
-
-def _numbered(item: tuple[int, Trial]) -> tuple[int, str]:
-    return item[0], ending(item[1])
 
 
 if __name__ == "__main__":
@@ -217,4 +212,4 @@ if __name__ == "__main__":
     parser.add_argument("folder", type=Path, nargs="?", default=Path("docs"))
     parser.add_argument("--workers", type=int, default=2)
     chosen = parser.parse_args()
-    write_page(chosen.folder, LocalRunner(chosen.workers))
+    write_page(chosen.folder, chosen.workers)

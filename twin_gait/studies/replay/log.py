@@ -6,12 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from twin_gait.configuration import (
-    load_experiment,
-    load_gait_table,
-    packaged_gait_table,
-    packaged_gait_tables,
-)
+from twin_gait.configuration import find_gait_table, load_experiment
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import PlantParameters
 from twin_gait.gait.scaling import scale_table
@@ -147,29 +142,6 @@ def _table(request: ReplayRequest, walk: _Walk) -> GaitTable:
     if request.table is None and walk.table is not None:
         table = walk.table
     else:
-        table = find_table(request.table or DEFAULT_TABLE)
+        table = find_gait_table(request.table or DEFAULT_TABLE)
     speed = walk.speed if request.speed is None else request.speed
     return scale_table(table, carried_mass=None, speed=speed)
-
-
-def find_table(name: str) -> GaitTable:
-    """Find a gait table.
-
-    Args:
-        name: Of a packaged table, or path of a file.
-
-    Returns:
-        The table as it is written.
-
-    Raises:
-        ParameterError: If there is none.
-        ParameterFileError: If the file has a mistake.
-    """
-    if name in packaged_gait_tables():
-        return packaged_gait_table(name)
-    path = Path(name).expanduser()
-    if path.is_file():
-        return load_gait_table(path)
-    raise ParameterError(
-        f"no gait table {name!r}: neither a file nor one of {', '.join(packaged_gait_tables())}"
-    )

@@ -16,7 +16,7 @@ import numpy as np
 
 from twin_gait.checking.finding import Subject
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
-from twin_gait.checking.transition_matrix import spectral_radius, transition_matrix
+from twin_gait.checking.linear_loop import spectral_radius, transition_matrix
 from twin_gait.configuration import load_experiment
 from twin_gait.core.impedance import damping_from_ratio
 from twin_gait.experiment import ControlMode, Experiment

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.checking.hanging_leg import friction_slope
-from twin_gait.checking.transition_matrix import LinearLoop, leg_motion, spectral_radius, transition_matrix
+from twin_gait.checking.linear_loop import LinearLoop, leg_motion, spectral_radius, transition_matrix
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.scenario.bench_joint import BenchJoint
 from twin_gait.simulation.bench_joint import TICK, BenchRun, simulate_bench

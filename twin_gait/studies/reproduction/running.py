@@ -12,9 +12,9 @@ from twin_gait.report.canvas import picture_bytes
 from twin_gait.scenario.bench_joint import bench_joint
 from twin_gait.simulation.bench_joint import simulate_bench
 from twin_gait.simulation.run import RunStatus
+from twin_gait.studies.jobs import run_jobs
 from twin_gait.studies.reproduction.claim import Claim
 from twin_gait.studies.reproduction.recipes import find_recipes
-from twin_gait.studies.workers import LocalRunner
 from twin_gait.vocabulary import JointName
 
 
@@ -87,21 +87,16 @@ def run_recipes(
     recipes = find_recipes(keys)
     # Compiled here, so that the processes find it and the user is told.
     simulate_bench(bench_joint(JointName.KNEE, duration=1e-3), on_compile=on_compile)
-    made: dict[str, Made] = {}
-    status = RunStatus.COMPLETED
     with tempfile.TemporaryDirectory(prefix="twin_gait_reproduction_") as folder:
-        runner = LocalRunner(min(workers, len(recipes)))
-        results = runner.run(partial(_make, folder, seed), [recipe.key for recipe in recipes])
-        for item in results:
-            made[item.key] = item
-            if progress is not None:
-                progress(len(made), len(recipes))
-            if should_stop is not None and should_stop() and len(made) < len(recipes):
-                status = RunStatus.INTERRUPTED
-                break
-        results.close()
-    ordered = tuple(made[recipe.key] for recipe in recipes if recipe.key in made)
-    return ReproductionResult(ordered, seed, status)
+        made = run_jobs(
+            partial(_make, folder, seed),
+            [recipe.key for recipe in recipes],
+            workers=min(workers, len(recipes)),
+            progress=progress,
+            should_stop=should_stop,
+        )
+    status = RunStatus.COMPLETED if len(made) == len(recipes) else RunStatus.INTERRUPTED
+    return ReproductionResult(tuple(made), seed, status)
 
 
 def _make(folder: str, seed: int, key: str) -> Made:

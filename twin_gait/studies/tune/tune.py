@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from twin_gait.experiment import Experiment
+from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import check_walker
 from twin_gait.studies.tune.settings import Settings, identity
 from twin_gait.studies.tune.space import with_own_sides
 from twin_gait.studies.tune.stages import Stages, Stopped
 from twin_gait.studies.tune.state import open_state, write_state
 from twin_gait.studies.tune.tuning import Progress, Tuning
-from twin_gait.studies.workers import LocalRunner, Runner
 
 
 def tune(
@@ -21,7 +21,7 @@ def tune(
     directory: Path,
     settings: Settings,
     *,
-    runner: Runner | None = None,
+    workers: Workers | None = None,
     resume: bool = False,
     force: bool = False,
     progress: Callable[[Progress], None] | None = None,
@@ -30,7 +30,7 @@ def tune(
 ) -> Tuning:
     """Screen, search and rank, keeping the state in a folder after every step.
 
-    The result depends on the experiment, the settings and the number of generations, neither on the runner
+    The result depends on the experiment, the settings and the number of generations, neither on the workers
     nor on how often it was stopped and resumed.
 
     Args:
@@ -38,7 +38,7 @@ def tune(
             one, the search begins with that shipped one that suits the person best.
         directory: The folder; see :func:`twin_gait.studies.tune.state.open_state`.
         settings: How.
-        runner: Who walks; the calling process if None.
+        workers: Who walks; the calling process if None.
         resume: Whether to go on with what is in the folder.
         force: Whether an earlier tuning may be replaced.
         progress: Called after every step.
@@ -63,7 +63,7 @@ def tune(
     state = open_state(directory, own, resume=resume, force=force)
     # One that came to nothing leaves a folder that can be resumed.
     write_state(state, directory)
-    work = Stages(experiment, settings, runner or LocalRunner(), state, directory, progress, should_stop)
+    work = Stages(experiment, settings, workers or Workers(), state, directory, progress, should_stop)
     try:
         return work.everything(on_compile)
     except Stopped:

@@ -7,7 +7,7 @@ from dataclasses import replace
 from enum import StrEnum
 from typing import NamedTuple
 
-from twin_gait.checking.transition_matrix import spectral_radius, transition_matrix
+from twin_gait.checking.linear_loop import spectral_radius, transition_matrix
 from twin_gait.parameters import FrictionParameters, SensorParameters
 from twin_gait.scenario.bench_joint import BenchFriction, BenchJoint, CompensationVelocity, TorqueControl
 from twin_gait.studies.whatif.rig import LEVEL, MODEL, controlled, holding_torque, linear_loop, rig

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from twin_gait.checking.linear_loop import spectral_radius, transition_matrix
 from twin_gait.checking.stability import largest_stable
-from twin_gait.checking.transition_matrix import spectral_radius, transition_matrix
 from twin_gait.scenario.bench_joint import LinkParameters
 from twin_gait.simulation.bench_joint import simulate_bench
 from twin_gait.studies.loop_stability.loop_stability import Ending

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.checking.hanging_leg import friction_slope, friction_torque
-from twin_gait.checking.transition_matrix import LinearLoop, leg_motion
+from twin_gait.checking.linear_loop import LinearLoop, leg_motion
 from twin_gait.control import Controller
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE

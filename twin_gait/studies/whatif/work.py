@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -11,10 +10,8 @@ import pandas as pd
 
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.simulation.bench_joint import simulate_bench
+from twin_gait.studies.jobs import run_jobs
 from twin_gait.studies.whatif.rig import controlled, rig
-from twin_gait.studies.workers import LocalRunner
-
-CHUNK = 10  # rows handed over at a time: half a second of work
 
 Row = dict[str, Any]
 
@@ -51,14 +48,6 @@ class Job(NamedTuple):
     item: Any
 
 
-class _Chunk(NamedTuple):
-    first: int
-    jobs: tuple[Job, ...]
-
-    def __str__(self) -> str:
-        return f"rows {self.first} to {self.first + len(self.jobs) - 1}"
-
-
 def tables_of(parts: Sequence[Sequence[Job]], means: Means) -> list[pd.DataFrame]:
     """Work off jobs, each independent of the others, in one go.
 
@@ -78,24 +67,16 @@ def tables_of(parts: Sequence[Sequence[Job]], means: Means) -> list[pd.DataFrame
 
 def _rows_of(jobs: Sequence[Job], means: Means) -> list[Row]:
     _compile_once(means)
-    rows: dict[int, Row] = {}
-    with closing(LocalRunner(means.workers).run(_work, _chunks(jobs))) as results:
-        for first, made in results:
-            rows.update(enumerate(made, first))
-            if means.progress is not None:
-                means.progress(len(rows), len(jobs))
-            if means.should_stop is not None and means.should_stop():
-                raise Interrupted("interrupted; nothing was written")
-    return [rows[place] for place in range(len(jobs))]
+    rows = run_jobs(
+        _work, jobs, workers=means.workers, progress=means.progress, should_stop=means.should_stop
+    )
+    if len(rows) < len(jobs):
+        raise Interrupted("interrupted; nothing was written")
+    return rows
 
 
-def _chunks(jobs: Sequence[Job]) -> Iterator[_Chunk]:
-    for first in range(0, len(jobs), CHUNK):
-        yield _Chunk(first, tuple(jobs[first : first + CHUNK]))
-
-
-def _work(chunk: _Chunk) -> tuple[int, list[Row]]:
-    return chunk.first, [job.function(job.item) for job in chunk.jobs]
+def _work(job: Job) -> Row:
+    return job.function(job.item)
 
 
 def _compile_once(means: Means) -> None:
