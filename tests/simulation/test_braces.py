@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from twin_gait.studies.compare.numbers import numbers_of
 
 from twin_gait import load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
@@ -30,7 +31,6 @@ from twin_gait.runs.summary.summary import summarise
 from twin_gait.scenario import World, bracing
 from twin_gait.simulation.columns import BRACED_WORK_SOURCES
 from twin_gait.simulation.pinocchio.plant import PinocchioPlant
-from twin_gait.studies.compare.numbers import numbers_of
 from twin_gait.vocabulary import JointName, Side
 
 FINE = Integration(method=IntegrationMethod.RK4, step=0.1e-3)

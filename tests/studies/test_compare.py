@@ -15,6 +15,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.testing import assert_allclose
+from twin_gait.studies.compare.controllers import CONTROLLERS, TWINCARE_SHARE, find_controllers
+from twin_gait.studies.compare.measures_shown import SHOWN, Shown, text_of
+from twin_gait.studies.compare.numbers import numbers_of, winter_cycle
+from twin_gait.studies.compare.wearer_torque import voluntary_torque
+from twin_gait.studies.compare.words import paragraphs
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import compare as command
@@ -31,11 +36,6 @@ from twin_gait.studies.compare.comparing import (
     interval_of,
     varied,
 )
-from twin_gait.studies.compare.controllers import CONTROLLERS, TWINCARE_SHARE, find_controllers
-from twin_gait.studies.compare.measures_shown import SHOWN, Shown, text_of
-from twin_gait.studies.compare.numbers import numbers_of, winter_cycle
-from twin_gait.studies.compare.wearer_torque import voluntary_torque
-from twin_gait.studies.compare.words import paragraphs
 from twin_gait.studies.compare.writing import PAGE_FILE, RUNS_FILE, SUMMARY_FILE, write_comparison
 from twin_gait.vocabulary import JointName, Side
 

@@ -1,4 +1,4 @@
-"""One run of a comparison in numbers: gait, torque between device and leg, work, effort of the motors."""
+"""Measures of one run of a comparison: gait, torque between device and leg, work, load of the motors."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.core.actuator import torque_to_current
+from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
 from twin_gait.experiment import ControlMode
 from twin_gait.gait.table import TICK
 from twin_gait.measures.effort import (
@@ -37,18 +38,18 @@ from twin_gait.measures.strides import (
     symmetry_index,
 )
 from twin_gait.measures.switching import dimensionless_jerk, joint_jerk
+from twin_gait.parameters import JointCondition, Patient
 from twin_gait.replay.normative import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.record import belt_speed_of
 from twin_gait.runs.summary.side import blend_length
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
-from twin_gait.studies.compare.wearer_torque import voluntary_torque
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Outcome, Side
 
 LEAST_STRIDES = 2  # a leg that has made fewer after the first two has not walked
 
-Numbers = dict[str, float]
+Measures = dict[str, float]
 
 
 class _Leg(NamedTuple):
@@ -59,7 +60,7 @@ class _Leg(NamedTuple):
     span: slice
 
 
-def numbers_of(run: Run) -> Numbers:
+def run_measures(run: Run) -> Measures:
     """All numbers of a run, by names with their units.
 
     ``walked`` is 1 for a run whose verdict is so; of any other, the gait has no numbers but ``walked_s``.
@@ -68,21 +69,21 @@ def numbers_of(run: Run) -> Numbers:
         run: A run on the treadmill.
 
     Returns:
-        Numbers by name; NaN where one is not defined.
+        Measures by name; NaN where one is not defined.
     """
     end = len(run.log) if run.trip is None else run.trip.tick
     walked = run.verdict.outcome is Outcome.WALKED
-    numbers: Numbers = {"walked": float(walked), "walked_s": end * TICK}
+    found: Measures = {"walked": float(walked), "walked_s": end * TICK}
     legs = {side: _leg(run, side) for side in run.sides}
     if not walked or any(len(leg.strides) < LEAST_STRIDES for leg in legs.values()):
-        return numbers
+        return found
     for side, leg in legs.items():
         other = next(item for name, item in legs.items() if name is not side)
-        numbers |= {f"{side}_{name}": value for name, value in _gait(run, leg, other).items()}
+        found |= {f"{side}_{name}": value for name, value in _gait(run, leg, other).items()}
         for joint in MOTOR_JOINTS:
-            found = {**_shape(run, leg, joint), **_effort(run, leg, joint)}
-            numbers |= {f"{side}_{joint}_{name}": value for name, value in found.items()}
-    return {**numbers, **_together(run, numbers)}
+            measures = {**_shape(run, leg, joint), **_effort(run, leg, joint)}
+            found |= {f"{side}_{joint}_{name}": value for name, value in measures.items()}
+    return {**found, **_together(run, found)}
 
 
 def _leg(run: Run, side: Side) -> _Leg:
@@ -92,7 +93,7 @@ def _leg(run: Run, side: Side) -> _Leg:
     return _Leg(record, strides, span)
 
 
-def _gait(run: Run, leg: _Leg, other: _Leg) -> Numbers:
+def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
     record, contacts, others = leg.record, leg.record.contacts, other.record.contacts
     assert contacts is not None and others is not None  # there is a belt
     assert record.normal_force is not None and record.clearance is not None
@@ -129,7 +130,7 @@ def _mean(values: np.ndarray) -> float:
     return float(finite.mean()) if len(finite) else math.nan
 
 
-def _shape(run: Run, leg: _Leg, joint: JointName) -> Numbers:
+def _shape(run: Run, leg: _Leg, joint: JointName) -> Measures:
     """Range of motion, distance from healthy gait, smoothness."""
     angle, strides = leg.record.angles[joint], leg.strides
     extremes = np.degrees(stride_extremes(angle, strides))
@@ -149,25 +150,18 @@ def _shape(run: Run, leg: _Leg, joint: JointName) -> Numbers:
 
 
 def winter_cycle(joint: JointName) -> np.ndarray:
-    """Angle of healthy walking at natural cadence (Winter 1991).
-
-    Args:
-        joint: Hip or knee.
-
-    Returns:
-        Angles in [rad] at ``PERCENT``, shape ``(101,)``.
-    """
+    """Angle of healthy walking at natural cadence (Winter 1991) in [rad] at ``PERCENT``, shape ``(101,)``."""
     walk = normative_walk(WINTER, strides=2)
     angles = walk.recording.angles[Side.LEFT][str(joint)]
     return np.asarray(np.interp(PERCENT / 100.0 * walk.cycle_time, np.arange(len(angles)) * TICK, angles))
 
 
-def _effort(run: Run, leg: _Leg, joint: JointName) -> Numbers:
+def _effort(run: Run, leg: _Leg, joint: JointName) -> Measures:
     """Torques, work and current of a joint over the strides that count."""
     side, span = leg.record.side, leg.span
     log, actuator = run.log.iloc[span], run.experiment.plant.actuators[joint]
     name = f"{side}_{joint}"
-    # What acts on the wearer works on his own motion, which with braces is not that of the device.
+    # What acts on the wearer works on their own motion, which with braces is not that of the device.
     velocity = log[wearer_column(log, side, joint, "velocity_rad_per_s")].to_numpy()
     device = _device_torque(log, name, actuator.armature)
     effort = voluntary_torque(run, side, joint)[span]
@@ -181,10 +175,50 @@ def _effort(run: Run, leg: _Leg, joint: JointName) -> Numbers:
         "opposing_rms_Nm": root_mean_square(opposing_torque(device, effort)),
         "device_work_J": positive_work(device, velocity, TICK),
         "wearer_work_J": positive_work(effort, velocity, TICK),
-        "help_share": help_share(run, side, joint, (span.start + span.stop) // 2),
+        "assistance_level": assistance_level(run, side, joint, (span.start + span.stop) // 2),
         "current_rms_A": current.rms,
         "current_rms_share": current.continuous_share,
     }
+
+
+def voluntary_torque(run: Run, side: Side, joint: JointName) -> np.ndarray:
+    """Torque of the wearer's effort at a joint: the whole torque less tissue and spastic muscles.
+
+    Args:
+        run: A run on the treadmill.
+        side: The leg.
+        joint: Hip or knee.
+
+    Returns:
+        Torque in [N m], one value a tick, shape ``(n_ticks,)``.
+    """
+    log, patient = run.log, run.experiment.patient or Patient()
+    condition = patient.conditions.get((side, joint), JointCondition())
+    whole = log[f"{side}_{joint}_patient_torque_Nm"].to_numpy()
+    speeds = log[wearer_column(log, side, joint, "velocity_rad_per_s")]
+    catch = [
+        spastic_torque(speed, condition.stretch_reflex_threshold, condition.stretch_reflex_gain)
+        for speed in speeds
+    ]
+    return np.asarray(whole - condition.passive * _passive(run, side, joint) - np.array(catch))
+
+
+def _passive(run: Run, side: Side, joint: JointName) -> np.ndarray:
+    """Passive torque of the tissue; a contracture acts as if the joint were further extended."""
+    patient, log = run.experiment.patient or Patient(), run.log
+    if patient.conditions.get((side, joint), JointCondition()).passive == 0.0:
+        return np.zeros(len(log))
+    names = [wearer_column(log, side, item, "angle_rad") for item in (JointName.HIP, JointName.KNEE)]
+    shifts = [
+        patient.conditions.get((side, item), JointCondition()).contracture
+        for item in (JointName.HIP, JointName.KNEE)
+    ]
+    angles = [(log[name] - shift).tolist() for name, shift in zip(names, shifts, strict=True)]
+    if joint is JointName.HIP:
+        return np.array([passive_hip_torque(*pair) for pair in zip(*angles, strict=True)])
+    name = wearer_column(log, side, JointName.ANKLE, "angle_rad")
+    ankle = log[name].tolist() if name in log else [0.0] * len(log)
+    return np.array([passive_knee_torque(*three) for three in zip(*angles, ankle, strict=True)])
 
 
 def _device_torque(log: pd.DataFrame, name: str, rotor_inertia: float) -> np.ndarray:
@@ -200,7 +234,7 @@ def _device_torque(log: pd.DataFrame, name: str, rotor_inertia: float) -> np.nda
     )
 
 
-def help_share(run: Run, side: Side, joint: JointName, since: int) -> float:
+def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> float:
     """Share of the stiffness of its phases that a joint was given: in full 1, without springs 0.
 
     Args:
@@ -211,7 +245,7 @@ def help_share(run: Run, side: Side, joint: JointName, since: int) -> float:
 
     Returns:
         Mean over the ends of the stays in a phase, where no blend is under way; NaN if there is none.
-        Of help that adapts, the first strides say how it began and not where it leads.
+        Where it adapts, the first strides say how it began and not where it settles.
     """
     control = run.experiment.control
     if control.mode in (ControlMode.TRANSPARENT, ControlMode.GRAVITY):
@@ -230,54 +264,40 @@ def help_share(run: Run, side: Side, joint: JointName, since: int) -> float:
     return _mean(np.array(shares))
 
 
-def _together(run: Run, numbers: Numbers) -> Numbers:
-    """What the numbers of both legs come to."""
+def _together(run: Run, found: Measures) -> Measures:
+    """Measures of both legs together."""
 
     def every(name: str, joints: tuple[JointName, ...] = MOTOR_JOINTS) -> list[float]:
-        return [numbers[f"{side}_{joint}_{name}"] for side in run.sides for joint in joints]
+        return [found[f"{side}_{joint}_{name}"] for side in run.sides for joint in joints]
 
     def both(name: str) -> list[float]:
-        return [numbers[f"{side}_{name}"] for side in run.sides]
+        return [found[f"{side}_{name}"] for side in run.sides]
+
+    def mean(name: str, joints: tuple[JointName, ...] = MOTOR_JOINTS) -> float:
+        return float(np.mean(every(name, joints)))
 
     power = float(run.log["battery_power_W"].mean())
-    device, wearer = sum(every("device_work_J")), sum(every("wearer_work_J"))
-    together = {
-        name: float(np.mean(both(name)))
-        for name in (
-            "stride_time_s",
-            "cadence_per_min",
-            "stride_length_m",
-            "swing_share",
-            "double_support_share",
-        )
-    }
+    work = {who: sum(every(f"{who}_work_J")) for who in ("wearer", "device")}
+    torques = [
+        sum(found[f"{side}_{joint}_interaction_rms_Nm"] for joint in MOTOR_JOINTS) for side in run.sides
+    ]
+    rms = ("interaction_rms_Nm", "opposing_rms_Nm", "effort_rms_Nm")
     return {
-        **together,
+        **{name: float(np.mean(both(name))) for name in _PER_LEG},
         "toe_clearance_m": min(both("toe_clearance_m")),
         "scuffs": sum(both("scuffs")),
-        **{
-            f"{joint}_{name}": float(np.mean(every(name, (joint,))))
-            for joint in MOTOR_JOINTS
-            for name in _PER_JOINT
-        },
+        **{f"{joint}_{name}": mean(name, (joint,)) for joint in MOTOR_JOINTS for name in _PER_JOINT},
         "gps_koopman_deg": gait_profile_score(every("gvs_koopman_deg")),
         "gps_winter_deg": gait_profile_score(every("gvs_winter_deg")),
         "step_time_symmetry": symmetry_index(*both("step_time_s")),
         "swing_symmetry": symmetry_index(*both("swing_share")),
         "knee_range_symmetry": symmetry_index(*every("range_of_motion_deg", (JointName.KNEE,))),
         "hip_range_symmetry": symmetry_index(*every("range_of_motion_deg", (JointName.HIP,))),
-        "interaction_symmetry": symmetry_index(
-            *(
-                sum(numbers[f"{side}_{joint}_interaction_rms_Nm"] for joint in MOTOR_JOINTS)
-                for side in run.sides
-            )
-        ),
-        "interaction_rms_Nm": root_mean_square(np.array(every("interaction_rms_Nm"))),
-        "opposing_rms_Nm": root_mean_square(np.array(every("opposing_rms_Nm"))),
-        "effort_rms_Nm": root_mean_square(np.array(every("effort_rms_Nm"))),
-        "wearer_work_share": share_of_work(wearer, device),
-        "help_share": float(np.mean(every("help_share"))),
-        "smoothness": float(np.mean(every("smoothness"))),
+        "interaction_symmetry": symmetry_index(*torques),
+        **{name: root_mean_square(np.array(every(name))) for name in rms},
+        "wearer_work_share": share_of_work(work["wearer"], work["device"]),
+        "assistance_level": mean("assistance_level"),
+        "smoothness": mean("smoothness"),
         "current_rms_share": max(every("current_rms_share")),
         "battery_power_W": power,
         "battery_life_h": battery_life(run.experiment.plant.battery.energy, power) / 3600.0,
@@ -285,4 +305,11 @@ def _together(run: Run, numbers: Numbers) -> Numbers:
     }
 
 
-_PER_JOINT = ("range_of_motion_deg", "interaction_rms_Nm", "opposing_rms_Nm", "help_share", "gvs_koopman_deg")
+_PER_LEG = ("stride_time_s", "cadence_per_min", "stride_length_m", "swing_share", "double_support_share")
+_PER_JOINT = (
+    "range_of_motion_deg",
+    "interaction_rms_Nm",
+    "opposing_rms_Nm",
+    "assistance_level",
+    "gvs_koopman_deg",
+)
