@@ -99,8 +99,8 @@ def _show(arguments: argparse.Namespace, records: Path) -> None:
     print(next(line_of(item) for item in list_sessions(records) if item.id == arguments.session))
     for item in found["log"]:
         who = f" {item['user']}" if item["user"] else ""
-        about = f"{item['subject']}: " if item["outcome"] == "refused" and item["subject"] else ""
-        print(f"  tick {item['tick']:>7}  {item['outcome']}{who}  {about}{item['text']}")
+        about = f"{item['subject']}: " if item["response"] == "refused" and item["subject"] else ""
+        print(f"  tick {item['tick']:>7}  {item['response']}{who}  {about}{item['text']}")
 
 
 def _export(arguments: argparse.Namespace, records: Path) -> None:
