@@ -1,6 +1,6 @@
 """Insert numbers and tables of results into the pages beside this file.
 
-A page quotes the number ``fit.gain`` of ``examples/results/NAME/results.json`` (or of ``benchmarks/results``) as
+A page quotes the number ``fit.gain`` of ``examples/results/NAME/results.json`` (or ``benchmarks/results``) as
 
     <!-- value NAME fit.gain .2f -->0.58<!-- / -->
 

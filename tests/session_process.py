@@ -18,7 +18,7 @@ def main() -> None:
         change = SimpleNamespace(
             serial=serial,
             tick=tick,
-            outcome="applied",
+            response="applied",
             user="Ann",
             subject="belt_speed",
             before=1.5,
@@ -26,7 +26,6 @@ def main() -> None:
             text="belt_speed",
         )
         recorder.event(change)
-        recorder.progress(tick, "walking")
         if serial % 7 == 0:
             recorder.table({"version": serial}, tick)
         print("change", serial, time.monotonic(), flush=True)

@@ -10,6 +10,33 @@ from __future__ import annotations
 
 from twin_gait.vocabulary import FIRST_SWING, HOLD, STAND, GaitPhase, JointName, Side
 
+__all__ = [
+    "BLACK",
+    "BLUE",
+    "BLUISH_GREEN",
+    "EVENT_COLOUR",
+    "EVENT_ON_DARK",
+    "EXTENSION_COLOUR",
+    "FLEXION_COLOUR",
+    "GREY",
+    "GROUND_FORCE_COLOUR",
+    "HELD_COLOUR",
+    "JOINT_COLOURS",
+    "LIMIT_COLOUR",
+    "ORANGE",
+    "PHASE_COLOURS",
+    "REDDISH_PURPLE",
+    "REFERENCE_COLOUR",
+    "SIDE_COLOURS",
+    "SIDE_COLOURS_ON_DARK",
+    "SKY_BLUE",
+    "TORQUE_COLOURS",
+    "VERMILLION",
+    "WORK_COLOURS",
+    "YELLOW",
+    "phase_colour",
+]
+
 BLACK = "#000000"
 ORANGE = "#E69F00"
 SKY_BLUE = "#56B4E9"

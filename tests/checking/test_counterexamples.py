@@ -19,7 +19,7 @@ from twin_gait.checking.exits import ambiguity, shadowed_exit
 from twin_gait.checking.finding import CheckCase, Finding, label
 from twin_gait.checking.graph import TwoLegs, deadlock, starting_pairs
 from twin_gait.checking.signals import Point, SignalSpace
-from twin_gait.configuration import load_experiment, packaged_gait_table
+from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.exceptions import GaitTableError
 from twin_gait.experiment import Experiment
 from twin_gait.gait import TICK, DraftTable, GaitStateMachine, GaitTable, LegSignals, Transition
@@ -187,7 +187,7 @@ SEEDS = range(12)
 @cache
 def random_case(seed: int) -> CheckCase:
     experiment = treadmill()
-    plain = build_case(packaged_gait_table("treadmill"), experiment)
+    plain = build_case(load_gait_table("treadmill"), experiment)
     return CheckCase(
         table=random_table(seed),
         experiment=experiment,
@@ -207,7 +207,7 @@ def test_limits_are_those_of_the_urdf() -> None:
 
 @pytest.mark.parametrize("name", ["treadmill", "bench_leg"])
 def test_shipped_tables_report_all_that_half_a_million_random_vectors_show(name: str) -> None:
-    table = packaged_gait_table(name)
+    table = load_gait_table(name)
     case = CheckCase(table=table, experiment=None, limits=random_case(0).limits)
     vectors = Vectors(table, np.random.default_rng(1), 500_000)
     contending, passing = assert_reported(table, vectors, case)

@@ -17,7 +17,7 @@ from test_live_loop import Rig, say, wait_for
 from twin_gait.cli.program import main
 from twin_gait.configuration import load_experiment
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.live import finishing, recovery, session_records
+from twin_gait.live import finishing, recovery
 from twin_gait.live.finishing import complete, complete_all
 from twin_gait.live.journal import Journal, locked, read_journal
 from twin_gait.live.loop import PIECE_TICKS
@@ -183,8 +183,8 @@ def test_of_many_walks_only_the_last_is_drawn_and_every_step_is_told(loaded, pro
 
 
 def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded, tmp_path):
-    database = tmp_path / "sessions.sqlite"
-    session = LiveSession(loaded, tmp_path / "run", user="Ann", database=database, pictures=False)
+    database = tmp_path / "sessions"
+    session = LiveSession(loaded, tmp_path / "run", user="Ann", records=database, pictures=False)
     with session:
         changed = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
         wait_for(lambda: json.loads(session.newest_frame().text)["tick"] > changed.tick + MOST_LOST)
@@ -216,7 +216,7 @@ def test_the_command_says_that_its_walk_died_and_ends_with_1(tmp_path):
     with subprocess.Popen(
         [sys.executable, "-m", "twin_gait", *map(str, words)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "TWIN_GAIT_SESSIONS": str(tmp_path / "sessions.sqlite")},
+        env={**os.environ, "TWIN_GAIT_SESSIONS": str(tmp_path / "sessions")},
     ) as command:  # fmt: skip
         try:
             assert command.stdout.readline().startswith("open http")
@@ -238,7 +238,7 @@ PARENT = """
     from twin_gait.live.session import LiveSession
 
     loaded = load_experiment("bench_leg", ["duration_s=60"])
-    session = LiveSession(loaded, Path(sys.argv[1]), pictures=False, database=Path(sys.argv[2]))
+    session = LiveSession(loaded, Path(sys.argv[1]), pictures=False, records=Path(sys.argv[2]))
     session.start()
     print(session.pid, flush=True)
     serial = 0
@@ -275,15 +275,14 @@ def killed_together(folder, database, delay):
 
 
 def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path, monkeypatch, capsys):
-    database = tmp_path / "sessions.sqlite"
-    monkeypatch.setattr(session_records, "STALE", 0.0)
+    database = tmp_path / "sessions"
     for number, delay in enumerate(np.random.default_rng(11).uniform(0.8, 2.5, KILLS)):
         folder = tmp_path / f"run-{number}"
         told = killed_together(folder, database, float(delay))
         last, _, head = told[-1]
         tick = int(head.rpartition(":")[2])
         events = max(events for at, events, _ in told if last - at > 1.0 or events == 0)
-        assert main(["sessions", "--database", str(database), "list"]) == 0
+        assert main(["sessions", "--records", str(database), "list"]) == 0
         assert "its processes were killed" in capsys.readouterr().err
         assert len(load_run(folder).log) >= tick - MOST_LOST
         found = read_session(database, number + 1)

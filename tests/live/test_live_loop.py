@@ -34,7 +34,7 @@ from twin_gait.live.protocol import (
     Event,
     Frame,
     MessageRefused,
-    Outcome,
+    Response,
     SetControl,
     id_of,
     read_message,
@@ -130,7 +130,7 @@ def test_frames_and_events_come_back_from_json_as_they_went():
     read = Frame.from_dict(json.loads(json.dumps(broken.to_dict(), allow_nan=False)))
     assert math.isnan(read.q[0]) and math.isnan(read.log["a_Nm"])
     event = Event(
-        serial=2, outcome=Outcome.APPLIED, text="k", tick=10, id="1", user="Ann", subject="s", value=1.0,
+        serial=2, response=Response.APPLIED, text="k", tick=10, id="1", user="Ann", subject="s", value=1.0,
         before=2.0, warnings=("w",), effect={"a": 1.0},
     )  # fmt: skip
     assert Event.from_dict(json.loads(json.dumps(event.to_dict()))) == event
@@ -605,11 +605,11 @@ def finished(tmp_path_factory):
     """A session on the bench with all kinds of messages, and what it left behind."""
     folder = tmp_path_factory.mktemp("live")
     loaded = load_experiment("bench_leg", ["duration_s=60"])
-    database = folder / "sessions.sqlite"
+    database = folder / "sessions"
     said = {}
     (folder / "run-2").mkdir()  # somebody else's
     (folder / "run-table-1.yaml").write_text(EARLIER)
-    with LiveSession(loaded, folder / "run", user="Ann", database=database, pictures=False) as session:
+    with LiveSession(loaded, folder / "run", user="Ann", records=database, pictures=False) as session:
         said["k"] = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
         said["zero"] = say(session, kind="set", control="swing_flexion.knee.equilibrium", value=57.0)
         said["unsafe"] = say(session, kind="set", control="middle_stance.hip.gain", value=0.95)
@@ -635,7 +635,9 @@ def test_saving_leaves_the_table_of_an_earlier_session_alone(finished):
 
 def test_changes_are_applied_with_their_tick_and_logged(finished):
     _, said, folder = finished
-    assert [said[name].outcome for name in ("k", "zero", "push", "stop", "restart")] == [Outcome.APPLIED] * 5
+    assert [said[name].response for name in ("k", "zero", "push", "stop", "restart")] == [
+        Response.APPLIED
+    ] * 5
     log = load_run(folder / "run").log
     for name, column, value in (
         ("k", "right_hip_stiffness_Nm_per_rad", 2.4 / DEGREE),
@@ -653,7 +655,7 @@ def test_changes_are_applied_with_their_tick_and_logged(finished):
 
 def test_unsafe_changes_are_refused_with_the_reason_and_change_nothing(finished):
     _, said, folder = finished
-    assert said["unsafe"].outcome is said["range"].outcome is Outcome.REFUSED
+    assert said["unsafe"].response is said["range"].response is Response.REFUSED
     assert "unstable (middle_stance)" in said["unsafe"].text
     assert "expected 0 to 1, got 7" in said["range"].text
     assert load_run(folder / "run").log["right_hip_friction_compensation_gain"].max() < 0.5
@@ -704,15 +706,15 @@ def test_the_saved_table_walks_in_simulate_with_the_parameters_of_the_live_episo
 
 def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finished):
     session, said, folder = finished
-    (entry,) = list_sessions(folder / "sessions.sqlite")
-    found = read_session(folder / "sessions.sqlite", entry.id)
+    (entry,) = list_sessions(folder / "sessions")
+    found = read_session(folder / "sessions", entry.id)
     assert (entry.user, entry.experiment, entry.status, entry.versions) == ("Ann", "bench_leg", "ended", 3)
     assert entry.folders == tuple(map(str, session.folders)) and found["summary"] == session.summary
     logged = {item["serial"]: item for item in found["log"]}
     for name in ("k", "unsafe", "range", "push", "stop"):
         item = logged[said[name].serial]
-        assert (item["outcome"], item["tick"], item["text"]) == (
-            said[name].outcome,
+        assert (item["response"], item["tick"], item["text"]) == (
+            said[name].response,
             said[name].tick,
             said[name].text,
         )

@@ -1,9 +1,8 @@
 """The record of live sessions: what is kept, and what is left of it after a kill."""
 
-import contextlib
 import json
+import os
 import signal
-import sqlite3
 import subprocess
 import sys
 import threading
@@ -19,9 +18,11 @@ from twin_gait.cli.program import OneLineParser
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.live import session_records as sessions
 from twin_gait.live.session_records import (
+    GOING_ON,
+    KILLED,
     SessionError,
     SessionRecorder,
-    default_database,
+    default_records,
     delete_session,
     list_sessions,
     read_session,
@@ -31,11 +32,11 @@ KILLS = 20
 FAKE = Path(__file__).parents[1] / "session_process.py"
 
 
-def change(serial, *, outcome="applied", user="Ann", value=1.3):
+def change(serial, *, response="applied", user="Ann", value=1.3):
     return SimpleNamespace(
         serial=serial,
         tick=10 * serial,
-        outcome=outcome,
+        response=response,
         user=user,
         subject="late_stance.hip.stiffness",
         before=1.17,
@@ -47,18 +48,17 @@ def change(serial, *, outcome="applied", user="Ann", value=1.3):
 @pytest.fixture
 def record(tmp_path):
     """A record with one session that ended and one that is going on."""
-    path = tmp_path / "deep" / "sessions.sqlite"
+    path = tmp_path / "deep" / "sessions"
     first = SessionRecorder(path, user="Ann", experiment="treadmill", document={"duration_s": 600})
     first.table({"name": "treadmill", "k": 1}, 0)
     first.event(change(1))
     first.table({"name": "treadmill", "k": 2}, 10)
     first.table({"name": "treadmill", "k": 2}, 20)
-    first.event(change(2, outcome="refused", value="a lot"))
-    first.progress(1234, "walking")
-    first.close("ended", {"fell": False}, ["/runs/one"])
+    first.event(change(2, response="refused", value="a lot"))
+    first.close("ended", 1234, {"fell": False}, ["/runs/one"])
     second = SessionRecorder(path, user="Ben", experiment="bench_leg", document={})
     yield path
-    second.close("ended", {}, [])
+    second.close("ended", 0, {}, [])
 
 
 # ---------------------------------------------------------------------- keeping
@@ -81,7 +81,7 @@ def test_a_session_is_read_back_as_it_was_recorded(record):
         (1, 0, 1),
         (2, 10, 2),
     ]
-    assert [(item["serial"], item["tick"], item["outcome"]) for item in found["log"]] == [
+    assert [(item["serial"], item["tick"], item["response"]) for item in found["log"]] == [
         (1, 10, "applied"),
         (2, 20, "refused"),
     ]
@@ -95,10 +95,12 @@ def test_sessions_are_listed_newest_first_and_per_user(record):
     assert (ann.changes, ann.refusals, ann.versions, ann.ended is None) == (1, 1, 2, False)
 
 
-def test_a_session_that_is_not_heard_of_any_more_was_killed(record, monkeypatch):
-    assert [item.status for item in list_sessions(record)] == ["starting", "ended"]
-    monkeypatch.setattr(sessions, "STALE", -1.0)
-    assert [item.status for item in list_sessions(record)] == ["killed", "ended"]
+def test_a_session_without_an_end_goes_on_while_its_process_lives_and_was_killed_afterwards(tmp_path):
+    with subprocess.Popen([sys.executable, str(FAKE), str(tmp_path)], stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        assert [item.status for item in list_sessions(tmp_path)] == [GOING_ON]
+        process.kill()
+    assert [item.status for item in list_sessions(tmp_path)] == [KILLED]
 
 
 def test_a_session_is_deleted_with_all_that_belongs_to_it_but_not_while_it_is_going_on(record):
@@ -106,41 +108,36 @@ def test_a_session_is_deleted_with_all_that_belongs_to_it_but_not_while_it_is_go
         delete_session(record, 2)
     delete_session(record, 1)
     assert [item.id for item in list_sessions(record)] == [2]
-    with sqlite3.connect(record) as database:
-        for table in ("changes", "tables"):
-            assert database.execute(f"SELECT COUNT(*) FROM {table} WHERE session = 1").fetchone() == (0,)
-    database.close()
+    assert [path.name for path in record.iterdir()] == ["2.jsonl"]
     with pytest.raises(SessionError, match=r"no session 1; the newest are 2"):
         delete_session(record, 1)
 
 
-def test_recording_never_waits_for_a_disk_that_hangs(tmp_path):
-    path = tmp_path / "sessions.sqlite"
+def test_recording_never_waits_for_a_disk_that_hangs(tmp_path, monkeypatch):
+    path, released, sync = tmp_path / "sessions", threading.Event(), os.fsync
     recorder = SessionRecorder(path, user="", experiment="treadmill", document={})
-    blocker = sqlite3.connect(path, isolation_level=None)
-    blocker.execute("BEGIN IMMEDIATE")  # nobody else can write now
-    time.sleep(2 * sessions.WRITE_EVERY)
+    monkeypatch.setattr(os, "fsync", lambda descriptor: (released.wait(), sync(descriptor)))
+    recorder.event(change(1))
+    time.sleep(2 * sessions.WRITE_EVERY)  # its thread waits for the disk now
     began = time.monotonic()
-    for serial in range(1, 1001):
+    for serial in range(2, 1001):
         recorder.event(change(serial))
-        recorder.progress(serial, "walking")
     taken = time.monotonic() - began
-    blocker.execute("COMMIT")
-    blocker.close()
-    recorder.close("ended", {}, [])
+    released.set()
+    recorder.close("ended", 0, {}, [])
     assert taken < 0.5  # 0.5 ms each, beside seven others on this machine; the disk hung throughout
     assert len(read_session(path, 1)["log"]) == 1000
 
 
 def test_two_sessions_at_once_keep_apart(tmp_path):
-    path = tmp_path / "sessions.sqlite"
+    path = tmp_path / "sessions"
 
     def one(user):
         recorder = SessionRecorder(path, user=user, experiment="treadmill", document={})
         for serial in range(1, 51):
             recorder.event(change(serial, user=user))
             time.sleep(0.002)
-        recorder.close("ended", {}, [])
+        recorder.close("ended", 0, {}, [])
 
     threads = [threading.Thread(target=one, args=(user,)) for user in ("Ann", "Ben")]
     for thread in threads:
@@ -169,19 +166,12 @@ def killed_after(database, delay):
     return number, max(changes.values(), default=time.monotonic()), changes
 
 
-def integrity(path):
-    """What SQLite says of the file: ``ok``, or what is wrong with it."""
-    with contextlib.closing(sqlite3.connect(path)) as database:
-        return "; ".join(row[0] for row in database.execute("PRAGMA integrity_check"))
-
-
 def test_killed_at_a_random_moment_twenty_times_the_record_opens_is_whole_and_lacks_a_second_at_most(
     tmp_path,
 ):
-    path, lost = tmp_path / "sessions.sqlite", 0
+    path, lost = tmp_path / "sessions", 0
     for delay in np.random.default_rng(7).uniform(0.0, 0.7, KILLS):
         number, last, changes = killed_after(path, float(delay))
-        assert integrity(path) == "ok"
         kept = [item["serial"] for item in read_session(path, number)["log"]]
         assert kept == list(range(1, len(kept) + 1))
         missing = [at for serial, at in changes.items() if serial not in kept]
@@ -193,7 +183,7 @@ def test_killed_at_a_random_moment_twenty_times_the_record_opens_is_whole_and_la
 
 
 def test_what_is_older_than_a_second_is_kept_when_the_process_is_killed(tmp_path):
-    path = tmp_path / "sessions.sqlite"
+    path = tmp_path / "sessions"
     number, last, changes = killed_after(path, 1.8)
     kept = {item["serial"] for item in read_session(path, number)["log"]}
     old = {serial for serial, at in changes.items() if last - at > 1.0}
@@ -204,43 +194,41 @@ def test_what_is_older_than_a_second_is_kept_when_the_process_is_killed(tmp_path
 
 
 def test_a_record_that_is_none_is_refused_in_one_line(tmp_path):
-    (tmp_path / "text.sqlite").write_text("no database, but long enough to look at " * 50)
-    newer = tmp_path / "newer.sqlite"
-    with sqlite3.connect(newer) as database:
-        database.execute("PRAGMA user_version = 99")
-    database.close()
-    for path, wanted in (
-        (tmp_path / "missing.sqlite", "no record of sessions yet"),
-        (tmp_path / "text.sqlite", "cannot be used"),
-        (newer, "has version 99"),
-        (tmp_path, "no record of sessions yet"),
+    (tmp_path / "text.sqlite").write_text("the record of an earlier version")
+    for name, line in (("noise", "no session\n"), ("other", '{"a": 1}\n')):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "1.jsonl").write_text(line)
+    for name, wanted in (
+        ("missing", "no record of sessions yet"),
+        ("text.sqlite", "no record of sessions yet"),
+        ("noise", "is not the record of a session"),
+        ("other", "is not the record of a session"),
     ):
         with pytest.raises(SessionError, match=wanted) as caught:
-            list_sessions(path)
+            list_sessions(tmp_path / name)
         assert isinstance(caught.value, TwinGaitError) and "\n" not in str(caught.value)
-        assert str(path) in str(caught.value)
-    with pytest.raises(SessionError, match="cannot be"):
-        SessionRecorder(tmp_path / "text.sqlite" / "below.sqlite", user="", experiment="", document={})
-    assert not (tmp_path / "missing.sqlite").exists()
+        assert str(tmp_path / name) in str(caught.value)
+    with pytest.raises(SessionError, match="cannot be used"):
+        SessionRecorder(tmp_path / "text.sqlite" / "below", user="", experiment="", document={})
+    assert not (tmp_path / "missing").exists()
 
 
 def test_the_record_is_for_its_user_alone(tmp_path):
-    path = tmp_path / "sessions.sqlite"
-    path.touch()
-    path.chmod(0o644)  # as an earlier version left it
-    recorder = SessionRecorder(path, user="Ann", experiment="treadmill", document={})
+    recorder = SessionRecorder(tmp_path / "sessions", user="Ann", experiment="treadmill", document={})
     recorder.event(change(1))
-    modes = {item.name: item.stat().st_mode & 0o777 for item in tmp_path.iterdir()}
-    recorder.close("ended", {}, [])
-    assert modes["sessions.sqlite"] == 0o600 and set(modes.values()) == {0o600}
+    recorder.close("ended", 0, {}, [])
+    modes = [
+        item.stat().st_mode & 0o777 for item in (tmp_path / "sessions", tmp_path / "sessions" / "1.jsonl")
+    ]
+    assert modes == [0o700, 0o600]
 
 
 def test_the_record_is_where_the_variable_says(monkeypatch, tmp_path):
-    monkeypatch.setenv(sessions.DATABASE_VARIABLE, str(tmp_path / "mine.sqlite"))
-    assert default_database() == tmp_path / "mine.sqlite"
-    monkeypatch.delenv(sessions.DATABASE_VARIABLE)
+    monkeypatch.setenv(sessions.FOLDER_VARIABLE, str(tmp_path / "mine"))
+    assert default_records() == tmp_path / "mine"
+    monkeypatch.delenv(sessions.FOLDER_VARIABLE)
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    assert default_database() == tmp_path / "twin_gait" / "sessions.sqlite"
+    assert default_records() == tmp_path / "twin_gait" / "sessions"
 
 
 # ---------------------------------------------------------------------- the command
@@ -254,14 +242,14 @@ def call(*words):
 
 
 def test_the_command_lists_shows_exports_and_deletes(record, tmp_path, capsys):
-    assert call("--database", record, "list") == 0
+    assert call("--records", record, "list") == 0
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 2 and "Ben" in lines[0] and "1 changes, 1 refused, 2 table versions" in lines[1]
-    assert call("--database", record, "show", 1) == 0
+    assert call("--records", record, "show", 1) == 0
     shown = capsys.readouterr().out
     assert "tick      10  applied Ann  late_stance.hip.stiffness: 1.17 → 1.3" in shown
     assert "tick      20  refused Ann  late_stance.hip.stiffness: " in shown
-    assert call("--database", record, "export", 1, "--out", tmp_path / "one.json") == 0
+    assert call("--records", record, "export", 1, "--out", tmp_path / "one.json") == 0
     assert json.loads((tmp_path / "one.json").read_text()) == read_session(record, 1)
-    assert call("--database", record, "delete", 1) == 0
+    assert call("--records", record, "delete", 1) == 0
     assert [item.id for item in list_sessions(record)] == [2]

@@ -20,15 +20,18 @@ from twin_gait import load_experiment, simulate
 from twin_gait.control import Trip, TripCause
 from twin_gait.gait.table import TICK
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, PHASE_COLOURS, SIDE_COLOURS, phase_colour
-from twin_gait.report.currents import draw_currents
-from twin_gait.report.cycle import draw_angles, draw_cycle
-from twin_gait.report.energy import draw_energy
-from twin_gait.report.feet import draw_feet
 from twin_gait.report.figures import FIGURES, write_figures
-from twin_gait.report.portrait import draw_portrait
+from twin_gait.report.panels import end_or_events, last_strides, whole_run
 from twin_gait.report.reference import reference_cycle, reference_stride_time
-from twin_gait.report.torques import draw_torques
-from twin_gait.report.window import end_or_events, last_strides, whole_run
+from twin_gait.report.run_figures import (
+    draw_angles,
+    draw_currents,
+    draw_cycle,
+    draw_energy,
+    draw_feet,
+    draw_portrait,
+    draw_torques,
+)
 from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import GaitPhase, JointName, Side
@@ -157,7 +160,7 @@ def test_window_holds_the_last_two_strides_of_the_first_leg(walk: Run) -> None:
 
 
 def test_long_run_is_thinned_out(walk: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("twin_gait.report.window.MOST_POINTS", 1000)
+    monkeypatch.setattr("twin_gait.report.panels.MOST_POINTS", 1000)
     window = whole_run(walk)
     assert len(window.time) <= 1000
     assert window.time[0] == 0.0 and window.time[-1] > walk.duration - 0.01

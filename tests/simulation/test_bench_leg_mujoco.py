@@ -1,4 +1,4 @@
-"""MuJoCo as the witness of a closed loop on the bench leg: its dynamics, its integrator."""
+"""A closed loop on the bench leg against MuJoCo: its dynamics, its integrator."""
 
 from __future__ import annotations
 
@@ -8,36 +8,16 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment
-from twin_gait.leg_model import packaged_urdf
 from twin_gait.simulation.pinocchio.engine import PinocchioEngine
 from twin_gait.simulation.problem import build_problem
-from twin_gait.vocabulary import JointName
 
 mujoco = pytest.importorskip("mujoco")
 
-COMPILER = (
-    '<mujoco><compiler fusestatic="false" balanceinertia="false" boundmass="0" boundinertia="0"/></mujoco>'
-)
-
-
-def mujoco_leg(armature: float, gravity: float, timestep: float):
-    """The bench leg read by MuJoCo from the same URDF, without limits, contacts or friction."""
-    text = packaged_urdf("twin_leg.urdf").read_text()
-    spec = mujoco.MjSpec.from_string(text.replace("</robot>", f"{COMPILER}</robot>"))
-    model = spec.compile()
-    model.opt.timestep = timestep
-    model.opt.gravity[:] = [0.0, 0.0, -gravity]
-    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    model.dof_armature[:] = armature
-    model.dof_damping[:] = 0.0
-    model.dof_frictionloss[:] = 0.0
-    model.jnt_limited[:] = 0
-    model.opt.disableflags = int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    return model
+from crosscheck.mujoco_legs import legs_of  # noqa: E402  # needs MuJoCo
 
 
 def plant_friction(v: float, a: float, b: float, c: float, d: float) -> float:
-    """Equation (3.1) typed in a second time, on purpose: the witness must not share the code."""
+    """Equation (3.1) typed in a second time, on purpose: a cross-check must not share the code."""
     return (
         math.sqrt(2 * math.e) * (a - b) * math.exp(-((v / c) ** 2)) * v / c
         + b * math.tanh(10 * v / c)
@@ -59,11 +39,9 @@ class MujocoPlantEngine(PinocchioEngine):
 
     def prepare(self) -> None:
         experiment = self.problem.experiment
-        armature = experiment.plant.actuators[JointName.KNEE].armature
-        self.mj_model = mujoco_leg(armature, experiment.plant.gravity, experiment.stepping.step)
+        self.mj_model = legs_of(experiment, self.problem.world.model)
         self.mj_data = mujoco.MjData(self.mj_model)
         self.mj_data.qpos[:] = self.plant.q
-        self.lowest_knee = math.radians(-4.0)
 
     def _integrate(self) -> None:
         for _ in range(self.problem.experiment.stepping.substeps):
@@ -80,8 +58,8 @@ class MujocoPlantEngine(PinocchioEngine):
 @pytest.mark.parametrize(("load_friction", "steps"), [((0.0, 0.0), 5), ((0.15, 0.08), 4)])
 def test_closed_loop_of_two_seconds_equals_mujoco(load_friction, steps):
     hip, knee = load_friction
-    rubbing = f"plant.load_friction={{hip: {hip}, knee: {knee}}}"
-    experiment = load_experiment("bench_leg", ["duration_s=2", "engine=pinocchio", rubbing]).experiment
+    loaded = f"plant.load_friction={{hip: {hip}, knee: {knee}}}"
+    experiment = load_experiment("bench_leg", ["duration_s=2", "engine=pinocchio", loaded]).experiment
     ours = PinocchioEngine(build_problem(experiment))
     theirs = MujocoPlantEngine(build_problem(experiment))
     theirs.load_friction = np.array(load_friction)
@@ -89,10 +67,10 @@ def test_closed_loop_of_two_seconds_equals_mujoco(load_friction, steps):
     a, b = ours.run(), theirs.run()
     for joint in ("hip", "knee"):
         column = ours.layout.positions[f"right_{joint}_angle_rad"]
-        # The stops are not in the witness; the leg must not have touched them.
+        # The stops are not in MuJoCo's model; the leg must not have touched them.
         assert not a.rows[:, ours.layout.positions[f"right_{joint}_stop_torque_Nm"]].any()
         np.testing.assert_allclose(a.rows[:, column], b.rows[:, column], atol=1e-9, rtol=0.0)
         column = ours.layout.positions[f"right_{joint}_motor_torque_Nm"]
         np.testing.assert_allclose(a.rows[:, column], b.rows[:, column], atol=1e-6, rtol=0.0)
     assert [item.target for item in a.switches] == [item.target for item in b.switches]
-    assert len(a.switches) >= steps  # gears that rub under load make the leg slower
+    assert len(a.switches) >= steps  # load-dependent gear friction makes the leg slower

@@ -18,15 +18,16 @@ from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.report.sweep import cell_means, values_of
 from twin_gait.report.sweep_axes import axis_of, label_of
+from twin_gait.studies import WorkersLost, jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
+from twin_gait.studies.jobs import Workers, portions
 from twin_gait.studies.sweep import spec as sweep_spec
 from twin_gait.studies.sweep import store as sweep_store
 from twin_gait.studies.sweep import sweep as sweep_module
-from twin_gait.studies.sweep.chunk import chunk_of, run_chunk
+from twin_gait.studies.sweep.episode import run_episode
 from twin_gait.studies.sweep.spec import load_sweep, sweep_from_mapping
 from twin_gait.studies.sweep.store import read_table
-from twin_gait.studies.sweep.sweep import check_sweep, run_sweep
-from twin_gait.studies.workers import LocalRunner
+from twin_gait.studies.sweep.sweep import check_sweep, episodes_of, run_sweep
 
 HIP = "scenario.start.hip_deg"
 STIFFNESS = "table.phases.early_stance.knee.stiffness_Nm_per_deg"
@@ -141,12 +142,6 @@ def test_rows_that_a_kill_left_in_table_and_parts_count_once(swept, tmp_path):
     assert_same(run_sweep(sweep, out, pictures=False).table, read_table(swept[1]))
 
 
-def test_every_source_of_a_row_is_there() -> None:
-    """A pattern that finds nothing any more would leave an edit unnoticed."""
-    root = Path(sweep_spec.twin_gait.__file__).parent
-    assert [pattern for pattern in sweep_spec.SOURCES if not list(root.glob(pattern))] == []
-
-
 def test_another_sweep_or_other_sources_are_refused(swept, tmp_path, monkeypatch):
     spec, out = swept
     with pytest.raises(RunDirectoryError, match="holds another sweep; choose another --out"):
@@ -156,11 +151,14 @@ def test_another_sweep_or_other_sources_are_refused(swept, tmp_path, monkeypatch
         run_sweep(load_sweep(spec), out)
 
 
-def test_a_worker_with_other_sources_runs_nothing(swept):
-    chunk = chunk_of(load_sweep(swept[0]), [0, 1])
-    assert len(run_chunk(chunk).rows) == 2
-    result = run_chunk(chunk._replace(sources="edited"))
-    assert result.rows == {} and "a worker has another version of twin_gait" in result.problem
+def test_a_worker_with_other_sources_runs_nothing(monkeypatch):
+    ran: list[int] = []
+    assert [item.results for item in portions(ran.append, [5], 1, Workers())] == [{0: None}]
+    hashes = iter(["ours", "edited"])
+    monkeypatch.setattr(jobs, "sources_hash", lambda: next(hashes))
+    with pytest.raises(WorkersLost, match="a worker has another version of twin_gait"):
+        list(portions(ran.append, [6], 1, Workers()))
+    assert ran == [5]
 
 
 def test_a_part_of_another_sweep_or_a_damaged_one_is_named(swept, tmp_path):
@@ -267,17 +265,13 @@ def test_workers_check_a_long_sweep_as_this_process_does(tmp_path, monkeypatch):
     spec = write_spec(tmp_path / "spec.yaml", method="list", samples=None, parameters=None, episodes=episodes)
     sweep = load_sweep(spec)
 
-    class Counting(LocalRunner):
-        chunks = 0
-
-        def run(self, function, items):
-            for item in items:
-                Counting.chunks += 1
-                yield function(item)
-
-    with pytest.raises(ParameterFileError, match=f"episode {few + 1}: .*hip_deg.*'high'"):
-        check_sweep(sweep, Counting())
-    assert Counting.chunks == 2
+    told: list[tuple[int, int]] = []
+    with (
+        Workers(2) as workers,
+        pytest.raises(ParameterFileError, match=f"episode {few + 1}: .*hip_deg.*'high'"),
+    ):
+        check_sweep(sweep, workers, lambda *counts: told.append(counts))
+    assert told[-1][0] < len(episodes)
 
 
 def test_an_experiment_beside_the_specification_is_found_from_any_folder(tmp_path, monkeypatch):
@@ -309,7 +303,8 @@ def test_the_example_draws_all_that_it_asks_for():
     middle = [
         index for index, row in enumerate(sweep.design) if np.allclose(list(row.values()), (75, 0.36, 0.6))
     ]
-    (row,) = run_chunk(chunk_of(sweep, middle)).rows.values()
+    (episode,) = episodes_of(sweep, middle)
+    row = run_episode(episode)
     assert row["status"] == "completed"
     assert all(np.isfinite(row[name]) for name in sweep.measures)
 

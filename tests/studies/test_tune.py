@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,7 @@ from hypothesis import strategies as st
 from twin_gait.cli import tune as command
 from twin_gait.configuration import load_experiment
 from twin_gait.configuration.documents import table_document
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping, packaged_gait_table
+from twin_gait.configuration.gait_table_file import gait_table_from_mapping, load_gait_table
 from twin_gait.exceptions import (
     MissingOptionalDependency,
     ParameterError,
@@ -49,13 +48,12 @@ from twin_gait.studies.tune.state import STATE_FILE, open_state, write_state
 from twin_gait.studies.tune.tune import tune
 from twin_gait.studies.tune.tuning import Progress, nominal_cost, weighted_cost
 from twin_gait.studies.tune.walks import Ask, WalkResult
-from twin_gait.studies.workers import StandingRunner, WorkersLost
 from twin_gait.vocabulary import Side
 
 
 @pytest.fixture(scope="module")
 def shipped() -> GaitTable:
-    return packaged_gait_table("treadmill")
+    return load_gait_table("treadmill")
 
 
 def _parse(document: Mapping[str, Any]) -> GaitTable:
@@ -92,7 +90,7 @@ def test_the_start_gives_the_table_that_it_began_with(shipped: GaitTable) -> Non
 
 @given(data=st.data())
 def test_another_value_changes_one_number_and_nothing_else(data: st.DataObject) -> None:
-    table = packaged_gait_table("treadmill")
+    table = load_gait_table("treadmill")
     document = editable_document(table)
     parameter = data.draw(st.sampled_from(parameters_of(table)))
     coordinate = data.draw(st.floats(0.0, 1.0))
@@ -381,7 +379,7 @@ class Bowl:
         self,
         asks: Sequence[Ask],
         document: Mapping[str, Any],
-        runner: object,
+        workers: object,
         *,
         quick: bool = False,
         reference_speed: float | None = None,
@@ -559,7 +557,7 @@ def test_a_missing_optimiser_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch
         (["--resume", "--force"], "--resume: does not go with --force"),
         (["--workers", "1", "--scheduler", "tcp://x"], "does not go with --scheduler"),
         (["--patient", "nobody"], "nobody is called 'nobody'"),
-        (["--experiment", "bench_leg"], "expected a treadmill with a wearer"),
+        (["bench_leg"], "expected a treadmill with a wearer"),
     ],
 )
 def test_a_mistake_is_told_in_one_line_and_makes_no_folder(
@@ -573,34 +571,6 @@ def test_a_mistake_is_told_in_one_line_and_makes_no_folder(
     assert message in str(raised.value)
     assert "\n" not in str(raised.value)
     assert not out.exists()
-
-
-# ---------------------------------------------------------------------- processes that stay
-
-
-# Spawned processes import what a function needs; this one needs nothing.
-ASK_PROCESS = "__import__('os').getpid()"
-
-
-def test_processes_stay_from_one_portion_to_the_next() -> None:
-    with StandingRunner(2) as runner:
-        first = set(runner.run(eval, [ASK_PROCESS] * 8))
-        second = set(runner.run(eval, [ASK_PROCESS] * 8))
-        assert os.getpid() not in first
-        assert first & second
-        assert sorted(runner.run(abs, [-3, 2, -1])) == [1, 2, 3]
-
-
-def test_a_process_that_dies_every_time_is_told_of_and_others_take_its_place() -> None:
-    with StandingRunner(2) as runner:
-        with pytest.raises(WorkersLost, match="a worker process died 3 times"):
-            list(runner.run(os._exit, [3]))
-        assert sorted(runner.run(abs, [-2, 1])) == [1, 2]
-
-
-def test_a_single_worker_is_the_calling_process() -> None:
-    with StandingRunner(1) as runner:
-        assert set(runner.run(eval, [ASK_PROCESS] * 3)) == {os.getpid()}
 
 
 def test_the_search_walks_corners_of_the_robust_set() -> None:

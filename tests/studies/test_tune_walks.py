@@ -24,6 +24,7 @@ from twin_gait.report import tune as pictures
 from twin_gait.report import tune_page
 from twin_gait.runs.summary.summary import summarise
 from twin_gait.simulation import Run, RunStatus, simulate
+from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune import outcome, stages, writing
 from twin_gait.studies.tune.cases import Case, departures
 from twin_gait.studies.tune.parts import FALL, PARTS, part_values
@@ -31,7 +32,6 @@ from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.space import editable_document
 from twin_gait.studies.tune.tune import tune
 from twin_gait.studies.tune.walks import Ask, quick_errors, walk_all
-from twin_gait.studies.workers import LocalRunner, StandingRunner
 from twin_gait.vocabulary import JointName, Side
 
 TITLES = [part.title for part in PARTS]
@@ -95,7 +95,7 @@ def test_a_table_with_an_error_of_the_check_is_not_walked() -> None:
         if item["cause"] == "limb_extended":
             item["all"] = ["knee.angle_deg > 500"]
     document = {**experiment_document(experiment), "duration_s": 1.0}
-    results = walk_all([Ask(table, NOMINAL, checked=True)], document, LocalRunner())
+    results = walk_all([Ask(table, NOMINAL, checked=True)], document, Workers())
     assert results is not None
     assert results[0].errors
     assert results[0].cost > FALL
@@ -106,7 +106,7 @@ def test_a_walk_that_cannot_be_run_is_told_with_its_case() -> None:
     wrong = Case("no such place", {"plant.nothing": 1.0})
     ask = Ask(editable_document(experiment.table), wrong)
     with pytest.raises(ParameterFileError, match="the tuning: no such place"):
-        walk_all([ask], experiment_document(experiment), LocalRunner())
+        walk_all([ask], experiment_document(experiment), Workers())
 
 
 def test_walks_do_not_depend_on_who_walks() -> None:
@@ -115,8 +115,8 @@ def test_walks_do_not_depend_on_who_walks() -> None:
     table = editable_document(experiment.table)
     cases = [NOMINAL, Case("low", {"plant.battery.voltage_V": 23.0}), Case("slow", {"seed": 3})]
     asks = [Ask(table, case) for case in cases]
-    with StandingRunner(2) as runner:
-        assert walk_all(asks, document, runner) == walk_all(asks, document, LocalRunner())
+    with Workers(2) as workers:
+        assert walk_all(asks, document, workers) == walk_all(asks, document, Workers())
 
 
 # ---------------------------------------------------------------------- the whole
@@ -258,11 +258,8 @@ def test_falls_are_marked_where_no_error_can_be_drawn(told: dict[str, Any]) -> N
     assert crosses == [[], [[50.0]]]
 
 
-def test_what_came_out_is_printed_in_a_few_lines(
-    told: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    command.report(told, folder)
-    lines = capsys.readouterr().out.splitlines()
+def test_what_came_out_is_printed_in_a_few_lines(told: dict[str, Any], folder: Path) -> None:
+    lines = list(command.report(told, folder))
     assert len(lines) == 4
     assert "Over the robust set of 2 cases" in lines[1]
     assert lines[-1].strip() == str(folder)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin_gait.checking.finding import CheckCase
-from twin_gait.checking.transition_matrix import LinearLoop, leg_motion
+from twin_gait.checking.linear_loop import LinearLoop, leg_motion
 from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.friction import rotational_friction_torque
@@ -207,3 +207,22 @@ def _hanging_legs(experiment: Experiment) -> list[HangingLeg]:
     if not problem.table.side_phases:
         return [HangingLeg(problem, plant, problem.sides[0], None)]
     return [HangingLeg(problem, plant, side, side) for side in problem.sides]
+
+
+def linear_loops(experiment: Experiment, velocity: float = 0.0) -> dict[tuple[Side, str], LinearLoop]:
+    """Sampled loop of every phase, as the rules on stability see it: for :func:`transition_matrix`.
+
+    The leg hangs in the air from a pelvis that is held, at the equilibrium angles of the phase.
+
+    Args:
+        experiment: With its table.
+        velocity: Of all joints in [rad] / [s]; where the friction laws are linearised.
+
+    Returns:
+        Loops by side and phase; one side only where both have the same numbers.
+    """
+    return {
+        (leg.side, phase): leg.linear_loop(index, velocity)
+        for leg in _hanging_legs(experiment)
+        for index, phase in enumerate(leg.phases)
+    }

@@ -10,7 +10,7 @@ import numpy as np
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
-from twin_gait.checking.transition_matrix import (
+from twin_gait.checking.linear_loop import (
     LinearLoop,
     effective_damping_ratio,
     spectral_radius,

@@ -1,25 +1,65 @@
-"""The controller as YAML: mode, models, limits, safety."""
+"""The controller as YAML: mode, assistance, path, models, limits, safety."""
 
 from __future__ import annotations
 
-from twin_gait.configuration.control_modes import AssistanceEntry, PathEntry
+from typing import Any, ClassVar
+
 from twin_gait.configuration.people import PatientEntry
-from twin_gait.configuration.plant_section import JointFrictionEntry, JointNumbers
-from twin_gait.configuration.validation import Number, Strict
-from twin_gait.experiment import ControlMode, ControlParameters
+from twin_gait.configuration.plant_section import JointFrictionEntry
+from twin_gait.configuration.sections import JointNumbers, Section
+from twin_gait.configuration.validation import Number
+from twin_gait.experiment import AssistanceParameters, ControlMode, ControlParameters, PathParameters
 from twin_gait.parameters import LimitParameters, SafetyParameters
+from twin_gait.vocabulary import JointName
 
 
-class LimitsEntry(Strict):
+class AssistanceEntry(Section):
+    """Assistance level: the share of the impedance that is applied."""
+
+    parameters: ClassVar = AssistanceParameters
+    hip: Number = 1.0
+    knee: Number = 1.0
+    adaptive: bool = AssistanceParameters.adaptive
+    forgetting: Number = AssistanceParameters.forgetting
+    gain_per_rad: Number = AssistanceParameters.gain
+    allowance_deg: Number | None = None
+    allowance_rad: Number | None = None
+    least: Number = AssistanceParameters.least
+
+    def values(self) -> dict[str, Any]:
+        """Fields that are given, in SI."""
+        return {"share": {JointName.HIP: self.hip, JointName.KNEE: self.knee}, **super().values()}
+
+    @classmethod
+    def document(cls, parameters: AssistanceParameters) -> dict[str, Any]:
+        """As the mapping of a file, in SI."""
+        share = {str(joint): value for joint, value in parameters.share.items()}
+        return share | super().document(parameters)
+
+
+class PathEntry(Section):
+    """Spring and damper that track the predetermined path."""
+
+    parameters: ClassVar = PathParameters
+    stiffness_Nm_per_deg: JointNumbers | None = None
+    stiffness_Nm_per_rad: JointNumbers | None = None
+    damping_ratio: Number = PathParameters.damping_ratio
+    friction_compensation_gain: Number = PathParameters.friction_compensation_gain
+    gravity_compensation: Number = PathParameters.gravity_compensation
+
+
+class LimitsEntry(Section):
     """Limits of the command."""
 
+    parameters: ClassVar = LimitParameters
     torque_Nm: Number = LimitParameters.torque
     current_A: Number = LimitParameters.current
 
 
-class SafetyEntry(Strict):
+class SafetyEntry(Section):
     """Bounds of the safety monitor and its hold."""
 
+    parameters: ClassVar = SafetyParameters
     enabled: bool = SafetyParameters.enabled
     stopping_deceleration_rad_per_s2: Number = SafetyParameters.stopping_deceleration
     speed_share: Number = SafetyParameters.speed_share
@@ -42,21 +82,11 @@ class SafetyEntry(Strict):
     hold_damping_Nms_per_rad: Number = SafetyParameters.hold_damping
     lowering_time_s: Number = SafetyParameters.lowering_time
 
-    def convert(self) -> SafetyParameters:
-        """Convert; the keys are the names of the parameters with their units."""
-        keys = safety_keys()
-        return SafetyParameters(**{name: getattr(self, key) for name, key in keys.items()})
 
-
-def safety_keys() -> dict[str, str]:
-    """Keys of a file by the names of :class:`~twin_gait.parameters.SafetyParameters`, in order."""
-    names = list(SafetyParameters.__dataclass_fields__)
-    return dict(zip(names, SafetyEntry.model_fields, strict=True))
-
-
-class ControlEntry(Strict):
+class ControlEntry(Section):
     """The controller."""
 
+    parameters: ClassVar = ControlParameters
     mode: ControlMode = ControlMode.IMPEDANCE
     assistance: AssistanceEntry = AssistanceEntry()
     path: PathEntry = PathEntry()
@@ -66,22 +96,3 @@ class ControlEntry(Strict):
     limits: LimitsEntry = LimitsEntry()
     safety: SafetyEntry = SafetyEntry()
     patient: PatientEntry | None = None
-
-    def convert(self) -> ControlParameters:
-        """Convert."""
-        standard = ControlParameters()
-        return ControlParameters(
-            mode=self.mode,
-            assistance=self.assistance.convert(),
-            path=self.path.convert(),
-            friction_model=standard.friction_model
-            if self.friction_model is None
-            else self.friction_model.convert(),
-            inertia_compensation=self.inertia_compensation,
-            target_torque=standard.target_torque
-            if self.target_torque_Nm is None
-            else self.target_torque_Nm.convert(),
-            limits=LimitParameters(torque=self.limits.torque_Nm, current=self.limits.current_A),
-            safety=self.safety.convert(),
-            patient=None if self.patient is None else self.patient.convert(),
-        )

@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from typing import Any
 
 import yaml
 
-from twin_gait.configuration.control_modes import assistance_document, path_document
-from twin_gait.configuration.control_section import safety_keys
+from twin_gait.configuration.control_section import ControlEntry
+from twin_gait.configuration.experiment_file import IntegrationEntry, SensorsEntry
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.interface import interface_document
-from twin_gait.configuration.people import patient_document
-from twin_gait.experiment import Experiment, Integration
+from twin_gait.configuration.people import PatientEntry
+from twin_gait.configuration.plant_section import PlantEntry
+from twin_gait.configuration.scenario_section import BenchLegEntry, LegEntry, TreadmillEntry
+from twin_gait.experiment import Experiment
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
 from twin_gait.gait.table import (
     SCALING_EXPONENTS,
@@ -30,9 +31,7 @@ from twin_gait.gait.table import (
     Transition,
     Waiver,
 )
-from twin_gait.leg_model import LegJoints
-from twin_gait.parameters import BeltProfile, FrictionParameters
-from twin_gait.scenario import BenchLegScenario, TreadmillScenario
+from twin_gait.scenario import TreadmillScenario
 
 
 def dump_yaml(mapping: dict[str, Any]) -> str:
@@ -152,168 +151,23 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
     Returns:
         The mapping; reading it gives an equal experiment.
     """
-    asked = experiment.integration
+    asked, scenario, patient = experiment.integration, experiment.scenario, experiment.patient
     return {
         "schema_version": SCHEMA_VERSION,
         "name": experiment.name,
         "duration_s": experiment.duration,
         "engine": str(experiment.engine),
-        **({} if asked is None else {"integration": integration_document(asked)}),
+        **({} if asked is None else {"integration": IntegrationEntry.document(asked)}),
         "seed": experiment.seed,
         **({"faults": [str(item) for item in experiment.faults]} if experiment.faults else {}),
-        "patient": None if experiment.patient is None else patient_document(experiment.patient),
+        "patient": None if patient is None else PatientEntry.document(patient),
         "interface": interface_document(experiment.interface),
-        "scenario": _scenario(experiment.scenario),
-        "leg": _leg(experiment),
-        "control": _control(experiment),
-        "plant": _plant(experiment),
-        "sensors": _sensors(experiment),
+        "scenario": TreadmillEntry.document(scenario)
+        if isinstance(scenario, TreadmillScenario)
+        else BenchLegEntry.document(scenario),
+        "leg": LegEntry.document(experiment.leg),
+        "control": ControlEntry.document(experiment.control),
+        "plant": PlantEntry.document(experiment.plant),
+        "sensors": SensorsEntry.document(experiment.sensors),
         "table": table_document(experiment.table),
-    }
-
-
-def integration_document(integration: Integration) -> dict[str, Any]:
-    """Integrator and step as a mapping."""
-    return {"method": str(integration.method), "step_s": integration.step}
-
-
-def _angles(angles: tuple[float, float]) -> dict[str, float]:
-    return {"hip_rad": angles[0], "knee_rad": angles[1]}
-
-
-def _scenario(scenario: TreadmillScenario | BenchLegScenario) -> dict[str, Any]:
-    if isinstance(scenario, BenchLegScenario):
-        hand = scenario.hand
-        document: dict[str, Any] = {
-            "kind": "bench_leg",
-            "start": _angles(scenario.start_angles),
-            "start_phase": scenario.initial_phase,
-        }
-        if hand is not None:
-            document["hand"] = {
-                "joint": str(hand.joint),
-                "amplitude_rad": hand.amplitude,
-                "frequency_Hz": hand.frequency,
-                "stiffness_Nm_per_rad": hand.stiffness,
-                "damping_Nms_per_rad": hand.damping,
-                "release_s": None if math.isinf(hand.release_time) else hand.release_time,
-            }
-        return document
-    contact = scenario.contact
-    return {
-        "kind": "treadmill",
-        "belt_speed_m_per_s": scenario.belt_speed,
-        **({} if scenario.belt is None else {"belt": _belt(scenario.belt)}),
-        "stop_ramp_s": None if math.isinf(scenario.stop_ramp) else scenario.stop_ramp,
-        "support": {
-            "share": scenario.support.share,
-            "damping_Ns_per_m": scenario.support.damping,
-            "catch_stiffness_N_per_m": scenario.support.catch_stiffness,
-            "catch_dissipation_s_per_m": scenario.support.catch_dissipation,
-        },
-        "contact": {
-            "stiffness_N_per_m1p5": contact.stiffness,
-            "dissipation_s_per_m": contact.dissipation,
-            "friction_coefficient": contact.friction_coefficient,
-            "transition_velocity_m_per_s": contact.transition_velocity,
-        },
-        "leading": str(scenario.leading),
-        "leading_start": _angles(scenario.leading_angles),
-        "trailing_start": _angles(scenario.trailing_angles),
-        "leading_phase": scenario.initial_phases[0],
-        "trailing_phase": scenario.initial_phases[1],
-    }
-
-
-def _belt(belt: BeltProfile) -> dict[str, float | None]:
-    stop = None if math.isinf(belt.stop) else belt.stop
-    return {"start_s": belt.start, "stop_s": stop, "ramp_s": belt.ramp, "delay_s": belt.delay}
-
-
-def _leg(experiment: Experiment) -> dict[str, Any]:
-    source = experiment.leg
-    document: dict[str, Any] = {"urdf": source.urdf}
-    document |= {str(side): _joints(leg) for side, leg in source.legs.items()}
-    return {**document, "fit_device": source.fit_device, "up_axis": source.up_axis}
-
-
-def _joints(leg: LegJoints) -> dict[str, Any]:
-    return {
-        "hip": leg.hip,
-        "knee": leg.knee,
-        "ankle": leg.ankle,
-        "contact_frames": list(leg.contact_frames),
-    }
-
-
-def _friction(law: FrictionParameters) -> dict[str, float]:
-    return {
-        "breakaway_torque_Nm": law.breakaway_torque,
-        "coulomb_friction_Nm": law.coulomb_friction,
-        "breakaway_velocity_rad_per_s": law.breakaway_velocity,
-        "viscous_friction_Nms_per_rad": law.viscous_friction,
-    }
-
-
-def _control(experiment: Experiment) -> dict[str, Any]:
-    control = experiment.control
-    return {
-        "mode": str(control.mode),
-        "assistance": assistance_document(control.assistance),
-        "path": path_document(control.path),
-        "friction_model": {str(joint): _friction(law) for joint, law in control.friction_model.items()},
-        "inertia_compensation": control.inertia_compensation,
-        "target_torque_Nm": {str(joint): value for joint, value in control.target_torque.items()},
-        "limits": {"torque_Nm": control.limits.torque, "current_A": control.limits.current},
-        "safety": {key: getattr(control.safety, name) for name, key in safety_keys().items()},
-        "patient": None if control.patient is None else patient_document(control.patient),
-    }
-
-
-def _plant(experiment: Experiment) -> dict[str, Any]:
-    plant = experiment.plant
-    battery = plant.battery
-    return {
-        "friction_ratio": {str(joint): value for joint, value in plant.friction_ratio.items()},
-        "friction": {str(joint): _friction(law) for joint, law in plant.friction.items()},
-        "load_friction": {str(joint): value for joint, value in plant.load_friction.items()},
-        "actuators": {
-            str(joint): {
-                "torque_constant_Nm_per_A": item.torque_constant,
-                "resistance_Ohm": item.resistance,
-                "rotor_inertia_kgm2": item.rotor_inertia,
-                "gear_ratio": item.gear_ratio,
-                "gear_inertia_kgm2": item.gear_inertia,
-                "gear_efficiency": item.gear_efficiency,
-                "continuous_torque_Nm": item.continuous_torque,
-            }
-            for joint, item in plant.actuators.items()
-        },
-        "battery": {
-            "voltage_V": battery.voltage,
-            "internal_resistance_Ohm": battery.internal_resistance,
-            "continuous_power_W": battery.continuous_power,
-            "energy_J": battery.energy,
-        },
-        "stops": {
-            "stiffness_Nm_per_rad": plant.stops.stiffness,
-            "dissipation_s_per_rad": plant.stops.dissipation,
-        },
-        "ankle": {
-            "stiffness_Nm_per_rad": plant.ankle.stiffness,
-            "damping_Nms_per_rad": plant.ankle.damping,
-        },
-        "gravity_m_per_s2": plant.gravity,
-    }
-
-
-def _sensors(experiment: Experiment) -> dict[str, Any]:
-    sensors = experiment.sensors
-    return {
-        "ideal": sensors.ideal,
-        "encoder_counts": sensors.encoder_counts,
-        "angle_noise_rad": sensors.angle_noise,
-        "fast_time_constant_s": sensors.fast_time_constant,
-        "decimation": sensors.decimation,
-        "window": sensors.window,
     }

@@ -5,9 +5,10 @@ Sensors and integration stand here; the larger sections have modules of their ow
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -17,7 +18,8 @@ from twin_gait.configuration.interface import InterfaceEntry
 from twin_gait.configuration.people import PatientEntry
 from twin_gait.configuration.plant_section import PlantEntry
 from twin_gait.configuration.scenario_section import BenchLegEntry, LegEntry, TreadmillEntry
-from twin_gait.configuration.validation import DEGREE, Count, Number, Strict, converting, one_of, validate
+from twin_gait.configuration.sections import Section
+from twin_gait.configuration.validation import Count, Number, Strict, converting, validate
 from twin_gait.exceptions import ModelError
 from twin_gait.experiment import (
     Engine,
@@ -32,9 +34,10 @@ from twin_gait.parameters import SensorParameters
 from twin_gait.scenario.faults import Fault, parse_fault
 
 
-class SensorsEntry(Strict):
+class SensorsEntry(Section):
     """Encoders and filters."""
 
+    parameters: ClassVar = SensorParameters
     ideal: bool = SensorParameters.ideal
     encoder_counts: Count = SensorParameters.encoder_counts
     angle_noise_deg: Number | None = None
@@ -43,38 +46,14 @@ class SensorsEntry(Strict):
     decimation: Count = SensorParameters.decimation
     window: Count = SensorParameters.window
 
-    def convert(self) -> SensorParameters:
-        """Convert to SI."""
-        noise = 0.0
-        if self.angle_noise_deg is not None or self.angle_noise_rad is not None:
-            noise = one_of(self, {"angle_noise_deg": DEGREE, "angle_noise_rad": 1.0})
-        return SensorParameters(
-            ideal=self.ideal,
-            encoder_counts=self.encoder_counts,
-            angle_noise=noise,
-            fast_time_constant=self.fast_time_constant_s,
-            decimation=self.decimation,
-            window=self.window,
-        )
 
-
-class IntegrationEntry(Strict):
+class IntegrationEntry(Section):
     """Integrator and step."""
 
+    parameters: ClassVar = Integration
     method: IntegrationMethod | None = None
     step_s: Number | None = None
     step_ms: Number | None = None
-
-    def convert(self, default: Integration) -> Integration:
-        """Convert to SI.
-
-        Args:
-            default: For what is not given.
-        """
-        method = default.method if self.method is None else self.method
-        if self.step_s is None and self.step_ms is None:
-            return Integration(method=method, step=default.step)
-        return Integration(method=method, step=one_of(self, {"step_ms": 1e-3, "step_s": 1.0}))
 
 
 class ProvenanceEntry(Strict):
@@ -129,7 +108,7 @@ def experiment_from_mapping(data: dict[str, Any], source: str, folder: Path) -> 
     """
     entry = validate(ExperimentFile, data, source)
     table = gait_table_from_mapping(entry.table, f"{source}: table", entry.name)
-    scenario = converting(source, "scenario", lambda: _scenario(entry.scenario))
+    scenario: Scenario = converting(source, "scenario", entry.scenario.convert)
     leg = converting(source, "leg", lambda: entry.leg.convert(folder))
     if entry.provenance is not None and entry.provenance.urdf_sha256 is not None:
         wanted = entry.provenance.urdf_sha256
@@ -160,8 +139,8 @@ def experiment_from_mapping(data: dict[str, Any], source: str, folder: Path) -> 
 def _integration(entry: ExperimentFile, scenario: Scenario) -> Integration | None:
     if entry.integration is None:
         return None
-    braced = entry.interface.kind == "brace"
-    return entry.integration.convert(default_integration(entry.engine, scenario, braced=braced))
+    standard = default_integration(entry.engine, scenario, braced=entry.interface.kind == "brace")
+    return replace(standard, **entry.integration.values())
 
 
 def _faults(entry: ExperimentFile, source: str) -> tuple[Fault, ...]:
@@ -169,10 +148,6 @@ def _faults(entry: ExperimentFile, source: str) -> tuple[Fault, ...]:
         converting(source, f"faults[{index}]", partial(parse_fault, text))
         for index, text in enumerate(entry.faults)
     )
-
-
-def _scenario(entry: TreadmillEntry | BenchLegEntry) -> Scenario:
-    return entry.convert()
 
 
 def _check_hash(urdf: str, wanted: str) -> None:

@@ -3,44 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Literal
+from dataclasses import replace
+from typing import Any, ClassVar, Literal
 
 from pydantic import model_validator
 
+from twin_gait.configuration.sections import Section
 from twin_gait.configuration.validation import Number, Strict
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import BraceParameters, SpringDamper
+from twin_gait.vocabulary import JointName
 
-_JOINTS = ("hip", "knee", "ankle")
+PLACES = ("pelvis", "hip", "knee", "ankle")
 
 
-class TurningBraceEntry(Strict):
+class TurningBraceEntry(Section):
     """Spring and damper of a brace at a joint."""
 
+    parameters: ClassVar = SpringDamper
     stiffness_Nm_per_rad: Number | None = None
     damping_Nms_per_rad: Number | None = None
 
-    def convert(self, default: SpringDamper) -> SpringDamper:
-        """Convert; what is not given is taken from the default."""
-        return _spring_damper(default, self.stiffness_Nm_per_rad, self.damping_Nms_per_rad)
 
-
-class SlidingBraceEntry(Strict):
+class SlidingBraceEntry(Section):
     """Spring and damper of the brace at the pelvis."""
 
+    parameters: ClassVar = SpringDamper
     stiffness_N_per_m: Number | None = None
     damping_Ns_per_m: Number | None = None
-
-    def convert(self, default: SpringDamper) -> SpringDamper:
-        """Convert; what is not given is taken from the default."""
-        return _spring_damper(default, self.stiffness_N_per_m, self.damping_Ns_per_m)
-
-
-def _spring_damper(default: SpringDamper, stiffness: float | None, damping: float | None) -> SpringDamper:
-    return SpringDamper(
-        stiffness=default.stiffness if stiffness is None else stiffness,
-        damping=default.damping if damping is None else damping,
-    )
 
 
 class InterfaceEntry(Strict):
@@ -63,7 +53,7 @@ class InterfaceEntry(Strict):
 
     @model_validator(mode="after")
     def _rigid_has_no_springs(self) -> InterfaceEntry:
-        given = [name for name in ("pelvis", *_JOINTS) if getattr(self, name) is not None]
+        given = [name for name in PLACES if getattr(self, name) is not None]
         if self.kind == "rigid" and given:
             raise ValueError(f"rigid has no {given[0]}: set kind to brace, or interface to rigid as a whole")
         return self
@@ -78,10 +68,10 @@ class InterfaceEntry(Strict):
             return None
         standard = BraceParameters()
         found = {}
-        for name in ("pelvis", *_JOINTS):
+        for name in PLACES:
             entry, default = getattr(self, name), getattr(standard, name)
             try:
-                found[name] = default if entry is None else entry.convert(default)
+                found[name] = default if entry is None else replace(default, **entry.values())
             except ParameterError as error:
                 raise ParameterError(f"{name} {error}") from error
         return BraceParameters(**found)
@@ -98,12 +88,5 @@ def interface_document(braces: BraceParameters | None) -> dict[str, Any]:
     """
     if braces is None:
         return {"kind": "rigid"}
-    pelvis = braces.pelvis
-    document: dict[str, Any] = {
-        "kind": "brace",
-        "pelvis": {"stiffness_N_per_m": pelvis.stiffness, "damping_Ns_per_m": pelvis.damping},
-    }
-    for name in _JOINTS:
-        item: SpringDamper = getattr(braces, name)
-        document[name] = {"stiffness_Nm_per_rad": item.stiffness, "damping_Nms_per_rad": item.damping}
-    return document
+    kinds = {name: TurningBraceEntry if name in list(JointName) else SlidingBraceEntry for name in PLACES}
+    return {"kind": "brace", **{name: kinds[name].document(getattr(braces, name)) for name in PLACES}}

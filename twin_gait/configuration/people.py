@@ -8,12 +8,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.validation import DEGREE, Number, Strict, converting, one_of, read_yaml, validate
+from twin_gait.configuration.sections import Section
+from twin_gait.configuration.validation import Number, Strict, converting, read_yaml, validate
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, SegmentModel, Sex, Side
@@ -22,9 +23,10 @@ SIDES = ("both", "left", "right")
 _HEADER = ("schema_version", "name", "description")
 
 
-class JointConditionEntry(Strict):
+class JointConditionEntry(Section):
     """What the wearer does at one joint; what is not given is left as it is underneath."""
 
+    parameters: ClassVar = JointCondition
     passive: Number | None = None
     contracture_deg: Number | None = None
     contracture_rad: Number | None = None
@@ -34,35 +36,6 @@ class JointConditionEntry(Strict):
     effort: Number | None = None
     strength: Number | None = None
 
-    @model_validator(mode="after")
-    def _one_unit_each(self) -> JointConditionEntry:
-        self.convert_angles()
-        return self
-
-    def convert_angles(self) -> tuple[float, float]:
-        """Contracture in [rad] and speed of the catch in [rad] / [s]."""
-        standard = JointCondition()
-        contracture = {"contracture_deg": DEGREE, "contracture_rad": 1.0}
-        speed = {"stretch_reflex_threshold_deg_per_s": DEGREE, "stretch_reflex_threshold_rad_per_s": 1.0}
-        return (
-            one_of(self, contracture, standard.contracture),
-            one_of(self, speed, standard.stretch_reflex_threshold),
-        )
-
-    def convert(self) -> JointCondition:
-        """Convert to SI."""
-        contracture, stretch_reflex_threshold = self.convert_angles()
-        plain = {
-            "passive": self.passive,
-            "stretch_reflex_gain": self.stretch_reflex_gain_Nms_per_rad,
-            "effort": self.effort,
-            "strength": self.strength,
-        }
-        given = {name: value for name, value in plain.items() if value is not None}
-        return JointCondition(
-            contracture=contracture, stretch_reflex_threshold=stretch_reflex_threshold, **given
-        )
-
 
 class SideEntry(Strict):
     """Hip and knee of one side, or of both."""
@@ -71,9 +44,10 @@ class SideEntry(Strict):
     knee: JointConditionEntry = JointConditionEntry()
 
 
-class PatientEntry(Strict):
+class PatientEntry(Section):
     """The wearer."""
 
+    parameters: ClassVar = Patient
     mass_kg: Number = Patient.mass
     height_m: Number = Patient.height
     sex: Sex = Sex.MALE
@@ -85,26 +59,42 @@ class PatientEntry(Strict):
     left: SideEntry = SideEntry()
     right: SideEntry = SideEntry()
 
-    def convert(self) -> Patient:
-        """Convert to SI."""
+    def values(self) -> dict[str, Any]:
+        """Fields that are given, in SI."""
         conditions = {(side, joint): self._condition(side, joint) for side in Side for joint in MOTOR_JOINTS}
-        return Patient(
-            mass=self.mass_kg,
-            height=self.height_m,
-            sex=self.sex,
-            segment_model=self.segment_model,
-            conditions={place: item for place, item in conditions.items() if item != JointCondition()},
-            effort_delay=one_of(self, {"effort_delay_s": 1.0, "effort_delay_ms": 1e-3}, Patient.effort_delay),
-            effort_noise=self.effort_noise,
-        )
+        does = {place: item for place, item in conditions.items() if item != JointCondition()}
+        return {**super().values(), "conditions": does}
+
+    @classmethod
+    def document(cls, parameters: Patient) -> dict[str, Any]:
+        """As the mapping of a file, in SI.
+
+        What both sides have in common stands under ``both``; what does nothing is left out.
+        """
+        sides: dict[str, dict[str, Any]] = {name: {} for name in SIDES}
+        for joint in MOTOR_JOINTS:
+            left, right = (_condition_document(parameters, side, joint) for side in Side)
+            both = {key: value for key, value in left.items() if right.get(key) == value}
+            own = ({key: item[key] for key in item if key not in both} for item in (left, right))
+            for name, items in zip(SIDES, (both, *own), strict=True):
+                if items:
+                    sides[name][str(joint)] = items
+        return super().document(parameters) | {name: joints for name, joints in sides.items() if joints}
 
     def _condition(self, side: Side, joint: JointName) -> JointCondition:
         common = getattr(self.both, joint).model_dump(exclude_none=True)
         own = getattr(getattr(self, side), joint).model_dump(exclude_none=True)
         try:
-            return JointConditionEntry(**merge(common, own)).convert()
+            condition: JointCondition = JointConditionEntry(**merge(common, own)).convert()
         except ParameterError as error:
             raise ParameterError(f"{side if own else 'both'}.{joint}.{error}") from error
+        return condition
+
+
+def _condition_document(patient: Patient, side: Side, joint: JointName) -> dict[str, float]:
+    usual = JointConditionEntry.document(JointCondition())
+    own = JointConditionEntry.document(patient.conditions.get((side, joint), JointCondition()))
+    return {key: value for key, value in own.items() if value != usual[key]}
 
 
 class PersonFile(PatientEntry):
@@ -176,52 +166,3 @@ def _find(name: Any, folder: Path) -> Path:
 
 def _folder() -> Path:
     return Path(str(files("twin_gait.configuration"))) / "people"
-
-
-def patient_document(patient: Patient) -> dict[str, Any]:
-    """A wearer as the mapping of a file, in SI.
-
-    Args:
-        patient: The wearer.
-
-    Returns:
-        The mapping; what both sides have in common stands under ``both``, what does nothing is left out.
-    """
-    document: dict[str, Any] = {
-        "mass_kg": patient.mass,
-        "height_m": patient.height,
-        "sex": str(patient.sex),
-        "segment_model": str(patient.segment_model),
-        "effort_delay_s": patient.effort_delay,
-        "effort_noise": patient.effort_noise,
-    }
-    sides: dict[str, dict[str, Any]] = {name: {} for name in SIDES}
-    for joint in MOTOR_JOINTS:
-        left, right = (_condition_document(patient, side, joint) for side in Side)
-        both = {key: value for key, value in left.items() if right.get(key) == value}
-        sides["both"][str(joint)] = both
-        sides["left"][str(joint)] = {key: value for key, value in left.items() if key not in both}
-        sides["right"][str(joint)] = {key: value for key, value in right.items() if key not in both}
-    return document | _without_empty(sides)
-
-
-def _condition_document(patient: Patient, side: Side, joint: JointName) -> dict[str, float]:
-    standard = JointCondition()
-    condition = patient.conditions.get((side, joint), standard)
-    keys = {
-        "passive": "passive",
-        "contracture": "contracture_rad",
-        "stretch_reflex_threshold": "stretch_reflex_threshold_rad_per_s",
-        "stretch_reflex_gain": "stretch_reflex_gain_Nms_per_rad",
-        "effort": "effort",
-        "strength": "strength",
-    }
-    values = {key: getattr(condition, name) for name, key in keys.items()}
-    return {
-        key: values[key] for name, key in keys.items() if getattr(condition, name) != getattr(standard, name)
-    }
-
-
-def _without_empty(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    kept = {name: {joint: item for joint, item in joints.items() if item} for name, joints in sides.items()}
-    return {name: joints for name, joints in kept.items() if joints}

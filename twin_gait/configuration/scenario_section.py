@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, ClassVar, Literal
 
+from twin_gait.configuration.sections import Endless, Section
 from twin_gait.configuration.validation import DEGREE, Number, Strict, one_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.leg_model import LegJoints
@@ -15,17 +17,14 @@ from twin_gait.scenario import BenchLegScenario, HandParameters, LegSource, Trea
 from twin_gait.vocabulary import JointName, Side
 
 
-class LegJointsEntry(Strict):
+class LegJointsEntry(Section):
     """Joint and frame names of one leg."""
 
+    parameters: ClassVar = LegJoints
     hip: str
     knee: str
     ankle: str | None = None
     contact_frames: tuple[str, ...] = ()
-
-    def convert(self) -> LegJoints:
-        """Convert."""
-        return LegJoints(hip=self.hip, knee=self.knee, ankle=self.ankle, contact_frames=self.contact_frames)
 
 
 class LegEntry(Strict):
@@ -51,55 +50,41 @@ class LegEntry(Strict):
         find_urdf(path)
         return LegSource(urdf=path, legs=legs, fit_device=self.fit_device, up_axis=self.up_axis)
 
+    @staticmethod
+    def document(source: LegSource) -> dict[str, Any]:
+        """As the mapping of a file."""
+        legs = {str(side): LegJointsEntry.document(leg) for side, leg in source.legs.items()}
+        return {"urdf": source.urdf, **legs, "fit_device": source.fit_device, "up_axis": source.up_axis}
 
-class ContactEntry(Strict):
+
+class ContactEntry(Section):
     """Foot contact."""
 
+    parameters: ClassVar = ContactParameters
     stiffness_N_per_m1p5: Number = ContactParameters.stiffness
     dissipation_s_per_m: Number = ContactParameters.dissipation
     friction_coefficient: Number = ContactParameters.friction_coefficient
     transition_velocity_m_per_s: Number = ContactParameters.transition_velocity
 
-    def convert(self) -> ContactParameters:
-        """Convert."""
-        return ContactParameters(
-            stiffness=self.stiffness_N_per_m1p5,
-            dissipation=self.dissipation_s_per_m,
-            friction_coefficient=self.friction_coefficient,
-            transition_velocity=self.transition_velocity_m_per_s,
-        )
 
-
-class SupportEntry(Strict):
+class SupportEntry(Section):
     """Body-weight support."""
 
+    parameters: ClassVar = SupportParameters
     share: Number = SupportParameters.share
     damping_Ns_per_m: Number = SupportParameters.damping
     catch_stiffness_N_per_m: Number = SupportParameters.catch_stiffness
     catch_dissipation_s_per_m: Number = SupportParameters.catch_dissipation
 
-    def convert(self) -> SupportParameters:
-        """Convert."""
-        return SupportParameters(
-            share=self.share,
-            damping=self.damping_Ns_per_m,
-            catch_stiffness=self.catch_stiffness_N_per_m,
-            catch_dissipation=self.catch_dissipation_s_per_m,
-        )
 
-
-class BeltEntry(Strict):
+class BeltEntry(Section):
     """A belt that starts and stops."""
 
+    parameters: ClassVar = BeltProfile
     start_s: Number
-    stop_s: Number | None = None
+    stop_s: Endless = math.inf
     ramp_s: Number
     delay_s: Number = BeltProfile.delay
-
-    def convert(self) -> BeltProfile:
-        """Convert."""
-        stop = math.inf if self.stop_s is None else self.stop_s
-        return BeltProfile(start=self.start_s, stop=stop, ramp=self.ramp_s, delay=self.delay_s)
 
 
 class AnglesEntry(Strict):
@@ -117,15 +102,26 @@ class AnglesEntry(Strict):
             one_of(self, {"knee_deg": DEGREE, "knee_rad": 1.0}),
         )
 
+    @staticmethod
+    def document(angles: tuple[float, float]) -> dict[str, float]:
+        """As the mapping of a file, in SI."""
+        return {"hip_rad": angles[0], "knee_rad": angles[1]}
 
-class TreadmillEntry(Strict):
+
+class TreadmillEntry(Section):
     """The treadmill."""
 
+    parameters: ClassVar = TreadmillScenario
+    renamed: ClassVar[Mapping[str, str | None]] = {
+        "leading_start": "leading_angles",
+        "trailing_start": "trailing_angles",
+        "leading_phase": None,
+    }
     kind: Literal["treadmill"]
     belt_speed_m_per_s: Number | None = None
     belt_speed_km_per_h: Number | None = None
     belt: BeltEntry | None = None
-    stop_ramp_s: Number | None = TreadmillScenario.stop_ramp
+    stop_ramp_s: Endless = TreadmillScenario.stop_ramp
     support: SupportEntry = SupportEntry()
     contact: ContactEntry = ContactEntry()
     leading: Side = Side.LEFT
@@ -134,58 +130,48 @@ class TreadmillEntry(Strict):
     leading_phase: str = "early_stance"
     trailing_phase: str = "late_stance"
 
-    def convert(self) -> TreadmillScenario:
-        """Convert to SI."""
-        standard = TreadmillScenario()
-        leading, trailing = self.leading_start, self.trailing_start
-        return TreadmillScenario(
-            belt_speed=one_of(self, {"belt_speed_m_per_s": 1.0, "belt_speed_km_per_h": 1.0 / 3.6}),
-            belt=None if self.belt is None else self.belt.convert(),
-            stop_ramp=math.inf if self.stop_ramp_s is None else self.stop_ramp_s,
-            support=self.support.convert(),
-            contact=self.contact.convert(),
-            leading=self.leading,
-            leading_angles=standard.leading_angles if leading is None else leading.convert(),
-            trailing_angles=standard.trailing_angles if trailing is None else trailing.convert(),
-            initial_phases=(self.leading_phase, self.trailing_phase),
-        )
+    def values(self) -> dict[str, Any]:
+        """Fields that are given, in SI."""
+        return {**super().values(), "initial_phases": (self.leading_phase, self.trailing_phase)}
+
+    @classmethod
+    def document(cls, parameters: TreadmillScenario) -> dict[str, Any]:
+        """As the mapping of a file, in SI."""
+        values = super().document(parameters)
+        if parameters.belt is None:
+            del values["belt"]
+        leading, trailing = parameters.initial_phases
+        return {"kind": "treadmill", **values, "leading_phase": leading, "trailing_phase": trailing}
 
 
-class HandEntry(Strict):
-    """A hand on the bench leg."""
+class HandEntry(Section):
+    """An imposed motion of one joint of the bench leg, as by a hand that lets go in the end."""
 
+    parameters: ClassVar = HandParameters
+    renamed: ClassVar[Mapping[str, str | None]] = {"release_s": "release_time"}
     joint: JointName = JointName.KNEE
     amplitude_deg: Number | None = None
     amplitude_rad: Number | None = None
     frequency_Hz: Number = HandParameters.frequency
     stiffness_Nm_per_rad: Number = HandParameters.stiffness
     damping_Nms_per_rad: Number = HandParameters.damping
-    release_s: Number | None = None
-
-    def convert(self) -> HandParameters:
-        """Convert to SI."""
-        return HandParameters(
-            joint=self.joint,
-            amplitude=one_of(self, {"amplitude_deg": DEGREE, "amplitude_rad": 1.0}),
-            frequency=self.frequency_Hz,
-            stiffness=self.stiffness_Nm_per_rad,
-            damping=self.damping_Nms_per_rad,
-            release_time=math.inf if self.release_s is None else self.release_s,
-        )
+    release_s: Endless = math.inf
 
 
-class BenchLegEntry(Strict):
+class BenchLegEntry(Section):
     """The bench leg."""
 
+    parameters: ClassVar = BenchLegScenario
+    renamed: ClassVar[Mapping[str, str | None]] = {"start": "start_angles", "start_phase": "initial_phase"}
     kind: Literal["bench_leg"]
     start: AnglesEntry | None = None
     start_phase: str | None = None
     hand: HandEntry | None = None
 
-    def convert(self) -> BenchLegScenario:
-        """Convert to SI."""
-        return BenchLegScenario(
-            start_angles=BenchLegScenario.start_angles if self.start is None else self.start.convert(),
-            initial_phase=self.start_phase,
-            hand=None if self.hand is None else self.hand.convert(),
-        )
+    @classmethod
+    def document(cls, parameters: BenchLegScenario) -> dict[str, Any]:
+        """As the mapping of a file, in SI."""
+        values = {"kind": "bench_leg", **super().document(parameters)}
+        if parameters.hand is None:
+            del values["hand"]
+        return values

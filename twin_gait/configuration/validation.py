@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import reprlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -27,6 +27,9 @@ RENAMED = {
     "catch_speed_rad_per_s": "stretch_reflex_threshold_rad_per_s",
     "catch_gain_Nms_per_rad": "stretch_reflex_gain_Nms_per_rad",
 }
+
+# Presets and gait tables of the drafts.
+RENAMED_FILES = {"treadmill_stand": "treadmill_start_stop"}
 
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 2, 3, 3
@@ -200,18 +203,36 @@ def _explain(first: Any, model: type[BaseModel]) -> str:
     kind, value = first["type"], first.get("input")
     if kind == "extra_forbidden":
         place = _model_at(model, first["loc"][:-1])
-        renamed = RENAMED.get(str(first["loc"][-1]))
-        if renamed:
-            return f"is called {renamed} now"
-        known = [] if place is None else _keys(place)
-        near = [] if place is None else _nearest(str(first["loc"][-1]), place)
-        hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
-        return f"unknown key; {hint}allowed: {', '.join(known)}" if known else "unknown key"
+        name = str(first["loc"][-1])
+        return "unknown key" if place is None else unknown_key(name, _keys(place), _nearest(name, place))
     if kind == "missing":
         return "is missing"
     if kind == "value_error":
         return str(first["msg"]).removeprefix("Value error, ")
     return f"{_lower_first(first['msg'])}, got {short(value)}"
+
+
+def unknown_key(name: str, known: Sequence[str], near: Sequence[str] = ()) -> str:
+    """Say that there is no such key, and which may have been meant.
+
+    Args:
+        name: The key.
+        known: Keys that there are.
+        near: Those that it may be a slip of.
+
+    Returns:
+        The complaint.
+    """
+    if name in RENAMED:
+        return f"is called {RENAMED[name]} now"
+    hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
+    return f"unknown key; {hint}allowed: {', '.join(known)}"
+
+
+def renamed(name: Any) -> str:
+    """What a preset or gait table of the drafts is called now, to end a message with; empty for others."""
+    new = RENAMED_FILES.get(str(name))
+    return f"; {name} is called {new} now" if new else ""
 
 
 def _nearest(name: str, model: type[BaseModel]) -> list[str]:
@@ -241,7 +262,7 @@ def _paths(model: type[BaseModel]) -> Iterator[str]:
     for name, info in model.model_fields.items():
         key = info.alias or name
         yield key
-        for inner in _models_in(info.annotation):
+        for inner in models_in(info.annotation):
             yield from (f"{key}.{path}" for path in _paths(inner))
 
 
@@ -253,7 +274,7 @@ def _model_at(model: type[BaseModel], location: tuple[Any, ...]) -> type[BaseMod
             return None
         field = _field(current, part)
         if field is not None:
-            current = next(_models_in(field.annotation), None)
+            current = next(models_in(field.annotation), None)
     return current
 
 
@@ -264,12 +285,12 @@ def _field(model: type[BaseModel], part: Any) -> Any:
     return None
 
 
-def _models_in(annotation: Any) -> Iterator[type[BaseModel]]:
+def models_in(annotation: Any) -> Iterator[type[BaseModel]]:
     """Schema classes inside an annotation such as ``dict[str, Phase] | None``."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation
     for inner in getattr(annotation, "__args__", ()):
-        yield from _models_in(inner)
+        yield from models_in(inner)
 
 
 def _as_written(location: tuple[Any, ...], data: Any) -> tuple[Any, ...]:

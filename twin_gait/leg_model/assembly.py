@@ -63,9 +63,6 @@ class Assembly:
         The mass of a link stays; its centre of mass along the tube moves with the length and its
         transverse inertia with the square of it.
 
-        Args:
-            sizes: Of the device.
-
         Raises:
             ModelError: If two joints coincide, so that there is no tube between them.
         """
@@ -88,9 +85,6 @@ class Assembly:
 
     def put_on(self, patient: Patient) -> None:
         """Add the segments of a wearer to the links, and his trunk to a pelvis that moves.
-
-        Args:
-            patient: The wearer.
 
         Raises:
             ModelError: If hip and knee coincide, so that there is no thigh between them.

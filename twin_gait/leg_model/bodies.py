@@ -57,9 +57,6 @@ def export_bodies(model: pin.Model) -> list[BodyArrays]:
 
     A continuous joint counts with its angle, where Pinocchio has cosine and sine.
 
-    Args:
-        model: The model.
-
     Returns:
         Bodies in the order of the joints, so that ``q[i]`` moves body ``i``.
 
@@ -102,10 +99,6 @@ def _axis(joint: pin.JointModel, name: str) -> tuple[bool, np.ndarray]:
 
 def contact_points(model: pin.Model, frames: Sequence[str]) -> list[ContactPoint]:
     """Where named frames sit on their bodies.
-
-    Args:
-        model: The model.
-        frames: Names of frames.
 
     Returns:
         Points in the order of the names.

@@ -71,9 +71,6 @@ def read_urdf(path: Path) -> str:
     Pinocchio gives a ``continuous`` joint two coordinates (cosine and sine). Every law here acts on
     one angle, so such joints become revolute ones without limits.
 
-    Args:
-        path: The file.
-
     Returns:
         URDF text for Pinocchio.
 
@@ -167,9 +164,6 @@ def build_model(
         path: The file.
         root_joint: Joint between world and root link with its name; None fixes the root link.
         reversed_joints: Joints whose angle is counted the other way than in the file.
-
-    Returns:
-        The model.
 
     Raises:
         ModelError: If Pinocchio refuses the file.

@@ -90,9 +90,6 @@ WINTER_SEGMENTS: dict[str, Segment] = {
 def segments_of(patient: Patient) -> Mapping[str, Segment]:
     """Thigh, shank and foot of a wearer, from the table that he is to have.
 
-    Args:
-        patient: The wearer.
-
     Returns:
         The segments by name.
     """
@@ -106,9 +103,6 @@ def foot_line(patient: Patient) -> tuple[np.ndarray, np.ndarray]:
 
     It ends half the foot's height below the ankle: de Leva's runs there from heel to tip of the toe, Winter's
     comes down from the ankle to the second metatarsal.
-
-    Args:
-        patient: The wearer.
 
     Returns:
         Its beginning, seen from the ankle, and the way to its end; forward and up in [m], shapes ``(2,)``.

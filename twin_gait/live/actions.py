@@ -100,9 +100,6 @@ class Actions:
     def values_of(self, message: DoAction) -> dict[str, Value]:
         """Values of an action's fields, those left out as they begin.
 
-        Args:
-            message: What a page asked for.
-
         Returns:
             Value by name of the field.
 

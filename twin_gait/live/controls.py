@@ -83,11 +83,7 @@ class Panel:
     """
 
     def __init__(self, experiment: Experiment) -> None:
-        """Find the ranges of all controls.
-
-        Args:
-            experiment: What the session begins with.
-        """
+        """Find the ranges of all controls."""
         self.preset: Settings = first_settings(experiment)
         self.problem: Problem = build_problem(experiment)
         case = build_case(experiment.table, experiment)
@@ -101,9 +97,6 @@ class Panel:
 
     def controls(self, settings: Settings) -> tuple[Control, ...]:
         """All controls with the values of some settings.
-
-        Args:
-            settings: The settings.
 
         Returns:
             Controls in the order in which a page shows them.
@@ -268,11 +261,6 @@ class Panel:
 
     def set(self, settings: Settings, name: str, value: Value) -> Settings:
         """Settings with one control changed.
-
-        Args:
-            settings: Before.
-            name: Of the control.
-            value: In its unit.
 
         Returns:
             The settings after it; whether they are safe is not looked at.

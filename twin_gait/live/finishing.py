@@ -157,9 +157,6 @@ def complete_all(
 def changes_csv(changes: list[AppliedChange]) -> str:
     """The changes of a walk as CSV.
 
-    Args:
-        changes: In order.
-
     Returns:
         One line per change: its first tick, who, what, and the values before and after.
     """

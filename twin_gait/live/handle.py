@@ -57,11 +57,7 @@ class LoopProcess:
         self._lock = threading.Lock()
 
     def start(self, setup: Mapping[str, Any]) -> None:
-        """Start the process.
-
-        Args:
-            setup: What it reads first.
-        """
+        """Start the process."""
         # -P: what lies in the present folder is not ours to import.
         command = [sys.executable, "-P", "-m", self._module]
         self._process = subprocess.Popen(
@@ -109,9 +105,6 @@ class LoopProcess:
             command: Its name and values.
             then: Called with the answer, from the thread that reads.
 
-        Returns:
-            What becomes answered.
-
         Raises:
             ParameterError: If the process is gone, or has not been started.
         """
@@ -131,9 +124,6 @@ class LoopProcess:
     def ask(self, command: Mapping[str, Any]) -> Answer:
         """Send a command and wait for the answer.
 
-        Args:
-            command: Its name and values.
-
         Returns:
             The answer, with the tick.
 
@@ -148,9 +138,6 @@ class LoopProcess:
 
         Args:
             pending: From :meth:`command`.
-
-        Returns:
-            The answer.
 
         Raises:
             ParameterError: If the process is gone.

@@ -147,12 +147,6 @@ class Content(NamedTuple):
 def read_journal(path: Path) -> Content:
     """Read a journal, whatever has become of its writer.
 
-    Args:
-        path: The file.
-
-    Returns:
-        Its content.
-
     Raises:
         RunDirectoryError: If not even its beginning can be read.
     """

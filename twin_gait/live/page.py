@@ -19,7 +19,7 @@ from twin_gait.live.protocol import (
     Event,
     Frame,
     MessageRefused,
-    Outcome,
+    Response,
     State,
     id_of,
     read_message,
@@ -99,11 +99,7 @@ class LivePage:
             self.show(Frame.from_dict(json.loads(text)))
 
     def show(self, frame: Frame) -> None:
-        """Show a moment on all pages.
-
-        Args:
-            frame: The moment.
-        """
+        """Show a moment on all pages."""
         if frame.log:  # empty before the first tick
             belt_speed = self._belt_speed * self._belt_share(frame)
             self.figure.show(
@@ -176,4 +172,4 @@ class LivePage:
 
     def _refusal(self, reason: str) -> Event:
         tick = 0 if self._short is None else int(self._short["tick"])
-        return Event(serial=0, outcome=Outcome.REFUSED, text=reason, tick=tick)
+        return Event(serial=0, response=Response.REFUSED, text=reason, tick=tick)

@@ -15,11 +15,8 @@ from twin_gait.runs.folders import journal_of
 from twin_gait.runs.record import SUMMARY_FILE
 
 
-def recover(database: Path) -> Iterator[str]:
+def recover(records: Path) -> Iterator[str]:
     """Complete the run folders of all sessions that were killed, and close those sessions in the record.
-
-    Args:
-        database: Of the sessions.
 
     Yields:
         One sentence for each session, as the record has it from then on.
@@ -27,15 +24,15 @@ def recover(database: Path) -> Iterator[str]:
     Raises:
         SessionError: If the record cannot be used.
     """
-    for entry in list_sessions(database):
+    for entry in list_sessions(records):
         if entry.status == KILLED and entry.ended is None:
             try:
-                yield f"session {entry.id}: {_recover(database, entry)}"
+                yield f"session {entry.id}: {_recover(records, entry)}"
             except RunDirectoryError as error:  # it may be going on after all: its journal is held
                 yield f"session {entry.id} cannot be completed: {error}"
 
 
-def _recover(database: Path, entry: SessionEntry) -> str:
+def _recover(records: Path, entry: SessionEntry) -> str:
     folders = []
     for folder in map(Path, entry.folders):
         done: Completed | None = complete(journal_of(folder)) if journal_of(folder).exists() else None
@@ -47,5 +44,5 @@ def _recover(database: Path, entry: SessionEntry) -> str:
     tick = round(summary.get("duration_s", entry.tick * TICK) / TICK)
     kept = f"the walk is kept up to {tick * TICK:.3f} s, in {there[-1]}" if there else "no run is left of it"
     text = f"its processes were killed; {kept}"
-    close_killed(database, entry.id, tick=tick, text=text, summary=summary, folders=there)
+    close_killed(records, entry.id, tick=tick, text=text, summary=summary, folders=there)
     return text

@@ -90,9 +90,6 @@ def refusal(verdict: Verdict, known: frozenset[Place]) -> str:
 def warnings(settings: Settings) -> dict[Place, str]:
     """What the check warns of, where the table does not waive it.
 
-    Args:
-        settings: The settings.
-
     Returns:
         One sentence by rule and place.
     """
@@ -116,10 +113,6 @@ def place_of(finding: Finding) -> Place:
 
 def described(finding: Finding, *, way_out: bool = False) -> str:
     """A finding in one sentence.
-
-    Args:
-        finding: The finding.
-        way_out: Whether to say what to do.
 
     Returns:
         Rule, place and reason.

@@ -32,7 +32,7 @@ from twin_gait.live.protocol import (
     Event,
     Message,
     MessageRefused,
-    Outcome,
+    Response,
     SetControl,
     State,
     Value,
@@ -86,7 +86,7 @@ class LiveSession:
         force: bool = False,
         pictures: bool = True,
         paused: bool = False,
-        database: Path | None = None,
+        records: Path | None = None,
         on_compile: Callable[[], None] | None = None,
         on_step: Callable[[str], None] | None = None,
     ) -> None:
@@ -99,7 +99,7 @@ class LiveSession:
             force: Whether an existing run folder may be replaced.
             pictures: Whether to draw figures and animation at the end.
             paused: Whether to begin in a pause.
-            database: Of the sessions, or None to keep no record.
+            records: Folder of the record of sessions, or None to keep no record.
             on_compile: Called if the walk has to be compiled first, which takes 10 to 20 s.
             on_step: Called at the end with the name of each file before it is written.
         """
@@ -114,7 +114,7 @@ class LiveSession:
             "pictures": pictures,
         }
         self._paused = paused
-        self._database, self._on_compile = database, on_compile
+        self._records, self._on_compile = records, on_compile
         self._on_step = on_step or (lambda name: None)
         self._walks: list[Path] = []  # run folders to come
         self._panel = Panel(loaded.experiment)
@@ -179,15 +179,17 @@ class LiveSession:
         self._known = verdict.places
         if verdict.errors:
             found = tuple(described(item) for item in verdict.errors)
-            self._emit(Outcome.NOTE, "the check finds errors in what the session begins with", warnings=found)
+            self._emit(
+                Response.NOTE, "the check finds errors in what the session begins with", warnings=found
+            )
         self._warned = warnings(self._settings)
         self._ready.wait()
         if self.failure:
             raise ParameterError(self.failure)
         self._start_forecaster()
-        if self._database is not None:
+        if self._records is not None:
             self._recorder = SessionRecorder(
-                self._database,
+                self._records,
                 user=self._user,
                 experiment=self._loaded.experiment.name,
                 document=self._loaded.document,
@@ -227,7 +229,8 @@ class LiveSession:
         self._forecaster.close()
         complete_all(map(journal_of, self._walks), self._hear, pictures=True)  # those that it left behind
         if self._recorder is not None:
-            self._recorder.close(self._status, self.summary, [str(item) for item in self.folders])
+            folders = [str(item) for item in self.folders]
+            self._recorder.close(self._status, self._tick, self.summary, folders)
         return self.summary
 
     # ------------------------------------------------------------------ what pages ask for
@@ -252,11 +255,8 @@ class LiveSession:
             reason: One sentence.
             id: Of the message, if it had one.
             user: Who, if known.
-
-        Returns:
-            The event.
         """
-        return self._emit(Outcome.REFUSED, reason, id=id, user=user)
+        return self._emit(Response.REFUSED, reason, id=id, user=user)
 
     def newest_frame(self) -> LatestFrame:
         """The newest frame; its number tells whether it is a new one."""
@@ -271,9 +271,6 @@ class LiveSession:
 
         Args:
             after: Serial number of the last event that is known; 0 gives all that are kept.
-
-        Returns:
-            Events in order.
         """
         with self._lock:
             return [item for item in self._events if item.serial > after]
@@ -308,7 +305,7 @@ class LiveSession:
     def _refuse(self, message: Message, reason: str) -> None:
         value = message.value if isinstance(message, SetControl) else None
         self._emit(
-            Outcome.REFUSED, reason, id=message.id, user=message.user, subject=_subject(message), value=value
+            Response.REFUSED, reason, id=message.id, user=message.user, subject=_subject(message), value=value
         )
 
     def _handle(self, message: Message) -> None:
@@ -351,7 +348,7 @@ class LiveSession:
         self._settings, self._numbers, self._known = settings, numbers, known
         self._renew_state()
         self._emit(
-            Outcome.APPLIED,
+            Response.APPLIED,
             text,
             tick=answer["tick"],
             id=message.id,
@@ -406,7 +403,7 @@ class LiveSession:
         except ParameterError as error:
             raise MessageRefused("no forecast: its process has died; try again, or apply at once") from error
         self._emit(
-            Outcome.FORECAST,
+            Response.FORECAST,
             f"forecast of {_told(message.control, before, message.value)}: {forecast['text']}",
             tick=moment["tick"],
             id=message.id,
@@ -423,7 +420,7 @@ class LiveSession:
         new = [text for place, text in found.items() if place not in self._warned]
         self._warned = found
         if new:
-            self._emit(Outcome.NOTE, "the check warns", warnings=tuple(new))
+            self._emit(Response.NOTE, "the check warns", warnings=tuple(new))
 
     def _do_directly(self, message: DoAction) -> None:
         values = self._actions.values_of(message)
@@ -453,7 +450,7 @@ class LiveSession:
             self._refuse(message, answer["refused"])
             return
         self._emit(
-            Outcome.APPLIED,
+            Response.APPLIED,
             text,
             tick=answer["tick"],
             id=message.id,
@@ -475,7 +472,7 @@ class LiveSession:
         self._saved.append(str(path))
         self._renew_state()
         self._emit(
-            Outcome.APPLIED,
+            Response.APPLIED,
             f"saved {path}; run it with: {self._run_again(path)}",
             id=message.id,
             user=message.user,
@@ -508,12 +505,10 @@ class LiveSession:
             before, self._status = self._status, status
             if status in ("held", "fell", "diverged") and before not in ("starting", "ended"):
                 told = "; ".join([*(event["text"] for event in head["events"]), _ENDINGS[status]])
-                self._emit(Outcome.NOTE, told, tick=self._tick)
-        if self._recorder is not None:
-            self._recorder.progress(self._tick, status)
-            if self._recorder.failure:
-                lost, self._recorder = self._recorder.failure, None
-                self._emit(Outcome.NOTE, f"the session is no longer recorded: {lost}")
+                self._emit(Response.NOTE, told, tick=self._tick)
+        if self._recorder is not None and self._recorder.failure:
+            lost, self._recorder = self._recorder.failure, None
+            self._emit(Response.NOTE, f"the session is no longer recorded: {lost}")
 
     def _hear(self, message: Mapping[str, Any]) -> None:
         kind = message["kind"]
@@ -528,7 +523,7 @@ class LiveSession:
             self._walks.append(Path(message["folder"]))
             self._record_folders()
         elif kind == "unkept":
-            self._emit(Outcome.NOTE, f"the walk is no longer kept: {message['text']}")
+            self._emit(Response.NOTE, f"the walk is no longer kept: {message['text']}")
         elif kind == "writing":
             self._on_step(message["step"])
         elif kind == "folder":
@@ -539,11 +534,11 @@ class LiveSession:
     def _note_folder(self, message: Mapping[str, Any]) -> None:
         if message["failed"]:
             self.failure = message["failed"]
-            self._emit(Outcome.NOTE, f"the run folder could not be written: {self.failure}")
+            self._emit(Response.NOTE, f"the run folder could not be written: {self.failure}")
             return
         self.folders.append(Path(message["folder"]))
         self.summary = dict(message["summary"])
-        self._emit(Outcome.NOTE, f"the run is in {message['folder']}")
+        self._emit(Response.NOTE, f"the run is in {message['folder']}")
         self._record_folders()
 
     def _record_folders(self) -> None:
@@ -562,7 +557,7 @@ class LiveSession:
             how = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
             self.death = f"the process of the walk died at {self._tick * TICK:.1f} s ({how})"
             self._status = "died"
-            self._emit(Outcome.NOTE, f"{self.death}; the walk is kept up to its last second")
+            self._emit(Response.NOTE, f"{self.death}; the walk is kept up to its last second")
             self._show_death()
 
     def _show_death(self) -> None:
@@ -587,12 +582,12 @@ class LiveSession:
                 saved=tuple(self._saved),
             )
 
-    def _emit(self, outcome: Outcome, text: str, *, tick: int | None = None, **rest: Any) -> Event:
+    def _emit(self, response: Response, text: str, *, tick: int | None = None, **rest: Any) -> Event:
         with self._lock:
             self._serial += 1
             event = Event(
                 serial=self._serial,
-                outcome=outcome,
+                response=response,
                 text=text,
                 tick=self._tick if tick is None else tick,
                 **rest,

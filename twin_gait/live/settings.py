@@ -128,12 +128,6 @@ def first_settings(experiment: Experiment) -> Settings:
 
     The monitor begins with what the first phase of the table has, so that a wearer who stands goes on
     standing in impedance control.
-
-    Args:
-        experiment: The experiment.
-
-    Returns:
-        The settings.
     """
     problem = build_problem(experiment)
     monitor = {}
@@ -181,9 +175,6 @@ class LoopNumbers:
 
 def loop_numbers(settings: Settings) -> LoopNumbers:
     """Lay settings out as numbers.
-
-    Args:
-        settings: The settings.
 
     Returns:
         The numbers, table scaled and damping ratios resolved.

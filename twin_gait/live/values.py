@@ -12,9 +12,6 @@ def checked(control: Control, value: Value) -> Value:
         control: The control, or a field of an action.
         value: What was asked for.
 
-    Returns:
-        The value.
-
     Raises:
         MessageRefused: If it is of the wrong kind or out of range.
     """

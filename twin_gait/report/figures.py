@@ -14,12 +14,15 @@ from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.report.canvas import LEGEND_COLUMN, SCREEN_WIDTH, save
-from twin_gait.report.currents import draw_currents
-from twin_gait.report.cycle import draw_angles, draw_cycle
-from twin_gait.report.energy import draw_energy
-from twin_gait.report.feet import draw_feet
-from twin_gait.report.portrait import draw_portrait
-from twin_gait.report.torques import draw_torques
+from twin_gait.report.run_figures import (
+    draw_angles,
+    draw_currents,
+    draw_cycle,
+    draw_energy,
+    draw_feet,
+    draw_portrait,
+    draw_torques,
+)
 from twin_gait.simulation.run import Run
 
 

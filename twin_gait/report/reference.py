@@ -1,8 +1,6 @@
-"""The healthy walk that a run is held against."""
+"""The healthy walk that a run is compared with."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,31 +11,12 @@ from twin_gait.scenario import TreadmillScenario
 from twin_gait.vocabulary import JointName
 
 
-class Walk(NamedTuple):
-    """What the reference depends on.
-
-    Attributes:
-        speed: In [m] / [s].
-        height: Of the wearer in [m].
-    """
-
-    speed: float
-    height: float
-
-
-def reference_walk(experiment: Experiment) -> Walk | None:
-    """Belt speed and body height of an experiment.
-
-    Args:
-        experiment: What was run.
-
-    Returns:
-        The walk; None without belt or wearer, or where the regression does not reach the belt speed.
-    """
+def _reference_walk(experiment: Experiment) -> tuple[float, float] | None:
+    """Belt speed in [m/s] and body height in [m]; None without them, or beyond the regression."""
     scenario, patient = experiment.scenario, experiment.patient
     if not isinstance(scenario, TreadmillScenario) or patient is None:
         return None
-    return Walk(scenario.belt_speed, patient.height) if reference_covers(scenario.belt_speed) else None
+    return (scenario.belt_speed, patient.height) if reference_covers(scenario.belt_speed) else None
 
 
 def reference_cycle(experiment: Experiment, joint: JointName) -> np.ndarray | None:
@@ -50,10 +29,8 @@ def reference_cycle(experiment: Experiment, joint: JointName) -> np.ndarray | No
     Returns:
         Angles in [rad] at ``PERCENT``, shape ``(101,)``; None without a reference walk.
     """
-    walk = reference_walk(experiment)
-    if walk is None:
-        return None
-    return reference_curve(joint, PERCENT, speed=walk.speed, height=walk.height)
+    walk = _reference_walk(experiment)
+    return None if walk is None else reference_curve(joint, PERCENT, speed=walk[0], height=walk[1])
 
 
 def reference_stride_time(experiment: Experiment) -> float | None:
@@ -65,5 +42,5 @@ def reference_stride_time(experiment: Experiment) -> float | None:
     Returns:
         Duration in [s]; None without a reference walk.
     """
-    walk = reference_walk(experiment)
-    return None if walk is None else reference_cycle_time(walk.speed, walk.height)
+    walk = _reference_walk(experiment)
+    return None if walk is None else reference_cycle_time(*walk)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -12,8 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import blended_transform_factory
 
-from twin_gait.palette import BLACK, JOINT_COLOURS, phase_colour
+from twin_gait.palette import BLACK, JOINT_COLOURS
 from twin_gait.report.canvas import phase_handles, put_legend, readable, shade_phases, style_panel
+from twin_gait.report.panels import draw_phase_bars, flexion
 from twin_gait.vocabulary import JointName
 
 SHOWN_TICKS = 6000
@@ -68,7 +68,7 @@ def draw_replay(
     for column, (side, leg) in enumerate(legs.items()):
         for row, joint in enumerate(joints):
             lines += _draw_joint(panels[row, column], time[rows], names, leg, joint, rows)
-            style_panel(panels[row, column], "", _motion(joint) if column == 0 else "")
+            style_panel(panels[row, column], "", flexion(joint) if column == 0 else "")
         _draw_bands(panels[-1, column], time[rows], names, leg, rows)
         _label_causes(panels[0, column], time, leg, rows)
         panels[0, column].set_title(f"{side} leg", pad=label_height)
@@ -78,10 +78,6 @@ def draw_replay(
     )
     put_legend(figure, lines, phase_handles(names, occurring))
     return figure
-
-
-def _motion(joint: str) -> str:
-    return f"{joint} {'dorsiflexion' if joint == JointName.ANKLE else 'flexion'} [°]"
 
 
 def _draw_joint(
@@ -100,13 +96,7 @@ def _draw_bands(axes: Axes, time: np.ndarray, names: Sequence[str], leg: Replaye
     strips = [("replayed", leg.phases[rows])]
     if leg.recorded is not None:
         strips.append(("recorded", leg.recorded[rows]))
-    for place, (_, phases) in enumerate(strips):
-        edges = [0, *(np.flatnonzero(np.diff(phases)) + 1).tolist(), len(phases)]
-        for start, end in pairwise(edges):
-            left, right = time[start], time[min(end, len(time) - 1)]
-            colour = phase_colour(names[phases[start]], int(phases[start]))
-            axes.barh(-place, right - left, left=left, height=0.8, color=colour, linewidth=0)
-    axes.set_yticks([-place for place in range(len(strips))], [name for name, _ in strips])
+    draw_phase_bars(axes, time, strips, names, height=0.8, linewidth=0)
     axes.set_ylim(0.5 - len(strips), 0.5)
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(axis="y", length=0)

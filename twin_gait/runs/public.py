@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from twin_gait.exceptions import ParameterError
 from twin_gait.report.canvas import FORMATS, save
 from twin_gait.report.figures import draw_figure, draw_for_paper
-from twin_gait.simulation.run import Run
 from twin_gait.runs import record
 from twin_gait.runs.folders import staged_directory
+from twin_gait.simulation.run import Run
 
 
 def save_run(run: Run, folder: str | Path, *, pictures: bool = True, force: bool = False) -> Path:

@@ -25,15 +25,15 @@ from twin_gait.experiment import Experiment
 from twin_gait.files import read_parquet, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.measures.events import RunEvent, run_events
+from twin_gait.measures.outcome import RunEvent, run_events
 from twin_gait.parameters import Patient
 from twin_gait.report.figures import write_figures
+from twin_gait.runs.folders import FolderKind, journal_of
+from twin_gait.runs.summary.summary import summarise, versions
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, unit_of
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.simulation.run import Run, RunStatus
-from twin_gait.runs.folders import FolderKind, journal_of
-from twin_gait.runs.summary.summary import summarise, versions
 from twin_gait.viewer.animation import write_animation
 from twin_gait.viewer.motion import held_rows
 from twin_gait.viewer.surroundings import Belt

@@ -1,17 +1,67 @@
-"""The worlds that the leg lives in: bench leg and treadmill."""
+"""The worlds that the leg lives in, bench leg and treadmill, and the bench of a single joint."""
 
+from twin_gait.scenario.bench_joint import (
+    BENCH_ACTUATORS,
+    BENCH_FRICTION,
+    BENCH_INDUCTANCE,
+    HORIZONTAL,
+    INERTIAL_NOISE,
+    LOWER_STOP,
+    LOWEST_VELOCITIES,
+    STOP_ANGLE,
+    TRANSPARENCY_STEPS,
+    BenchFriction,
+    BenchJoint,
+    CatalogueEfficiency,
+    CompensationVelocity,
+    CosinePath,
+    CurrentLoop,
+    DriveParameters,
+    DutyControl,
+    InertialSensor,
+    InertialUnit,
+    LinkParameters,
+    OldFrictionModel,
+    TorqueControl,
+    Torsion,
+    bench_joint,
+)
 from twin_gait.scenario.bench_leg import BenchLegScenario, HandParameters
 from twin_gait.scenario.faults import Fault, FaultKind, parse_fault
 from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.scenario.world import LegSource, World
 
 __all__ = [
+    "BENCH_ACTUATORS",
+    "BENCH_FRICTION",
+    "BENCH_INDUCTANCE",
+    "HORIZONTAL",
+    "INERTIAL_NOISE",
+    "LOWER_STOP",
+    "LOWEST_VELOCITIES",
+    "STOP_ANGLE",
+    "TRANSPARENCY_STEPS",
+    "BenchFriction",
+    "BenchJoint",
     "BenchLegScenario",
+    "CatalogueEfficiency",
+    "CompensationVelocity",
+    "CosinePath",
+    "CurrentLoop",
+    "DriveParameters",
+    "DutyControl",
     "Fault",
     "FaultKind",
     "HandParameters",
+    "InertialSensor",
+    "InertialUnit",
     "LegSource",
+    "LinkParameters",
+    "OldFrictionModel",
+    "TorqueControl",
+    "Torsion",
     "TreadmillScenario",
     "World",
+    "bench_joint",
     "parse_fault",
 ]

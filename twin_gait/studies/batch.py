@@ -1,12 +1,5 @@
 """Many episodes of one experiment, each with a few values of its own, as one table.
 
-Workers are spawned processes, not threads, although the compiled loop releases the interpreter's lock.
-Measured on two idle cores with 64 compiled episodes of 8 s on the treadmill: 21.2 s in one process, 10.6 s on
-two threads, 12.1 s in two processes, some 2 s of which are the interpreters starting up, once for a batch of
-any length. Threads lose elsewhere: a quarter of an episode (laying the problem out, summing the run up) holds
-the lock, so that more than a few cores would wait for each other; the Pinocchio engine holds it throughout;
-and silencing the URDF parser redirects the process's standard error, which two threads do to each other.
-
 Memory does not grow with the length of a batch but for the rows of its table (6 to 11 kB each, measured over
 2500 episodes on the bench and 350 on the treadmill) and the logs that are asked for: with episodes of 20 s,
 340 MB for the caller and at most 375 MB for each of two workers, to which 10 000 episodes add some 110 MB.
@@ -14,9 +7,7 @@ Memory does not grow with the length of a batch but for the rows of its table (6
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -30,11 +21,11 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.overrides import assign, parse_assignment
 from twin_gait.configuration.people import names_a_person, person_document
 from twin_gait.configuration.validation import converting
-from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.runs.summary.summary import summarise
 from twin_gait.simulation import Run, RunStatus, simulate
-from twin_gait.studies.workers import LocalRunner
+from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
 from twin_gait.vocabulary import JointName, Side
 
 # Keys of an experiment document joined by dots, such as ``patient.mass_kg``, with their new values.
@@ -117,29 +108,25 @@ class BatchResult:
     status: RunStatus
 
 
-class _Task(NamedTuple):
-    episode: int
-    experiment: Experiment
+class _Episode(NamedTuple):
+    number: int
+    override: Override
     keep_log: bool
 
     def __str__(self) -> str:
-        return f"episode {self.episode}"
+        return f"episode {self.number}"
 
 
 class _Outcome(NamedTuple):
-    """What comes back from a worker; a problem is a text because not every exception can be pickled."""
-
-    episode: int
     flat: Flat
     log: pd.DataFrame | None
-    problem: str
 
 
 def simulate_batch(
     experiment: Experiment,
     overrides: Sequence[Override],
     *,
-    workers: int = 1,
+    workers: int | Workers = 1,
     engine: Engine = Engine.COMPILED,
     logs: Collection[int] = (),
     progress: Callable[[int, int], None] | None = None,
@@ -151,15 +138,13 @@ def simulate_batch(
 
     All changes are checked before anything runs. The result does not depend on the number of workers or on
     the order in which they finish. A log lives only until its summary is made, unless it is asked for. With
-    several workers a script must guard its own code by ``if __name__ == "__main__":``, because every
-    worker imports it; the first episode runs in the calling process, so that a model that was never run
-    here is compiled once and not by every worker. Episodes under way when a worker process dies are run
-    again, by new processes.
+    several workers a script must guard its own code, see :func:`twin_gait.studies.run_jobs`; the first
+    episode runs in the calling process, so that a model that was never run here is compiled once.
 
     Args:
         experiment: What all episodes have in common.
         overrides: Changes of each episode; see :func:`overridden`.
-        workers: Processes; 1 runs the episodes in this one.
+        workers: Processes, or :class:`twin_gait.studies.Workers`; 1 runs the episodes in this one.
         engine: Of every episode that does not override it.
         logs: Episodes whose logs are kept.
         progress: Called with episodes done and in all.
@@ -176,20 +161,26 @@ def simulate_batch(
         ParameterFileError: If a change is wrong, naming episode and key, or if an episode cannot be run.
         ParameterError: If the workers, the seed or the episodes of the logs make no sense.
     """
-    _check(len(overrides), workers, logs, seed)
+    _check(len(overrides), logs, seed)
     base = replace(experiment, engine=engine)
     for index, override in enumerate(overrides):
         episode_of(base, override, index, seed)
-    tasks = _tasks(base, overrides, seed, logs, should_stop)
-    done: dict[int, _Outcome] = {}
-    with closing(_outcomes(tasks, workers, on_compile)) as outcomes:
-        for outcome in outcomes:
-            if outcome.problem:
-                raise ParameterFileError(f"episode {outcome.episode}", "", outcome.problem)
-            done[outcome.episode] = outcome
-            if progress is not None:
-                progress(len(done), len(overrides))
-    return _result([done[index] for index in sorted(done)], overrides)
+    try:
+        outcomes = run_jobs(
+            partial(_run_episode, base, seed),
+            [_Episode(index, override, index in logs) for index, override in enumerate(overrides)],
+            workers=workers,
+            first=partial(_run_episode, base, seed, on_compile=on_compile),
+            progress=progress,
+            should_stop=should_stop,
+        )
+    except JobFailed as error:
+        raise ParameterFileError(f"episode {error.index}", "", error.problem) from error
+    return BatchResult(
+        table=_table(outcomes, overrides),
+        logs={index: item.log for index, item in enumerate(outcomes) if item.log is not None},
+        status=RunStatus.INTERRUPTED if len(outcomes) < len(overrides) else RunStatus.COMPLETED,
+    )
 
 
 def overridden(experiment: Experiment, override: Override, source: str = "override") -> Experiment:
@@ -241,28 +232,12 @@ def flat_summary(run: Run) -> Flat:
     return flat
 
 
-def _check(episodes: int, workers: int, logs: Collection[int], seed: int | None) -> None:
-    if workers < 1:
-        raise ParameterError(f"workers: expected 1 or more, got {workers}")
+def _check(episodes: int, logs: Collection[int], seed: int | None) -> None:
     if seed is not None and seed < 0:
         raise ParameterError(f"seed: expected a whole number of 0 or more, got {seed}")
     strangers = [index for index in logs if not 0 <= index < episodes]
     if strangers:
         raise ParameterError(f"logs: expected episodes from 0 to {episodes - 1}, got {strangers[0]}")
-
-
-def _tasks(
-    base: Experiment,
-    overrides: Sequence[Override],
-    seed: int | None,
-    logs: Collection[int],
-    should_stop: Callable[[], bool] | None,
-) -> Iterator[_Task]:
-    """Episodes one by one, until the batch is stopped; ten thousand experiments at once would take memory."""
-    for index, override in enumerate(overrides):
-        if should_stop is not None and should_stop():
-            return
-        yield _Task(index, episode_of(base, override, index, seed), index in logs)
 
 
 def episode_of(base: Experiment, override: Override, index: int, seed: int | None) -> Experiment:
@@ -297,37 +272,19 @@ def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> di
     raise ParameterFileError(source, str(key), "expected a key and its value apart, not an assignment")
 
 
-def _run_episode(task: _Task, on_compile: Callable[[], None] | None = None) -> _Outcome:
-    try:
-        run = simulate(task.experiment, on_compile=on_compile)
-    except TwinGaitError as error:
-        return _Outcome(task.episode, {}, None, str(error))
-    return _Outcome(task.episode, flat_summary(run), run.log if task.keep_log else None, "")
-
-
-def _outcomes(
-    tasks: Iterator[_Task], workers: int, on_compile: Callable[[], None] | None
-) -> Generator[_Outcome, None, None]:
-    for first in itertools.islice(tasks, 1):
-        yield _run_episode(first, on_compile)
-    yield from LocalRunner(workers).run(_run_episode, tasks)
-
-
-def _result(outcomes: Sequence[_Outcome], overrides: Sequence[Override]) -> BatchResult:
-    stopped = len(outcomes) < len(overrides)
-    return BatchResult(
-        table=_table(outcomes, overrides),
-        logs={outcome.episode: outcome.log for outcome in outcomes if outcome.log is not None},
-        status=RunStatus.INTERRUPTED if stopped else RunStatus.COMPLETED,
-    )
+def _run_episode(
+    base: Experiment, seed: int | None, episode: _Episode, on_compile: Callable[[], None] | None = None
+) -> _Outcome:
+    run = simulate(episode_of(base, episode.override, episode.number, seed), on_compile=on_compile)
+    return _Outcome(flat_summary(run), run.log if episode.keep_log else None)
 
 
 def _table(outcomes: Sequence[_Outcome], overrides: Sequence[Override]) -> pd.DataFrame:
     names = setting_columns(key for row in overrides for key in row)
     rows = []
-    for outcome in outcomes:
-        changes = {names[key]: value for key, value in overrides[outcome.episode].items()}
-        rows.append({"episode": outcome.episode, **changes})
+    for index in range(len(outcomes)):
+        changes = {names[key]: value for key, value in overrides[index].items()}
+        rows.append({"episode": index, **changes})
     settings = pd.DataFrame(rows, columns=["episode", *names.values()]).astype({"episode": int})
     return pd.concat([settings, summary_table([outcome.flat for outcome in outcomes])], axis=1)
 

@@ -1,4 +1,4 @@
-"""Work spread over a Dask cluster.
+"""Jobs on a Dask cluster.
 
 A Dask scheduler and its workers run whatever anybody sends them who can reach their ports: keep them on the
 loopback or on a private network. From this package they get plain numbers and texts, and give such back.
@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator
 from typing import Any
 
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
-from twin_gait.studies.workers import Item, Result, WorkersLost
+from twin_gait.studies.processes import Item, Result, WorkersLost
 
 CONNECTION_TIMEOUT = 10.0  # [s]
 WORKER_TIMEOUT = 60.0  # [s]
@@ -20,7 +20,7 @@ WORKER_TIMEOUT = 60.0  # [s]
 AHEAD = 2
 
 
-class ClusterRunner:
+class ClusterWorkers:
     """The workers of a Dask cluster. A chunk whose worker is lost is given to another by Dask itself."""
 
     def __init__(self, client: Any) -> None:
@@ -33,7 +33,7 @@ class ClusterRunner:
         return max(1, sum(threads.values()))
 
     def run(self, function: Callable[[Item], Result], items: Iterable[Item]) -> Generator[Result, None, None]:
-        """See :meth:`twin_gait.studies.workers.Runner.run`."""
+        """See :meth:`twin_gait.studies.processes.Processes.run`."""
         under_way: dict[Any, Item] = {}
         try:
             for item in items:
@@ -50,14 +50,14 @@ class ClusterRunner:
 
 
 @contextlib.contextmanager
-def connected(address: str) -> Iterator[ClusterRunner]:
+def connected(address: str) -> Iterator[ClusterWorkers]:
     """Connect to a Dask cluster.
 
     Args:
         address: Of its scheduler, for example ``tcp://127.0.0.1:8786``.
 
     Yields:
-        The runner.
+        Its workers.
 
     Raises:
         MissingOptionalDependency: If dask.distributed is not installed.
@@ -70,7 +70,7 @@ def connected(address: str) -> Iterator[ClusterRunner]:
             client.wait_for_workers(1, timeout=WORKER_TIMEOUT)
         if not client.nthreads():
             raise WorkersLost(f"{address}: no workers; start some with: dask worker {address} --nthreads 1")
-        yield ClusterRunner(client)
+        yield ClusterWorkers(client)
     finally:
         with contextlib.suppress(*_lost_connection()):
             client.close(timeout=CONNECTION_TIMEOUT)

@@ -98,9 +98,5 @@ def _head(
 
 
 def arc_material(number: int) -> Material:
-    """Surface of an arrow.
-
-    Args:
-        number: Its level.
-    """
+    """Surface of an arrow."""
     return Material(colour=rgb(FLEXION_COLOUR if number > 0 else EXTENSION_COLOUR), roughness=0.8, glow=0.35)

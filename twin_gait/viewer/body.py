@@ -118,9 +118,6 @@ def draw_wearer(
 def trunk_axes(figure: Figure) -> np.ndarray:
     """Frame of the trunk in that of the joint that carries it: x forward, y left, z up.
 
-    Args:
-        figure: The figure.
-
     Returns:
         Homogeneous transform, shape ``(4, 4)``.
     """
@@ -129,9 +126,6 @@ def trunk_axes(figure: Figure) -> np.ndarray:
 
 def girth(patient: Patient) -> float:
     """Scale of limb radii: the same density in a body of other height and mass.
-
-    Args:
-        patient: The wearer.
 
     Returns:
         1 for the body that the tables describe.
@@ -192,9 +186,6 @@ def band(table: np.ndarray, top: float, bottom: float, *, rings: int = 2, column
         bottom: Height of the lower edge in [m].
         rings: Of the mesh.
         columns: Facets of a full turn.
-
-    Returns:
-        The mesh.
     """
     heights = np.linspace(top, bottom, rings)
     skin = np.array([np.interp(heights, table[::-1, 0], table[::-1, column]) for column in range(5)]).T
@@ -228,9 +219,6 @@ def _foot(patient: Patient) -> Shape:
 
 def trunk_rings(patient: Patient) -> np.ndarray:
     """Rings of the trunk of a wearer.
-
-    Args:
-        patient: The wearer.
 
     Returns:
         Height over the hips, centre forward, centre to the left, half axes forward and sideways, all in [m],

@@ -36,11 +36,7 @@ class Window(Protocol):
     """What takes commands."""
 
     def send(self, command: Command) -> None:
-        """Take one command.
-
-        Args:
-            command: The command.
-        """
+        """Take one command."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,9 +73,6 @@ def set_object(path: str, shape: Shape, material: Material) -> Command:
         path: Place in the scene, for example ``/robot/left_hip/shell``.
         shape: The mesh.
         material: Its surface.
-
-    Returns:
-        The command.
     """
     geometry, surface = f"{path}:geometry", f"{path}:material"
     return {
@@ -100,9 +93,6 @@ def set_transform(path: str, placement: np.ndarray) -> Command:
     Args:
         path: The group.
         placement: Homogeneous transform in the parent group, shape ``(4, 4)``.
-
-    Returns:
-        The command.
     """
     return {"type": "set_transform", "path": path, "matrix": [float(value) for value in placement.T.ravel()]}
 
@@ -114,9 +104,6 @@ def set_property(path: str, name: str, value: Any) -> Command:
         path: The object.
         name: Property, with its capitals.
         value: A number, a truth value, a text or a list of numbers.
-
-    Returns:
-        The command.
     """
     return {"type": "set_property", "path": path, "property": name, "value": value}
 
@@ -147,11 +134,7 @@ class Track:
     values: np.ndarray
 
     def lower(self, frames_per_second: float) -> Command:
-        """Return the track as the viewer reads it.
-
-        Args:
-            frames_per_second: Unit of the keys' times.
-        """
+        """Return the track as the viewer reads it."""
         kind = _TRACK_KINDS[self.name]
         keys = [
             {"time": time, "value": value}
@@ -163,15 +146,7 @@ class Track:
 
 
 def set_animation(tracks: Sequence[Track], frames_per_second: float) -> Command:
-    """Command that hands an animation over, ready and standing still at its start.
-
-    Args:
-        tracks: What moves.
-        frames_per_second: Unit of the keys' times.
-
-    Returns:
-        The command.
-    """
+    """Command that hands an animation over, ready and standing still at its start."""
     clips: dict[str, list[Command]] = {}
     for track in tracks:
         clips.setdefault(track.path, []).append(track.lower(frames_per_second))

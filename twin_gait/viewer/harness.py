@@ -22,11 +22,6 @@ _HOOK = (0.0, 0.15, 1.12)  # forward and to the left [m] and height as above: wh
 def draw_harness(figure: Figure, patient: Patient, trunk_joint: str) -> list[np.ndarray]:
     """Draw a harness on the wearer's chest.
 
-    Args:
-        figure: The figure.
-        patient: The wearer.
-        trunk_joint: Joint that carries the trunk.
-
     Returns:
         Where the ropes meet its straps, in the frame of that joint in [m], shape ``(3,)`` each.
     """

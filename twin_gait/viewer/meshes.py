@@ -15,9 +15,6 @@ from twin_gait.viewer.shapes import Shape
 def read_obj(path: str | Path) -> Shape | None:
     """Read a Wavefront OBJ file whose corners have normals.
 
-    Args:
-        path: The file.
-
     Returns:
         The mesh, or None for a file without normals or of another kind, which other readers know.
     """
@@ -52,9 +49,6 @@ def _indexed(vertices: np.ndarray, normals: np.ndarray, corners: np.ndarray) -> 
         normals: Shape ``(k, 3)``.
         corners: Indices that count from 1, shape ``(m, 3, 2)``.
 
-    Returns:
-        The mesh.
-
     Raises:
         ValueError: If an index counts from the end of the file.
         IndexError: If an index has no entry.
@@ -87,9 +81,6 @@ def mesh_patches(path: str | Path) -> list[Patch]:
 
     Who uses the colours compares the number of triangles: readers leave some out.
 
-    Args:
-        path: The file.
-
     Returns:
         The patches; none for a file of another kind or one that is not understood.
     """
@@ -102,12 +93,6 @@ def mesh_patches(path: str | Path) -> list[Patch]:
 
 def obj_patches(path: Path) -> list[Patch]:
     """Colours of a Wavefront OBJ file, from the libraries of materials that it names.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The patches.
 
     Raises:
         ValueError: If there is more than one colour and a corner without a normal: :func:`read_obj` leaves
@@ -148,12 +133,6 @@ def dae_patches(path: Path) -> list[Patch]:
 
     Pinocchio's reader goes through the nodes of the scene from the outside in and leaves out triangles of
     which two corners coincide.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The patches.
     """
     return list(_Collada(path).patches())
 

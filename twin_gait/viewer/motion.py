@@ -153,15 +153,7 @@ def read_motion(
 
 
 def phase_names(log: pd.DataFrame, sides: Sequence[Side]) -> tuple[str, ...]:
-    """Names of the phases in a log, in the order of its gait table if the log knows it.
-
-    Args:
-        log: The log.
-        sides: Legs to look at.
-
-    Returns:
-        The names.
-    """
+    """Names of the phases in a log, in the order of its gait table if the log knows it."""
     names: dict[str, None] = {}
     for side in sides:
         column = log.get(f"{side}_phase")
@@ -186,9 +178,6 @@ def frame_rate(duration: float) -> float:
 
 def phase_changes(log: pd.DataFrame) -> np.ndarray:
     """Moments at which a leg changes its phase, or a hold begins.
-
-    Args:
-        log: One row per tick.
 
     Returns:
         Since the first row in [s], sorted, shape ``(m,)``.
@@ -244,10 +233,6 @@ def held_rows(log: pd.DataFrame) -> np.ndarray:
 
 def leg_values(log: pd.DataFrame, side: Side) -> dict[str, np.ndarray]:
     """What a page reads out of a leg, one value per row.
-
-    Args:
-        log: One row per tick.
-        side: Which leg.
 
     Returns:
         Values by the names of :class:`LegMotion`, in the unit that is shown; parts of the torque that

@@ -17,11 +17,7 @@ class Recorder:
         self._commands: dict[tuple[str, str, str], Command] = {}
 
     def send(self, command: Command) -> None:
-        """Remember a command.
-
-        Args:
-            command: The command.
-        """
+        """Remember a command."""
         key = (command["type"], command["path"], command.get("property", ""))
         self._commands[key] = command
 

@@ -69,13 +69,7 @@ class Scene:
     """
 
     def __init__(self, window: Window, figure: Figure, visuals: Visuals) -> None:
-        """Start a scene with a figure; :func:`build_scene` completes it.
-
-        Args:
-            window: Where commands go.
-            figure: The articulated figure.
-            visuals: What the URDF shows.
-        """
+        """Start a scene with a figure; :func:`build_scene` completes it."""
         self.figure = figure
         self.missing_meshes = visuals.missing
         self.covers: dict[Side, list[str]] = {}
@@ -89,13 +83,7 @@ class Scene:
         self._shown: State = {}
 
     def draw_covers(self, side: Side, leg: LegJoints, visuals: Visuals) -> None:
-        """Draw the covers of the motors of a leg, which show its phase.
-
-        Args:
-            side: Which leg.
-            leg: Its joint names.
-            visuals: What the URDF shows.
-        """
+        """Draw the covers of the motors of a leg, which show its phase."""
         paths = []
         material = Material(colour=_IDLE, roughness=0.4, glow=0.12)
         for joint in (leg.hip, leg.knee):
@@ -104,13 +92,7 @@ class Scene:
         self.legs[side] = leg
 
     def draw_arcs(self, side: Side, leg: LegJoints, visuals: Visuals) -> None:
-        """Draw the arrows of the motor torques of a leg, hidden.
-
-        Args:
-            side: Which leg.
-            leg: Its joint names.
-            visuals: What the URDF shows.
-        """
+        """Draw the arrows of the motor torques of a leg, hidden."""
         outward = 1.0 if side is Side.LEFT else -1.0
         self.arcs[side] = {
             name: self.figure.draw_arc(joint, self._motor(joint, leg, visuals), outward, FULL_TORQUE)
@@ -137,11 +119,7 @@ class Scene:
         self.apply(self.rope_state(neutral))
 
     def draw_trails(self, motion: Motion) -> None:
-        """Draw the path of each foot in every stride of a motion, hidden.
-
-        Args:
-            motion: The motion.
-        """
+        """Draw the path of each foot in every stride of a motion, hidden."""
         self.apply({(stride.path, "visible"): False for stride in self.trails})
         self.trails = []
         for side, leg in motion.legs.items():
@@ -182,11 +160,7 @@ class Scene:
         return self.figure.world_point(q, last, self.figure.segment(last, leg))
 
     def draw_arrow(self, side: Side) -> None:
-        """Draw the arrow of the ground force on a foot, hidden.
-
-        Args:
-            side: Which leg.
-        """
+        """Draw the arrow of the ground force on a foot, hidden."""
         path = f"{FORCE_ROOT}/{side}"
         self._window.send(
             set_object(
@@ -296,11 +270,7 @@ class Scene:
         return state
 
     def apply(self, state: State) -> None:
-        """Send what has changed since the last state.
-
-        Args:
-            state: Values by place and property.
-        """
+        """Send what has changed since the last state."""
         for (path, name), value in state.items():
             if self._shown.get((path, name)) != value:
                 self._window.send(set_property(path, name, value))

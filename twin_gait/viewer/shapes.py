@@ -87,9 +87,6 @@ def turned(profile: Sequence[tuple[float, float]], columns: int = 28) -> Shape:
     Args:
         profile: Points (radius, height) in [m]; outward lies to the right of the way from point to point.
         columns: Facets of a full turn.
-
-    Returns:
-        The mesh.
     """
     angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)
     around = np.stack((np.cos(angle), np.sin(angle)), axis=1)
@@ -217,9 +214,6 @@ def arrow(length: float = 1.0, radius: float = 0.012) -> Shape:
     Args:
         length: In [m].
         radius: Of the shaft in [m]; the head is 2.6 times as thick and takes a fifth of the length.
-
-    Returns:
-        The mesh.
     """
     neck, head = 0.8 * length, 2.6 * radius
     return turned([(0.0, 0.0), (radius, 0.0), (radius, neck), (head, neck), (0.0, length)], columns=24)
@@ -276,9 +270,6 @@ def limb(rings: Sequence[Sequence[float]], *, rows: int = 15, columns: int = 20)
         rings: From end to end: height, centre x, centre y, half axis x and half axis y, all in [m].
         rows: Rings in the mesh, beside those of the ends.
         columns: Facets of a full turn.
-
-    Returns:
-        The mesh.
     """
     table = np.asarray(rings, dtype=float)
     curve = PchipInterpolator(np.arange(len(table)), table)(np.linspace(0.0, len(table) - 1.0, rows))
@@ -326,9 +317,6 @@ def smooth_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 def is_closed(shape: Shape) -> bool:
     """Whether a mesh encloses a volume and looks outward, so that its inside is never seen.
-
-    Args:
-        shape: The mesh.
 
     Returns:
         True if every edge is run along as often one way as the other and the volume is positive.
@@ -388,23 +376,13 @@ def part_of(shape: Shape, chosen: np.ndarray) -> Shape:
     Args:
         shape: The mesh, without colours of its vertices.
         chosen: Which faces, shape ``(m,)``.
-
-    Returns:
-        The part.
     """
     used, index = np.unique(shape.faces[chosen], return_inverse=True)
     return Shape(shape.vertices[used], shape.normals[used], index.reshape(-1, 3))
 
 
 def merged(items: Iterable[Shape]) -> Shape:
-    """Join meshes into one.
-
-    Args:
-        items: Meshes in the same frame.
-
-    Returns:
-        One mesh.
-    """
+    """Join meshes into one."""
     vertices, normals, faces, count = [], [], [], 0
     for item in items:
         vertices.append(item.vertices)

@@ -33,9 +33,6 @@ def build_scene(window: Window, model: LegModel, *, patient: Patient | None = No
         model: The model; with a guided pelvis it stands on a treadmill, one leg alone hangs on a bench.
         patient: The wearer to draw, or None.
 
-    Returns:
-        The scene.
-
     Raises:
         ModelError: If the URDF cannot be read.
         ViewerError: If a mesh of the URDF cannot be read.
@@ -72,9 +69,6 @@ def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: s
         model: Pinocchio model of it.
         urdf: The file.
         up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF.
-
-    Returns:
-        The scene.
 
     Raises:
         ModelError: If the URDF cannot be read.

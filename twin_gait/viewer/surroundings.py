@@ -35,11 +35,7 @@ _MAST_RADIUS, _MAST_BEND = 0.022, 0.20  # [m]
 
 
 def set_studio(window: Window) -> None:
-    """Set a pale background and the light of a studio, with soft shadows.
-
-    Args:
-        window: Where commands go.
-    """
+    """Set a pale background and the light of a studio, with soft shadows."""
     properties = [
         ("/Background", "top_color", [0.985, 0.99, 0.995]),
         ("/Background", "bottom_color", [0.84, 0.87, 0.90]),
@@ -80,11 +76,7 @@ def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
 
 
 def draw_treadmill(window: Window) -> None:
-    """Draw a treadmill whose belt runs along x, under the soles that press on it.
-
-    Args:
-        window: Where commands go.
-    """
+    """Draw a treadmill whose belt runs along x, under the soles that press on it."""
     frame = [_rail(1.0), _rail(-1.0), _end(1.0), _end(-1.0), _hood()]
     place(window, "frame", shapes.merged(frame), DECK, under_shadows=True)
     surface = box((_BELT_LENGTH, _BELT_WIDTH, 0.03), (0.0, 0.0, BELT_TOP - 0.015))
@@ -142,9 +134,6 @@ def box(size: Triple, centre: Triple, edge: float = 0.012) -> Shape:
         size: Lengths along x, y and z in [m].
         centre: Its middle in [m].
         edge: Radius of the rounding in [m].
-
-    Returns:
-        The mesh.
     """
     return shapes.moved(shapes.rounded_box(size, edge), _translation(centre))
 

@@ -81,13 +81,6 @@ def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
     The model may have locked joints, a joint between world and pelvis, and resized segments: parts
     move and grow with the segment that carries them.
 
-    Args:
-        model: The model.
-        urdf: Its URDF.
-
-    Returns:
-        The visuals.
-
     Raises:
         ModelError: If the URDF cannot be read.
         ViewerError: If a mesh cannot be read.

@@ -84,9 +84,6 @@ def read_message(text: str | bytes) -> Message:
         text: JSON: ``{"kind": "set", "id", "user", "control", "value"}``, the same with ``try`` for a
             forecast of it, or ``{"kind": "do", "id", "user", "action", "values"}``.
 
-    Returns:
-        The message.
-
     Raises:
         MessageRefused: If it is anything else; the text says why.
     """
@@ -102,12 +99,6 @@ def read_message(text: str | bytes) -> Message:
 
 def message_from(data: Any) -> Message:
     """Turn a parsed message into a :class:`SetControl` or :class:`DoAction`.
-
-    Args:
-        data: The parsed JSON.
-
-    Returns:
-        The message.
 
     Raises:
         MessageRefused: If something is missing, unknown or of the wrong type.

@@ -14,16 +14,15 @@ import numpy as np
 import twin_gait
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
-from twin_gait.measures.effort import battery_use, changes_at_switches
-from twin_gait.measures.energy import energy_balance
+from twin_gait.measures.effort import battery_use, changes_at_switches, energy_balance
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.measures.switching import blend_windows, torque_jumps
 from twin_gait.report.reference import reference_stride_time
-from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, work_sources
-from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.runs.summary.interaction import interaction_summary
 from twin_gait.runs.summary.safety import safety_summary
 from twin_gait.runs.summary.side import blend_length, summarise_side
+from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, work_sources
+from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import Side
 
 # Distributions whose version can change a number of a log, by the name that people know.

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.scenario.faults import Fault, FaultKind
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.faults.audit import audit
-from twin_gait.studies.workers import LocalRunner
+from twin_gait.studies.jobs import JobFailed, run_jobs
 from twin_gait.vocabulary import JointName, Outcome
 
 _DEGREE = math.pi / 180.0
@@ -58,22 +58,6 @@ class FaultCampaign:
         table = self.table
         kept = table["within_limits"] & (table["null_values"] == 0) & (table["outcome"] != Outcome.DIVERGED)
         return table[~(kept & table["hold_kept"] & table["in_time"])]
-
-
-class _Task(NamedTuple):
-    number: int
-    experiment: Experiment
-
-    def __str__(self) -> str:
-        return f"fault {self.experiment.faults[0]}"
-
-
-class _Result(NamedTuple):
-    """What comes back from a worker; a problem is a text because not every exception can be pickled."""
-
-    number: int
-    row: dict[str, Any]
-    problem: str
 
 
 def draw_faults(experiment: Experiment, count: int, seed: int) -> list[Fault]:
@@ -157,31 +141,25 @@ def run_campaign(
         ParameterError: If workers or faults make no sense, or a run cannot be made.
         WorkersLost: If worker processes die again and again with the same fault.
     """
-    if workers < 1:
-        raise ParameterError(f"workers: expected 1 or more, got {workers}")
-    waiting = (
-        _Task(number, replace(experiment, faults=(fault,)))
-        for number, fault in enumerate(faults)
-        if should_stop is None or not should_stop()
-    )
-    rows: dict[int, dict[str, Any]] = {}
-    first = (_run_case(task, on_compile) for task in itertools.islice(waiting, 1))
-    for result in itertools.chain(first, LocalRunner(workers).run(_run_case, waiting)):
-        if result.problem:
-            raise ParameterError(result.problem)
-        rows[result.number] = result.row
-        if progress is not None:
-            progress(len(rows), len(faults))
-    status = RunStatus.COMPLETED if len(rows) == len(faults) else RunStatus.INTERRUPTED
-    return FaultCampaign(pd.DataFrame([rows[number] for number in sorted(rows)]), status)
-
-
-def _run_case(task: _Task, on_compile: Callable[[], None] | None = None) -> _Result:
     try:
-        run = simulate(task.experiment, on_compile=on_compile)
-    except TwinGaitError as error:
-        return _Result(task.number, {}, f"{task}: {error}")
-    return _Result(task.number, fault_row(run), "")
+        rows = run_jobs(
+            partial(_run_fault, experiment),
+            faults,
+            workers=workers,
+            first=partial(_run_fault, experiment, on_compile=on_compile),
+            progress=progress,
+            should_stop=should_stop,
+        )
+    except JobFailed as error:
+        raise ParameterError(f"fault {faults[error.index]}: {error.problem}") from error
+    status = RunStatus.COMPLETED if len(rows) == len(faults) else RunStatus.INTERRUPTED
+    return FaultCampaign(pd.DataFrame(rows), status)
+
+
+def _run_fault(
+    experiment: Experiment, fault: Fault, on_compile: Callable[[], None] | None = None
+) -> dict[str, Any]:
+    return fault_row(simulate(replace(experiment, faults=(fault,)), on_compile=on_compile))
 
 
 def fault_row(run: Run) -> dict[str, Any]:

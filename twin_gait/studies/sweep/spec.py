@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import Field
 
-import twin_gait
 from twin_gait.configuration.documents import content_hash
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.experiments import load_experiment, resolved_document
@@ -22,30 +19,10 @@ from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.runs.summary.summary import versions
 from twin_gait.studies.batch import SUMMARY_COLUMNS
+from twin_gait.studies.jobs import sources_hash
 from twin_gait.studies.sweep.design import Design, Levels, Range, Scale, grid, latin_hypercube, listed
 
 SPEC_SCHEMA_VERSION = 1
-# What a row of the table depends on, from the specification to the summary.
-SOURCES = (
-    "*.py",
-    "configuration/people/*.yaml",  # a parameter may name them
-    *(
-        f"{room}/**/*.py"
-        for room in (
-            "configuration",
-            "control",
-            "core",
-            "gait",
-            "leg_model",
-            "measures",
-            "scenario",
-            "simulation",
-        )
-    ),
-    "runs/summary/*.py",
-    *(f"studies/{place}.py" for place in ("batch", "sweep/chunk")),
-    "report/reference.py",
-)
 
 
 class RangeEntry(Strict):
@@ -162,23 +139,6 @@ def sweep_from_mapping(
         "provenance": {"sources_sha256": sources_hash(), "versions": versions()},
     }
     return Sweep(source, entry.name or name, experiment, design, entry.seed, tuple(entry.measures), document)
-
-
-@lru_cache(maxsize=1)
-def sources_hash() -> str:
-    """SHA-256 over the sources that a row depends on, as they were when first asked for.
-
-    Rows of one table must come from one version of the laws, and a version number does not change while
-    somebody edits them. Command line, viewer and pictures do not count.
-
-    Returns:
-        The hash.
-    """
-    root = Path(twin_gait.__file__).parent
-    digest = hashlib.sha256()
-    for path in sorted({path for pattern in SOURCES for path in root.glob(pattern)}):
-        digest.update(f"{path.relative_to(root).as_posix()}\0".encode() + path.read_bytes())
-    return digest.hexdigest()
 
 
 def _experiment(

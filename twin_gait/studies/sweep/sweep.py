@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +18,9 @@ from twin_gait.exceptions import ParameterFileError
 from twin_gait.files import write_atomically
 from twin_gait.report.sweep import values_of, write_sweep_figures
 from twin_gait.simulation import RunStatus
-from twin_gait.studies.batch import setting_columns
-from twin_gait.studies.sweep.chunk import ChunkResult, check_chunk, chunk_of, run_chunk
+from twin_gait.studies.batch import Flat, setting_columns
+from twin_gait.studies.jobs import Portion, Workers, portions
+from twin_gait.studies.sweep.episode import Episode, check_episode, run_episode
 from twin_gait.studies.sweep.spec import Sweep
 from twin_gait.studies.sweep.store import (
     FIGURES_FOLDER,
@@ -29,11 +31,9 @@ from twin_gait.studies.sweep.store import (
     open_store,
     read_table,
 )
-from twin_gait.studies.workers import LocalRunner, Runner
 
 # Work handed over at a time: long against the handing over, short against the loss of a worker.
 CHUNK_SECONDS = 2.0
-MOST_IN_CHUNK = 1000
 # Checking one takes a few milliseconds, starting workers a few seconds: more than these are checked by them.
 CHECKED_HERE = 2000
 
@@ -60,33 +60,25 @@ class SweepResult:
 
 
 @dataclass
-class _Pace:
-    """Size of chunks, from the measured time of an episode."""
+class _Effort:
+    """What a call has cost."""
 
-    seconds: float
     slots: int
     episodes: int = 0
     wall_s: float = 0.0
     processors: set[str] = field(default_factory=set)
 
-    def note(self, result: ChunkResult) -> None:
-        self.episodes += len(result.rows)
-        self.wall_s += result.wall_s
-        self.processors.add(result.processor)
-
-    def size(self, left: int) -> int:
-        """Episodes of the next chunk, with enough of them at the end for every worker."""
-        if not self.episodes:
-            return 1
-        by_time = round(self.seconds * self.episodes / max(self.wall_s, 1e-9))
-        return max(1, min(by_time, MOST_IN_CHUNK, left // (2 * self.slots)))
+    def note(self, portion: Portion[Flat]) -> None:
+        self.episodes += len(portion.results)
+        self.wall_s += portion.wall_s
+        self.processors.add(portion.processor)
 
 
 def run_sweep(
     sweep: Sweep,
     directory: Path,
     *,
-    runner: Runner | None = None,
+    workers: Workers | None = None,
     chunk_seconds: float = CHUNK_SECONDS,
     pictures: bool = True,
     checking: Callable[[int, int], None] | None = None,
@@ -97,14 +89,14 @@ def run_sweep(
     """Run a sweep, or go on with it where it was stopped or killed.
 
     All episodes are checked before anything runs. Their results are kept in the folder chunk by chunk;
-    neither the table nor the rows depend on the runner, the chunks or the number of resumptions. The first
+    neither the table nor the rows depend on the workers, the chunks or the number of resumptions. The first
     episode runs in the calling process: it compiles the engine where no worker has to, and says how long an
     episode takes.
 
     Args:
         sweep: From :func:`twin_gait.studies.sweep.spec.load_sweep`.
         directory: Its folder: new, empty or begun by the same sweep.
-        runner: Who does the work; the calling process if None.
+        workers: Who runs the episodes; the calling process if None.
         chunk_seconds: Work handed over at a time in [s], as far as it can be foretold.
         pictures: Whether to draw figures at the end.
         checking: Called with episodes checked and in all, before any of them runs.
@@ -120,20 +112,20 @@ def run_sweep(
         RunDirectoryError: If the folder holds something else or cannot be written.
         WorkersLost: If workers die again and again; what was done is kept.
     """
-    runner = runner or LocalRunner()
+    workers = workers or Workers()
     began = time.perf_counter()
     check_directory(directory, sweep)
     if not (directory / SPEC_FILE).is_file():
-        check_sweep(sweep, runner, checking, should_stop)
-    pace = _Pace(chunk_seconds, runner.slots())
+        check_sweep(sweep, workers, checking, should_stop)
+    effort = _Effort(workers.slots())
     with open_store(directory, sweep) as store:
         resumed = int(store.done.sum())
         try:
-            _run(sweep, store, runner, pace, progress, should_stop, on_compile)
+            _run(sweep, store, workers, chunk_seconds, effort, progress, should_stop, on_compile)
         finally:
             store.merge()
         table = read_table(directory)
-        summary = _summary(sweep, table, pace, resumed, time.perf_counter() - began)
+        summary = _summary(sweep, table, effort, resumed, time.perf_counter() - began)
         write_atomically(directory / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
         if pictures and len(table) > 1:
             write_pictures(sweep, table, directory)
@@ -143,7 +135,7 @@ def run_sweep(
 
 def check_sweep(
     sweep: Sweep,
-    runner: Runner | None = None,
+    workers: Workers | None = None,
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> None:
@@ -151,7 +143,7 @@ def check_sweep(
 
     Args:
         sweep: The sweep.
-        runner: Who checks a long one.
+        workers: Who checks a long one.
         progress: Called with episodes checked and in all.
         should_stop: Asked now and then; True ends the check.
 
@@ -159,17 +151,18 @@ def check_sweep(
         KeyboardInterrupt: If it was stopped.
         ParameterFileError: If one is wrong, naming episode, key and value.
     """
-    total = len(sweep.design)
-    if runner is None or total <= CHECKED_HERE:
-        runner = LocalRunner()
-    starts = range(0, total, CHECKED_HERE)
-    chunks = (chunk_of(sweep, range(start, min(start + CHECKED_HERE, total))) for start in starts)
-    with closing(runner.run(check_chunk, chunks)) as problems:
-        for number, problem in enumerate(problems, start=1):
+    total, checked = len(sweep.design), 0
+    if workers is None or total <= CHECKED_HERE:
+        workers = Workers()
+    episodes = episodes_of(sweep, range(total))
+    checks = portions(check_episode, episodes, total, workers, chunk_seconds=CHUNK_SECONDS)
+    with closing(checks):
+        for portion in checks:
+            checked += len(portion.results)
             if progress is not None:
-                progress(min(number * CHECKED_HERE, total), total)
-            if problem:
-                raise ParameterFileError(sweep.source, "", problem)
+                progress(checked, total)
+            if portion.problem:
+                raise ParameterFileError(sweep.source, "", portion.problem[1])
             if should_stop is not None and should_stop():
                 raise KeyboardInterrupt
 
@@ -194,45 +187,43 @@ def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path) -> list[P
 def _run(
     sweep: Sweep,
     store: SweepStore,
-    runner: Runner,
-    pace: _Pace,
+    workers: Workers,
+    chunk_seconds: float,
+    effort: _Effort,
     progress: Callable[[int, int], None] | None,
     should_stop: Callable[[], bool] | None,
     on_compile: Callable[[], None] | None,
 ) -> None:
-    pending = np.flatnonzero(~store.done)
+    pending = np.flatnonzero(~store.done).tolist()
     tell = progress or (lambda done, total: None)
-    stopped = should_stop or (lambda: False)
     tell(int(store.done.sum()), len(store.done))
-    if not len(pending) or stopped():
-        return
-    first = run_chunk(chunk_of(sweep, pending[:1].tolist()), on_compile)
-    chunks = (chunk_of(sweep, episodes) for episodes in _portions(pending[1:], pace, stopped))
-    _keep(sweep, store, pace, first)
-    tell(int(store.done.sum()), len(store.done))
-    with closing(runner.run(run_chunk, chunks)) as results:
-        for result in results:
-            _keep(sweep, store, pace, result)
+    coming = portions(
+        run_episode,
+        episodes_of(sweep, pending),
+        len(pending),
+        workers,
+        chunk_seconds=chunk_seconds,
+        first=partial(run_episode, on_compile=on_compile),
+        should_stop=should_stop,
+    )
+    with closing(coming):
+        for portion in coming:
+            store.append({pending[place]: flat for place, flat in portion.results.items()})
+            effort.note(portion)
+            if portion.problem:
+                place, text = portion.problem
+                named = f"episode {pending[place]}: "
+                raise ParameterFileError(sweep.source, "", named + text.removeprefix(named))
             tell(int(store.done.sum()), len(store.done))
 
 
-def _keep(sweep: Sweep, store: SweepStore, pace: _Pace, result: ChunkResult) -> None:
-    store.append(result.rows)
-    if result.problem:
-        raise ParameterFileError(sweep.source, "", result.problem)
-    pace.note(result)
+def episodes_of(sweep: Sweep, indices: Iterable[int]) -> Iterator[Episode]:
+    """Episodes of a sweep as jobs, one by one: a million of them at once would take memory."""
+    document = json.dumps(sweep.document["experiment"])
+    return (Episode(index, sweep.design[index], sweep.seed, document) for index in indices)
 
 
-def _portions(pending: np.ndarray, pace: _Pace, stopped: Callable[[], bool]) -> Iterator[list[int]]:
-    """Episodes chunk by chunk; a chunk is cut when it is asked for, with what is known by then."""
-    place = 0
-    while place < len(pending) and not stopped():
-        size = pace.size(len(pending) - place)
-        yield pending[place : place + size].tolist()
-        place += size
-
-
-def _summary(sweep: Sweep, table: pd.DataFrame, pace: _Pace, resumed: int, wall: float) -> dict[str, Any]:
+def _summary(sweep: Sweep, table: pd.DataFrame, effort: _Effort, resumed: int, wall: float) -> dict[str, Any]:
     total = len(sweep.design)
     status = RunStatus.COMPLETED if len(table) == total else RunStatus.INTERRUPTED
     outcomes = {
@@ -248,11 +239,11 @@ def _summary(sweep: Sweep, table: pd.DataFrame, pace: _Pace, resumed: int, wall:
         "outcomes": dict(sorted(outcomes.items())),
         "last_call": {
             "resumed_with": resumed,
-            "episodes": pace.episodes,
-            "slots": pace.slots,
-            "processors": sorted(pace.processors),
+            "episodes": effort.episodes,
+            "slots": effort.slots,
+            "processors": sorted(effort.processors),
             "wall_s": wall,
-            "worker_s": pace.wall_s,
-            "worker_s_per_episode": pace.wall_s / pace.episodes if pace.episodes else None,
+            "worker_s": effort.wall_s,
+            "worker_s_per_episode": effort.wall_s / effort.episodes if effort.episodes else None,
         },
     }

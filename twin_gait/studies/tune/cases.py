@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from twin_gait.configuration.people import patient_document
+from twin_gait.configuration.people import PatientEntry
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.parameters import HEAVIEST_WEARER, HIGHEST_LOAD_FRICTION, Patient
@@ -151,7 +151,7 @@ def _mass(experiment: Experiment, factor: float) -> dict[str, Any]:
     _, patient = check_walker(experiment)
     told = patient if experiment.control.patient is None else experiment.control.patient
     mass = min(HEAVIEST_WEARER, factor * patient.mass)
-    changes = {"patient.mass_kg": mass, "control.patient": patient_document(told)}
+    changes = {"patient.mass_kg": mass, "control.patient": PatientEntry.document(told)}
     reference = experiment.table.scaling.carried_mass
     if reference is not None:
         # The law divides the carried mass, which the scenario knows, by this one.

@@ -19,6 +19,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_curve
 from twin_gait.measures.strides import PERCENT, normalise_strides
 from twin_gait.simulation import Run, simulate
+from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import check_walker, departures
 from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, PARTS, WORST, part_costs
 from twin_gait.studies.tune.search import better_half
@@ -26,7 +27,6 @@ from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.space import Parameter
 from twin_gait.studies.tune.tuning import Finalist, Tuning, best_so_far
 from twin_gait.studies.tune.walks import Ask, WalkResult, experiment_of, walk_all
-from twin_gait.studies.workers import Runner
 from twin_gait.vocabulary import MOTOR_JOINTS
 
 OUTCOME_VERSION = 1
@@ -158,7 +158,7 @@ def walk_departures(
     after: Mapping[str, Any],
     experiment: Experiment,
     settings: Settings,
-    runner: Runner,
+    workers: Workers,
     *,
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
@@ -170,7 +170,7 @@ def walk_departures(
         after: Document of the other.
         experiment: What it was tuned for.
         settings: How.
-        runner: Who walks.
+        workers: Who walks.
         progress: Called with walks done and in all.
         should_stop: Asked before each walk.
 
@@ -189,7 +189,7 @@ def walk_departures(
     results = walk_all(
         asks,
         document,
-        runner,
+        workers,
         reference_speed=settings.reference_speed,
         progress=progress,
         should_stop=should_stop,

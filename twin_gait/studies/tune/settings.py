@@ -10,7 +10,7 @@ from twin_gait.configuration.documents import content_hash, experiment_document
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_covers
-from twin_gait.studies.sweep.spec import sources_hash
+from twin_gait.studies.jobs import sources_hash
 from twin_gait.studies.tune.parts import AIM, FALL, NEEDED_CLEARANCE, PARTS, WORST
 from twin_gait.studies.tune.screening import FEWEST, KEPT_SHARE, LEVELS, REACH, TRAJECTORIES
 from twin_gait.studies.tune.search import FIRST_STEP, POPULATION

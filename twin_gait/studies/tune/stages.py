@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from twin_gait.configuration.documents import experiment_document
-from twin_gait.configuration.gait_table_file import packaged_gait_table
-from twin_gait.exceptions import ParameterError
+from twin_gait.configuration.gait_table_file import load_gait_table
+from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.simulation import RunStatus
-from twin_gait.studies.sweep.spec import sources_hash
+from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import NOMINAL, Case, robust_cases, search_cases
 from twin_gait.studies.tune.parts import FALL
 from twin_gait.studies.tune.screening import Effect, effects, plan
@@ -39,7 +39,6 @@ from twin_gait.studies.tune.tuning import (
     weighted_cost,
 )
 from twin_gait.studies.tune.walks import Ask, Walk, WalkResult, run_walk, walk_all
-from twin_gait.studies.workers import Runner
 
 # Share of the minutes for screening and search; the robust set, the departures and the report take the rest.
 SEARCH_SHARE = 0.85
@@ -62,7 +61,7 @@ def start_tables(table: GaitTable) -> tuple[GaitTable, ...]:
     Returns:
         It, and where it is one of ``START_TABLES`` the others of those; the sides told apart if it does.
     """
-    shipped = {name: packaged_gait_table(name) for name in START_TABLES}
+    shipped = {name: load_gait_table(name) for name in START_TABLES}
     plain = replace(table, side_phases={}) if table.side_phases else table
     if plain != shipped.get(table.name):
         return (table,)
@@ -77,7 +76,7 @@ class Stages:
         self,
         experiment: Experiment,
         settings: Settings,
-        runner: Runner,
+        workers: Workers,
         state: State,
         directory: Path,
         progress: Callable[[Progress], None] | None,
@@ -88,13 +87,13 @@ class Stages:
         Args:
             experiment: What the table is tuned for.
             settings: How.
-            runner: Who walks.
+            workers: Who walks.
             state: What is known already; every stage goes on from there.
             directory: Where the state is kept.
             progress: Called after every step.
             should_stop: Asked before each walk.
         """
-        self._settings, self._runner, self._state = settings, runner, state
+        self._settings, self._workers, self._state = settings, workers, state
         self._directory, self._should_stop = directory, should_stop
         self._progress = progress or (lambda step: None)
         self._began, self._before = time.perf_counter(), state.elapsed
@@ -178,10 +177,11 @@ class Stages:
             self._tell("compiling", number, len(cases))
             document = {**self._document, "duration_s": WARM_UP}
             for quick in (False, True):
-                walk = Walk(number, document, self._table, case.changes, None, False, quick, sources_hash())
-                result = run_walk(walk, on_compile)
-                if result.problem:
-                    raise ParameterError(f"{case.name}: {result.problem}")
+                walk = Walk(number, document, self._table, case.changes, None, False, quick)
+                try:
+                    run_walk(walk, on_compile)
+                except TwinGaitError as error:
+                    raise ParameterError(f"{case.name}: {error}") from error
 
     def _walk(self, asks: Sequence[Ask], duration: float, stage: str) -> list[WalkResult]:
         last = stage == "robust set"
@@ -189,7 +189,7 @@ class Stages:
         results = walk_all(
             asks,
             {**self._document, "duration_s": duration},
-            self._runner,
+            self._workers,
             quick=not last,
             reference_speed=self._settings.reference_speed,
             progress=counted,

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,14 +11,13 @@ from twin_gait.checking import exits, graph, leaving, stability
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Rule, Severity
 from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.exceptions import ParameterFileError, TwinGaitError
+from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.simulation import simulate
 from twin_gait.studies.batch import overridden
-from twin_gait.studies.sweep.spec import sources_hash
+from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
 from twin_gait.studies.tune.cases import Case
-from twin_gait.studies.tune.parts import judge
-from twin_gait.studies.workers import Runner
+from twin_gait.studies.tune.parts import rate_walk
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
 QUICK_RULES: tuple[Rule, ...] = tuple(
@@ -44,8 +41,6 @@ FORBIDDEN = 1000.0  # cost of a table with an error, far above any walk
 # walk are within 0.01° and 0.1 percentage points of those at the default step, at which all is walked that is
 # told in the end.
 QUICK_INTEGRATION = Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
-# A cluster's worker may have several threads, which would silence the URDF parser for each other.
-_ONE_AT_A_TIME = threading.Lock()
 
 
 class Walk(NamedTuple):
@@ -59,7 +54,6 @@ class Walk(NamedTuple):
         reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
         checked: Whether the quick rules of the check come first.
         quick: Whether ``QUICK_INTEGRATION`` will do.
-        sources: Hash of the sources that the numbers must come from.
     """
 
     number: int
@@ -69,7 +63,6 @@ class Walk(NamedTuple):
     reference_speed: float | None
     checked: bool
     quick: bool
-    sources: str
 
     def __str__(self) -> str:
         return f"walk {self.number}"
@@ -85,7 +78,6 @@ class WalkResult(NamedTuple):
         fell: Whether it ended in a fall or diverged.
         lasted: Share of the time.
         errors: Ids of the rules of the check that forbid the table; then it was not walked.
-        problem: Why it could not be run, or nothing.
     """
 
     number: int
@@ -94,7 +86,6 @@ class WalkResult(NamedTuple):
     fell: bool
     lasted: float
     errors: tuple[str, ...] = ()
-    problem: str = ""
 
 
 class Ask(NamedTuple):
@@ -117,18 +108,16 @@ def run_walk(walk: Walk, on_compile: Callable[[], None] | None = None) -> WalkRe
 
     Returns:
         Cost and values; a fall is one of them.
+
+    Raises:
+        TwinGaitError: If it cannot be run.
     """
-    if walk.sources != sources_hash():
-        return _nothing(walk, "a worker has another version of twin_gait; install the same everywhere")
-    with _ONE_AT_A_TIME:
-        try:
-            experiment = experiment_of(walk.document, walk.table, walk.changes, quick=walk.quick)
-            errors = quick_errors(experiment) if walk.checked else ()
-            if errors:
-                return WalkResult(walk.number, FORBIDDEN + len(errors), {}, False, 0.0, errors)
-            return _walked(walk, experiment, on_compile)
-        except TwinGaitError as error:
-            return _nothing(walk, str(error))
+    experiment = experiment_of(walk.document, walk.table, walk.changes, quick=walk.quick)
+    errors = quick_errors(experiment) if walk.checked else ()
+    if errors:
+        return WalkResult(walk.number, FORBIDDEN + len(errors), {}, False, 0.0, errors)
+    run = simulate(experiment, on_compile=on_compile)
+    return WalkResult(walk.number, *rate_walk(run, walk.reference_speed))
 
 
 def experiment_of(
@@ -163,7 +152,7 @@ def quick_errors(experiment: Experiment) -> tuple[str, ...]:
 def walk_all(
     asks: Sequence[Ask],
     document: Mapping[str, Any],
-    runner: Runner,
+    workers: Workers,
     *,
     quick: bool = False,
     reference_speed: float | None = None,
@@ -175,7 +164,7 @@ def walk_all(
     Args:
         asks: Tables and cases.
         document: Of the experiment.
-        runner: Who does the work; the results do not depend on it.
+        workers: Who walks; the results do not depend on them.
         quick: Whether ``QUICK_INTEGRATION`` will do.
         reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
         progress: Called with walks done and in all.
@@ -188,32 +177,12 @@ def walk_all(
         ParameterFileError: If a walk could not be run.
         WorkersLost: If workers die again and again.
     """
-    sources = sources_hash()
     walks = [
-        Walk(index, document, ask.table, ask.case.changes, reference_speed, ask.checked, quick, sources)
+        Walk(index, document, ask.table, ask.case.changes, reference_speed, ask.checked, quick)
         for index, ask in enumerate(asks)
     ]
-    done: dict[int, WalkResult] = {}
-    with closing(runner.run(run_walk, _until(walks, should_stop))) as results:
-        for result in results:
-            if result.problem:
-                raise ParameterFileError("the tuning", asks[result.number].case.name, result.problem)
-            done[result.number] = result
-            if progress is not None:
-                progress(len(done), len(asks))
-    return [done[index] for index in range(len(asks))] if len(done) == len(asks) else None
-
-
-def _until(walks: Iterable[Walk], should_stop: Callable[[], bool] | None) -> Iterator[Walk]:
-    for walk in walks:
-        if should_stop is not None and should_stop():
-            return
-        yield walk
-
-
-def _walked(walk: Walk, experiment: Experiment, on_compile: Callable[[], None] | None) -> WalkResult:
-    return WalkResult(walk.number, *judge(simulate(experiment, on_compile=on_compile), walk.reference_speed))
-
-
-def _nothing(walk: Walk, problem: str) -> WalkResult:
-    return WalkResult(walk.number, FORBIDDEN, {}, False, 0.0, (), problem)
+    try:
+        results = run_jobs(run_walk, walks, workers=workers, progress=progress, should_stop=should_stop)
+    except JobFailed as error:
+        raise ParameterFileError("the tuning", asks[error.index].case.name, error.problem) from error
+    return results if len(results) == len(asks) else None

@@ -14,6 +14,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
 from twin_gait.report.tune import draw_pictures
 from twin_gait.report.tune_page import page
+from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.outcome import (
     choose,
     final_table,
@@ -23,7 +24,6 @@ from twin_gait.studies.tune.outcome import (
 )
 from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.tuning import Tuning
-from twin_gait.studies.workers import LocalRunner, Runner
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
 
@@ -48,7 +48,7 @@ def write_tuning(
     directory: Path,
     *,
     wearer: str,
-    runner: Runner | None = None,
+    workers: Workers | None = None,
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> TuningFolder | None:
@@ -60,7 +60,7 @@ def write_tuning(
         settings: How.
         directory: The folder of :func:`twin_gait.studies.tune.tune.tune`.
         wearer: For whom, in words.
-        runner: Who walks; the calling process if None.
+        workers: Who walks; the calling process if None.
         progress: Called with walks done and in all.
         should_stop: Asked before each walk.
 
@@ -81,7 +81,7 @@ def write_tuning(
         table,
         experiment,
         settings,
-        runner or LocalRunner(),
+        workers or Workers(),
         progress=progress,
         should_stop=should_stop,
     )

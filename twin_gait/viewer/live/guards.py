@@ -80,11 +80,7 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
     """Answers only requests that name this machine and have the token; says in one line why not."""
 
     def initialize(self, server: Any) -> None:
-        """Remember the server.
-
-        Args:
-            server: The server.
-        """
+        """Remember the server."""
         self.server = server
 
     def prepare(self) -> None:
@@ -99,9 +95,6 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
 
     def refuse(self, reason: str) -> None:
         """Answer with status 403.
-
-        Args:
-            reason: One line.
 
         Raises:
             HTTPError: Always.
@@ -135,13 +128,7 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
         self.finish(f"{reason}\n")
 
     def log_exception(self, kind: Any, error: Any, trace: Any) -> None:
-        """Keep what others send wrongly out of the terminal; our own mistakes are logged.
-
-        Args:
-            kind: Class of the exception.
-            error: The exception.
-            trace: Its trace.
-        """
+        """Keep what others send wrongly out of the terminal; our own mistakes are logged."""
         if not isinstance(error, HTTPError):
             super().log_exception(kind, error, trace)
 
@@ -173,11 +160,7 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
             raise HTTPError(503, "too many pages are open; close one")
 
     def check_origin(self, origin: str) -> bool:
-        """Whether a page of this origin may open the socket.
-
-        Args:
-            origin: The header.
-        """
+        """Whether a page of this origin may open the socket."""
         return is_own_page(origin, self.request.host)
 
     async def abandon(self) -> None:
@@ -188,10 +171,6 @@ class GuardedSocket(Guarded, WebSocketHandler):  # type: ignore[misc]  # no type
 
     async def write_or_leave(self, content: str | bytes, *, binary: bool) -> bool:
         """Write to the page; one that has gone is no error.
-
-        Args:
-            content: The message.
-            binary: Whether it is bytes.
 
         Returns:
             Whether the page is still there.

@@ -39,11 +39,7 @@ class Outbox(Generic[Item]):
         return len(self._waiting)
 
     def post(self, items: Iterable[tuple[Hashable, Item]]) -> None:
-        """Send items as soon as the page takes them; returns at once, inside of an event loop.
-
-        Args:
-            items: Key and item each.
-        """
+        """Send items as soon as the page takes them; returns at once, inside of an event loop."""
         for key, item in items:
             if self._waiting.pop(key, None) is not None:
                 self.replaced += 1

@@ -10,11 +10,7 @@ _FOLDER = Path(__file__).parent
 
 
 def panel_page() -> str:
-    """The page, complete.
-
-    Returns:
-        HTML.
-    """
+    """The page, complete."""
     return live_page(
         style=_text("panel.css"), panel=_text("panel.html"), script=_text("panel.js"), socket=None
     )

@@ -74,21 +74,13 @@ class SceneServer:
         )
 
     def show(self, changes: Iterable[Change]) -> None:
-        """Bring changes of the scene to all pages.
-
-        Args:
-            changes: Key and packed command each.
-        """
+        """Bring changes of the scene to all pages."""
         changes = list(changes)
         for view in self.views:
             view.post(changes)
 
     def knows(self, token: bytes) -> bool:
-        """Whether a token is that of this start; how long it takes tells nothing of it.
-
-        Args:
-            token: Anything.
-        """
+        """Whether a token is that of this start; how long it takes tells nothing of it."""
         return hmac.compare_digest(token, self._token.encode())
 
     def sockets(self) -> set[Any]:
@@ -149,19 +141,11 @@ class SceneSocket(GuardedSocket):
         self.post(self.server.scene())
 
     def post(self, changes: Iterable[Change]) -> None:
-        """Send changes as soon as the page takes them.
-
-        Args:
-            changes: Key and packed command each.
-        """
+        """Send changes as soon as the page takes them."""
         self.outbox.post(changes)
 
     def on_message(self, message: str | bytes) -> None:
-        """Take it that the page has drawn what came, whatever it says.
-
-        Args:
-            message: What the page says.
-        """
+        """Take it that the page has drawn what came, whatever it says."""
         self._drawn.set()
 
     def on_close(self) -> None:

@@ -120,11 +120,7 @@ class Panel(GuardedSocket):
         self.outbox.post([(self._count if key is None else ("last", key), text)])
 
     def on_message(self, message: str | bytes) -> None:
-        """Hand on what the page says.
-
-        Args:
-            message: Anything.
-        """
+        """Hand on what the page says."""
         if isinstance(message, bytes):
             self.refuse_message("message: expected text, got bytes")
         elif not self._allowance.take():
@@ -133,11 +129,7 @@ class Panel(GuardedSocket):
             self.server.on_message(self, message)
 
     def refuse_message(self, reason: str) -> None:
-        """Answer that a message was refused.
-
-        Args:
-            reason: Why.
-        """
+        """Answer that a message was refused."""
         self.server.refused += 1
         self.tell(self.server.refusal(reason), key=reason)
 

@@ -22,11 +22,7 @@ class LiveWindow:
         self._samples = 0
 
     def send(self, command: Command) -> None:
-        """Take a drawing command.
-
-        Args:
-            command: The command.
-        """
+        """Take a drawing command."""
         self._recorder.send(command)
         self._changes[command["type"], command["path"], command.get("property", "")] = command
 
@@ -36,19 +32,11 @@ class LiveWindow:
         self._changes = {"clear": {"type": "delete", "path": SCENE_ROOT}}
 
     def describe(self, page: Command) -> None:
-        """Take the description of the page.
-
-        Args:
-            page: Its entries.
-        """
+        """Take the description of the page."""
         self._note("page", page, "page")
 
     def sample(self, sample: Command) -> None:
-        """Take the numbers of a moment; none gives way to a later one, because curves are drawn of them.
-
-        Args:
-            sample: Its entries.
-        """
+        """Take the numbers of a moment; none gives way to a later one, because curves are drawn of them."""
         self._samples += 1
         self._note("sample", sample, ("sample", self._samples))
 

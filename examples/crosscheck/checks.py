@@ -1,0 +1,154 @@
+"""What is compared with what: figures that ought to be small, each from public functions of twin_gait."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from crosscheck.closed_forms import pendulum_acceleration, pendulum_motion, pendulum_of
+
+from twin_gait import Experiment, Run, load_experiment, simulate
+from twin_gait.parameters import FrictionParameters
+
+N_STATES = 100
+SEED = 20240607
+# A leg without friction, stops and motors, and without the inertia of its drives, let go from high up: it
+# moves so fast that the error of an integrator stands out of rounding.
+FREE_LEG = (
+    "control.safety.enabled=false",
+    "control.mode=transparent",
+    "table.phases.early_stance.gravity_compensation=0",
+    "control.limits.torque_Nm=1e-15",
+    "plant.battery.voltage_V=400",  # the back-EMF of a fast leg stays below
+    "plant.friction_ratio={hip: 0, knee: 0}",
+    "plant.stops.stiffness_Nm_per_rad=0",
+    "plant.actuators.hip={rotor_inertia_kgm2: 0, gear_inertia_kgm2: 0}",
+    "plant.actuators.knee={rotor_inertia_kgm2: 0, gear_inertia_kgm2: 0}",
+    "scenario.start={hip_deg: 100, knee_deg: 60}",
+)
+
+
+def random_states(n: int) -> Iterator[np.ndarray]:
+    """Coordinates, velocities and torques that cover the range of a leg, the same at every call."""
+    generator = np.random.default_rng(SEED)
+    for _ in range(N_STATES):
+        yield generator.uniform([[-1.0], [-4.0], [-40.0]], [[1.5], [4.0], [40.0]], (3, n))
+
+
+def relative_error(found: np.ndarray, expected: np.ndarray) -> float:
+    """Largest difference over the largest magnitude that is expected."""
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+def dynamics_errors(experiment: Experiment) -> dict[str, float]:
+    """Differences of mass matrix, bias and accelerations from MuJoCo's, which must be installed."""
+    from crosscheck.mujoco_legs import coordinate_order, legs_dynamics, legs_of
+
+    model = experiment.build_world().model
+    legs = legs_of(experiment, model)
+    order, errors = coordinate_order(legs, model), []
+    for q, v, torque in random_states(model.nv):
+        ours = (model.mass_matrix(q), model.nonlinear_effects(q, v), model.forward_dynamics(q, v, torque))
+        theirs = legs_dynamics(legs, order, q, v, torque)
+        errors.append([relative_error(*pair) for pair in zip(ours, theirs, strict=True)])
+    worst = np.max(errors, axis=0).tolist()
+    return dict(zip(("mass matrix", "bias", "accelerations"), worst, strict=True))
+
+
+def pendulum_error() -> float:
+    """Difference of the bench leg's accelerations from those of a double pendulum."""
+    experiment = load_experiment("bench_leg").experiment
+    model, pendulum = experiment.build_world().model, pendulum_of(experiment)
+    return max(
+        relative_error(model.forward_dynamics(*state), pendulum_acceleration(pendulum, *state))
+        for state in random_states(model.nv)
+    )
+
+
+def free_leg(method: str, step_ms: float) -> tuple[Run, float]:
+    """A second of the free leg, and the largest difference of an angle from the double pendulum in [rad]."""
+    stepping = f"integration={{method: {method}, step_ms: {step_ms}}}"
+    run = simulate(load_experiment("bench_leg", ["duration_s=1", *FREE_LEG, stepping]).experiment)
+    angles = run.log[["right_hip_angle_rad", "right_knee_angle_rad"]].to_numpy().T
+    exact = pendulum_motion(pendulum_of(run.experiment), angles[:, 0], run.log["time_s"].to_numpy())
+    return run, float(np.abs(angles - exact[:2]).max())
+
+
+def integrator_order(method: str) -> float:
+    """Slope of the free leg's error over the step on logarithmic axes."""
+    steps = (1.0, 0.5, 0.25)
+    errors = [free_leg(method, step)[1] for step in steps]
+    return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+def energy_drift(run: Run) -> float:
+    """Change of the energy of a free leg over its largest kinetic energy."""
+    energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
+    return float(np.abs(energy - energy[0]).max() / run.log["kinetic_energy_J"].max())
+
+
+def energy_residual(run: Run) -> float:
+    """Energy of a run that the work of all sources does not account for, over the work in and out."""
+    energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
+    works = run.log.filter(like="_work_J").to_numpy()
+    throughput = np.abs(np.diff(works, axis=0)).sum()
+    return float(np.abs(energy - energy[0] - (works - works[0]).sum(axis=1)).max() / throughput)
+
+
+def largest_friction_power(run: Run) -> float:
+    """Largest power that friction gives to a moving joint in [W]."""
+    torques = run.log.filter(regex="(hip|knee)_friction_torque_Nm$")
+    rates = run.log[[name.replace("friction_torque_Nm", "velocity_rad_per_s") for name in torques]]
+    return float((torques.to_numpy() * rates.to_numpy()).max())
+
+
+def engine_difference(preset: str, duration: float) -> float:
+    """Largest difference of an angle between the engines in [rad]; infinite if phases change differently."""
+    settings = (f"duration_s={duration}", "sensors.ideal=true", "integration.method=semi_implicit_euler")
+    ours, theirs = (
+        simulate(
+            load_experiment(preset, [*settings, "integration.step_ms=0.25", f"engine={name}"]).experiment
+        )
+        for name in ("compiled", "pinocchio")
+    )
+    if ours.switches != theirs.switches or not ours.switches:
+        return float("inf")
+    angles = [name for name in ours.log if name.endswith("_angle_rad") and "measured" not in name]
+    return float(np.abs(ours.log[angles].to_numpy() - theirs.log[angles].to_numpy()).max())
+
+
+def replay_difference(run: Run) -> float:
+    """Largest difference of an angle in [rad] when MuJoCo is driven by the torques in the log of a bench leg.
+
+    The friction law is typed in a second time; the run is by the semi-implicit Euler method, one step a tick.
+    """
+    from crosscheck.mujoco_legs import coordinate_order, legs_of, mujoco
+
+    experiment, model = run.experiment, run.experiment.build_world().model
+    legs = legs_of(experiment, model)
+    data, order = mujoco.MjData(legs), coordinate_order(legs, model)
+    joints = ("hip", "knee")
+    columns = {
+        what: run.log[[f"right_{joint}_{what}" for joint in joints]].to_numpy()
+        for what in ("angle_rad", "velocity_rad_per_s", "motor_torque_Nm")
+    }
+    laws = [experiment.plant.true_friction()[joint] for joint in joints]
+    data.qpos[order], data.qvel[order] = columns["angle_rad"][0], columns["velocity_rad_per_s"][0]
+    worst = 0.0
+    for angle, motor in zip(columns["angle_rad"], columns["motor_torque_Nm"], strict=True):
+        worst = max(worst, float(np.abs(data.qpos[order] - angle).max()))
+        friction = [friction_torque(rate, law) for rate, law in zip(data.qvel[order], laws, strict=True)]
+        data.qfrc_applied[order] = motor - friction
+        mujoco.mj_step(legs, data)
+    return worst
+
+
+def friction_torque(velocity: float, law: FrictionParameters) -> float:
+    """Equation (3.1) of the thesis typed in a second time, on purpose: in [N m], signed as the velocity."""
+    ratio = velocity / law.breakaway_velocity
+    stribeck = np.sqrt(2.0) * np.exp(0.5 - ratio**2) * ratio
+    return float(
+        (law.breakaway_torque - law.coulomb_friction) * stribeck
+        + law.coulomb_friction * np.tanh(10.0 * ratio)
+        + law.viscous_friction * velocity
+    )

@@ -1,0 +1,188 @@
+"""The legs of the device and their wearer as a model of MuJoCo, built a second time.
+
+From the URDF and from the tables of the literature, typed in again; of the package only the names of the
+joints and the sizes that the device is set to. Needs MuJoCo 3.3 (``pip install 'twin-gait[test]'``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from twin_gait import Experiment, JointName, LegModel, Patient
+from twin_gait.leg_model import PELVIS_JOINT, LegJoints, PelvisGuide, device_sizes
+
+
+class Segment(NamedTuple):
+    """A limb: share of the body mass, and of its own length the centre of mass and the radii of gyration."""
+
+    mass: float
+    centre: float
+    transverse: float
+    longitudinal: float
+
+
+# de Leva (1996), J Biomech 29(9), table 4, and Winter (2009), table 4.1, which lacks longitudinal radii.
+SEGMENTS = {
+    "male": {
+        "thigh": Segment(0.1416, 0.4095, 0.329, 0.149),
+        "shank": Segment(0.0433, 0.4395, 0.246, 0.102),
+        "foot": Segment(0.0137, 0.4415, 0.245, 0.124),
+    },
+    "female": {
+        "thigh": Segment(0.1478, 0.3612, 0.364, 0.162),
+        "shank": Segment(0.0481, 0.4352, 0.263, 0.092),
+        "foot": Segment(0.0129, 0.4014, 0.279, 0.139),
+    },
+    "winter": {
+        "thigh": Segment(0.100, 0.433, 0.323, 0.149),
+        "shank": Segment(0.0465, 0.433, 0.302, 0.102),
+        "foot": Segment(0.0145, 0.500, 0.475, 0.124),
+    },
+}
+# Shares of the body height (Winter, figure 4.1), and what a shank without a foot is measured by.
+SHANK_LENGTH, FOOT_LENGTH, FOOT_HEIGHT = 0.246, 0.152, 0.039
+# MuJoCo would else merge links and mend inertias that it finds odd.
+COMPILER = (
+    '<mujoco><compiler fusestatic="false" balanceinertia="false" boundmass="0" boundinertia="0"/></mujoco>'
+)
+
+
+def legs_spec(model: LegModel, patient: Patient | None, *, fit_device: bool = True) -> mujoco.MjSpec:
+    """Read the URDF of a leg model with MuJoCo and put the wearer on there.
+
+    Args:
+        model: For the file and the names of the joints.
+        patient: The wearer, or None.
+        fit_device: Whether waist, femur and tibia are set to the wearer.
+
+    Returns:
+        The legs before they are compiled, for whoever adds a ground.
+    """
+    text = model.urdf_path.read_text(encoding="utf-8")
+    spec = mujoco.MjSpec.from_string(text.replace("</robot>", f"{COMPILER}</robot>"))
+    if model.pelvis is PelvisGuide.VERTICAL:
+        slide = mujoco.mjtJoint.mjJNT_SLIDE
+        spec.worldbody.first_body().add_joint(name=PELVIS_JOINT, type=slide, axis=[0.0, 0.0, 1.0])
+    if patient is not None:
+        _put_on(spec, model, patient, fit_device=fit_device)
+    return spec
+
+
+def compiled_legs(
+    spec: mujoco.MjSpec, model: LegModel, armature: Mapping[JointName, float], *, gravity: float, step: float
+) -> mujoco.MjModel:
+    """Compile legs without limits, contacts and friction, for the semi-implicit Euler method.
+
+    Args:
+        spec: From :func:`legs_spec`.
+        model: For the names of the joints.
+        armature: Inertia of the drives in [kg m²].
+        gravity: In [m] / [s²], against z.
+        step: Length of an integration step in [s].
+    """
+    legs = spec.compile()
+    legs.opt.timestep = step
+    legs.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    legs.opt.gravity[:] = [0.0, 0.0, -gravity]
+    legs.opt.disableflags = int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    legs.dof_damping[:] = legs.dof_frictionloss[:] = legs.dof_armature[:] = 0.0
+    for leg in model.legs.values():
+        for joint, name in leg.items():
+            if joint in armature:
+                legs.dof_armature[legs.joint(name).dofadr[0]] = armature[joint]
+    return legs
+
+
+def legs_of(experiment: Experiment, model: LegModel) -> mujoco.MjModel:
+    """Legs and wearer of an experiment, in the air."""
+    spec = legs_spec(model, experiment.patient, fit_device=experiment.leg.fit_device)
+    armature = {joint: item.armature for joint, item in experiment.plant.actuators.items()}
+    plant, step = experiment.plant, experiment.stepping.step
+    return compiled_legs(spec, model, armature, gravity=plant.gravity, step=step)
+
+
+def coordinate_order(legs: mujoco.MjModel, model: LegModel) -> list[int]:
+    """Position in MuJoCo's arrays of every coordinate of a leg model, in the order of the latter."""
+    names = {
+        model.index(side, joint): name for side, leg in model.legs.items() for joint, name in leg.items()
+    }
+    if model.pelvis_index is not None:
+        names[model.pelvis_index] = PELVIS_JOINT
+    return [int(legs.joint(names[index]).dofadr[0]) for index in range(model.nv)]
+
+
+def legs_dynamics(
+    legs: mujoco.MjModel, order: list[int], q: np.ndarray, v: np.ndarray, torque: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mass matrix, bias (Coriolis, centrifugal, gravity) and accelerations of a state."""
+    data = mujoco.MjData(legs)
+    data.qpos[order], data.qvel[order], data.qfrc_applied[order] = q, v, torque
+    mujoco.mj_forward(legs, data)
+    # Row by row from MuJoCo's own product: how it stores the matrix differs between versions.
+    rows, unit = np.zeros((legs.nv, legs.nv)), np.eye(legs.nv)
+    for row, direction in zip(rows, unit, strict=True):
+        mujoco.mj_mulM(legs, data, row, direction)
+    return rows[np.ix_(order, order)], np.array(data.qfrc_bias[order]), np.array(data.qacc[order])
+
+
+# ---------------------------------------------------------------------- the wearer
+
+
+def _put_on(spec: mujoco.MjSpec, model: LegModel, patient: Patient, *, fit_device: bool) -> None:
+    """Fit the device and add the wearer's segments as bodies of their own."""
+    winter = patient.segment_model == "winter"
+    segments = SEGMENTS["winter" if winter else str(patient.sex)]
+    for leg in model.legs.values():
+        if fit_device:
+            _fit(spec, leg, patient)
+        hip, knee = spec.joint(leg.hip).parent, spec.joint(leg.knee).parent
+        thigh = np.array(knee.pos)
+        _add_limb(hip, patient, segments["thigh"], np.zeros(3), thigh)
+        if leg.ankle is None:
+            shank = SHANK_LENGTH * patient.height * thigh / np.linalg.norm(thigh)
+            _add_limb(knee, patient, segments["shank"], np.zeros(3), shank)
+            continue
+        ankle = spec.joint(leg.ankle).parent
+        _add_limb(knee, patient, segments["shank"], np.zeros(3), np.array(ankle.pos))
+        length, drop = FOOT_LENGTH * patient.height, -0.5 * FOOT_HEIGHT * patient.height
+        # de Leva measures from heel to toe, Winter from the ankle to the second metatarsal.
+        start, axis = np.array([-0.25 * length, 0.0, drop]), np.array([length, 0.0, 0.0])
+        if winter:
+            start, axis = np.zeros(3), np.array([0.47 * length, 0.0, drop])
+        _add_limb(ankle, patient, segments["foot"], start, axis)
+    if model.pelvis is PelvisGuide.VERTICAL:
+        # Head, arms and trunk only rise and sink: their mass counts, their inertia does not.
+        trunk = patient.mass * (1.0 - 2.0 * sum(item.mass for item in segments.values()))
+        _add_mass(spec.joint(PELVIS_JOINT).parent, trunk, np.zeros(3), np.ones(3), np.array([0.0, 0.0, 1.0]))
+
+
+def _fit(spec: mujoco.MjSpec, leg: LegJoints, patient: Patient) -> None:
+    """Set waist, femur and tibia; a tube of the same mass and another length."""
+    sizes = device_sizes(patient)
+    hip, knee = spec.joint(leg.hip).parent, spec.joint(leg.knee).parent
+    hip.pos = [hip.pos[0], np.sign(hip.pos[1]) * sizes.waist / 2.0, hip.pos[2]]
+    tubes = [(hip, knee, sizes.femur)]
+    if leg.ankle is not None:
+        tubes.append((knee, spec.joint(leg.ankle).parent, sizes.tibia))
+    for tube, distal, length in tubes:
+        ratio = length / np.linalg.norm(distal.pos)
+        distal.pos = ratio * np.array(distal.pos)
+        tube.ipos = ratio * np.array(tube.ipos)
+        tube.fullinertia = ratio * ratio * np.array(tube.fullinertia)
+
+
+def _add_limb(body: Any, patient: Patient, segment: Segment, start: np.ndarray, axis: np.ndarray) -> None:
+    mass, length = segment.mass * patient.mass, float(np.linalg.norm(axis))
+    radii = length * np.array([segment.transverse, segment.transverse, segment.longitudinal])
+    _add_mass(body, mass, start + segment.centre * axis, mass * radii**2, axis)
+
+
+def _add_mass(body: Any, mass: float, centre: np.ndarray, moments: np.ndarray, axis: np.ndarray) -> None:
+    """Moments about two axes across a direction, and about the direction itself."""
+    turn = np.empty(4)
+    mujoco.mju_quatZ2Vec(turn, axis)
+    body.add_body(mass=mass, ipos=centre, iquat=turn, inertia=moments, explicitinertial=True)

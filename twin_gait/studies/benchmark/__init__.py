@@ -1,1 +1,0 @@
-"""Speed: the compiled engine and its peers, timed in turn."""

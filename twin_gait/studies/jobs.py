@@ -1,0 +1,283 @@
+"""The job runner: many calls of one function, on processes of this machine or on a Dask cluster.
+
+Sweeps, tuning, batches, fault campaigns and the studies of the gallery all use it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import threading
+import time
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager, closing, nullcontext
+from functools import lru_cache, partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Generic, NamedTuple
+
+import twin_gait
+from twin_gait.exceptions import TwinGaitError
+from twin_gait.parameters import require
+from twin_gait.studies.cluster import ClusterWorkers, connected
+from twin_gait.studies.processes import Item, Processes, Result, WorkersLost
+
+MOST_IN_CHUNK = 1000
+# Where an edit changes no result: everything else belongs to the version of a worker.
+SHOWN_ONLY = frozenset({"cli", "live", "viewer", "checking", "testing", "export"})
+
+# A cluster's worker may have several threads, and silencing the URDF parser redirects the process's
+# standard error, which two of them would do to each other.
+# A job may run jobs of its own in its process.
+_ONE_AT_A_TIME = threading.RLock()
+
+Progress = Callable[[int, int], None]
+
+
+class JobFailed(TwinGaitError):
+    """A job raised an error of this package.
+
+    Attributes:
+        index: Of its item.
+        problem: The error's message.
+    """
+
+    def __init__(self, index: int, problem: str) -> None:
+        """Compose the message."""
+        self.index, self.problem = index, problem
+        super().__init__(f"job {index}: {problem}")
+
+
+class Portion(NamedTuple, Generic[Result]):
+    """Results of a chunk of items.
+
+    Attributes:
+        results: By index of the item.
+        problem: Index and message of the job that failed, after which the chunk ended.
+        wall_s: How long it took in [s].
+        processor: Name of the processor's type as the compiler has it: the same name, the same last bits.
+    """
+
+    results: dict[int, Result]
+    problem: tuple[int, str] | None
+    wall_s: float
+    processor: str
+
+
+class Workers:
+    """Processes of this machine, or the workers of a Dask cluster, for several calls of :func:`run_jobs`.
+
+    A context manager; processes start with the first job and end with the context. Workers do not outlive a
+    parent that is killed. One process is the calling one.
+    """
+
+    def __init__(self, workers: int = 1, cluster: str | None = None) -> None:
+        """Choose who works; nothing is started.
+
+        Args:
+            workers: Processes of this machine.
+            cluster: Address of a Dask scheduler such as ``tcp://127.0.0.1:8786``, in place of processes.
+
+        Raises:
+            ParameterError: If the workers are below 1.
+        """
+        require(workers >= 1, "workers", "1 or more", workers)
+        self._cluster = cluster
+        self._runner: Processes | ClusterWorkers = Processes(workers)
+        self._connection: AbstractContextManager[Any] = nullcontext()
+
+    def __enter__(self) -> Workers:
+        """Connect to the cluster, if there is one.
+
+        Raises:
+            MissingOptionalDependency: If dask.distributed is not installed.
+            ParameterError: If there is no scheduler at the address.
+            WorkersLost: If the cluster has no workers.
+        """
+        if self._cluster is not None:
+            self._connection = connected(self._cluster)
+            self._runner = self._connection.__enter__()
+        return self
+
+    def __exit__(self, *exception: Any) -> None:
+        """End the processes, or leave the cluster."""
+        if isinstance(self._runner, Processes):
+            self._runner.end()
+        self._connection.__exit__(*exception)
+
+    def slots(self) -> int:
+        """How many jobs run at a time; workers of a cluster may come and go."""
+        return self._runner.slots()
+
+    def as_they_come(
+        self, function: Callable[[Item], Result], items: Iterable[Item]
+    ) -> Generator[Result, None, None]:
+        """Results in the order in which they come; items are taken one by one when there is room."""
+        return self._runner.run(function, items)
+
+
+def run_jobs(
+    function: Callable[[Item], Result],
+    items: Sequence[Item],
+    *,
+    workers: int | Workers = 1,
+    cluster: str | None = None,
+    first: Callable[[Item], Result] | None = None,
+    progress: Progress | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> list[Result]:
+    """Call a function with each of many items, on several processes or a cluster.
+
+    The results do not depend on the workers. With several, the function must belong to a module that they can
+    import (``functools.partial`` of one will do), items and results must be picklable, and a script must
+    guard its own code by ``if __name__ == "__main__":``, because every worker imports it. Items under way
+    when a worker dies are done again by others. Ctrl-C ends the workers and raises ``KeyboardInterrupt``;
+    to keep what is done use ``should_stop``.
+
+    Args:
+        function: The function.
+        items: Its arguments.
+        workers: Processes, or :class:`Workers` that stay from one call to the next.
+        cluster: Address of a Dask scheduler, in place of processes.
+        first: Does the first item, in the calling process and before the others begin: the same function
+            with something added, such as a message while the engine is compiled, which then no worker has to.
+        progress: Called with items done and in all.
+        should_stop: Asked before each item; True lets those that run finish and ends the work.
+
+    Returns:
+        Results in the order of the items; of the first items only if it was stopped.
+
+    Raises:
+        JobFailed: If a call raised an error of this package, telling which.
+        ParameterError: If the workers are below 1, or there is no scheduler at the address.
+        WorkersLost: If workers die again and again with the same item, or the cluster is lost.
+    """
+    if isinstance(workers, int):
+        with Workers(workers, cluster) as own:
+            return run_jobs(
+                function, items, workers=own, first=first, progress=progress, should_stop=should_stop
+            )
+    done: dict[int, Result] = {}
+    coming = portions(function, items, len(items), workers, first=first, should_stop=should_stop)
+    with closing(coming):
+        for portion in coming:
+            done |= portion.results
+            if portion.problem:
+                raise JobFailed(*portion.problem)
+            if progress is not None:
+                progress(len(done), len(items))
+    return [done[index] for index in range(len(done))]
+
+
+def portions(
+    function: Callable[[Item], Result],
+    items: Iterable[Item],
+    total: int,
+    workers: Workers,
+    *,
+    chunk_seconds: float = 0.0,
+    first: Callable[[Item], Result] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> Generator[Portion[Result], None, None]:
+    """Results chunk by chunk, in the order in which they come, for a caller that keeps them as they come.
+
+    Args:
+        function: As in :func:`run_jobs`.
+        items: Its arguments, taken one by one when there is room.
+        total: Their number.
+        workers: Who works.
+        chunk_seconds: Work handed over at a time in [s], as far as it can be foretold; 0 for single items.
+        first: As in :func:`run_jobs`.
+        should_stop: Asked before each chunk.
+
+    Yields:
+        The portions; one with a problem is not the last unless the caller leaves.
+
+    Raises:
+        WorkersLost: As in :func:`run_jobs`, or if a worker has other sources.
+    """
+    pace = _Pace(chunk_seconds, workers)
+    chunks = _chunks(items, total, pace, should_stop)
+    if first is not None:
+        for chunk in itertools.islice(chunks, 1):
+            yield pace.noted(_do(first, sources_hash(), chunk))
+    with closing(workers.as_they_come(partial(_do, function, sources_hash()), chunks)) as coming:
+        for portion in coming:
+            yield pace.noted(portion)
+
+
+class _Chunk(NamedTuple):
+    first: int
+    items: tuple[Any, ...]
+
+    def __str__(self) -> str:
+        ends = dict.fromkeys(str(item)[:100] for item in (self.items[0], self.items[-1]))
+        return " to ".join(ends)
+
+
+class _Pace:
+    """Size of chunks, from the measured time of an item."""
+
+    def __init__(self, seconds: float, workers: Workers) -> None:
+        self._seconds, self._slots = seconds, workers.slots()
+        self._items, self._wall_s = 0, 0.0
+
+    def noted(self, portion: Portion[Result]) -> Portion[Result]:
+        self._items += len(portion.results)
+        self._wall_s += portion.wall_s
+        return portion
+
+    def size(self, left: int) -> int:
+        """Items of the next chunk, with enough of them at the end for every worker."""
+        if not self._items or not self._seconds:
+            return 1
+        by_time = round(self._seconds * self._items / max(self._wall_s, 1e-9))
+        return max(1, min(by_time, MOST_IN_CHUNK, left // (2 * self._slots)))
+
+
+def _chunks(
+    items: Iterable[Any], total: int, pace: _Pace, should_stop: Callable[[], bool] | None
+) -> Iterator[_Chunk]:
+    """A chunk is cut when it is asked for, with what is known by then of the time of an item."""
+    waiting, place = iter(items), 0
+    while place < total and not (should_stop is not None and should_stop()):
+        chunk = _Chunk(place, tuple(itertools.islice(waiting, pace.size(total - place))))
+        yield chunk
+        place += len(chunk.items)
+
+
+def _do(function: Callable[[Any], Result], sources: str, chunk: _Chunk) -> Portion[Result]:
+    """Do the items of a chunk, up to the first that fails, in whatever process."""
+    if sources != sources_hash():
+        raise WorkersLost("a worker has another version of twin_gait; install the same everywhere")
+    results: dict[int, Result] = {}
+    problem = None
+    with _ONE_AT_A_TIME:
+        began = time.perf_counter()
+        for index, item in enumerate(chunk.items, chunk.first):
+            try:
+                results[index] = function(item)
+            except TwinGaitError as error:
+                problem = (index, str(error))  # a text, because not every exception can be pickled
+                break
+        wall = time.perf_counter() - began
+    return Portion(results, problem, wall, str(import_module("llvmlite.binding").get_host_cpu_name()))
+
+
+@lru_cache(maxsize=1)
+def sources_hash() -> str:
+    """SHA-256 over the sources that a result depends on, as they were when first asked for.
+
+    Results of one table must come from one version of the laws, and a version number does not change while
+    somebody edits them. What only shows results does not count.
+
+    Returns:
+        The hash.
+    """
+    root = Path(twin_gait.__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted([*root.glob("**/*.py"), *root.glob("configuration/people/*.yaml")]):
+        place = path.relative_to(root)
+        if place.parts[0] not in SHOWN_ONLY:
+            digest.update(f"{place.as_posix()}\0".encode() + path.read_bytes())
+    return digest.hexdigest()

@@ -1,1 +1,0 @@
-"""The witnesses of this package, and their verdicts."""
