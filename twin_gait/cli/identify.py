@@ -147,7 +147,7 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
     )
     from twin_gait.parameters import require
 
-    require(arguments.seed >= 0, "--seed", "a whole options.number of 0 or more", arguments.seed)
+    require(arguments.seed >= 0, "--seed", "a whole number of 0 or more", arguments.seed)
     processing = options.given(
         processing=None if arguments.processing is None else Processing(arguments.processing),
         cutoff=arguments.cutoff_Hz,
@@ -184,9 +184,7 @@ def _bench(arguments: argparse.Namespace) -> Any:
     if arguments.start_angle_deg == "as-logged":
         stated["start_angle"] = None
     elif arguments.start_angle_deg is not None:
-        degrees = options.number(
-            "--start-angle-deg", arguments.start_angle_deg, "a options.number or as-logged"
-        )
+        degrees = options.number("--start-angle-deg", arguments.start_angle_deg, "a number or as-logged")
         stated["start_angle"] = math.radians(degrees)
     return RigParameters(
         actuator=KNEE_ACTUATOR if arguments.joint == "knee" else HIP_ACTUATOR,
@@ -207,7 +205,7 @@ def _pairs(flag: str, text: str) -> dict[Any, str]:
 
 
 def _files(paths: list[Path]) -> Iterator[Path]:
-    """Files as options.given, and those of folders by name."""
+    """Files as given, and those of folders by name."""
     from twin_gait.exceptions import ParameterError
 
     for path in paths:

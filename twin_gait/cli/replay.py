@@ -12,7 +12,7 @@ from twin_gait.cli.terminal import DONE, answer, progress_bar
 if TYPE_CHECKING:
     from twin_gait.studies.replay.log import ReplayRequest
 
-FOUND = "found"  # --mirror without a options.number: the stride time is found in the angles
+FOUND = "found"  # --mirror without a number: the stride time is found in the angles
 
 
 def add_parser(commands: Any) -> None:
