@@ -1,8 +1,8 @@
 """Static checks of a gait table: what can go wrong, found without a run.
 
-A rule is a function ``(subject: Subject) -> list[Finding]``; its name is the id of its findings and the
-first line of its docstring says what it finds. Each module lists its rules in ``RULES``. Public are the
-pieces of the rules on stability: the closed-loop transition matrix and the friction laws in it.
+A rule is a function ``(case: CheckCase) -> list[Finding]``; its name is the id of its findings and the first
+line of its docstring says what it finds. Each module lists its rules in ``RULES``. Public are the pieces of
+the rules on stability: the closed-loop transition matrix and the friction laws in it.
 """
 
 from __future__ import annotations

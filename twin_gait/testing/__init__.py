@@ -1,8 +1,8 @@
 """A test kit for anyone's gait table.
 
     >>> from twin_gait.testing import transition_tests
-    >>> from twin_gait.configuration.gait_table_file import packaged_gait_table
-    >>> tests = transition_tests(packaged_gait_table("treadmill"))
+    >>> from twin_gait.configuration.gait_table_file import load_gait_table
+    >>> tests = transition_tests(load_gait_table("treadmill"))
     >>> for test in tests:
     ...     test.run()
 
@@ -18,15 +18,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from twin_gait.testing.approval import approval_text
     from twin_gait.testing.cases import TransitionTest, transition_tests
-    from twin_gait.testing.mutation import Mutant, mutants
 
-__all__ = ["Mutant", "TransitionTest", "approval_text", "mutants", "transition_tests"]
+__all__ = ["TransitionTest", "approval_text", "transition_tests"]
 
 _HOMES = {
-    "Mutant": "mutation",
     "TransitionTest": "cases",
     "approval_text": "approval",
-    "mutants": "mutation",
     "transition_tests": "cases",
 }
 
