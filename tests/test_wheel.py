@@ -34,7 +34,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel):
     tops = {name.parts[0] for name in names}
     assert len(tops) == 2 and "twin_gait" in tops
     inside = {name.parts[1] for name in names if name.parts[0] == "twin_gait"}
-    assert not inside & {"examples", "benchmarks", "tests", "docs", "reproduction", "whatif"}
+    assert not inside & {"examples", "benchmarks", "tests", "docs"}
     shipped = {str(name) for name in names}
     kept = [
         path.relative_to(ROOT)
@@ -89,5 +89,7 @@ def test_the_fifteen_lines_run_outside_the_checkout(site, tmp_path):
 
 def test_the_test_kit_of_the_wheel_tests_a_table(site, tmp_path):
     """Pytest finds the plugin of the package without the checkout's own conftest."""
-    words = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "--gait-table", "sup_2009")
+    table = run(site, tmp_path, "-m", "twin_gait", "presets", "sup_2009")
+    (tmp_path / "mine.yaml").write_text(table, encoding="utf-8")
+    words = ("-m", "pytest", "-q", "-p", "no:cacheprovider", "--gait-table", "mine.yaml")
     assert " passed" in run(site, tmp_path, *words)

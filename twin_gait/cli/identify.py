@@ -102,11 +102,11 @@ def run(arguments: argparse.Namespace) -> int:
     )
     from twin_gait.vocabulary import JointName
 
-    options = make_options(arguments)
+    chosen = make_options(arguments)
     check_target(arguments.out, IDENTIFICATION, force=arguments.force)
     paths = list(_files(arguments.logs))
     with progress_bar("identifying", "step") as progress:
-        result = identify_logs(paths, options, progress)
+        result = identify_logs(paths, chosen, progress)
     joint = None if arguments.joint is None else JointName(arguments.joint)
     document = write_identification(
         result, arguments.out, joint, force=arguments.force, pictures=not arguments.no_pictures
@@ -131,11 +131,7 @@ def _why_no_file(document: Mapping[str, Any]) -> str:
 
 
 def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
-    """Turn arguments into options.
-
-    Raises:
-        ParameterError: If one cannot be read or is out of range.
-    """
+    """Turn arguments into options."""
     from twin_gait.identification import (
         CurrentSource,
         FitOptions,

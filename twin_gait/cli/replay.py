@@ -76,11 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def make_request(arguments: argparse.Namespace) -> ReplayRequest:
-    """Turn arguments into a request.
-
-    Raises:
-        ParameterError: If one cannot be read.
-    """
+    """Turn arguments into a request."""
     import math
 
     from twin_gait.conventions import find_convention
