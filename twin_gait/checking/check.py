@@ -23,7 +23,7 @@ from twin_gait.checking import (
 from twin_gait.checking.finding import Finding, Severity, Subject
 from twin_gait.checking.signals import ANY_ANGLE, HIGHEST_VELOCITY, JOINT_RANGES
 from twin_gait.checking.waiving import unknown_rule, unused_waiver, waive
-from twin_gait.configuration import find_gait_table, load_experiment
+from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
@@ -77,7 +77,7 @@ def load_subject(
     if source is None:
         own = load_experiment(experiment or DEFAULT_PRESET, settings).experiment
         return build_subject(own.table, own)
-    table = find_gait_table(source, draft=True)
+    table = load_gait_table(source, draft=True)
     if experiment is None:
         if table.joints != (JointName.HIP, JointName.KNEE):
             return build_subject(table)

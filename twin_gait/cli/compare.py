@@ -55,10 +55,19 @@ def run(arguments: argparse.Namespace) -> int:
     import textwrap
 
     from twin_gait.runs.folders import check_target
-    from twin_gait.studies.compare.comparing import ComparisonInterrupted, compare
-    from twin_gait.studies.compare.controllers import CONTROLLERS, find_controllers
-    from twin_gait.studies.compare.words import paragraphs
-    from twin_gait.studies.compare.writing import COMPARISON, PAGE_FILE, summary_text, write_comparison
+    from twin_gait.studies.compare.comparing import (
+        CONTROLLERS,
+        ComparisonInterrupted,
+        compare,
+        find_controllers,
+    )
+    from twin_gait.studies.compare.writing import (
+        COMPARISON,
+        PAGE_FILE,
+        conclusions,
+        summary_text,
+        write_comparison,
+    )
 
     names = list(CONTROLLERS)
     if arguments.controllers is not None:
@@ -83,7 +92,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"twin-gait: {error}", file=sys.stderr)
         return INTERRUPTED
     write_comparison(comparison, who, out, force=arguments.force)
-    text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in paragraphs(comparison))
+    text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in conclusions(comparison))
     answer(
         arguments,
         [text, "", str(out / PAGE_FILE)],

@@ -158,7 +158,7 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
         columns=LogColumns(
             names=_pairs("--columns", arguments.columns), units=_pairs("--units", arguments.units)
         ),
-        rig=_bench(arguments),
+        bench=_bench(arguments),
         processing=ProcessingOptions(**processing),
         fit=FitOptions(loss=Loss(arguments.loss), physical=arguments.physical, seed=arguments.seed),
         models=tuple(name.strip() for item in arguments.model for name in item.split(",") if name.strip()),
@@ -170,7 +170,7 @@ def _bench(arguments: argparse.Namespace) -> Any:
     """The bench; None without a joint, whose motor would be unknown."""
     import math
 
-    from twin_gait.identification import LoadAngle, RigParameters
+    from twin_gait.identification import BenchSetup, LoadAngle
     from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
 
     if arguments.joint is None:
@@ -188,7 +188,7 @@ def _bench(arguments: argparse.Namespace) -> Any:
             "--start-angle-deg", arguments.start_angle_deg, "a options.number or as-logged"
         )
         stated["start_angle"] = math.radians(degrees)
-    return RigParameters(
+    return BenchSetup(
         actuator=KNEE_ACTUATOR if arguments.joint == "knee" else HIP_ACTUATOR,
         load_angle=LoadAngle(arguments.load_angle),
         mass_as_printed=arguments.mass_inertia_as_printed,
