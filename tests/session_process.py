@@ -18,7 +18,7 @@ def main() -> None:
         change = SimpleNamespace(
             serial=serial,
             tick=tick,
-            outcome="applied",
+            response="applied",
             user="Ann",
             subject="belt_speed",
             before=1.5,

@@ -19,9 +19,8 @@ from twin_gait.configuration import load_experiment, packaged_gait_tables
 from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.gait_table_file import (
     gait_table_from_mapping,
+    gait_table_path,
     load_gait_table,
-    packaged_gait_table,
-    packaged_table_path,
 )
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
@@ -38,7 +37,7 @@ def experiment() -> Experiment:
 @cache
 def sound() -> Mapping:
     """The treadmill's table without its waivers."""
-    data: Mapping = yaml.safe_load(packaged_table_path("treadmill").read_text(encoding="utf-8"))
+    data: Mapping = yaml.safe_load(gait_table_path("treadmill").read_text(encoding="utf-8"))
     data.pop("waive", None)
     return data
 
@@ -439,7 +438,7 @@ def test_one_leg_cannot_swing_with_another() -> None:
 
 def test_table_is_scaled_to_the_experiment() -> None:
     slow = load_experiment("treadmill", ["scenario.belt_speed_km_per_h=0.9"]).experiment
-    table = packaged_gait_table("treadmill")
+    table = load_gait_table("treadmill")
     scaled = build_subject(table, slow).table
     assert scaled.transitions[0].guard != table.transitions[0].guard
     assert scaled.phases["early_stance"].joints["hip"] != table.phases["early_stance"].joints["hip"]

@@ -18,7 +18,7 @@ from twin_gait.checking.hanging_leg import friction_torque, hanging_legs
 from twin_gait.checking.serving import release_speed
 from twin_gait.checking.signals import SignalSpace
 from twin_gait.checking.switch_postures import Postures, first_rests
-from twin_gait.configuration import packaged_gait_table
+from twin_gait.configuration import load_gait_table
 from twin_gait.gait import Blending, BlendingLaw, GaitTable, Transition
 from twin_gait.gait.guards import parse_guard
 from twin_gait.gait.table import DrivenBy
@@ -70,7 +70,7 @@ def test_a_finding_is_named_after_its_rule_and_says_what_and_what_to_do():
 
 
 def test_a_table_without_a_leg_model_is_only_checked_for_sense():
-    table = packaged_gait_table("osl_walking")
+    table = load_gait_table("osl_walking")
     for rule in RULES:
         assert rule(build_subject(table)) == []
     phase = table.phases["late_swing"]

@@ -20,7 +20,7 @@ from twin_gait.checking.check import build_subject
 from twin_gait.checking.finding import Finding, Subject, label
 from twin_gait.checking.polyhedra import MOST_CLAUSES, Inequality, disjunctive_form, find_point
 from twin_gait.checking.signals import SignalSpace
-from twin_gait.configuration import load_experiment, packaged_gait_table
+from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.exceptions import GaitTableError
 from twin_gait.experiment import Experiment
 from twin_gait.gait import TICK, DraftTable, GaitStateMachine, GaitTable, LegSignals, Transition
@@ -187,7 +187,7 @@ SEEDS = range(12)
 @cache
 def random_subject(seed: int) -> Subject:
     experiment = treadmill()
-    plain = build_subject(packaged_gait_table("treadmill"), experiment)
+    plain = build_subject(load_gait_table("treadmill"), experiment)
     return Subject(
         table=random_table(seed),
         experiment=experiment,
@@ -207,7 +207,7 @@ def test_limits_are_those_of_the_urdf() -> None:
 
 @pytest.mark.parametrize("name", ["treadmill", "bench_leg"])
 def test_shipped_tables_report_all_that_half_a_million_random_vectors_show(name: str) -> None:
-    table = packaged_gait_table(name)
+    table = load_gait_table(name)
     subject = Subject(table=table, experiment=None, limits=random_subject(0).limits)
     vectors = Vectors(table, np.random.default_rng(1), 500_000)
     contending, passing = assert_reported(table, vectors, subject)

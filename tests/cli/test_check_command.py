@@ -17,7 +17,7 @@ from twin_gait.cli import check as command
 from twin_gait.cli import main
 from twin_gait.cli.check import draw
 from twin_gait.cli.terminal import DONE, FAILED
-from twin_gait.configuration.table_inheritance import packaged_table_path
+from twin_gait.configuration.table_inheritance import gait_table_path
 from twin_gait.exceptions import TwinGaitError
 
 
@@ -31,7 +31,7 @@ def run(*arguments: str) -> int:
 @pytest.fixture
 def stiff_knee(tmp_path: Path) -> str:
     """A published machine whose early swing waits for a knee angle that no knee has."""
-    text = packaged_table_path("osl_walking").read_text(encoding="utf-8")
+    text = gait_table_path("osl_walking").read_text(encoding="utf-8")
     assert "knee.angle_deg > 50" in text
     path = tmp_path / "stiff_knee.yaml"
     path.write_text(text.replace("knee.angle_deg > 50", "knee.angle_deg > 150"), encoding="utf-8")
@@ -88,7 +88,7 @@ def test_rules_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     ("arguments", "explained"),
     [
         ([], "expected a gait table"),
-        (["nowhere.yaml"], "nowhere.yaml: neither a packaged gait table"),
+        (["nowhere.yaml"], "no gait table 'nowhere.yaml': neither a file"),
         (["treadmill", "--experiment", "nowhere"], "nowhere: neither a preset"),
     ],
 )

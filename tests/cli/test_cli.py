@@ -18,7 +18,7 @@ from twin_gait import load_experiment
 from twin_gait.cli import main
 from twin_gait.cli.program import build_parser
 from twin_gait.configuration.documents import dump_yaml
-from twin_gait.configuration.table_inheritance import packaged_table_path
+from twin_gait.configuration.table_inheritance import gait_table_path
 
 FAST = ["--no-pictures"]
 
@@ -61,9 +61,9 @@ def test_default_folder_is_below_runs(tmp_path, monkeypatch):
 
 def test_export_to_csv(bench_run, tmp_path):
     out = tmp_path / "log.csv"
-    assert run("export", str(bench_run), "--to", "csv", "--out", str(out)) == 0
+    assert run("export", str(bench_run), "--format", "csv", "--out", str(out)) == 0
     assert len(pd.read_csv(out)) == 1000
-    assert run("export", str(bench_run), "--to", "csv", "--out", str(out)) == 2  # it exists now
+    assert run("export", str(bench_run), "--format", "csv", "--out", str(out)) == 2  # it exists now
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_export_without_a_format_goes_by_the_ending(arguments, written, bench_ru
 
 
 def test_view_plays_a_run_once_and_ends(bench_run):
-    command = [sys.executable, "-m", "twin_gait", "view", str(bench_run), "--once", "--speed", "4"]
+    command = [sys.executable, "-m", "twin_gait", "view", str(bench_run), "--once", "--play-speed", "4"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0
     assert "open http://127.0.0.1:" in done.stdout
@@ -117,10 +117,10 @@ def test_presets_are_listed_and_printed(capsys):
 def test_a_gait_table_is_printed_as_its_file_and_can_be_checked(tmp_path, capsys):
     assert run("presets", "sup_2009") == 0
     printed = capsys.readouterr().out
-    assert printed == packaged_table_path("sup_2009").read_text(encoding="utf-8")
-    assert run("presets", "treadmill", "--table") == 0  # a preset has that name too
-    assert capsys.readouterr().out == packaged_table_path("treadmill").read_text(encoding="utf-8")
-    assert run("presets", "moonwalk", "--table") == 2
+    assert printed == gait_table_path("sup_2009").read_text(encoding="utf-8")
+    assert run("presets", "treadmill", "--as-table") == 0  # a preset has that name too
+    assert capsys.readouterr().out == gait_table_path("treadmill").read_text(encoding="utf-8")
+    assert run("presets", "moonwalk", "--as-table") == 2
 
 
 def test_a_printed_preset_runs_unchanged(tmp_path, capsys):
@@ -146,25 +146,23 @@ BAD = {
     "unknown flag": ["simulate", "--fast"],
     "no command": [],
     "view nothing": ["view", "nowhere"],
-    "view speed": ["view", "nowhere", "--speed", "0"],
+    "view speed": ["view", "nowhere", "--play-speed", "0"],
     "view port": ["view", "nowhere", "--port", "70000"],
-    "export nothing": ["export", "nowhere", "--to", "csv"],
-    "export format": ["export", "nowhere", "--to", "xlsx"],
+    "export nothing": ["export", "nowhere", "--format", "csv"],
+    "export format": ["export", "nowhere", "--format", "xlsx"],
     "mass of no number": ["simulate", "--mass", "heavy"],
     "mass beyond the device": ["simulate", "--mass", "200"],
     "no such table": ["presets", "moonwalk"],
-    "map workers": ["map", "--workers", "0"],
     "faults workers": ["faults", "--workers", "-1"],
     "faults into a folder": ["faults", "--out", "."],
-    "map into no folder": ["map", "--out", "nowhere/map.csv"],
-    "validate into no folder": ["validate", "--json", "nowhere/checks.json"],
-    "map without a treadmill": ["map", "bench_leg"],
+    "faults into no folder": ["faults", "--out", "nowhere/faults.csv"],
+    "tables for nobody": ["presets", "--as-table"],
     "tiny step": ["simulate", "--set", "integration.step_s=1e-300"],
     "step below the finest": ["simulate", "--set", "integration.step_s=1e-9"],
     "huge number": ["simulate", "--set", f"patient.mass_kg={'9' * 5000}"],
     "huge list position": ["simulate", "--set", f"table.transitions[{'9' * 5000}].to=late_stance"],
     "long name of a folder": ["simulate", "bench_leg", "--duration", "0.1", "--out", "a" * 300],
-    "long name of a file": ["map", "--out", "a" * 300],
+    "long name of a file": ["faults", "--out", "a" * 300],
     "long name of an experiment": ["simulate", "a" * 300],
     "long name of a table": ["check", "a" * 300],
     "long name of a log": ["identify", "a" * 300, "--out", "out"],

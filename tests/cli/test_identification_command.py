@@ -204,12 +204,11 @@ def test_a_mass_that_the_files_overrule_is_said(tmp_path, capsys):
         "coulomb_viscous",
         "--no-pictures",
         "--no-cross-validation",
-        "--mass-kg",
+        "--mass",
         "7",
     )
     logs = [tmp_path / f"knee_{number}.log" for number in range(2)]
     assert call(*logs, *given, "--out", tmp_path / "out") == DONE
     assert (
-        "warning: --mass-kg 7 is overruled by what knee_0.log (1 kg) and 1 more says"
-        in capsys.readouterr().out
+        "warning: --mass 7 is overruled by what knee_0.log (1 kg) and 1 more says" in capsys.readouterr().out
     )

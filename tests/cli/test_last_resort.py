@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from twin_gait.cli import main, presets
+from twin_gait.cli import main, tables
 
 DEFECT = re.compile(r"twin-gait: this should not .* \(KeyError: 'lost'\); the report is in (\S+); .*\n")
 
@@ -19,7 +19,7 @@ def broken(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def fail(arguments: object) -> int:
         raise KeyError("lost")
 
-    monkeypatch.setattr(presets, "run", fail)
+    monkeypatch.setattr(tables, "show_presets", fail)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
 
 

@@ -76,7 +76,7 @@ def test_a_run_replays_to_its_own_switches_through_an_exported_file(walk, tmp_pa
     assert run("export", walk, "--format", file_format, "--out", path) == 0
     # The run scales its table to its belt; an ideal sensor measures the true angle, which motions hold.
     # A motion in degrees is off by a rounding, which no switch notices.
-    options = ["--belt-speed-km-per-h", 1.5, "--start", "left=early_stance,right=late_stance"]
+    options = ["--speed", 1.5, "--start", "left=early_stance,right=late_stance"]
     to = ["--out", tmp_path / "again", "--no-pictures"]
     if file_format != "csv":
         options += ["--convention", "opensim_gait2392"]
@@ -104,7 +104,7 @@ def test_one_leg_goes_through_the_table_of_the_bench_and_mirrored_through_that_o
 
 
 def test_a_run_at_another_speed_keeps_its_own_table(walk, capsys):
-    assert run("replay", walk, "--belt-speed-km-per-h", 0.8) == 0
+    assert run("replay", walk, "--speed", 0.8) == 0
     printed = capsys.readouterr().out
     assert "through the table treadmill" in printed
     assert printed.count("100.0 % of the ticks equal") == 0
@@ -174,8 +174,8 @@ BAD = {
     "infinite offset": ["koopman@1.5", "--offset-deg", "hip=inf"],
     "start side": ["koopman@1.5", "--start", "both=late_stance"],
     "start phase": ["koopman@1.5", "--start", "left=flight"],
-    "speed": ["koopman@1.5", "--belt-speed-km-per-h", "0"],
-    "mass": ["koopman@1.5", "--mass", "-70"],
+    "speed": ["koopman@1.5", "--speed", "0"],
+    "mass": ["koopman@1.5", "--total-mass", "-70"],
     "mirror a pair": ["koopman@1.5", "--mirror"],
     "mirror by a word": ["koopman@1.5", "--mirror", "twice"],
     "units": ["koopman@1.5", "--units", "grad"],

@@ -9,11 +9,6 @@ from typing import Any
 
 import pandas as pd
 import pytest
-
-from twin_gait.configuration import load_experiment, packaged_gait_table
-from twin_gait.experiment import Experiment
-from twin_gait.gait.scaling import scale_table
-from twin_gait.gait.table import SCALING_EXPONENTS, Scaling
 from twin_gait.studies.people import cohort_page, cohort_walks, scaling_fit
 from twin_gait.studies.people.cohort_walks import (
     Walk,
@@ -25,6 +20,11 @@ from twin_gait.studies.people.cohort_walks import (
 )
 from twin_gait.studies.people.scaling_fit import Person, Worth, draw_people, fit_exponents, law_of
 from twin_gait.studies.people.trials import MASS_ALONE
+
+from twin_gait.configuration import load_experiment, load_gait_table
+from twin_gait.experiment import Experiment
+from twin_gait.gait.scaling import scale_table
+from twin_gait.gait.table import SCALING_EXPONENTS, Scaling
 from twin_gait.studies.tune.stages import START_TABLES
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -53,12 +53,12 @@ def test_whatever_the_exponents_the_base_walks_as_its_table_says(base: Experimen
     assert [getattr(law, name) for name in SCALING_EXPONENTS] == [1.7] * len(SCALING_EXPONENTS)
     assert law.speed is not None and law.height is not None
     scaled = scale_table(
-        packaged_gait_table("treadmill_normative"),
+        load_gait_table("treadmill_normative"),
         carried_mass=law.carried_mass,
         speed=law.speed,
         height=law.height,
     )
-    assert scaled.phases == packaged_gait_table("treadmill_normative").phases
+    assert scaled.phases == load_gait_table("treadmill_normative").phases
 
 
 def test_the_fit_finds_exponents_that_were_planted(base: Experiment, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -91,7 +91,7 @@ def test_a_walk_with_a_law_depends_on_the_person(base: Experiment) -> None:
 @pytest.mark.parametrize("name", START_TABLES)
 def test_shipped_tables_state_the_law_that_the_documentation_shows(name: str) -> None:
     rows = pd.read_csv(DOCS / cohort_page.FIT_FILE).set_index(["table", "law"])
-    stated, law = rows.loc[(name, cohort_page.STATED)], packaged_gait_table(name).scaling
+    stated, law = rows.loc[(name, cohort_page.STATED)], load_gait_table(name).scaling
     assert {item: stated[item] for item in SCALING_EXPONENTS} == {
         item: getattr(law, item) for item in SCALING_EXPONENTS
     }

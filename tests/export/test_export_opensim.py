@@ -12,7 +12,7 @@ from twin_gait.cli import main
 from twin_gait.conventions import CORC_X2, OPENSIM_GAIT2392, OSL, RAJAGOPAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.export import export_motion
-from twin_gait.replay.opensim import parse_storage
+from twin_gait.replay.tables import parse_storage
 
 
 def small_log(rng) -> pd.DataFrame:
@@ -99,7 +99,7 @@ def bench(tmp_path_factory):
     ("options", "sign", "in_degrees"),
     [
         (["--format", "mot"], -1.0, "yes"),
-        (["--to", "sto"], -1.0, "no"),
+        (["--format", "sto"], -1.0, "no"),
         (["--format", "sto", "--convention", "rajagopal"], 1.0, "no"),
     ],
 )

@@ -17,7 +17,7 @@ from guard_solver import OTHER_TIME, OWN_TIME, Measurements, holds
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin_gait.configuration import packaged_gait_table, packaged_gait_tables
+from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait import TICK, GaitStateMachine, GaitTable, compile_guards
 from twin_gait.gait.guards import WALK, Comparison, PhaseMembership, signal_names
@@ -33,7 +33,7 @@ APPROVED = Path(__file__).parents[1] / "approved"
 
 @cache
 def shipped(name: str) -> GaitTable:
-    return packaged_gait_table(name)
+    return load_gait_table(name)
 
 
 @cache
@@ -64,7 +64,7 @@ def titled(name: str, index: int) -> set[str]:
 def test_tables_ship_and_unknown_names_list_them() -> None:
     assert TABLES
     with pytest.raises(GaitTableError, match=", ".join(TABLES)):
-        packaged_gait_table("moonwalk")
+        load_gait_table("moonwalk")
 
 
 @pytest.mark.parametrize("name", WALKING)

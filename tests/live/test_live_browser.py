@@ -392,7 +392,7 @@ def test_a_page_that_outlives_its_session_shows_the_log_of_the_next(page: Page) 
     greeting = {"kind": "page", "session": session, "phases": phases}
 
     def event(serial: int, text: str) -> dict[str, Any]:
-        return {"kind": "event", "serial": serial, "outcome": "note", "text": text, "tick": 1, "id": ""}
+        return {"kind": "event", "serial": serial, "response": "note", "text": text, "tick": 1, "id": ""}
 
     page.page.evaluate(hear, [greeting, event(90001, "of the first"), event(90001, "of the first")])
     assert page.page.evaluate(texts).count("of the first") == 1

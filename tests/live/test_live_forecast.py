@@ -9,7 +9,7 @@ from test_live_loop import Rig, say, wait_for
 from twin_gait.configuration import load_experiment
 from twin_gait.live.controls import Panel
 from twin_gait.live.forecast import HORIZON, LEAST, foresee
-from twin_gait.live.protocol import Outcome
+from twin_gait.live.protocol import Response
 from twin_gait.live.session import LiveSession
 from twin_gait.live.settings import loop_numbers
 from twin_gait.live.walk import LiveWalk
@@ -126,14 +126,14 @@ def test_a_session_tells_the_forecast_of_a_try_changes_nothing_and_then_applies(
         name, value = FALLS[0]
         wait_for(lambda: session.newest_frame().number > 10)
         told = say(session, kind="try", control=name, value=value)
-        assert told.outcome is Outcome.FORECAST and told.forecast["bad"] and told.subject == name
+        assert told.response is Response.FORECAST and told.forecast["bad"] and told.subject == name
         assert told.forecast["text"] in told.text and told.effect == {}
         assert not any(item.changed for item in session.state().controls)
         unsafe = say(session, kind="try", control="middle_stance.hip.gain", value=0.95)
-        assert unsafe.outcome is Outcome.REFUSED and unsafe.text.startswith("unstable")
+        assert unsafe.response is Response.REFUSED and unsafe.text.startswith("unstable")
         applied = say(session, kind="set", control=name, value=value)
-        assert applied.outcome is Outcome.APPLIED  # it is for the therapist to decide
+        assert applied.response is Response.APPLIED  # it is for the therapist to decide
         # A forecaster that died is started again.
         session._forecaster._process.kill()
         wait_for(lambda: not session._forecaster.alive)
-        assert say(session, kind="try", control="belt_speed", value=1.5).outcome is Outcome.FORECAST
+        assert say(session, kind="try", control="belt_speed", value=1.5).response is Response.FORECAST

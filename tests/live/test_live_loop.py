@@ -34,7 +34,7 @@ from twin_gait.live.protocol import (
     Event,
     Frame,
     MessageRefused,
-    Outcome,
+    Response,
     SetControl,
     id_of,
     read_message,
@@ -130,7 +130,7 @@ def test_frames_and_events_come_back_from_json_as_they_went():
     read = Frame.from_dict(json.loads(json.dumps(broken.to_dict(), allow_nan=False)))
     assert math.isnan(read.q[0]) and math.isnan(read.log["a_Nm"])
     event = Event(
-        serial=2, outcome=Outcome.APPLIED, text="k", tick=10, id="1", user="Ann", subject="s", value=1.0,
+        serial=2, response=Response.APPLIED, text="k", tick=10, id="1", user="Ann", subject="s", value=1.0,
         before=2.0, warnings=("w",), effect={"a": 1.0},
     )  # fmt: skip
     assert Event.from_dict(json.loads(json.dumps(event.to_dict()))) == event
@@ -635,7 +635,9 @@ def test_saving_leaves_the_table_of_an_earlier_session_alone(finished):
 
 def test_changes_are_applied_with_their_tick_and_logged(finished):
     _, said, folder = finished
-    assert [said[name].outcome for name in ("k", "zero", "push", "stop", "restart")] == [Outcome.APPLIED] * 5
+    assert [said[name].response for name in ("k", "zero", "push", "stop", "restart")] == [
+        Response.APPLIED
+    ] * 5
     log = load_run(folder / "run").log
     for name, column, value in (
         ("k", "right_hip_stiffness_Nm_per_rad", 2.4 / DEGREE),
@@ -653,7 +655,7 @@ def test_changes_are_applied_with_their_tick_and_logged(finished):
 
 def test_unsafe_changes_are_refused_with_the_reason_and_change_nothing(finished):
     _, said, folder = finished
-    assert said["unsafe"].outcome is said["range"].outcome is Outcome.REFUSED
+    assert said["unsafe"].response is said["range"].response is Response.REFUSED
     assert "unstable (middle_stance)" in said["unsafe"].text
     assert "expected 0 to 1, got 7" in said["range"].text
     assert load_run(folder / "run").log["right_hip_friction_compensation_gain"].max() < 0.5
@@ -711,8 +713,8 @@ def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finish
     logged = {item["serial"]: item for item in found["log"]}
     for name in ("k", "unsafe", "range", "push", "stop"):
         item = logged[said[name].serial]
-        assert (item["outcome"], item["tick"], item["text"]) == (
-            said[name].outcome,
+        assert (item["response"], item["tick"], item["text"]) == (
+            said[name].response,
             said[name].tick,
             said[name].text,
         )

@@ -32,11 +32,11 @@ KILLS = 20
 FAKE = Path(__file__).parents[1] / "session_process.py"
 
 
-def change(serial, *, outcome="applied", user="Ann", value=1.3):
+def change(serial, *, response="applied", user="Ann", value=1.3):
     return SimpleNamespace(
         serial=serial,
         tick=10 * serial,
-        outcome=outcome,
+        response=response,
         user=user,
         subject="late_stance.hip.stiffness",
         before=1.17,
@@ -54,7 +54,7 @@ def record(tmp_path):
     first.event(change(1))
     first.table({"name": "treadmill", "k": 2}, 10)
     first.table({"name": "treadmill", "k": 2}, 20)
-    first.event(change(2, outcome="refused", value="a lot"))
+    first.event(change(2, response="refused", value="a lot"))
     first.close("ended", 1234, {"fell": False}, ["/runs/one"])
     second = SessionRecorder(path, user="Ben", experiment="bench_leg", document={})
     yield path
@@ -81,7 +81,7 @@ def test_a_session_is_read_back_as_it_was_recorded(record):
         (1, 0, 1),
         (2, 10, 2),
     ]
-    assert [(item["serial"], item["tick"], item["outcome"]) for item in found["log"]] == [
+    assert [(item["serial"], item["tick"], item["response"]) for item in found["log"]] == [
         (1, 10, "applied"),
         (2, 20, "refused"),
     ]

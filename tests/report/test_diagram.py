@@ -23,8 +23,8 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 from table_builder import JOINTS, guard, impedance, phase, transition, two_phase_table
 
-from twin_gait.cli import diagram as command
-from twin_gait.configuration import packaged_gait_table, packaged_gait_tables
+from twin_gait.cli import tables as command
+from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.core.guards import NO_TRANSITION
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait import TICK, Blending, GaitStateMachine, GaitTable, Scaling
@@ -56,7 +56,7 @@ def nested_table() -> GaitTable:
     return GaitTable(name="nested", joints=JOINTS, phases=phases, transitions=exits)
 
 
-TABLES = {name: packaged_gait_table(name) for name in packaged_gait_tables()} | {"nested": nested_table()}
+TABLES = {name: load_gait_table(name) for name in packaged_gait_tables()} | {"nested": nested_table()}
 each_table = pytest.mark.parametrize("table", list(TABLES.values()), ids=list(TABLES))
 
 

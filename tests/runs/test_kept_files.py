@@ -54,14 +54,14 @@ def test_the_folder_of_a_killed_run_is_found_and_offered(
     assert main(arguments) == 0
     told = capsys.readouterr().err.splitlines()[-1]
     assert told.startswith("twin-gait: 1 incomplete folder of killed runs in ")
-    command = told.split("twin-gait clean ")[1]
+    command = told.split("twin-gait sessions clean ")[1]
 
-    assert main(["clean", command]) == 1  # nobody is there to agree
+    assert main(["sessions", "clean", command]) == 1  # nobody is there to agree
     shown = capsys.readouterr().out
     assert f"{killed}  3.0 MB" in shown and "--yes" in shown and killed.exists()
-    assert main(["clean", "--yes", command]) == 0
+    assert main(["sessions", "clean", "--yes", command]) == 0
     assert [path.name for path in killed.parent.iterdir()] == ["b"]
-    assert main(["clean"]) == 0
+    assert main(["sessions", "clean"]) == 0
     assert "nothing of killed runs in runs" in capsys.readouterr().out.splitlines()[-1]
 
 
@@ -81,7 +81,7 @@ def test_a_folder_that_is_being_written_is_left_alone(
 
 
 def test_clean_of_no_folder_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["clean", str(tmp_path / "nowhere")]) == 2
+    assert main(["sessions", "clean", str(tmp_path / "nowhere")]) == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 

@@ -258,11 +258,8 @@ def test_falls_are_marked_where_no_error_can_be_drawn(told: dict[str, Any]) -> N
     assert crosses == [[], [[50.0]]]
 
 
-def test_what_came_out_is_printed_in_a_few_lines(
-    told: dict[str, Any], folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    command.report(told, folder)
-    lines = capsys.readouterr().out.splitlines()
+def test_what_came_out_is_printed_in_a_few_lines(told: dict[str, Any], folder: Path) -> None:
+    lines = list(command.report(told, folder))
     assert len(lines) == 4
     assert "Over the robust set of 2 cases" in lines[1]
     assert lines[-1].strip() == str(folder)

@@ -17,7 +17,7 @@ from random_tables import tables
 from scipy.optimize import linprog
 from table_builder import JOINTS, guard, phase, transition, two_phase_table
 
-from twin_gait.configuration import packaged_gait_table
+from twin_gait.configuration import load_gait_table
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.gait import GaitStateMachine, GaitTable, PhaseSwitch
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
@@ -98,7 +98,7 @@ def test_only_what_an_exit_above_shadows_is_undecided() -> None:
 
 
 def test_names_say_transition_and_what_is_shown() -> None:
-    names = {test.name for test in transition_tests(packaged_gait_table("treadmill"))}
+    names = {test.name for test in transition_tests(load_gait_table("treadmill"))}
     title = "late_stance→swing_flexion (trailing_limb)::"
     assert title + "holds just below hip.angle_deg < -2.8" in names
     assert title + "fires just past other.hip.angle_deg - hip.angle_deg > 5.7" in names
@@ -304,7 +304,7 @@ WALKS = ["bench_leg", "treadmill", "treadmill_normative", "treadmill_start_stop"
 @pytest.mark.parametrize("name", WALKS)
 def test_rows_of_the_truth_table_cover_every_combination_once(name: str) -> None:
     """All 2ⁿ combinations of the conditions of a phase, evaluated exit by exit with Python's all and any."""
-    table = packaged_gait_table(name)
+    table = load_gait_table(name)
     for part in truth_table(table).phases:
         exits = [(k, item) for k, item in enumerate(table.transitions) if item.source == part.phase]
         for combination in itertools.product([True, False], repeat=len(part.conditions)):

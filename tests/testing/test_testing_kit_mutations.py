@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from test_testing_kit import rich_table
 
-from twin_gait.configuration import packaged_gait_table, packaged_gait_tables
+from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.files import write_atomically
 from twin_gait.testing import mutants, transition_tests
 from twin_gait.testing.equivalence import reason
@@ -36,7 +36,7 @@ LIVED_WITH = {
 
 @cache
 def result(name: str) -> MutationResult:
-    return measure(packaged_gait_table(name))
+    return measure(load_gait_table(name))
 
 
 @pytest.mark.parametrize("name", TABLES)

@@ -45,7 +45,7 @@ class Listener:
             first_port=0,
             on_message=self._hear,
             on_stop=self._stop,
-            refusal=lambda reason: {"kind": "event", "outcome": "refused", "text": reason},
+            refusal=lambda reason: {"kind": "event", "response": "refused", "text": reason},
             greeting=lambda: [{"kind": "state", "number": 1}],
             scene=self.window.everything,
         )

@@ -415,7 +415,7 @@ def fails_in_one_line(capsys, *arguments: str) -> str:
         (["RUN", "--up", "y"], "is for a URDF"),
         (["twin.urdf", "RUN"], "URDF"),
         (["RUN", "--port", "-1"], "65535"),
-        (["RUN", "--speed", "nan"], "--speed"),
+        (["RUN", "--play-speed", "nan"], "--play-speed"),
     ],
 )
 def test_wrong_values_give_one_line_and_no_file(

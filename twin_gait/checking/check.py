@@ -23,10 +23,8 @@ from twin_gait.checking import (
 from twin_gait.checking.finding import Finding, Severity, Subject
 from twin_gait.checking.signals import ANY_ANGLE, HIGHEST_VELOCITY, JOINT_RANGES
 from twin_gait.checking.waiving import unknown_rule, unused_waiver, waive
-from twin_gait.configuration import load_experiment, load_gait_table, packaged_gait_tables
+from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
-from twin_gait.configuration.table_inheritance import packaged_table_path
-from twin_gait.exceptions import GaitTableError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.scenario.world import World
@@ -79,22 +77,12 @@ def load_subject(
     if source is None:
         own = load_experiment(experiment or DEFAULT_PRESET, settings).experiment
         return build_subject(own.table, own)
-    table = _load_table(source)
+    table = load_gait_table(source, draft=True)
     if experiment is None:
         if table.joints != (JointName.HIP, JointName.KNEE):
             return build_subject(table)
         experiment = table.name if table.name in presets() else DEFAULT_PRESET
     return build_subject(table, load_experiment(experiment, settings).experiment)
-
-
-def _load_table(source: str | Path) -> GaitTable:
-    if str(source) in packaged_gait_tables():
-        return load_gait_table(packaged_table_path(str(source)), draft=True)
-    path = Path(source).expanduser()
-    if not path.exists():
-        names = ", ".join(packaged_gait_tables())
-        raise GaitTableError(f"{source}: neither a packaged gait table ({names}) nor a file")
-    return load_gait_table(path, draft=True)
 
 
 def build_subject(table: GaitTable, experiment: Experiment | None = None) -> Subject:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
-from dataclasses import replace
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli.options import check_file
+from twin_gait.cli import options
 from twin_gait.cli.terminal import (
     DONE,
     FAILED,
-    INTERRUPTED,
+    interrupted,
     note_compilation,
     progress_bar,
     stop_on_interrupt,
@@ -26,24 +25,46 @@ if TYPE_CHECKING:
     from twin_gait.studies.campaign import CampaignResult
 
 CONTROLLERS = ("duty", "friction", "old-friction", "impedance", "off")
+# Numbers of the bench, of one test, and of its controller: option, default, unit, meaning.
+_BENCH = (
+    ("--friction-ratio", 1.0, "S", "true friction over table 3.1 (1)"),
+    ("--friction-ripple-Nm", None, "NM", "friction that repeats with the gear (0.3)"),
+    ("--friction-per-load", 0.0, "SHARE", "Coulomb friction per load (0)"),
+    ("--lever-m", 0.30, "M", "from the axis to the weight (0.30)"),
+    ("--current-noise-A", None, "A", "of a current sample (0.011)"),
+    ("--battery-V", 28.8, "V", "open-circuit voltage (28.8)"),
+    ("--gear-temperature-degC", None, "C", "adds the gear's losses from its catalogue"),
+    ("--torsional-stiffness-Nm-per-rad", None, "K", "of the gear (rigid)"),
+)
+_TEST = (
+    ("--mass", 2.0, "KG", "weight on the link (2)"),
+    ("--duration", 5.0, "S", "of the test (5)"),
+    ("--start-angle-deg", 90.0, "DEG", "90 is level (90)"),
+    ("--imposed-amplitude-deg", None, "DEG", "motion imposed on the link: so far and back"),
+    ("--imposed-frequency-Hz", 0.25, "HZ", "of the imposed motion (0.25)"),
+    ("--friction-compensation-gain", 0.35, "G", "G (0.35)"),
+    ("--target-torque-Nm", 0.0, "NM", "of equation (2.16) (0)"),
+    ("--stiffness-Nm-per-deg", 0.05, "K", "of the impedance (0.05)"),
+    ("--damping-Nms-per-rad", 0.0, "B", "of the impedance (0)"),
+    ("--equilibrium-deg", 60.0, "DEG", "of the impedance (60)"),
+    ("--inertia-compensation", 0.0, "SHARE", "of the known inertia (0)"),
+    ("--transparency-gain", 1.10, "K", "K of the duty control (1.10)"),
+    ("--amplitude-counts", 170.0, "A", "A of the duty control (170)"),
+    ("--frequency-Hz", 3.0, "HZ", "f of the duty control (3)"),
+)
 
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser(
         "bench",
-        help="the joint test bench: one test, or a campaign of 45",
+        help="simulate the joint test bench",
         description="Simulate the joint test bench of the thesis. All data that it writes are synthetic.",
     )
     actions = parser.add_subparsers(
         dest="action", required=True, parser_class=type(parser), metavar="campaign|run"
     )
-    _add_campaign(actions)
-    _add_run(actions)
-
-
-def _add_campaign(actions: Any) -> None:
-    parser = actions.add_parser(
+    campaign = actions.add_parser(
         "campaign",
         help="five weights, nine tests each, as log files",
         description=(
@@ -51,74 +72,51 @@ def _add_campaign(actions: Any) -> None:
             "true friction."
         ),
     )
-    _add_bench(parser)
-    parser.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder to make")
-    parser.add_argument(
+    _add_bench(campaign)
+    campaign.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder to make")
+    campaign.add_argument(
         "--protocol",
         choices=("drop", "two-way", "both"),
         default="drop",
-        help="the thesis's falls, or led by the motor to ±2.5 rad/s, or a folder for each (drop)",
+        help="the thesis's falls, or driven by the motor to ±2.5 rad/s, or a folder for each (drop)",
     )
-    parser.add_argument(
-        "--longest-s", type=float, default=20.0, metavar="S", help="when a fall that sticks is ended (20)"
+    campaign.add_argument(
+        "--longest", type=float, default=20.0, metavar="S", help="when a fall that sticks is ended (20)"
     )
-    parser.set_defaults(run=run_campaign_command)
-
-
-def _add_run(actions: Any) -> None:
-    parser = actions.add_parser(
+    campaign.set_defaults(run=run_campaign_command)
+    test = actions.add_parser(
         "run",
-        help="one test, with what no bench can see beside it",
+        help="one test, with what no bench can measure beside it",
         description="Simulate one test and write its log with the true motion, friction and current.",
     )
-    _add_bench(parser)
-    parser.add_argument("--out", type=Path, metavar="FILE", required=True, help="log to write")
-    parser.add_argument("--force", action="store_true", help="replace an existing file")
-    add = parser.add_argument
-    add("--controller", choices=CONTROLLERS, default="friction", help="what drives the motor (friction)")
-    add("--mass-kg", type=float, default=2.0, metavar="KG", help="weight on the link (2)")
-    add("--duration-s", type=float, default=5.0, metavar="S", help="of the test (5)")
-    add("--start-angle-deg", type=float, default=90.0, metavar="DEG", help="90 is level (90)")
-    add("--friction-compensation-gain", type=float, default=0.35, metavar="G", help="G (0.35)")
-    add("--target-torque-Nm", type=float, default=0.0, metavar="NM", help="of equation (2.16) (0)")
-    add("--stiffness-Nm-per-deg", type=float, default=0.05, metavar="K", help="of the impedance (0.05)")
-    add("--damping-Nms-per-rad", type=float, default=0.0, metavar="B", help="of the impedance (0)")
-    add("--equilibrium-deg", type=float, default=60.0, metavar="DEG", help="of the impedance (60)")
-    add("--inertia-compensation", type=float, default=0.0, metavar="SHARE", help="of the known inertia (0)")
-    add("--transparency-gain", type=float, default=1.10, metavar="K", help="K of the duty control (1.10)")
-    add("--amplitude-counts", type=float, default=170.0, metavar="A", help="A of the duty control (170)")
-    add("--frequency-Hz", type=float, default=3.0, metavar="HZ", help="f of the duty control (3)")
-    add("--hand-amplitude-deg", type=float, metavar="DEG", help="a hand leads the link so far and back")
-    add("--hand-frequency-Hz", type=float, default=0.25, metavar="HZ", help="of the hand (0.25)")
-    parser.set_defaults(run=run_test_command)
+    _add_bench(test)
+    options.add_out(test, "FILE", "log to write", required=True)
+    test.add_argument(
+        "--controller", choices=CONTROLLERS, default="friction", help="what drives the motor (friction)"
+    )
+    _add_numbers(test, _TEST)
+    test.set_defaults(run=run_test_command)
 
 
-def _add_bench(parser: Any) -> None:
+def _add_bench(parser: argparse.ArgumentParser) -> None:
     """What a test and a campaign have in common."""
     add = parser.add_argument
     add("--joint", choices=("knee", "hip"), required=True, help="whose motor and friction")
-    add("--seed", type=int, default=0, metavar="N", help="of everything that chance decides (0)")
-    add("--friction-ratio", type=float, default=1.0, metavar="S", help="true friction over table 3.1 (1)")
-    add("--friction-ripple-Nm", type=float, metavar="NM", help="friction that repeats with the gear (0.3)")
-    add("--friction-per-load", type=float, default=0.0, metavar="SHARE", help="Coulomb friction per load (0)")
-    add("--lever-m", type=float, default=0.30, metavar="M", help="from the axis to the weight (0.30)")
+    options.add_seed(parser)
     add("--load-angle", choices=("corrected", "printed"), default="corrected", help="form of (2.8)")
     add("--current-loop", choices=("pi", "ideal"), default="pi", help="of figure 2.13, or perfect (pi)")
-    add("--current-noise-A", type=float, metavar="A", help="of a current sample (0.011)")
-    add("--battery-V", type=float, default=28.8, metavar="V", help="open-circuit voltage (28.8)")
-    add("--gear-temperature-degC", type=float, metavar="C", help="adds the gear's losses from its catalogue")
-    add("--torsional-stiffness-Nm-per-rad", type=float, metavar="K", help="of the gear (rigid)")
+    _add_numbers(parser, _BENCH)
+
+
+def _add_numbers(parser: argparse.ArgumentParser, entries: tuple[tuple[Any, ...], ...]) -> None:
+    for flag, default, unit, text in entries:
+        parser.add_argument(flag, type=float, default=default, metavar=unit, help=text)
 
 
 def bench_of(arguments: argparse.Namespace) -> BenchJoint:
-    """The bench as the flags describe it, without a controller.
+    """The bench as the options describe it, without a controller."""
+    from dataclasses import replace
 
-    Args:
-        arguments: Of the command line.
-
-    Returns:
-        The bench.
-    """
     from twin_gait.parameters import BatteryParameters
     from twin_gait.scenario.bench_joint import (
         BENCH_FRICTION,
@@ -143,13 +141,14 @@ def bench_of(arguments: argparse.Namespace) -> BenchJoint:
         link=LinkParameters(lever=arguments.lever_m, load_angle=LoadAngle(arguments.load_angle)),
         battery=BatteryParameters(voltage=arguments.battery_V),
     )
-    drive = replace(bench.drive, loop=CurrentLoop(arguments.current_loop))
-    if arguments.current_noise_A is not None:
-        drive = replace(drive, noise=arguments.current_noise_A)
     temperature, stiffness = arguments.gear_temperature_degC, arguments.torsional_stiffness_Nm_per_rad
     return replace(
         bench,
-        drive=drive,
+        drive=replace(
+            bench.drive,
+            loop=CurrentLoop(arguments.current_loop),
+            **options.given(noise=arguments.current_noise_A),
+        ),
         efficiency=None if temperature is None else CatalogueEfficiency(temperature=temperature),
         torsion=None if stiffness is None else Torsion(stiffness=stiffness),
     )
@@ -163,16 +162,15 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
     from twin_gait.vocabulary import JointName
 
     both = arguments.protocol == "both"
-    protocols = list(Protocol) if both else [Protocol(arguments.protocol)]
     campaigns = [
         Campaign(
             joint=JointName(arguments.joint),
             protocol=protocol,
             seed=arguments.seed,
             bench=bench_of(arguments),
-            longest=arguments.longest_s,
+            longest=arguments.longest,
         )
-        for protocol in protocols
+        for protocol in (Protocol if both else [Protocol(arguments.protocol)])
     ]
     if arguments.out.exists():
         raise RunDirectoryError(f"{arguments.out}: exists; choose another --out")
@@ -185,32 +183,33 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
             result = run_campaign(
                 campaign, folder, progress=progress, should_stop=should_stop, on_compile=note_compilation
             )
-        report_campaign(result)
+        print("\n".join(report_campaign(result)))
         if result.status is RunStatus.INTERRUPTED:
-            print("twin-gait: interrupted; the logs so far are kept", file=sys.stderr)
-            return INTERRUPTED
+            return interrupted("the logs so far are kept")
     return DONE
 
 
-def report_campaign(result: CampaignResult) -> None:
-    """Print what came out, in a few lines."""
+def report_campaign(result: CampaignResult) -> Iterator[str]:
+    """What came out, in a few lines."""
     tests = result.tests
-    print(f"{result.status}: {len(tests)} synthetic logs in {result.directory}")
+    yield f"{result.status}: {len(tests)} synthetic logs in {result.directory}"
     if not tests:
         return
     fastest = max(test["highest_velocity_rad_per_s"] for test in tests)
     slowest = min(test["lowest_velocity_rad_per_s"] for test in tests)
-    print(f"  joint velocity {slowest:.2f} to {fastest:.2f} rad/s")
+    yield f"  joint velocity {slowest:.2f} to {fastest:.2f} rad/s"
     stops = sum(test["stop_s"] is not None for test in tests)
     if stops:
-        print(f"  {stops} reached the stop, {len(tests) - stops} stuck or still on their way")
+        yield f"  {stops} reached the stop, {len(tests) - stops} stuck or still on their way"
     diverged = [test["file"] for test in tests if test["status"] == "diverged"]
     if diverged:
-        print(f"  diverged: {', '.join(diverged)}")
+        yield f"  diverged: {', '.join(diverged)}"
 
 
 def run_test_command(arguments: argparse.Namespace) -> int:
     """Simulate one test."""
+    from dataclasses import replace
+
     from twin_gait.files import write_atomically
     from twin_gait.parameters import require
     from twin_gait.simulation import RunStatus
@@ -219,15 +218,15 @@ def run_test_command(arguments: argparse.Namespace) -> int:
 
     require(arguments.seed >= 0, "seed", "a whole number of 0 or more", arguments.seed)
     out: Path = arguments.out
-    check_file("--out", out, force=arguments.force)
+    options.check_file("--out", out, force=arguments.force)
     bench = bench_of(arguments)
     test = replace(
         bench,
-        link=replace(bench.link, mass=arguments.mass_kg),
+        link=replace(bench.link, mass=arguments.mass),
         control=_control_of(arguments),
-        hand=_hand_of(arguments),
+        hand=_imposed_motion_of(arguments),
         start_angle=math.radians(arguments.start_angle_deg),
-        duration=arguments.duration_s,
+        duration=arguments.duration,
     )
     with stop_on_interrupt() as should_stop, progress_bar("simulating", "tick") as progress:
         run = simulate_bench(
@@ -240,15 +239,14 @@ def run_test_command(arguments: argparse.Namespace) -> int:
     header = {
         "joint": arguments.joint,
         "controller": arguments.controller,
-        "mass_kg": f"{arguments.mass_kg:g}",
+        "mass_kg": f"{arguments.mass:g}",
         "seed": arguments.seed,
         "status": str(run.status),
     }
     write_atomically(out, log_text(run, header, truth=True))
-    report_test(run, out)
+    print("\n".join(report_test(run, out)))
     if run.status is RunStatus.INTERRUPTED:
-        print("twin-gait: interrupted; the log so far is kept", file=sys.stderr)
-        return INTERRUPTED
+        return interrupted("the log so far is kept")
     return FAILED if run.status is RunStatus.DIVERGED else DONE
 
 
@@ -286,34 +284,34 @@ def _control_of(arguments: argparse.Namespace) -> DutyControl | TorqueControl | 
     )
 
 
-def _hand_of(arguments: argparse.Namespace) -> HandParameters | None:
+def _imposed_motion_of(arguments: argparse.Namespace) -> HandParameters | None:
     from twin_gait.scenario.bench_leg import HandParameters
     from twin_gait.vocabulary import JointName
 
-    if arguments.hand_amplitude_deg is None:
+    if arguments.imposed_amplitude_deg is None:
         return None
     return HandParameters(
         joint=JointName(arguments.joint),
-        amplitude=math.radians(arguments.hand_amplitude_deg),
-        frequency=arguments.hand_frequency_Hz,
+        amplitude=math.radians(arguments.imposed_amplitude_deg),
+        frequency=arguments.imposed_frequency_Hz,
     )
 
 
-def report_test(run: BenchRun, out: Path) -> None:
-    """Print what one looks at first."""
+def report_test(run: BenchRun, out: Path) -> Iterator[str]:
+    """What one looks at first."""
     import numpy as np
 
     from twin_gait.studies.campaign import summarise
 
     velocity = run.column("motor_velocity_rad_per_s")
     summary = summarise(run)
-    print(f"{run.status}: {len(run.rows) * 1e-3:g} s of synthetic data in {out}")
-    print(f"  joint velocity {velocity.min():.3f} to {velocity.max():.3f} rad/s")
+    yield f"{run.status}: {len(run.rows) * 1e-3:g} s of synthetic data in {out}"
+    yield f"  joint velocity {velocity.min():.3f} to {velocity.max():.3f} rad/s"
     for name, words in (("breakaway_s", "moved by 1°"), ("stop_s", "reached the stop")):
         if summary[name] is not None:
-            print(f"  {words} after {summary[name]:g} s")
-    print(f"  RMSE of target and measured current {summary['current_rmse_A']:.4f} A")
+            yield f"  {words} after {summary[name]:g} s"
+    yield f"  RMSE of target and measured current {summary['current_rmse_A']:.4f} A"
     if run.test.hand is not None:
-        hand = run.column("hand_torque_Nm")
-        rms, most = np.sqrt(np.mean(hand * hand)), np.abs(hand).max()
-        print(f"  the hand needed {rms:.2f} N m RMS, {most:.2f} N m at most")
+        torque = run.column("hand_torque_Nm")
+        rms, most = np.sqrt(np.mean(torque * torque)), np.abs(torque).max()
+        yield f"  the imposed motion needed {rms:.2f} N m RMS, {most:.2f} N m at most"

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli.options import add_settings, add_wearer
-from twin_gait.cli.terminal import DONE, FAILED
+from twin_gait.cli import options
+from twin_gait.cli.terminal import DONE, FAILED, answer
 from twin_gait.exceptions import ParameterError
 
 if TYPE_CHECKING:
@@ -21,54 +20,45 @@ def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser(
         "check",
-        help="find what can go wrong with a gait table, without a run",
+        help="check a gait table without a run",
         description=(
             "Check a gait table: exits that contend, follow at once or never open, phases that cannot be "
             "reached or left, both legs in swing, and more. Ends with 1 if there is an error."
         ),
     )
-    parser.add_argument("table", nargs="?", metavar="TABLE", help="packaged table or YAML file")
-    parser.add_argument(
+    add = parser.add_argument
+    add("table", nargs="?", metavar="TABLE", help="packaged table or YAML file")
+    add(
         "--experiment",
         metavar="FILE",
         help="preset, experiment file or run directory that it drives; without TABLE its own is checked",
     )
-    add_settings(parser, "change any value of the experiment, as for simulate")
-    add_wearer(parser)
-    parser.add_argument("--json", action="store_true", help="print the findings as JSON")
-    parser.add_argument("--rules", action="store_true", help="list the rules and end")
+    options.add_settings(parser)
+    options.add_json(parser)
+    add("--rules", action="store_true", help="list the rules and end")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Check and print what was found."""
-    import json
-
     from twin_gait.checking.check import check, counts, load_subject, report, rules
 
     if arguments.rules:
         width = max(map(len, rules()))
-        print("\n".join(f"{name:<{width}}  {meaning}" for name, meaning in rules().items()))
+        answer(arguments, [f"{name:<{width}}  {meaning}" for name, meaning in rules().items()], rules)
         return DONE
     if arguments.table is None and arguments.experiment is None:
         raise ParameterError("check: expected a gait table or --experiment; --rules lists the rules")
     subject = load_subject(arguments.table, arguments.experiment, arguments.settings)
     findings = check(subject)
-    if arguments.json:
-        print(json.dumps(report(subject, findings), indent=2, ensure_ascii=False, allow_nan=False))
-    else:
-        against = "by itself" if subject.experiment is None else f"against {subject.experiment.name}"
-        print("\n".join(draw(findings)))
-        print(f"{subject.table.name}, {against}: {counted(counts(findings))}")
+    against = "by itself" if subject.experiment is None else f"against {subject.experiment.name}"
+    last = f"{subject.table.name}, {against}: {counted(counts(findings))}"
+    answer(arguments, [*draw(findings), last], lambda: report(subject, findings))
     return FAILED if counts(findings)["errors"] else DONE
 
 
 def draw(findings: Sequence[Finding]) -> Iterator[str]:
-    """Findings as lines, grouped by severity; a waived one in two lines at the end of its group.
-
-    Args:
-        findings: In the order of the check.
-    """
+    """Findings as lines, grouped by severity; a waived one in two lines at the end of its group."""
     for finding in findings:
         yield f"{'waived ' if finding.waived else ''}{heading(finding)}"
         if finding.waived:
@@ -88,6 +78,8 @@ def heading(finding: Finding) -> str:
 
 
 def _wrapped(text: str) -> list[str]:
+    import textwrap
+
     return textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="    ")
 
 

@@ -1,4 +1,4 @@
-"""``twin-gait export``."""
+"""``twin-gait plot`` and ``twin-gait export``: a run for a paper, and for other programs."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli.options import check_file
+from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE
 
 if TYPE_CHECKING:
     from twin_gait.conventions import Convention
     from twin_gait.runs.record import StoredRun
 
+PRINT_FORMATS = ("pdf", "svg", "png")
+RESOLUTION = 600  # [dots per inch], what journals ask of pictures with lines and letters
 DEFAULT_CONVENTION = "opensim_gait2392"
 MODELS = (DEFAULT_CONVENTION, "rajagopal")
 CSV, FOLDER = "csv", "opensim"
@@ -20,42 +22,90 @@ FORMATS = (CSV, "mot", "sto", FOLDER)
 
 
 def add_parser(commands: Any) -> None:
-    """Add the command to the parser."""
+    """Add both commands to the parser."""
+    parser = commands.add_parser(
+        "plot",
+        help="draw figures of a run for a paper",
+        description=(
+            "Draw figures of a run directory for print: one or two columns wide, letters on the panels, no "
+            "title inside; what the title would say is printed, for the caption."
+        ),
+    )
+    add = parser.add_argument
+    add("directory", type=Path, metavar="RUN", help="run directory")
+    add(
+        "--figure",
+        action="append",
+        metavar="NAME",
+        dest="figures",
+        help="gait_cycle, torques, …; may be repeated (all that the run has)",
+    )
+    add("--format", choices=PRINT_FORMATS, help="format (that of --out's name, or else pdf)")
+    add(
+        "--width", type=float, default=85.0, metavar="MM", help="85 for one column (the default), 174 for two"
+    )
+    options.add_out(parser, "FILE", "file, of one figure (RUN/figures/NAME-WIDTHmm.FORMAT)")
+    parser.set_defaults(run=plot)
+
     parser = commands.add_parser(
         "export",
-        help="write the log of a run in another format",
+        help="write the log of a run as CSV or for OpenSim",
         description=(
             "Write the log of a run directory as CSV (every column), its joint angles as a motion of "
             "OpenSim (.mot in degrees, .sto in radians), or all that OpenSim's inverse dynamics needs: a "
             "folder with model, motion, external loads, set-up, and the joint moments to compare with."
         ),
     )
-    parser.add_argument("directory", type=Path, metavar="RUN", help="run directory")
-    parser.add_argument(
+    add = parser.add_argument
+    add("directory", type=Path, metavar="RUN", help="run directory")
+    add(
         "--format",
-        "--to",
         choices=FORMATS,
-        dest="format",
         help="format; without it that of --out's ending, mot with --convention, else csv",
     )
-    parser.add_argument(
+    add(
         "--convention",
         choices=MODELS,
         help=f"model whose names and signs a motion has ({DEFAULT_CONVENTION})",
     )
-    parser.add_argument(
+    add(
         "--of",
         choices=["wearer", "device"],
         default="wearer",
         help="whose angles a motion has where braces let the two move apart (the wearer's)",
     )
-    parser.add_argument("--out", type=Path, metavar="PATH", help="to write (RUN/log.FORMAT, or RUN/opensim)")
-    parser.add_argument("--force", action="store_true", help="replace what is there")
-    parser.set_defaults(run=run)
+    options.add_out(parser, "PATH", "file or folder to write (RUN/log.FORMAT, or RUN/opensim)")
+    parser.set_defaults(run=export)
 
 
-def run(arguments: argparse.Namespace) -> int:
-    """Export the log."""
+def plot(arguments: argparse.Namespace) -> int:
+    """Draw the figures."""
+    from twin_gait.exceptions import ParameterError
+    from twin_gait.report.canvas import save
+    from twin_gait.report.figures import available_figures, draw_for_paper
+    from twin_gait.runs.record import FIGURES_FOLDER, load_run
+
+    shown = load_run(arguments.directory).run
+    names = arguments.figures or available_figures(shown)
+    if arguments.out is not None and len(names) != 1:
+        raise ParameterError(f"--out: takes one figure; name it with --figure, of {', '.join(names)}")
+    drawn = {name: draw_for_paper(shown, name, arguments.width) for name in names}
+    suffix = "" if arguments.out is None else arguments.out.suffix[1:]
+    kind = arguments.format or (suffix if suffix in PRINT_FORMATS else PRINT_FORMATS[0])
+    folder = arguments.directory / FIGURES_FOLDER
+    paths = {name: arguments.out or folder / f"{name}-{arguments.width:g}mm.{kind}" for name in names}
+    if arguments.out is None:
+        folder.mkdir(exist_ok=True)
+    for path in paths.values():
+        options.check_file("--out", path, force=arguments.force)
+    for name, (figure, caption) in drawn.items():
+        save(figure, paths[name], form=kind, resolution=RESOLUTION)
+        print(f"{paths[name]}\n  {caption}")
+    return DONE
+
+
+def export(arguments: argparse.Namespace) -> int:
+    """Write the log."""
     from twin_gait.conventions import find_convention
     from twin_gait.exceptions import ParameterError
     from twin_gait.runs.record import load_run
@@ -69,7 +119,7 @@ def run(arguments: argparse.Namespace) -> int:
     path = arguments.out or arguments.directory / (FOLDER if kind == FOLDER else f"log.{kind}")
     if kind == FOLDER:
         return _write_folder(stored, path, convention, device=device, force=arguments.force)
-    check_file("--out", path, force=arguments.force)
+    options.check_file("--out", path, force=arguments.force)
     return _write_file(stored, path, kind, convention, device=device)
 
 

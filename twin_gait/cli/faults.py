@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
-from typing import Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli.options import add_settings, add_wearer, check_file
-from twin_gait.cli.runners import add_workers, workers_of
+from twin_gait.cli import options
 from twin_gait.cli.terminal import (
     DONE,
     FAILED,
     INTERRUPTED,
+    answer,
     note_compilation,
     progress_bar,
     stop_on_interrupt,
 )
+
+if TYPE_CHECKING:
+    from twin_gait.experiment import Experiment
+    from twin_gait.studies.faults.faults import FaultCampaign
 
 DURATION = 8.0  # [s] of each run: the gait is under way after one, and a fault shows within two
 
@@ -24,37 +28,33 @@ def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser(
         "faults",
-        help="strike a gait with seeded faults and print what came of them",
+        help="inject seeded faults and tabulate the outcomes",
         description=(
             "Simulate an experiment once for each of many seeded faults of encoders, motors, controller, "
             "load sensors and supply, and print a table of the outcomes. Exits with 1 if a limit was broken, "
             "a value is empty, or a trip did not end in the hold in time."
         ),
     )
-    parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file")
-    parser.add_argument("--count", type=int, default=100, metavar="N", help="faults (100)")
-    parser.add_argument("--seed", type=int, default=0, metavar="S", help="seed of the draws (0)")
-    parser.add_argument("--duration", type=float, default=DURATION, metavar="S", help="of each run (8 s)")
-    add_settings(parser)
-    add_wearer(parser)
-    add_workers(parser)
-    parser.add_argument("--out", type=Path, metavar="FILE", help="also write one row per fault as CSV")
-    parser.add_argument("--force", action="store_true", help="replace an existing file")
+    add = parser.add_argument
+    options.add_experiment(parser, seconds=f"{DURATION:g}")
+    add("--count", type=int, default=100, metavar="N", help="faults (100)")
+    options.add_seed(parser)
+    options.add_workers(parser)
+    options.add_out(parser, "FILE", "also write one row per fault as CSV")
+    options.add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the campaign and print the table of outcomes."""
-    from twin_gait.configuration import load_experiment
     from twin_gait.files import write_atomically
     from twin_gait.simulation import RunStatus
-    from twin_gait.studies.faults.faults import draw_faults, limit_lines, outcome_table, run_campaign
+    from twin_gait.studies.faults.faults import draw_faults, run_campaign
 
-    workers = workers_of(arguments)
+    workers = options.workers_of(arguments)
     if arguments.out is not None:
-        check_file("--out", arguments.out, force=arguments.force)
-    settings = [*arguments.settings, f"duration_s={arguments.duration}"]
-    base = load_experiment(arguments.experiment, settings).experiment
+        options.check_file("--out", arguments.out, force=arguments.force)
+    base = options.experiment_of(arguments, f"duration_s={DURATION:g}").experiment
     faults = draw_faults(base, arguments.count, arguments.seed)
     with stop_on_interrupt() as should_stop, progress_bar("faults", "fault") as progress:
         campaign = run_campaign(
@@ -65,16 +65,31 @@ def run(arguments: argparse.Namespace) -> int:
             should_stop=should_stop,
             on_compile=note_compilation,
         )
-    print(f"{base.name}, {base.duration:g} s each, {len(campaign.table)} faults, seed {arguments.seed}")
-    if len(campaign.table):
-        print(outcome_table(campaign.table))
-        print("\n".join(limit_lines(campaign)))
-        if arguments.out is not None:
-            text = campaign.table.to_csv(index=False, lineterminator="\n", float_format="%.6g")
-            write_atomically(arguments.out, text)
+    violations = list(campaign.violations["fault"]) if len(campaign.table) else []
+    document = {
+        "experiment": base.name,
+        "duration_s": base.duration,
+        "seed": arguments.seed,
+        "status": str(campaign.status),
+        "violations": violations,
+        "faults": campaign.table.to_dict("records"),
+    }
+    answer(arguments, report(base, campaign, arguments.seed, violations), lambda: document)
+    if len(campaign.table) and arguments.out is not None:
+        text = campaign.table.to_csv(index=False, lineterminator="\n", float_format="%.6g")
+        write_atomically(arguments.out, text)
     if campaign.status is RunStatus.INTERRUPTED:
         return INTERRUPTED
-    if len(campaign.violations):
-        print(f"broken: {', '.join(campaign.violations['fault'].head(5))}")
-        return FAILED
-    return DONE
+    return FAILED if violations else DONE
+
+
+def report(base: Experiment, campaign: FaultCampaign, seed: int, violations: list[str]) -> Iterator[str]:
+    """Outcomes by kind of fault, and what must hold."""
+    from twin_gait.studies.faults.faults import limit_lines, outcome_table
+
+    yield f"{base.name}, {base.duration:g} s each, {len(campaign.table)} faults, seed {seed}"
+    if len(campaign.table):
+        yield outcome_table(campaign.table)
+        yield from limit_lines(campaign)
+    if violations:
+        yield f"broken: {', '.join(violations[:5])}"

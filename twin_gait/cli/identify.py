@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli.terminal import DONE, progress_bar
+from twin_gait.cli import options
+from twin_gait.cli.terminal import DONE, answer, progress_bar
 
 if TYPE_CHECKING:
     from twin_gait.identification import IdentificationOptions
@@ -27,72 +27,67 @@ def add_parser(commands: Any) -> None:
             "simulate takes, the samples, and figures."
         ),
     )
-    parser.add_argument(
-        "logs", nargs="+", type=Path, metavar="LOG", help="text tables; a folder gives its files"
-    )
-    parser.add_argument("--joint", choices=["hip", "knee"], help="whose motor and gear it is (for currents)")
-    parser.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder to make")
-    parser.add_argument(
+    add = parser.add_argument
+    add("logs", nargs="+", type=Path, metavar="LOG", help="text tables; a folder gives its files")
+    add("--joint", choices=["hip", "knee"], help="whose motor and gear it is (for currents)")
+    options.add_out(parser, "DIR", "folder to make", required=True)
+    add(
         "--columns",
         default="",
         metavar="Q=NAME,…",
         help="columns by name, such as time=t,velocity=dq2,friction_torque=tau2; -NAME turns the sign",
     )
-    parser.add_argument(
+    add(
         "--units",
         default="",
         metavar="Q=UNIT,…",
         help="units of columns that do not say theirs, such as velocity=deg/s,time=ms (SI)",
     )
-    parser.add_argument("--model", action="append", default=[], metavar="NAME,…", help="models to fit (all)")
-    parser.add_argument(
-        "--processing", choices=["zero_phase", "thesis", "none"], help="smoothing of the logs"
-    )
-    parser.add_argument("--cutoff-hz", type=float, metavar="F", help="of the zero-phase filter (40)")
-    parser.add_argument("--current", choices=["measured", "target"], help="which current drives (measured)")
-    parser.add_argument(
+    add("--model", action="append", default=[], metavar="NAME,…", help="models to fit (all)")
+    add("--processing", choices=["zero_phase", "thesis", "none"], help="smoothing of the logs")
+    add("--cutoff-Hz", type=float, metavar="F", help="of the zero-phase filter (40)")
+    add("--current", choices=["measured", "target"], help="which current drives (measured)")
+    add(
         "--standstill-rad-per-s",
         type=float,
         metavar="W",
         help="slower samples are rejected (0.002; series 0)",
     )
-    parser.add_argument(
+    add(
         "--loss",
         choices=["auto", "huber", "linear"],
         default="auto",
         help="weighing of residuals: Huber's for logs and where outliers stand alone, else least squares",
     )
-    parser.add_argument(
-        "--physical", action="store_true", help="no negative friction, break-away at least Coulomb"
-    )
-    _add_rig(parser)
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of starts and draws (0)")
-    parser.add_argument("--no-cross-validation", action="store_true", help="do not leave files out in turn")
-    parser.add_argument(
-        "--force", action="store_true", help="replace the folder of an earlier identification"
-    )
-    parser.add_argument("--no-pictures", action="store_true", help="leave out the figures")
+    add("--physical", action="store_true", help="no negative friction, break-away at least Coulomb")
+    add("--no-cross-validation", action="store_true", help="do not leave files out in turn")
+    _add_bench(parser)
+    options.add_seed(parser)
+    options.add_no_pictures(parser)
+    options.add_json(parser)
     parser.set_defaults(run=run)
 
 
-def _add_rig(parser: argparse.ArgumentParser) -> None:
-    rig = parser.add_argument_group("test bench, for logs with a current")
-    rig.add_argument("--mass-kg", type=float, metavar="M", help="weight, where file and file name do not say")
-    rig.add_argument("--lever-m", type=float, metavar="B", help="from the axis to the weight (0.30)")
-    rig.add_argument("--link-inertia-kgm2", type=float, metavar="J", help="about the axis (0.02)")
-    rig.add_argument("--link-moment-kgm", type=float, metavar="S", help="mass of the link times its arm (0)")
-    rig.add_argument(
+def _add_bench(parser: argparse.ArgumentParser) -> None:
+    bench = parser.add_argument_group("test bench, for logs with a current")
+    bench.add_argument("--mass", type=float, metavar="KG", help="weight, where file and file name do not say")
+    bench.add_argument("--lever-m", type=float, metavar="B", help="from the axis to the weight (0.30)")
+    bench.add_argument("--link-inertia-kgm2", type=float, metavar="J", help="about the axis (0.02)")
+    bench.add_argument(
+        "--link-moment-kgm", type=float, metavar="S", help="mass of the link times its arm (0)"
+    )
+    bench.add_argument(
         "--start-angle-deg",
         metavar="A",
         help="what the first angle is set to: 90 (horizontal), or 'as-logged'",
     )
-    rig.add_argument(
+    bench.add_argument(
         "--load-angle",
         choices=["corrected", "printed"],
         default="corrected",
         help="F b cos(θ - 90°), or F b cos θ as the thesis prints it",
     )
-    rig.add_argument("--mass-inertia-as-printed", action="store_true", help="J_mass = m b instead of m b²")
+    bench.add_argument("--mass-inertia-as-printed", action="store_true", help="J_mass = m b instead of m b²")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -116,10 +111,10 @@ def run(arguments: argparse.Namespace) -> int:
     document = write_identification(
         result, arguments.out, joint, force=arguments.force, pictures=not arguments.no_pictures
     )
-    print("\n".join(summary_lines(document)))
+    lines = list(summary_lines(document))
     if not (arguments.out / PLANT_FILE).exists():
-        print(f"no {PLANT_FILE} and no {COMPENSATOR_FILE}: {_why_no_file(document)}")
-    print(arguments.out)
+        lines.append(f"no {PLANT_FILE} and no {COMPENSATOR_FILE}: {_why_no_file(document)}")
+    answer(arguments, [*lines, str(arguments.out)], lambda: {**document, "directory": arguments.out})
     return DONE
 
 
@@ -138,14 +133,8 @@ def _why_no_file(document: Mapping[str, Any]) -> str:
 def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
     """Turn arguments into options.
 
-    Args:
-        arguments: As parsed.
-
-    Returns:
-        The options.
-
     Raises:
-        ParameterError: If an argument cannot be read or is out of range.
+        ParameterError: If one cannot be read or is out of range.
     """
     from twin_gait.identification import (
         CurrentSource,
@@ -158,60 +147,53 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
     )
     from twin_gait.parameters import require
 
-    require(arguments.seed >= 0, "--seed", "a whole number of 0 or more", arguments.seed)
-    processing = {
-        "processing": None if arguments.processing is None else Processing(arguments.processing),
-        "cutoff": arguments.cutoff_hz,
-        "current": None if arguments.current is None else CurrentSource(arguments.current),
-        "standstill_velocity": arguments.standstill_rad_per_s,
-    }
+    require(arguments.seed >= 0, "--seed", "a whole options.number of 0 or more", arguments.seed)
+    processing = options.given(
+        processing=None if arguments.processing is None else Processing(arguments.processing),
+        cutoff=arguments.cutoff_Hz,
+        current=None if arguments.current is None else CurrentSource(arguments.current),
+        standstill_velocity=arguments.standstill_rad_per_s,
+    )
     return IdentificationOptions(
         columns=LogColumns(
             names=_pairs("--columns", arguments.columns), units=_pairs("--units", arguments.units)
         ),
-        rig=_rig(arguments),
-        processing=ProcessingOptions(
-            **{key: value for key, value in processing.items() if value is not None}
-        ),
+        bench=_bench(arguments),
+        processing=ProcessingOptions(**processing),
         fit=FitOptions(loss=Loss(arguments.loss), physical=arguments.physical, seed=arguments.seed),
         models=tuple(name.strip() for item in arguments.model for name in item.split(",") if name.strip()),
         cross_validation=not arguments.no_cross_validation,
     )
 
 
-def _rig(arguments: argparse.Namespace) -> Any:
+def _bench(arguments: argparse.Namespace) -> Any:
     """The bench; None without a joint, whose motor would be unknown."""
-    from twin_gait.identification import LoadAngle, RigParameters
+    import math
+
+    from twin_gait.identification import BenchSetup, LoadAngle
     from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
 
     if arguments.joint is None:
         return None
-    given = {
-        "mass": arguments.mass_kg,
-        "lever": arguments.lever_m,
-        "link_inertia": arguments.link_inertia_kgm2,
-        "link_moment": arguments.link_moment_kgm,
-    }
-    given = {key: value for key, value in given.items() if value is not None}
-    if arguments.start_angle_deg is not None:
-        given["start_angle"] = _start_angle(arguments.start_angle_deg)
-    return RigParameters(
+    stated: dict[str, Any] = options.given(
+        mass=arguments.mass,
+        lever=arguments.lever_m,
+        link_inertia=arguments.link_inertia_kgm2,
+        link_moment=arguments.link_moment_kgm,
+    )
+    if arguments.start_angle_deg == "as-logged":
+        stated["start_angle"] = None
+    elif arguments.start_angle_deg is not None:
+        degrees = options.number(
+            "--start-angle-deg", arguments.start_angle_deg, "a options.number or as-logged"
+        )
+        stated["start_angle"] = math.radians(degrees)
+    return BenchSetup(
         actuator=KNEE_ACTUATOR if arguments.joint == "knee" else HIP_ACTUATOR,
         load_angle=LoadAngle(arguments.load_angle),
         mass_as_printed=arguments.mass_inertia_as_printed,
-        **given,
+        **stated,
     )
-
-
-def _start_angle(text: str) -> float | None:
-    from twin_gait.exceptions import ParameterError
-
-    if text == "as-logged":
-        return None
-    try:
-        return math.radians(float(text))
-    except ValueError as error:
-        raise ParameterError(f"--start-angle-deg: expected a number or as-logged, got {text!r}") from error
 
 
 def _pairs(flag: str, text: str) -> dict[Any, str]:
@@ -225,7 +207,7 @@ def _pairs(flag: str, text: str) -> dict[Any, str]:
 
 
 def _files(paths: list[Path]) -> Iterator[Path]:
-    """Files as given, and those of folders by name."""
+    """Files as options.given, and those of folders by name."""
     from twin_gait.exceptions import ParameterError
 
     for path in paths:

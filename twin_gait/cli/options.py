@@ -1,50 +1,233 @@
-"""Flags that many commands share: values to change, and files to write."""
+"""Options that commands share, each declared once, and what they stand for."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import os
+import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from twin_gait.exceptions import RunDirectoryError
+from twin_gait.exceptions import GaitTableError, ParameterError, RunDirectoryError
 
+if TYPE_CHECKING:
+    from twin_gait.configuration import LoadedExperiment
+    from twin_gait.experiment import Experiment
+    from twin_gait.studies.jobs import Workers
 
-def add_settings(parser: argparse.ArgumentParser, text: str | None = None) -> None:
-    """Add ``--set``, which may be given many times; ``settings`` holds them.
-
-    Args:
-        parser: Of the command.
-        text: For the help.
-    """
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="settings", help=text)
-
-
+PROCESSORS = os.cpu_count() or 1
+FIRST_PORT = 7000
+# What is changed most: a number of the experiment by a short name, its unit, key and meaning.
 _SHORTHANDS = {
     "--mass": ("KG", "patient.mass_kg", "mass of the wearer in kg"),
     "--height": ("M", "patient.height_m", "height of the wearer in m"),
-    "--speed": ("KM_PER_H", "scenario.belt_speed_km_per_h", "speed of the belt in km/h"),
-    "--support": ("SHARE", "scenario.support.share", "share of the weight that is carried: 0.6 or 60%%"),
+    "--speed": ("KM_PER_H", "scenario.belt_speed_km_per_h", "belt speed in km/h"),
+    "--support": ("SHARE", "scenario.support.share", "body weight support: 0.6 or 60%%"),
 }
 
 
-def add_wearer(parser: argparse.ArgumentParser) -> None:
-    """Add flags for what is changed most; each is a ``--set`` with a shorter name, and counts in its order.
+def add_out(parser: argparse.ArgumentParser, metavar: str, text: str, *, required: bool = False) -> None:
+    """Add ``--out`` and ``--force``."""
+    parser.add_argument("--out", type=Path, metavar=metavar, required=required, help=text)
+    parser.add_argument("--force", action="store_true", help="replace what stands at --out")
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add ``--json``, which :func:`~twin_gait.cli.terminal.answer` obeys."""
+    parser.add_argument("--json", action="store_true", help="print the answer as one JSON document")
+
+
+def add_no_pictures(parser: argparse.ArgumentParser) -> None:
+    """Add ``--no-pictures``."""
+    parser.add_argument("--no-pictures", action="store_true", help="leave out figures and animations")
+
+
+def add_seed(parser: argparse.ArgumentParser) -> None:
+    """Add ``--seed``."""
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of every random draw (0)")
+
+
+def add_page(parser: argparse.ArgumentParser) -> None:
+    """Add ``--port`` and ``--no-browser``."""
+    parser.add_argument(
+        "--port", type=int, default=FIRST_PORT, metavar="N", help=f"first port to try ({FIRST_PORT}; 0: any)"
+    )
+    parser.add_argument("--no-browser", action="store_true", help="only say where the page is")
+
+
+def check_port(port: int) -> None:
+    """Refuse what is no port."""
+    if not 0 <= port <= 65535:
+        raise ParameterError(f"--port: expected 0 to 65535, got {port}")
+
+
+# ---------------------------------------------------------------------- an experiment and changes to it
+
+
+def add_experiment(parser: argparse.ArgumentParser, *, seconds: str = "that of the experiment") -> None:
+    """Add the experiment, all that changes it, and ``--unchecked``; :func:`experiment_of` reads them.
 
     Args:
-        parser: Of the command; it has ``--set``.
+        parser: Of the command.
+        seconds: How long a run lasts without ``--duration``, for the help.
     """
+    parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
+    add_settings(parser)
+    _add_shorthand(parser, "--duration", "S", "duration_s", f"simulated time in s ({seconds})")
+    add_unchecked(parser)
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Add ``--set`` and shorter names for some of its keys; ``settings`` holds them in their order."""
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="settings",
+        help="change any value, such as patient.mass_kg=80 or table.blending.duration_ms=40; may be repeated",
+    )
+    parser.add_argument(
+        "--patient",
+        action="append",
+        dest="settings",
+        type=lambda name: f"patient={_quoted(name)}",
+        metavar="NAME",
+        help="wearer: a person that ships (twin-gait presets), or a YAML file",
+    )
     for flag, (unit, key, text) in _SHORTHANDS.items():
-        parser.add_argument(
-            flag, action="append", dest="settings", type=_assigning(key), metavar=unit, help=text
+        _add_shorthand(parser, flag, unit, key, text)
+
+
+def _quoted(text: str) -> str:
+    import json
+
+    return json.dumps(text)
+
+
+def _add_shorthand(parser: argparse.ArgumentParser, flag: str, unit: str, key: str, text: str) -> None:
+    def number(given: str) -> str:
+        value = float(given.removesuffix("%"))
+        return f"{key}={value / 100.0 if given.endswith('%') else value!r}"
+
+    parser.add_argument(flag, action="append", dest="settings", type=number, metavar=unit, help=text)
+
+
+def add_unchecked(parser: argparse.ArgumentParser) -> None:
+    """Add ``--unchecked``."""
+    parser.add_argument(
+        "--unchecked", action="store_true", help="run a gait table in which 'twin-gait check' finds errors"
+    )
+
+
+def experiment_of(arguments: argparse.Namespace, *defaults: str) -> LoadedExperiment:
+    """The experiment that the user asked for, its gait table checked.
+
+    Args:
+        arguments: Of the command.
+        defaults: Settings that those of the user replace.
+
+    Returns:
+        The experiment.
+
+    Raises:
+        TwinGaitError: If it has a mistake, or its table an error and ``--unchecked`` is not given.
+    """
+    from twin_gait.configuration import load_experiment
+
+    loaded = load_experiment(arguments.experiment, [*defaults, *arguments.settings])
+    loaded.experiment.build_world()
+    if not arguments.unchecked:
+        check_table(loaded.experiment, arguments.experiment, arguments.settings)
+    return loaded
+
+
+def check_table(experiment: Experiment, source: str | None = None, settings: Sequence[str] = ()) -> None:
+    """Stop at errors of the gait table, and say on one line how many warnings there are.
+
+    Args:
+        experiment: What is going to run.
+        source: How the user named it; None if 'twin-gait check' could not be told.
+        settings: What they laid over it.
+
+    Raises:
+        GaitTableError: If there is an error.
+    """
+    import shlex
+
+    from twin_gait.checking.check import check_before_run, counts
+    from twin_gait.cli.check import counted, heading
+    from twin_gait.cli.terminal import clear_line, note_step
+
+    note_step("the gait table", "checking")
+    findings = check_before_run(experiment)
+    clear_line()
+    if not findings:
+        return
+    numbers = {name: number for name, number in counts(findings).items() if number}
+    words = [word for text in settings for word in ("--set", text)]
+    table = f"gait table {experiment.table.name}: {counted(numbers)}"
+    see = ""
+    if source is not None:
+        see = f"; see {shlex.join(['twin-gait', 'check', '--experiment', source, *words])}"
+    if "errors" in numbers:
+        raise GaitTableError(
+            f"{table}; {heading(findings[0])}: {findings[0].reason}{see}; --unchecked runs it as it is"
         )
+    print(f"{table}{see}", file=sys.stderr)
 
 
-def _assigning(key: str) -> Callable[[str], str]:
-    def number(text: str) -> str:
-        value = float(text.removesuffix("%"))
-        return f"{key}={value / 100.0 if text.endswith('%') else value!r}"
+def person_of(settings: Sequence[str]) -> str | None:
+    """Name of the person that settings put into the device, or None if they name nobody."""
+    from twin_gait.configuration.overrides import parse_assignments
 
-    return number
+    named = [value for path, value in parse_assignments(settings) if path == ["patient"]]
+    return Path(named[-1]).stem if named and isinstance(named[-1], str) else None
+
+
+# ---------------------------------------------------------------------- who executes the runs
+
+
+def add_workers(parser: argparse.ArgumentParser) -> None:
+    """Add ``--workers``; :func:`workers_of` reads it."""
+    parser.add_argument("--workers", type=int, metavar="N", help=f"processes on this machine ({PROCESSORS})")
+
+
+def add_runner(parser: argparse.ArgumentParser) -> None:
+    """Add ``--workers`` and ``--scheduler``; :func:`runner_of` reads them."""
+    add_workers(parser)
+    parser.add_argument("--scheduler", metavar="ADDRESS", help="Dask scheduler, such as tcp://127.0.0.1:8786")
+
+
+def workers_of(arguments: argparse.Namespace) -> int:
+    """How many processes the user wants.
+
+    Raises:
+        ParameterError: If there are fewer than 1, or there is a scheduler too.
+    """
+    if arguments.workers is None:
+        return PROCESSORS
+    if getattr(arguments, "scheduler", None) is not None:
+        raise ParameterError("--workers: does not go with --scheduler, which has workers of its own")
+    if arguments.workers < 1:
+        raise ParameterError(f"--workers: expected 1 or more, got {arguments.workers}")
+    return int(arguments.workers)
+
+
+def runner_of(arguments: argparse.Namespace) -> Workers:
+    """The processes of this machine, or the cluster, that the user asked for; a context that ends them.
+
+    Raises:
+        ParameterError: If there are fewer than 1, or there is no scheduler at the address.
+        MissingOptionalDependency: If a cluster is asked for and dask.distributed is not installed.
+    """
+    from twin_gait.studies.jobs import Workers
+
+    return Workers(workers_of(arguments), arguments.scheduler)
+
+
+# ---------------------------------------------------------------------- values
 
 
 def check_file(flag: str, path: Path, *, force: bool) -> None:
@@ -64,3 +247,44 @@ def check_file(flag: str, path: Path, *, force: bool) -> None:
         raise RunDirectoryError(f"{path}: exists; choose another {flag}, or replace it with --force")
     if not path.absolute().parent.is_dir():
         raise RunDirectoryError(f"{flag} {path}: there is no directory {path.absolute().parent}")
+
+
+def pairs(flag: str, text: str, allowed: list[str] | None = None) -> dict[str, str]:
+    """Read ``a=b,c=d``.
+
+    Raises:
+        ParameterError: If it is no such text, has a key twice, or one that is not allowed.
+    """
+    found: dict[str, str] = {}
+    for part in filter(None, (item.strip() for item in text.split(","))):
+        key, separator, value = (item.strip() for item in part.partition("="))
+        if not separator or not key or not value:
+            raise ParameterError(f"{flag}: expected NAME=VALUE,…, got {part!r}")
+        if allowed is not None and key not in allowed:
+            raise ParameterError(f"{flag}: no {key!r}; there are {', '.join(allowed)}")
+        if key in found:
+            raise ParameterError(f"{flag}: {key} is given twice")
+        found[key] = value
+    return found
+
+
+def number(flag: str, text: str, expected: str = "a number") -> float:
+    """Read a finite number.
+
+    Raises:
+        ParameterError: If it is none, with what was expected.
+    """
+    import math
+
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise ParameterError(f"{flag}: expected {expected}, got {text!r}")
+    return value
+
+
+def given(**values: Any) -> dict[str, Any]:
+    """Those that the user gave; the others keep their defaults."""
+    return {name: value for name, value in values.items() if value is not None}

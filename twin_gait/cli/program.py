@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import traceback
 from collections.abc import Callable, Sequence
+from importlib import import_module
+from pathlib import Path
 from typing import Any, NoReturn
 
 from twin_gait import __version__
-from twin_gait.cli.defect import describe_defect
 from twin_gait.cli.terminal import (
     BAD_INPUT,
     DEFECT,
@@ -22,6 +22,14 @@ from twin_gait.cli.terminal import (
 )
 from twin_gait.exceptions import TwinGaitError
 
+# Modules of this package by the group in which --help shows their commands.
+GROUPS = {
+    "run and look": ("simulate", "live", "view", "export", "sessions"),
+    "gait tables": ("tables", "check", "replay"),
+    "test bench and identification": ("bench", "identify"),
+    "many runs": ("sweep", "compare", "tune", "faults"),
+}
+SHELLS = ("bash", "zsh", "tcsh")
 NO_HOME = "Could not determine home directory."  # pathlib's words, which raises nothing more special
 
 
@@ -41,45 +49,75 @@ class OneLineParser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"twin-gait: {message}; see '{self.prog} --help'\n")
 
 
-def build_parser() -> argparse.ArgumentParser:
-    """Parser of all commands."""
-    parser = OneLineParser(
+class ProgramParser(OneLineParser):
+    """Parser of the program; its help shows the commands in groups.
+
+    Attributes:
+        groups: Commands by the title of their group.
+    """
+
+    groups: dict[str, list[argparse.Action]]
+
+    def format_help(self) -> str:
+        """Usage, the groups, and the options of the program itself."""
+        formatter = self._get_formatter()
+        formatter.add_usage(self.usage, self._actions, [])
+        formatter.add_text(self.description)
+        options = [action for action in self._actions if action.option_strings]
+        for title, actions in (*self.groups.items(), ("options", options)):
+            formatter.start_section(title)
+            formatter.add_arguments(actions)
+            formatter.end_section()
+        return formatter.format_help()
+
+
+class PrintCompletion(argparse.Action):
+    """Print the completion of a shell and end."""
+
+    def __call__(self, parser: argparse.ArgumentParser, _: Any, shell: Any, __: Any = None) -> None:
+        """Called by argparse."""
+        import shtab
+
+        complete_files(parser)
+        print(shtab.complete(parser, shell))
+        parser.exit(DONE)
+
+
+def complete_files(parser: argparse.ArgumentParser) -> None:
+    """Let shells complete the names of files and folders where paths are expected, in sub-commands too."""
+    import shtab
+
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                complete_files(command)
+        elif action.type is Path or action.metavar in ("FILE", "LOG", "TABLE"):
+            folder = action.metavar in ("DIR", "RUN")
+            action.complete = shtab.DIRECTORY if folder else shtab.FILE  # type: ignore[attr-defined]
+
+
+def build_parser() -> ProgramParser:
+    """Parser of all commands; heavy imports wait until a command runs, so that ``--help`` answers at once."""
+    parser = ProgramParser(
         prog="twin-gait",
         description="Gait simulation of the TWIN leg exoskeleton. Not a medical device.",
     )
     parser.add_argument("--version", action="version", version=f"twin-gait {__version__}")
+    parser.add_argument(
+        "--print-completion",
+        action=PrintCompletion,
+        choices=SHELLS,
+        help="print the completion script of a shell",
+    )
     commands = parser.add_subparsers(
         dest="command", required=True, parser_class=OneLineParser, metavar="COMMAND"
     )
-    # Heavy imports wait until a command runs, so that --help answers at once.
-    from twin_gait.cli import (
-        bench,
-        check,
-        clean,
-        compare,
-        diagram,
-        export,
-        faults,
-        identify,
-        live,
-        outcomes,
-        plot,
-        presets,
-        replay,
-        reproduce,
-        sessions,
-        simulate,
-        sweep,
-        tune,
-        view,
-        whatif,
-    )
-
-    runs = (simulate, live, sessions, view, plot, export, presets, clean)
-    tables = (check, diagram, replay)
-    studies = (compare, tune, reproduce, whatif, sweep, faults, outcomes)
-    for module in (*runs, *tables, bench, identify, *studies):
-        module.add_parser(commands)
+    parser.groups = {}
+    for title, modules in GROUPS.items():
+        before = len(commands._choices_actions)
+        for name in modules:
+            import_module(f"twin_gait.cli.{name}").add_parser(commands)
+        parser.groups[title] = list(commands._choices_actions[before:])
     return parser
 
 
@@ -111,6 +149,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return DONE
     except Exception as error:
         if "debug" in arguments:
+            import traceback
+
             traceback.print_exception(error)
         return _tell(error, sys.argv[1:] if argv is None else argv)
 
@@ -124,6 +164,26 @@ def _tell(error: Exception, arguments: Sequence[str]) -> int:
     elif isinstance(error, RuntimeError) and str(error) == NO_HOME:
         status, line = BAD_INPUT, "~: this user has no home directory; set HOME, or write the whole path"
     else:
-        status, line = DEFECT, describe_defect(error, arguments)
+        status, line = DEFECT, _describe_defect(error, arguments)
     print(f"twin-gait: {' '.join(line.split())}", file=sys.stderr)
     return status
+
+
+def _describe_defect(error: Exception, arguments: Sequence[str]) -> str:
+    """Keep a report of an unforeseen error, and say in one line what happened and where the report is."""
+    import platform
+    import tempfile
+    import traceback
+
+    cause = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="twin_gait_report_", suffix=".txt", delete=False, encoding="utf-8", errors="replace"
+        ) as file:  # 0600: arguments may name people
+            file.write(f"twin_gait {__version__}, Python {sys.version}, {platform.platform()}\n")
+            file.write(f"arguments: {list(arguments)!r}\n\n")
+            file.writelines(traceback.format_exception(error))
+        kept = f"the report is in {file.name}"
+    except OSError as problem:
+        kept = f"no report could be kept ({problem.strerror})"
+    return f"this should not have happened ({cause}); {kept}; --debug shows all"

@@ -3,152 +3,117 @@
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli.terminal import DONE, progress_bar
+from twin_gait.cli import options
+from twin_gait.cli.terminal import DONE, answer, progress_bar
 
 if TYPE_CHECKING:
-    from twin_gait.studies.replay.log import ReplayRequest
+    from twin_gait.replay.request import ReplayRequest
 
-FOUND = "found"  # --mirror without a number: the stride time is found in the angles
+FOUND = "found"  # --mirror without a options.number: the stride time is found in the angles
 
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser(
         "replay",
-        help="run a recorded walk through a gait table",
+        help="run recorded joint angles through a gait table",
         description=(
             "Run the gait state machine over recorded angles and print which phases and switches the "
             "table gives. LOG is a run directory, a .parquet or .csv log, a .mot or .sto motion of OpenSim, "
-            "or a walk from the literature: koopman@1.5 (speed in km/h) or winter."
+            "or normative gait: koopman@1.5 (speed in km/h) or winter."
         ),
     )
-    parser.add_argument("log", metavar="LOG", help="run directory, log file, koopman@SPEED or winter")
-    parser.add_argument("--table", metavar="T", help="packaged gait table or file (a run's own; treadmill)")
-    parser.add_argument("--convention", metavar="NAME", help="names and signs of the angles in the log")
-    parser.add_argument(
+    add = parser.add_argument
+    add("log", metavar="LOG", help="run directory, log file, koopman@SPEED or winter")
+    add("--table", metavar="T", help="packaged gait table or file (a run's own; treadmill)")
+    add("--convention", metavar="NAME", help="names and signs of the angles in the log")
+    add(
         "--columns",
         default="",
         metavar="Q=NAME,…",
         help="columns by name, such as time=t,left_hip_angle=hip_l,left_phase=state",
     )
-    parser.add_argument("--units", choices=["deg", "rad"], help="unit of columns that do not say theirs")
-    parser.add_argument(
-        "--offset-deg", default="", metavar="JOINT=X,…", help="added to the angles of a joint, such as hip=5"
-    )
-    parser.add_argument(
-        "--belt-speed-km-per-h", type=float, metavar="V", help="speed that the table is scaled to"
-    )
-    parser.add_argument("--mass", type=float, metavar="KG", help="of wearer and device, for foot.load_bw")
-    parser.add_argument(
+    add("--units", choices=["deg", "rad"], help="unit of columns that do not say theirs")
+    add("--offset-deg", default="", metavar="JOINT=X,…", help="added to the angles of a joint, such as hip=5")
+    add("--speed", type=float, metavar="KM_PER_H", help="belt speed that the table is scaled to")
+    add("--total-mass", type=float, metavar="KG", help="of wearer and device, for foot.load_bw")
+    add(
         "--mirror",
         nargs="?",
         const=FOUND,
         metavar="S",
         help="make the other leg: this one half a stride (of S seconds) earlier",
     )
-    parser.add_argument(
+    add(
         "--start",
         default="",
         metavar="SIDE=PHASE,…",
         help="phases at the start (the recorded ones, or the table's first)",
     )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for phases, transitions and figure")
-    parser.add_argument("--force", action="store_true", help="replace the folder of an earlier replay")
-    parser.add_argument("--no-pictures", action="store_true", help="leave out the figure")
+    options.add_out(parser, "DIR", "folder for phases, transitions and figure")
+    options.add_no_pictures(parser)
+    options.add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Replay, print and write."""
-    from twin_gait.studies.replay.log import replay_log
-    from twin_gait.studies.replay.record import summarise_replay, write_replay
+    from twin_gait.replay.request import replay_log
+    from twin_gait.replay.writing import summarise_replay, write_replay
 
     request = make_request(arguments)
     with progress_bar("replaying", "tick") as progress:
         result = replay_log(request, progress=progress)
     if arguments.out is not None:
         write_replay(result, arguments.out, force=arguments.force, pictures=not arguments.no_pictures)
-    print("\n".join(summary_lines(summarise_replay(result))))
-    if arguments.out is not None:
-        print(arguments.out)
+    summary = summarise_replay(result)
+    folder = [] if arguments.out is None else [str(arguments.out)]
+    answer(arguments, [*summary_lines(summary), *folder], lambda: {**summary, "directory": arguments.out})
     return DONE
 
 
 def make_request(arguments: argparse.Namespace) -> ReplayRequest:
     """Turn arguments into a request.
 
-    Args:
-        arguments: As parsed.
-
-    Returns:
-        The request.
-
     Raises:
-        ParameterError: If an argument cannot be read.
+        ParameterError: If one cannot be read.
     """
+    import math
+
     from twin_gait.conventions import find_convention
     from twin_gait.measures.reference import KILOMETRES_PER_HOUR
     from twin_gait.replay import LogFormat
-    from twin_gait.studies.replay.log import ReplayRequest
+    from twin_gait.replay.request import ReplayRequest
     from twin_gait.vocabulary import JointName, Side
 
-    offsets = _pairs("--offset-deg", arguments.offset_deg, [str(joint) for joint in JointName])
-    speed = arguments.belt_speed_km_per_h
+    offsets = options.pairs("--offset-deg", arguments.offset_deg, [str(joint) for joint in JointName])
+    speed = arguments.speed
     return ReplayRequest(
         log=arguments.log,
         table=arguments.table,
         log_format=LogFormat(
             convention=None if arguments.convention is None else find_convention(arguments.convention),
-            columns=_pairs("--columns", arguments.columns),
+            columns=options.pairs("--columns", arguments.columns),
             units=arguments.units,
             offsets={
-                JointName(joint): math.radians(_number(f"--offset-deg {joint}", text))
+                JointName(joint): math.radians(options.number(f"--offset-deg {joint}", text))
                 for joint, text in offsets.items()
             },
         ),
         speed=None if speed is None else speed / KILOMETRES_PER_HOUR,
-        mass=arguments.mass,
+        mass=arguments.total_mass,
         mirror=arguments.mirror is not None,
-        stride_time=None if arguments.mirror in (None, FOUND) else _number("--mirror", arguments.mirror),
+        stride_time=None
+        if arguments.mirror in (None, FOUND)
+        else options.number("--mirror", arguments.mirror),
         start_phases={
             Side(side): phase
-            for side, phase in _pairs("--start", arguments.start, [str(side) for side in Side]).items()
+            for side, phase in options.pairs("--start", arguments.start, [str(side) for side in Side]).items()
         },
     )
-
-
-def _pairs(flag: str, text: str, allowed: list[str] | None = None) -> dict[str, str]:
-    """Read ``a=b,c=d``."""
-    from twin_gait.exceptions import ParameterError
-
-    pairs: dict[str, str] = {}
-    for part in filter(None, (item.strip() for item in text.split(","))):
-        key, separator, value = (item.strip() for item in part.partition("="))
-        if not separator or not key or not value:
-            raise ParameterError(f"{flag}: expected NAME=VALUE,…, got {part!r}")
-        if allowed is not None and key not in allowed:
-            raise ParameterError(f"{flag}: no {key!r}; there are {', '.join(allowed)}")
-        if key in pairs:
-            raise ParameterError(f"{flag}: {key} is given twice")
-        pairs[key] = value
-    return pairs
-
-
-def _number(flag: str, text: str) -> float:
-    from twin_gait.exceptions import ParameterError
-
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ParameterError(f"{flag}: expected a number, got {text!r}")
-    return value
 
 
 def summary_lines(summary: dict[str, Any]) -> Iterator[str]:

@@ -1,14 +1,14 @@
-"""``twin-gait sessions``."""
+"""``twin-gait sessions``: the record of live sessions, and what killed runs have left behind."""
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli.terminal import DONE
+from twin_gait.cli import options
+from twin_gait.cli.terminal import DONE, FAILED, answer
 
 if TYPE_CHECKING:
     from twin_gait.live.session_records import SessionEntry
@@ -18,31 +18,39 @@ def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser(
         "sessions",
-        help="list, show, export or delete the record of live sessions",
+        help="manage live sessions and killed runs",
         description=(
-            "The record of twin-gait live: who changed what, when, and where the run is. Walks whose "
+            "The record of twin-gait live: who changed what, when, and where the run is. Sessions whose "
             "processes were killed are completed first, up to the last second that they wrote."
         ),
     )
     parser.add_argument("--records", type=Path, metavar="DIR", help="record to read (that of this user)")
-    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION", parser_class=type(parser))
-    listing = actions.add_parser("list", help="one line per session, the newest first")
-    listing.add_argument("--user", help="only the sessions of this user")
-    listing.set_defaults(act=_list)
-    showing = actions.add_parser("show", help="one session with every change")
-    showing.add_argument("session", type=int, help="number of the session")
-    showing.set_defaults(act=_show)
-    exporting = actions.add_parser("export", help="one session as JSON, table versions included")
-    exporting.add_argument("session", type=int, help="number of the session")
-    exporting.add_argument("--out", type=Path, metavar="FILE", help="file to write (standard output)")
-    exporting.set_defaults(act=_export)
-    deleting = actions.add_parser("delete", help="take a session out of the record; its run folders stay")
-    deleting.add_argument("session", type=int, help="number of the session")
-    deleting.set_defaults(act=_delete)
-    completing = actions.add_parser("complete", help="complete a killed walk that was kept out of the record")
-    completing.add_argument("folder", type=Path, help="the run directory to be")
-    completing.set_defaults(act=_complete)
     parser.set_defaults(run=run)
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION", parser_class=type(parser))
+
+    def add(name: str, act: Any, text: str) -> argparse.ArgumentParser:
+        action: argparse.ArgumentParser = actions.add_parser(name, help=text, description=text)
+        action.set_defaults(act=act)
+        return action
+
+    listing = add("list", _list, "one line per session, the newest first")
+    listing.add_argument("--user", metavar="NAME", help="only the sessions of this user")
+    options.add_json(listing)
+    exporting = add("export", _export, "one session as JSON, table versions included")
+    for action in (
+        add("show", _show, "one session with every change"),
+        exporting,
+        add("delete", _delete, "take a session out of the record; its run folders stay"),
+    ):
+        action.add_argument("session", type=int, help="number of the session")
+    options.add_out(exporting, "FILE", "file to write (standard output)")
+    completing = add("complete", _complete, "complete a killed run that was kept out of the record")
+    completing.add_argument("folder", type=Path, metavar="DIR", help="the run directory to be")
+    cleaning = add(
+        "clean", _clean, "list and remove the incomplete folders that killed runs have left behind"
+    )
+    cleaning.add_argument("folder", nargs="?", type=Path, default=Path("runs"), metavar="DIR", help="(runs)")
+    cleaning.add_argument("--yes", action="store_true", help="remove them without asking")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -50,6 +58,9 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.live.recovery import recover
     from twin_gait.live.session_records import default_records
 
+    if arguments.act is _clean:
+        status: int = arguments.act(arguments)
+        return status
     records = arguments.records or default_records()
     if arguments.act is not _complete:
         for told in recover(records):
@@ -59,24 +70,21 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _list(arguments: argparse.Namespace, records: Path) -> None:
+    from dataclasses import asdict
+
     from twin_gait.live.session_records import list_sessions
 
     entries = list_sessions(records, arguments.user)
-    for entry in entries:
-        print(line_of(entry))
-    if not entries:
-        print("no sessions" if arguments.user is None else f"no sessions of {arguments.user}")
+    nobody = "no sessions" if arguments.user is None else f"no sessions of {arguments.user}"
+    answer(
+        arguments,
+        [line_of(entry) for entry in entries] or [nobody],
+        lambda: [asdict(item) for item in entries],
+    )
 
 
 def line_of(entry: SessionEntry) -> str:
-    """One line on a session.
-
-    Args:
-        entry: The session.
-
-    Returns:
-        Number, time, user, experiment, status, changes and folder.
-    """
+    """One line on a session: number, time, user, experiment, status, changes and folder."""
     who = entry.user or "(nobody named)"
     began = entry.began[:16].replace("T", " ")
     counted = f"{entry.changes} changes, {entry.refusals} refused, {entry.versions} table versions"
@@ -91,14 +99,18 @@ def _show(arguments: argparse.Namespace, records: Path) -> None:
     print(next(line_of(item) for item in list_sessions(records) if item.id == arguments.session))
     for item in found["log"]:
         who = f" {item['user']}" if item["user"] else ""
-        about = f"{item['subject']}: " if item["outcome"] == "refused" and item["subject"] else ""
-        print(f"  tick {item['tick']:>7}  {item['outcome']}{who}  {about}{item['text']}")
+        about = f"{item['subject']}: " if item["response"] == "refused" and item["subject"] else ""
+        print(f"  tick {item['tick']:>7}  {item['response']}{who}  {about}{item['text']}")
 
 
 def _export(arguments: argparse.Namespace, records: Path) -> None:
+    import json
+
     from twin_gait.files import write_atomically
     from twin_gait.live.session_records import read_session
 
+    if arguments.out is not None:
+        options.check_file("--out", arguments.out, force=arguments.force)
     text = json.dumps(read_session(records, arguments.session), indent=2, ensure_ascii=False) + "\n"
     if arguments.out is None:
         print(text, end="")
@@ -119,4 +131,29 @@ def _complete(arguments: argparse.Namespace, records: Path) -> None:
     from twin_gait.runs.folders import journal_of
 
     done = complete(journal_of(arguments.folder.expanduser().absolute()))
-    print("nothing had been walked" if done is None else done.folder)
+    print("nothing had been simulated" if done is None else done.folder)
+
+
+def _clean(arguments: argparse.Namespace) -> int:
+    from twin_gait.exceptions import RunDirectoryError
+    from twin_gait.runs.folders import abandoned, remove_abandoned
+
+    folder = arguments.folder.expanduser()
+    if not folder.is_dir():
+        raise RunDirectoryError(f"{folder}: no such folder")
+    found = abandoned(folder)
+    for path in found:
+        size = sum(item.stat().st_size for item in path.rglob("*") if item.is_file())
+        print(f"{path}  {size / 1e6:.1f} MB")
+    if not found:
+        print(f"nothing of killed runs in {folder}")
+        return DONE
+    agreed = arguments.yes or (
+        sys.stdin.isatty() and input("remove them? [y/N] ").strip().lower() in ("y", "yes")
+    )
+    if not agreed:
+        print("nothing was removed (--yes removes them)")
+        return FAILED
+    for path in found:
+        remove_abandoned(path)
+    return DONE

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli.options import add_settings
-from twin_gait.cli.runners import add_runner, check_runner, runner_of
+from twin_gait.cli import options
 from twin_gait.cli.terminal import (
     DONE,
     FAILED,
-    INTERRUPTED,
+    answer,
+    interrupted,
     note_compilation,
     progress_bar,
     stop_on_interrupt,
@@ -32,14 +33,15 @@ def add_parser(commands: Any) -> None:
             "The same command goes on with a sweep that was stopped or killed."
         ),
     )
-    parser.add_argument("spec", type=Path, metavar="SPEC", help="YAML file, such as examples/sweep.yaml")
-    parser.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder of the sweep")
-    add_runner(parser)
-    parser.add_argument(
-        "--chunk-seconds", type=float, default=2.0, metavar="S", help="work handed over at a time (2)"
-    )
-    parser.add_argument("--no-pictures", action="store_true", help="leave out the figures")
-    add_settings(parser, "change a value of every episode, for example duration_s=5")
+    add = parser.add_argument
+    add("spec", type=Path, metavar="SPEC", help="YAML file, such as examples/sweep.yaml")
+    add("--out", type=Path, metavar="DIR", required=True, help="folder of the sweep")
+    options.add_settings(parser)
+    options.add_unchecked(parser)
+    options.add_runner(parser)
+    add("--chunk-seconds", type=float, default=2.0, metavar="S", help="work handed over at a time (2)")
+    options.add_no_pictures(parser)
+    options.add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -51,14 +53,16 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.studies.sweep.spec import load_sweep
     from twin_gait.studies.sweep.sweep import run_sweep
 
-    check_runner(arguments)
+    options.workers_of(arguments)
     if not 0.0 < arguments.chunk_seconds < float("inf"):
         raise ParameterError(f"--chunk-seconds: expected a number above 0, got {arguments.chunk_seconds}")
     sweep = load_sweep(arguments.spec, arguments.settings)
+    if not arguments.unchecked:
+        options.check_table(sweep.experiment)
     again = f"the same command goes on from there: {arguments.out}"
     try:
         with (
-            runner_of(arguments) as workers,
+            options.runner_of(arguments) as workers,
             stop_on_interrupt() as should_stop,
             progress_bar("checking", "episode") as checking,
             progress_bar("sweeping", "episode") as progress,
@@ -77,23 +81,21 @@ def run(arguments: argparse.Namespace) -> int:
     except WorkersLost as error:
         print(f"twin-gait: {error}; what is done is kept, and {again}", file=sys.stderr)
         return FAILED
-    report(result)
-    if result.status is RunStatus.INTERRUPTED:
-        print(f"twin-gait: interrupted; {again}", file=sys.stderr)
-        return INTERRUPTED
-    return DONE
+    document = {"status": str(result.status), **result.summary, "directory": result.directory}
+    answer(arguments, report(result), lambda: document)
+    return interrupted(again) if result.status is RunStatus.INTERRUPTED else DONE
 
 
-def report(result: SweepResult) -> None:
-    """Print what came out, in a few lines."""
+def report(result: SweepResult) -> Iterator[str]:
+    """What came out, in a few lines."""
     summary, last = result.summary, result.summary["last_call"]
-    print(f"{result.status}: {summary['finished']} of {summary['episodes']} episodes")
+    yield f"{result.status}: {summary['finished']} of {summary['episodes']} episodes"
     if result.resumed:
-        print(f"  {result.resumed} were there already")
-    print("  " + ", ".join(f"{count} {name}" for name, count in summary["outcomes"].items()))
+        yield f"  {result.resumed} were there already"
+    yield "  " + ", ".join(f"{count} {name}" for name, count in summary["outcomes"].items())
     if last["episodes"]:
         pace = last["worker_s_per_episode"]
-        print(f"  {last['wall_s']:.1f} s, {pace:.3g} s of a worker's time per episode")
+        yield f"  {last['wall_s']:.1f} s, {pace:.3g} s of a worker's time per episode"
     if result.not_drawn:
-        print(f"  not drawn, because no completed episode has it: {', '.join(result.not_drawn)}")
-    print(f"  {result.directory}")
+        yield f"  not drawn, because no completed episode has it: {', '.join(result.not_drawn)}"
+    yield f"  {result.directory}"

@@ -1,17 +1,48 @@
-"""What the commands share: exit statuses, the terminal, progress bars, Ctrl-C."""
+"""What the commands share: exit statuses, the answer, the terminal, progress bars, Ctrl-C."""
 
 from __future__ import annotations
 
+import argparse
 import io
 import shlex
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
+
+
+def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Callable[[], Any]) -> None:
+    """Print what came out: lines for a reader or, with ``--json``, one document for a program.
+
+    Args:
+        arguments: Of the command.
+        lines: For a reader.
+        document: Makes the mapping for a program; numbers that are not finite become null.
+    """
+    if not arguments.json:
+        print("\n".join(lines))
+        return
+    import json
+
+    print(json.dumps(plain(document()), indent=2, ensure_ascii=False, allow_nan=False))
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON knows it."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, bool | int | str) or value is None:
+        return value if not isinstance(value, str) else str(value)
+    if isinstance(value, float):
+        return value if abs(value) < float("inf") else None
+    return plain(value.item()) if hasattr(value, "item") else str(value)
 
 
 def write_on_any_terminal() -> None:
@@ -22,11 +53,7 @@ def write_on_any_terminal() -> None:
 
 
 def note_abandoned(out: Path | None) -> None:
-    """Offer to remove what killed runs have left where this one was written.
-
-    Args:
-        out: What was written; None stands for a folder in runs.
-    """
+    """Offer to remove what killed runs have left beside this one, whose folder is in runs without ``out``."""
     from twin_gait.runs.folders import abandoned
 
     parent = Path("runs") if out is None else out.expanduser().absolute().parent
@@ -34,7 +61,7 @@ def note_abandoned(out: Path | None) -> None:
     if found:
         print(
             f"twin-gait: {len(found)} incomplete {'folder' if len(found) == 1 else 'folders'} of killed runs "
-            f"in {parent}; see them and remove them with: twin-gait clean {shlex.quote(str(parent))}",
+            f"in {parent}; list and remove them with: twin-gait sessions clean {shlex.quote(str(parent))}",
             file=sys.stderr,
         )
 
@@ -71,10 +98,26 @@ def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
         yield update
 
 
+def interrupted(hint: str) -> int:
+    """Say that the work was stopped, and what is kept; gives the exit status."""
+    print(f"twin-gait: interrupted; {hint}", file=sys.stderr)
+    return INTERRUPTED
+
+
 def note_step(name: str, doing: str = "writing") -> None:
     """Say on a terminal what is being done, such as which file is being written."""
+    note_line(f"{doing} {name}")
+
+
+def note_line(line: str) -> None:
+    """Replace the last note on a terminal."""
     if sys.stderr.isatty():
-        print(f"\r\033[K{doing} {name}", end="", file=sys.stderr, flush=True)
+        print(f"\r\033[K{line}", end="", file=sys.stderr, flush=True)
+
+
+def clear_line() -> None:
+    """Take the last note away again."""
+    note_line("")
 
 
 def warn_on_one_line() -> None:
@@ -98,9 +141,3 @@ def note_compilation() -> None:
         file=sys.stderr,
         flush=True,
     )
-
-
-def clear_line() -> None:
-    """Take the last note away again."""
-    if sys.stderr.isatty():
-        print("\r\033[K", end="", file=sys.stderr, flush=True)

@@ -3,78 +3,59 @@
 from __future__ import annotations
 
 import argparse
-import math
-import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli.runners import add_runner, check_runner, runner_of
+from twin_gait.cli import options
 from twin_gait.cli.terminal import (
     DONE,
     FAILED,
-    INTERRUPTED,
+    answer,
     clear_line,
+    interrupted,
     note_compilation,
+    note_line,
     progress_bar,
     stop_on_interrupt,
 )
 
 if TYPE_CHECKING:
+    from twin_gait.experiment import Experiment
     from twin_gait.studies.tune.tuning import Progress
-
-_REFERENCE = re.compile(r"koopman@(\d+(?:\.\d+)?)")
 
 
 def add_parser(commands: Any) -> None:
     """Add the command to the parser."""
     parser = commands.add_parser(
         "tune",
-        help="find the numbers of a gait table for one person",
+        help="tune a gait table to one person",
         description=(
             "Screen the numbers of a gait table, search over those that matter, try the best tables on a "
             "robust set, and write the table with a report. It can be stopped at any time and goes on with "
             "--resume."
         ),
     )
-    parser.add_argument("--patient", metavar="NAME", help="person that ships, or YAML file")
-    parser.add_argument("--out", type=Path, metavar="DIR", required=True, help="folder of the tuning")
-    parser.add_argument(
-        "--reference", metavar="koopman@SPEED", help="healthy walk at a speed in km/h (that of the belt)"
-    )
-    parser.add_argument(
-        "--experiment", default="treadmill", metavar="FILE", help="preset or YAML file (treadmill)"
-    )
-    parser.add_argument("--minutes", type=float, default=10.0, metavar="M", help="time for everything (10)")
-    parser.add_argument(
-        "--generations", type=int, metavar="N", help="end the search after so many, whatever the time"
-    )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of all draws (0)")
-    add_runner(parser)
-    parser.add_argument("--resume", action="store_true", help="go on with a tuning that was stopped")
-    parser.add_argument("--force", action="store_true", help="replace an earlier tuning")
-    parser.add_argument("--no-screening", action="store_true", help="search over all numbers")
-    parser.add_argument("--keep-thresholds", action="store_true", help="leave the transitions as they are")
-    parser.add_argument("--keep-blending", action="store_true", help="leave the blend as it is")
-    parser.add_argument(
-        "--per-side", action="store_true", help="give each leg numbers of its own (hemiparesis)"
-    )
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="change a value of the experiment, for example table=my_table.yaml",
-    )
+    add = parser.add_argument
+    options.add_experiment(parser)
+    options.add_out(parser, "DIR", "folder of the tuning", required=True)
+    add("--resume", action="store_true", help="go on with a tuning that was stopped")
+    add("--reference", metavar="koopman@SPEED", help="healthy gait at a speed in km/h (that of the belt)")
+    add("--minutes", type=float, default=10.0, metavar="M", help="time for everything (10)")
+    add("--generations", type=int, metavar="N", help="end the search after so many, whatever the time")
+    add("--no-screening", action="store_true", help="search over all numbers")
+    add("--keep-thresholds", action="store_true", help="leave the transitions as they are")
+    add("--keep-blending", action="store_true", help="leave the blend as it is")
+    add("--per-side", action="store_true", help="give each leg numbers of its own (hemiparesis)")
+    options.add_seed(parser)
+    options.add_runner(parser)
+    options.add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Tune, and write what came out."""
-    import json
-
-    from twin_gait.configuration import load_experiment
+    """Tune, and write the table with its report."""
     from twin_gait.exceptions import ParameterError
     from twin_gait.simulation import RunStatus
     from twin_gait.studies import WorkersLost
@@ -82,13 +63,10 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.studies.tune.tune import tune
     from twin_gait.studies.tune.writing import write_tuning
 
-    check_runner(arguments)
+    options.workers_of(arguments)
     if arguments.resume and arguments.force:
         raise ParameterError("--resume: does not go with --force, which begins anew")
-    assignments = list(arguments.settings)
-    if arguments.patient is not None:
-        assignments.insert(0, f"patient={json.dumps(arguments.patient)}")
-    experiment = load_experiment(arguments.experiment, assignments).experiment
+    experiment = options.experiment_of(arguments).experiment
     settings = Settings(
         reference_speed=_reference_speed(arguments.reference),
         minutes=arguments.minutes,
@@ -102,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
     again = f"the same command with --resume goes on from there: {arguments.out}"
     folder = None
     try:
-        with runner_of(arguments) as workers, stop_on_interrupt() as should_stop:
+        with options.runner_of(arguments) as workers, stop_on_interrupt() as should_stop:
             tuning = tune(
                 experiment,
                 arguments.out,
@@ -122,7 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
                         experiment,
                         settings,
                         arguments.out,
-                        wearer=_wearer(arguments, experiment),
+                        wearer=_wearer(options.person_of(arguments.settings), experiment),
                         workers=workers,
                         progress=progress,
                         should_stop=should_stop,
@@ -131,49 +109,50 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"twin-gait: {error}; what is done is kept, and {again}", file=sys.stderr)
         return FAILED
     if folder is None:
-        print(f"twin-gait: interrupted; {again}", file=sys.stderr)
-        return INTERRUPTED
-    report(folder.outcome, folder.directory)
+        return interrupted(again)
+    answer(
+        arguments,
+        report(folder.outcome, folder.directory),
+        lambda: {**folder.outcome, "directory": folder.directory},
+    )
     return DONE
 
 
-def report(outcome: dict[str, Any], directory: Path) -> None:
-    """Print what came out, in a few lines."""
+def report(outcome: dict[str, Any], directory: Path) -> Iterator[str]:
+    """What came out, in a few lines."""
     from twin_gait.report.tune_page import convergence_words, summary
 
-    for text in (*summary(outcome), convergence_words(outcome)):
-        print(text)
-    print(f"  {directory}")
+    yield from (*summary(outcome), convergence_words(outcome), f"  {directory}")
 
 
 def _reference_speed(text: str | None) -> float | None:
     """Speed of the reference in [m] / [s]."""
+    import re
+
     from twin_gait.exceptions import ParameterError
     from twin_gait.measures.reference import KILOMETRES_PER_HOUR
 
     if text is None:
         return None
-    found = _REFERENCE.fullmatch(text)
+    found = re.fullmatch(r"koopman@(\d+(?:\.\d+)?)", text)
     if found is None:
         raise ParameterError(f"--reference {text!r}: expected koopman@SPEED in km/h, for example koopman@1.5")
     return float(found.group(1)) / KILOMETRES_PER_HOUR
 
 
-def _wearer(arguments: argparse.Namespace, experiment: Any) -> str:
+def _wearer(person: str | None, experiment: Experiment) -> str:
     patient = experiment.patient
-    size = f"{patient.mass:g} kg, {patient.height:g} m, {patient.sex}"
-    return size if arguments.patient is None else f"{Path(arguments.patient).stem} ({size})"
+    size = "" if patient is None else f"{patient.mass:g} kg, {patient.height:g} m, {patient.sex}"
+    return size if person is None else f"{person} ({size})"
 
 
 def _note(step: Progress) -> None:
     """One line on a terminal: the stage and the best gait so far."""
-    if not sys.stderr.isatty():
-        return
     total = "" if step.total is None else f" of {step.total}"
     line = f"{step.elapsed / 60.0:4.1f} min  {step.stage} {step.done}{total}"
-    if math.isfinite(step.best_cost):
+    if step.best_cost < float("inf"):
         line += f"  best: cost {step.best_cost:.2f} (from {step.start_cost:.2f})"
     hip, knee = (step.best_values.get(f"{joint}_error_deg") for joint in ("hip", "knee"))
     if hip is not None and knee is not None:
         line += f", hip {hip:.1f}°, knee {knee:.1f}°"
-    print(f"\r\033[K{line}", end="", file=sys.stderr, flush=True)
+    note_line(line)

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.validation import read_yaml, short
-from twin_gait.exceptions import GaitTableError, ParameterFileError
+from twin_gait.configuration.validation import converting, read_yaml, renamed, short
+from twin_gait.exceptions import ParameterError, ParameterFileError
 
 _IDENTITY = ("from", "to", "cause")
 _LISTS = ("transitions", "waive")
@@ -93,7 +93,10 @@ def extended_table(
     own = {key: _listed(data, key, source) for key in _LISTS}
     if "extends" not in data:
         return TableMapping(data, _places(own))
-    found = _extended_file(data["extends"], path, source)
+    name = data["extends"]
+    if not isinstance(name, str):
+        raise ParameterFileError(source, "extends", f"no gait table {name!r}; expected a name or a path")
+    found = converting(source, "extends", lambda: gait_table_path(name, path.parent))
     chain = (*below, path.resolve())
     if found.resolve() in chain:
         raise ParameterFileError(source, "extends", f"{data['extends']!r} extends this table itself")
@@ -195,30 +198,25 @@ def own_entries_named(places: Mapping[str, Place]) -> Iterator[None]:
         raise ParameterFileError(place.source, *((where, problem) if key else ("", where))) from error
 
 
-def _extended_file(name: Any, path: Path, source: str) -> Path:
-    if isinstance(name, str):
-        for candidate in (path.parent / name, Path(name).expanduser(), _tables() / f"{name}.yaml"):
-            if candidate.is_file():
-                return candidate
-    known = ", ".join(packaged_gait_tables())
-    raise ParameterFileError(source, "extends", f"no gait table {name!r}: neither a file nor one of {known}")
-
-
-def packaged_table_path(name: str) -> Path:
-    """File of a gait table that ships with the package.
+def gait_table_path(name: str | Path, folder: Path | None = None) -> Path:
+    """File of a gait table.
 
     Args:
-        name: For example ``treadmill``.
+        name: Path of a file, or name of a table that ships, such as ``treadmill``.
+        folder: Where a relative path is looked for first; the working folder comes next.
 
     Returns:
         The path.
 
     Raises:
-        GaitTableError: If there is no such table.
+        ParameterError: If there is no such table.
     """
-    if name not in packaged_gait_tables():
-        raise GaitTableError(f"no gait table {name!r} ships; there are {', '.join(packaged_gait_tables())}")
-    return _tables() / f"{name}.yaml"
+    beside = [] if folder is None else [folder / name]
+    for candidate in (*beside, Path(name).expanduser(), _tables() / f"{name}.yaml"):
+        if candidate.is_file():
+            return candidate
+    known = ", ".join(packaged_gait_tables())
+    raise ParameterError(f"no gait table {str(name)!r}: neither a file nor one of {known}{renamed(name)}")
 
 
 def packaged_gait_tables() -> list[str]:

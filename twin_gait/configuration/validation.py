@@ -28,6 +28,9 @@ RENAMED = {
     "catch_gain_Nms_per_rad": "stretch_reflex_gain_Nms_per_rad",
 }
 
+# Presets and gait tables of the drafts.
+RENAMED_FILES = {"treadmill_stand": "treadmill_start_stop"}
+
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 2, 3, 3
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 57
@@ -224,6 +227,12 @@ def unknown_key(name: str, known: Sequence[str], near: Sequence[str] = ()) -> st
         return f"is called {RENAMED[name]} now"
     hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
     return f"unknown key; {hint}allowed: {', '.join(known)}"
+
+
+def renamed(name: Any) -> str:
+    """What a preset or gait table of the drafts is called now, to end a message with; empty for others."""
+    new = RENAMED_FILES.get(str(name))
+    return f"; {name} is called {new} now" if new else ""
 
 
 def _nearest(name: str, model: type[BaseModel]) -> list[str]:

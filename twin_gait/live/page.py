@@ -19,7 +19,7 @@ from twin_gait.live.protocol import (
     Event,
     Frame,
     MessageRefused,
-    Outcome,
+    Response,
     State,
     id_of,
     read_message,
@@ -172,4 +172,4 @@ class LivePage:
 
     def _refusal(self, reason: str) -> Event:
         tick = 0 if self._short is None else int(self._short["tick"])
-        return Event(serial=0, outcome=Outcome.REFUSED, text=reason, tick=tick)
+        return Event(serial=0, response=Response.REFUSED, text=reason, tick=tick)

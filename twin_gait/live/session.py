@@ -32,7 +32,7 @@ from twin_gait.live.protocol import (
     Event,
     Message,
     MessageRefused,
-    Outcome,
+    Response,
     SetControl,
     State,
     Value,
@@ -179,7 +179,9 @@ class LiveSession:
         self._known = verdict.places
         if verdict.errors:
             found = tuple(described(item) for item in verdict.errors)
-            self._emit(Outcome.NOTE, "the check finds errors in what the session begins with", warnings=found)
+            self._emit(
+                Response.NOTE, "the check finds errors in what the session begins with", warnings=found
+            )
         self._warned = warnings(self._settings)
         self._ready.wait()
         if self.failure:
@@ -254,7 +256,7 @@ class LiveSession:
             id: Of the message, if it had one.
             user: Who, if known.
         """
-        return self._emit(Outcome.REFUSED, reason, id=id, user=user)
+        return self._emit(Response.REFUSED, reason, id=id, user=user)
 
     def newest_frame(self) -> LatestFrame:
         """The newest frame; its number tells whether it is a new one."""
@@ -303,7 +305,7 @@ class LiveSession:
     def _refuse(self, message: Message, reason: str) -> None:
         value = message.value if isinstance(message, SetControl) else None
         self._emit(
-            Outcome.REFUSED, reason, id=message.id, user=message.user, subject=_subject(message), value=value
+            Response.REFUSED, reason, id=message.id, user=message.user, subject=_subject(message), value=value
         )
 
     def _handle(self, message: Message) -> None:
@@ -346,7 +348,7 @@ class LiveSession:
         self._settings, self._numbers, self._known = settings, numbers, known
         self._renew_state()
         self._emit(
-            Outcome.APPLIED,
+            Response.APPLIED,
             text,
             tick=answer["tick"],
             id=message.id,
@@ -401,7 +403,7 @@ class LiveSession:
         except ParameterError as error:
             raise MessageRefused("no forecast: its process has died; try again, or apply at once") from error
         self._emit(
-            Outcome.FORECAST,
+            Response.FORECAST,
             f"forecast of {_told(message.control, before, message.value)}: {forecast['text']}",
             tick=moment["tick"],
             id=message.id,
@@ -418,7 +420,7 @@ class LiveSession:
         new = [text for place, text in found.items() if place not in self._warned]
         self._warned = found
         if new:
-            self._emit(Outcome.NOTE, "the check warns", warnings=tuple(new))
+            self._emit(Response.NOTE, "the check warns", warnings=tuple(new))
 
     def _do_directly(self, message: DoAction) -> None:
         values = self._actions.values_of(message)
@@ -448,7 +450,7 @@ class LiveSession:
             self._refuse(message, answer["refused"])
             return
         self._emit(
-            Outcome.APPLIED,
+            Response.APPLIED,
             text,
             tick=answer["tick"],
             id=message.id,
@@ -470,7 +472,7 @@ class LiveSession:
         self._saved.append(str(path))
         self._renew_state()
         self._emit(
-            Outcome.APPLIED,
+            Response.APPLIED,
             f"saved {path}; run it with: {self._run_again(path)}",
             id=message.id,
             user=message.user,
@@ -503,10 +505,10 @@ class LiveSession:
             before, self._status = self._status, status
             if status in ("held", "fell", "diverged") and before not in ("starting", "ended"):
                 told = "; ".join([*(event["text"] for event in head["events"]), _ENDINGS[status]])
-                self._emit(Outcome.NOTE, told, tick=self._tick)
+                self._emit(Response.NOTE, told, tick=self._tick)
         if self._recorder is not None and self._recorder.failure:
             lost, self._recorder = self._recorder.failure, None
-            self._emit(Outcome.NOTE, f"the session is no longer recorded: {lost}")
+            self._emit(Response.NOTE, f"the session is no longer recorded: {lost}")
 
     def _hear(self, message: Mapping[str, Any]) -> None:
         kind = message["kind"]
@@ -521,7 +523,7 @@ class LiveSession:
             self._walks.append(Path(message["folder"]))
             self._record_folders()
         elif kind == "unkept":
-            self._emit(Outcome.NOTE, f"the walk is no longer kept: {message['text']}")
+            self._emit(Response.NOTE, f"the walk is no longer kept: {message['text']}")
         elif kind == "writing":
             self._on_step(message["step"])
         elif kind == "folder":
@@ -532,11 +534,11 @@ class LiveSession:
     def _note_folder(self, message: Mapping[str, Any]) -> None:
         if message["failed"]:
             self.failure = message["failed"]
-            self._emit(Outcome.NOTE, f"the run folder could not be written: {self.failure}")
+            self._emit(Response.NOTE, f"the run folder could not be written: {self.failure}")
             return
         self.folders.append(Path(message["folder"]))
         self.summary = dict(message["summary"])
-        self._emit(Outcome.NOTE, f"the run is in {message['folder']}")
+        self._emit(Response.NOTE, f"the run is in {message['folder']}")
         self._record_folders()
 
     def _record_folders(self) -> None:
@@ -555,7 +557,7 @@ class LiveSession:
             how = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
             self.death = f"the process of the walk died at {self._tick * TICK:.1f} s ({how})"
             self._status = "died"
-            self._emit(Outcome.NOTE, f"{self.death}; the walk is kept up to its last second")
+            self._emit(Response.NOTE, f"{self.death}; the walk is kept up to its last second")
             self._show_death()
 
     def _show_death(self) -> None:
@@ -580,12 +582,12 @@ class LiveSession:
                 saved=tuple(self._saved),
             )
 
-    def _emit(self, outcome: Outcome, text: str, *, tick: int | None = None, **rest: Any) -> Event:
+    def _emit(self, response: Response, text: str, *, tick: int | None = None, **rest: Any) -> Event:
         with self._lock:
             self._serial += 1
             event = Event(
                 serial=self._serial,
-                outcome=outcome,
+                response=response,
                 text=text,
                 tick=self._tick if tick is None else tick,
                 **rest,

@@ -25,7 +25,7 @@ from twin_gait.exceptions import TwinGaitError
 FOLDER_VARIABLE = "TWIN_GAIT_SESSIONS"
 WRITE_EVERY = 0.25  # [s]; a crash loses what came after the last write
 KILLED, GOING_ON = "killed", "going on"
-_LOGGED = ("serial", "tick", "outcome", "user", "subject", "before", "value", "text")
+_LOGGED = ("serial", "tick", "response", "user", "subject", "before", "value", "text")
 
 
 class SessionError(TwinGaitError):
@@ -95,7 +95,7 @@ class SessionRecorder:
     def event(self, event: Change) -> None:
         """Record an event: what was applied or refused, or a note."""
         row = {name: getattr(event, name) for name in _LOGGED}
-        self._put({"event": {**row, "outcome": str(row["outcome"]), "at": _now()}})
+        self._put({"event": {**row, "response": str(row["response"]), "at": _now()}})
 
     def table(self, document: Mapping[str, Any], tick: int) -> None:
         """Record a version of the gait table and its first tick; one like the last is no new version."""
@@ -249,7 +249,7 @@ def close_killed(
     """
     serial = max((item["serial"] for item in _read(folder, session)[1]["log"]), default=0) + 1
     note = dict.fromkeys(_LOGGED, "") | {"before": None, "value": None, "at": _now()}
-    event = {**note, "serial": serial, "tick": tick, "outcome": "note", "text": text}
+    event = {**note, "serial": serial, "tick": tick, "response": "note", "text": text}
     lines = [{"event": event}, _end(KILLED, tick, summary, folders)]
     path = _file(folder, session)
     _whole(path)  # a line that the kill has cut short goes
@@ -326,7 +326,7 @@ def _read(folder: Path, session: int) -> tuple[SessionEntry, dict[str, Any]]:
         tables = [item["table"] for item in entries if "table" in item]
         end: dict[str, Any] = next((item["end"] for item in entries if "end" in item), {})
         folders: list[str] = next((item["folders"] for item in reversed(entries) if "folders" in item), [])
-        outcomes = [item["outcome"] for item in log]
+        responses = [item["response"] for item in log]
         entry = SessionEntry(
             id=session,
             user=first["user"],
@@ -336,8 +336,8 @@ def _read(folder: Path, session: int) -> tuple[SessionEntry, dict[str, Any]]:
             status=end.get("status") or (GOING_ON if held else KILLED),
             tick=end.get("tick") or max((item["tick"] for item in (*log, *tables)), default=0),
             folders=tuple(folders),
-            changes=outcomes.count("applied"),
-            refusals=outcomes.count("refused"),
+            changes=responses.count("applied"),
+            refusals=responses.count("refused"),
             versions=len(tables),
         )
     except (ValueError, KeyError, TypeError, AttributeError) as error:

@@ -25,7 +25,7 @@ from twin_gait.experiment import Experiment
 from twin_gait.files import read_parquet, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.measures.events import RunEvent, run_events
+from twin_gait.measures.outcome import RunEvent, run_events
 from twin_gait.parameters import Patient
 from twin_gait.report.figures import write_figures
 from twin_gait.runs.folders import FolderKind, journal_of

@@ -14,7 +14,7 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.validation import read_yaml
 from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError, ViewerError
 from twin_gait.experiment import Experiment
-from twin_gait.measures.events import RunEvent
+from twin_gait.measures.outcome import RunEvent
 from twin_gait.runs.record import (
     EXPERIMENT_FILE,
     LOG_FILE,

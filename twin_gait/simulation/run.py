@@ -16,9 +16,8 @@ from twin_gait.control import Trip
 from twin_gait.experiment import Experiment
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.measures.events import RunEvent, run_events
 from twin_gait.measures.leg_record import LegRecord, leg_record
-from twin_gait.measures.verdict import Verdict, gait_verdict
+from twin_gait.measures.outcome import RunEvent, Verdict, gait_verdict, run_events
 from twin_gait.simulation.columns import LogLayout
 from twin_gait.vocabulary import Outcome, Side
 
@@ -115,7 +114,7 @@ class Run:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Outcome of the gait in one word and one line; see :mod:`twin_gait.measures.verdict`."""
+        """Outcome of the gait in one word and one line; see :mod:`twin_gait.measures.outcome`."""
         if self.status is RunStatus.DIVERGED:
             return Verdict(Outcome.DIVERGED, self.reason)
         if self.status is RunStatus.FELL:

@@ -25,7 +25,7 @@ from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
-from twin_gait.measures.events import RunEvent, run_events
+from twin_gait.measures.outcome import RunEvent, run_events
 from twin_gait.scenario.faults import Fault, FaultKind
 from twin_gait.simulation import episode_arrays
 from twin_gait.simulation.compiled_engine import CompiledEngine

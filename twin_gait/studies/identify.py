@@ -179,19 +179,19 @@ def _order(result: Identification) -> str:
 
 
 def _processing(result: Identification) -> dict[str, Any]:
-    options, rig = result.options.processing, result.options.rig
+    options, bench = result.options.processing, result.options.bench
     balance = any(test.from_bench for test in result.tests)
     default = "zero_phase" if balance else "none"
     document: dict[str, Any] = {"name": default if options.processing is None else str(options.processing)}
-    if balance and rig is not None:
+    if balance and bench is not None:
         document |= {
             "cutoff_Hz": options.cutoff,
-            "load_angle": str(rig.load_angle),
-            "lever_m": rig.lever,
-            "link_inertia_kgm2": rig.link_inertia,
-            "torque_constant_Nm_per_A": rig.actuator.torque_constant,
-            "gear_ratio": rig.actuator.gear_ratio,
-            "armature_kgm2": rig.actuator.armature,
+            "load_angle": str(bench.load_angle),
+            "lever_m": bench.lever,
+            "link_inertia_kgm2": bench.link_inertia,
+            "torque_constant_Nm_per_A": bench.actuator.torque_constant,
+            "gear_ratio": bench.actuator.gear_ratio,
+            "armature_kgm2": bench.actuator.armature,
         }
     return document
 

@@ -1,8 +1,8 @@
 """A test kit for anyone's gait table.
 
     >>> from twin_gait.testing import transition_tests
-    >>> from twin_gait.configuration.gait_table_file import packaged_gait_table
-    >>> tests = transition_tests(packaged_gait_table("treadmill"))
+    >>> from twin_gait.configuration.gait_table_file import load_gait_table
+    >>> tests = transition_tests(load_gait_table("treadmill"))
     >>> for test in tests:
     ...     test.run()
 

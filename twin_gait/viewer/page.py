@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin_gait.exceptions import ViewerError
-from twin_gait.measures.events import RunEvent
+from twin_gait.measures.outcome import RunEvent
 from twin_gait.palette import (
     EVENT_COLOUR,
     EVENT_ON_DARK,

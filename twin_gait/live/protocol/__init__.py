@@ -31,7 +31,7 @@ from twin_gait.live.protocol.to_page import (
     DeadlineStatistics,
     Event,
     Frame,
-    Outcome,
+    Response,
     State,
     dump,
 )
@@ -52,7 +52,7 @@ __all__ = [
     "Frame",
     "Message",
     "MessageRefused",
-    "Outcome",
+    "Response",
     "SetControl",
     "State",
     "Value",

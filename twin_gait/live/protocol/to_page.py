@@ -24,7 +24,7 @@ class ControlKind(StrEnum):
     TEXT = "text"
 
 
-class Outcome(StrEnum):
+class Response(StrEnum):
     """What an event tells."""
 
     APPLIED = "applied"
@@ -182,7 +182,7 @@ class Event:
 
     Attributes:
         serial: Number of the event, from 1 on.
-        outcome: Applied, refused, a note of the simulation, or what would come of a change that waits.
+        response: Applied, refused, a note of the simulation, or what would come of a change that waits.
         text: One sentence; of a refusal the reason.
         tick: First tick with the change; of a refusal the last one known.
         id: Of the message, or empty.
@@ -196,7 +196,7 @@ class Event:
     """
 
     serial: int
-    outcome: Outcome
+    response: Response
     text: str
     tick: int
     id: str = ""
@@ -215,8 +215,8 @@ class Event:
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Event:
         """The event of :meth:`to_dict`."""
-        rest = {key: item for key, item in data.items() if key not in ("kind", "outcome", "warnings")}
-        return cls(outcome=Outcome(data["outcome"]), warnings=tuple(data["warnings"]), **rest)
+        rest = {key: item for key, item in data.items() if key not in ("kind", "response", "warnings")}
+        return cls(response=Response(data["response"]), warnings=tuple(data["warnings"]), **rest)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pandas as pd
 
-from twin_gait.measures.assistance import root_mean_square
+from twin_gait.measures.effort import root_mean_square
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.runs.summary.side import reference_error
 from twin_gait.simulation.columns import BRACE_COLUMNS, PELVIS_BRACE_COLUMNS

@@ -9,8 +9,8 @@ import numpy as np
 
 from twin_gait.core.actuator import torque_to_current
 from twin_gait.gait.table import TICK, Blending, BlendingLaw
-from twin_gait.measures.clearance import scuffs, swing_clearances
 from twin_gait.measures.effort import changes_at_switches, load, saturation_shares
+from twin_gait.measures.foot_contact import scuffs, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import entry_lags, phase_durations, phases_in_order
 from twin_gait.measures.strides import (

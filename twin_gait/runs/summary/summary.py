@@ -14,8 +14,7 @@ import numpy as np
 import twin_gait
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
-from twin_gait.measures.effort import battery_use, changes_at_switches
-from twin_gait.measures.energy import energy_balance
+from twin_gait.measures.effort import battery_use, changes_at_switches, energy_balance
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.measures.switching import blend_windows, torque_jumps
 from twin_gait.report.reference import reference_stride_time

@@ -1,4 +1,4 @@
-r"""What a walk is judged by: named parts, each with a goal and a weight, all from the numbers of the summary.
+r"""What a walk is rated by: named parts, each with a goal and a weight, all from the numbers of the summary.
 
 Every part is the smaller the better, and the larger of the two legs counts. A walk costs
 
@@ -110,7 +110,7 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
     return {part.name: values[part.name] for part in PARTS}
 
 
-class Judgement(NamedTuple):
+class Rating(NamedTuple):
     """What a walk is worth.
 
     Attributes:
@@ -126,21 +126,22 @@ class Judgement(NamedTuple):
     lasted: float
 
 
-def judge(run: Run, reference_speed: float | None = None) -> Judgement:
-    """Judge a walk.
+def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
+    """Rate a walk as tuning does: its cost, and the parts that it is the sum of.
 
     Args:
         run: A walk on the treadmill.
-        reference_speed: As in :func:`part_values`.
+        reference_speed: Speed of the reference walk in [m] / [s]; None for that of the belt.
 
     Returns:
-        Cost, and what it is made of.
+        Cost (0 or more, 30 for the worst walk and more for a fall), values of the parts such as
+        ``hip_error_deg``, whether it fell, and the share of the time that it lasted.
     """
     values = part_values(run, reference_speed)
     fell = run.verdict.outcome in (Outcome.FELL, Outcome.DIVERGED, Outcome.HELD)
     end = run.duration if run.trip is None else run.trip.time
     lasted = min(1.0, end / run.experiment.duration)
-    return Judgement(walk_cost(values, lasted, fell), values, fell, lasted)
+    return Rating(walk_cost(values, lasted, fell), values, fell, lasted)
 
 
 def walk_cost(values: Mapping[str, float | None], lasted: float, fell: bool) -> float:

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from twin_gait.configuration.documents import experiment_document
 from twin_gait.experiment import Experiment
+from twin_gait.gait.table import GaitTable
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import check_walker
+from twin_gait.studies.tune.outcome import choose
 from twin_gait.studies.tune.settings import Settings, identity
 from twin_gait.studies.tune.space import with_own_sides
 from twin_gait.studies.tune.stages import Stages, Stopped
 from twin_gait.studies.tune.state import open_state, write_state
 from twin_gait.studies.tune.tuning import Progress, Tuning
+from twin_gait.studies.tune.walks import experiment_of
 
 
 def tune(
@@ -69,3 +74,35 @@ def tune(
     except Stopped:
         work.keep()
         return work.unfinished()
+
+
+def tuned_table(
+    experiment: Experiment,
+    *,
+    minutes: float = 10.0,
+    generations: int | None = None,
+    seed: int = 0,
+    screening: bool = True,
+    workers: Workers | None = None,
+) -> GaitTable:
+    """The gait table that a tuning finds, without folder and report (``twin-gait tune`` writes both).
+
+    Args:
+        experiment: A treadmill with a wearer, and the table that is to be bettered.
+        minutes: Time for everything, unless ``generations`` are given.
+        generations: Of the search; with a number the result does not depend on the machine's speed.
+        seed: Of screening, search and sensor noise.
+        screening: Whether the search is narrowed to the numbers that matter.
+        workers: Who walks; the calling process if None.
+
+    Returns:
+        The best table that passes ``twin-gait check``.
+
+    Raises:
+        MissingOptionalDependency: If cma or SALib is not installed.
+        ParameterError: If there is nothing to tune, or no table passes the check.
+    """
+    settings = Settings(minutes=minutes, generations=generations, seed=seed, screening=screening)
+    with tempfile.TemporaryDirectory() as folder:
+        chosen = choose(tune(experiment, Path(folder) / "tuning", settings, workers=workers), experiment)
+    return experiment_of(experiment_document(experiment), chosen.finalist.table, {}).table

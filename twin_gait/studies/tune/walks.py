@@ -17,7 +17,7 @@ from twin_gait.simulation import simulate
 from twin_gait.studies.batch import overridden
 from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
 from twin_gait.studies.tune.cases import Case
-from twin_gait.studies.tune.parts import judge
+from twin_gait.studies.tune.parts import rate_walk
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
 QUICK_RULES: tuple[Rule, ...] = tuple(
@@ -116,7 +116,8 @@ def run_walk(walk: Walk, on_compile: Callable[[], None] | None = None) -> WalkRe
     errors = quick_errors(experiment) if walk.checked else ()
     if errors:
         return WalkResult(walk.number, FORBIDDEN + len(errors), {}, False, 0.0, errors)
-    return WalkResult(walk.number, *judge(simulate(experiment, on_compile=on_compile), walk.reference_speed))
+    run = simulate(experiment, on_compile=on_compile)
+    return WalkResult(walk.number, *rate_walk(run, walk.reference_speed))
 
 
 def experiment_of(

@@ -134,7 +134,7 @@
     };
   }
 
-  const NO_ANSWER = { outcome: "refused", text: "no answer from the simulation" };
+  const NO_ANSWER = { response: "refused", text: "no answer from the simulation" };
 
   function hear(message) {
     if (message.kind === "page") log.open(message.session);
@@ -145,7 +145,7 @@
       log.add(message);
       const answer = link.waiting.get(message.id);
       if (answer && link.waiting.delete(message.id)) answer(message);
-      else if (message.outcome === "refused" && message.subject === "") head.tell(message.text);
+      else if (message.response === "refused" && message.subject === "") head.tell(message.text);
     }
   }
 
@@ -206,7 +206,7 @@
     setTimeout(() => get("stop").classList.remove("pressed"), 600);
     link.send({ kind: "do", action: "stop", values: {} }, (event) => {
       clearTimeout(timer);
-      if (event?.outcome !== "applied") otherWay();
+      if (event?.response !== "applied") otherWay();
     });
   }
 
@@ -229,7 +229,7 @@
         if (number !== row.asked) return;
         row.node.classList.remove("pending");
         if (number !== this.count) this.back(row);
-        else if (event?.outcome === "forecast") this.offer(row, event, send);
+        else if (event?.response === "forecast") this.offer(row, event, send);
         else { this.back(row); row.refuse((event ?? NO_ANSWER).text); }
       });
     },
@@ -387,7 +387,7 @@
       send((event) => {
         const told = event ?? NO_ANSWER;
         this.node.classList.remove("pending");
-        if (told.outcome !== "applied") this.refuse(told.text);
+        if (told.response !== "applied") this.refuse(told.text);
         else if (told.value !== null) this.control.value = told.value;
         this.show(this.control.value);
       });
@@ -446,7 +446,7 @@
       link.send({ kind: "do", action: this.spec.action, values }, (event) => {
         this.button.classList.remove("pending");
         const told = event ?? NO_ANSWER;
-        if (told.outcome === "applied") this.say(told.text, "done"); else this.say(told.text);
+        if (told.response === "applied") this.say(told.text, "done"); else this.say(told.text);
       });
     }
 
@@ -605,7 +605,7 @@
       button.onclick = () => link.send({ kind: "do", action: "revert", values: { control: "all" } }, (event) => {
         const told = event ?? NO_ANSWER;
         answer.textContent = told.text;
-        answer.hidden = told.outcome === "applied";
+        answer.hidden = told.response === "applied";
       });
       return make("div", {}, button, answer);
     },
@@ -687,10 +687,10 @@
       if (event.serial) { if (this.seen.has(event.serial)) return; this.seen.add(event.serial); }
       const body = get("body-log");
       if (!body.querySelector("ol")) body.append(make("ol", { id: "panel-log", reversed: true }));
-      const line = make("li", { className: event.outcome, dataset: { tick: String(event.tick), outcome: event.outcome } },
+      const line = make("li", { className: event.response, dataset: { tick: String(event.tick), response: event.response } },
         make("time", {}, `${(event.tick / 1000).toFixed(3)} s`),
         make("span", { className: "what" }, event.text),
-        make("small", {}, [`tick ${event.tick}`, event.user, ["refused", "forecast"].includes(event.outcome) ? event.outcome : ""].filter(Boolean).join(" · ")));
+        make("small", {}, [`tick ${event.tick}`, event.user, ["refused", "forecast"].includes(event.response) ? event.response : ""].filter(Boolean).join(" · ")));
       for (const warning of event.warnings ?? []) line.append(make("small", { className: "warning" }, warning));
       const list = body.querySelector("ol");
       list.prepend(line);

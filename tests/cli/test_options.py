@@ -1,0 +1,242 @@
+"""Groups of commands, options that mean the same everywhere, completion, and answers for programs."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from twin_gait.cli import main
+from twin_gait.cli.program import GROUPS, SHELLS, build_parser
+from twin_gait.cli.terminal import plain
+
+COMMANDS = {
+    "run and look": ["simulate", "live", "view", "plot", "export", "sessions"],
+    "gait tables": ["presets", "diagram", "check", "replay"],
+    "test bench and identification": ["bench", "identify"],
+    "many runs": ["sweep", "compare", "tune", "faults"],
+}
+
+
+def parsers(parser: argparse.ArgumentParser, name: str = "") -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """All commands and actions by name."""
+    yield name, parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for key, command in action.choices.items():
+                yield from parsers(command, f"{name} {key}".strip())
+
+
+def test_help_has_at_most_sixteen_commands_in_groups_each_on_one_line(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    parser = build_parser()
+    shown = parser.format_help()
+    assert list(GROUPS) == list(COMMANDS)
+    assert {title: [item.dest for item in group] for title, group in parser.groups.items()} == COMMANDS
+    assert sum(map(len, COMMANDS.values())) <= 16
+    for title, group in parser.groups.items():
+        assert f"\n{title}:\n" in shown
+        for item in group:
+            assert f"  {item.dest:<20}  {item.help}\n" in shown
+
+
+def test_options_of_one_name_mean_the_same_everywhere():
+    meanings: dict[str, set[tuple[object, ...]]] = {}
+    for name, parser in parsers(build_parser()):
+        for action in parser._actions:
+            for flag in action.option_strings:
+                # What a path or a number stands for differs by command; how it is given does not.
+                meanings.setdefault(flag, set()).add((type(action), action.nargs))
+                if flag in (
+                    "--force",
+                    "--json",
+                    "--no-pictures",
+                    "--seed",
+                    "--unchecked",
+                    "--workers",
+                    "--set",
+                ):
+                    meanings.setdefault(f"help of {flag}", set()).add((action.help, action.metavar))
+        flags = {flag for action in parser._actions for flag in action.option_strings}
+        assert "--debug" in flags, name
+        if "--patient" in flags:
+            assert {"--set", "--mass", "--height", "--speed", "--support"} <= flags, name
+        if "--force" in flags:
+            assert "--out" in flags, name
+    different = {flag: found for flag, found in meanings.items() if len(found) > 1}
+    # A shorthand of --set is a list where there is an experiment, and a number where there is none.
+    assert set(different) <= {"--duration", "--mass", "--speed"}, different
+
+
+def test_every_command_of_an_experiment_checks_its_table():
+    taking = {name for name, parser in parsers(build_parser()) if "--unchecked" in parser.format_help()}
+    assert taking == {"simulate", "live", "sweep", "compare", "tune", "faults"}
+
+
+@pytest.fixture
+def no_way_out(tmp_path):
+    """Tables with an exit that never opens."""
+
+    def write(base: str) -> str:
+        path = tmp_path / f"no_way_out_{base}.yaml"
+        guard = "{from: swing_flexion, to: swing_extension, cause: clearance, all: ['knee.angle_deg > 200']}"
+        path.write_text(f"schema_version: 1\nextends: {base}\ntransitions:\n  - {guard}\n", encoding="utf-8")
+        return str(path)
+
+    return write
+
+
+@pytest.mark.parametrize("command", ["live", "compare", "tune", "faults"])
+def test_an_error_of_the_table_stops_a_command_before_a_folder_is_made(
+    command, no_way_out, tmp_path, monkeypatch, capsys
+):
+    folder = tmp_path / "empty"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    out = ["--out", "out"] if command == "tune" else []
+    assert main([command, "--set", f"table={no_way_out('treadmill')}", *out]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "never_opens: swing_flexion" in line and "--unchecked" in line
+    assert list(folder.iterdir()) == []
+
+
+def test_an_error_of_the_table_stops_a_sweep_unless_it_is_unchecked(no_way_out, tmp_path, capsys):
+    spec = tmp_path / "sweep.yaml"
+    spec.write_text(
+        "experiment: bench_leg\nmethod: grid\nparameters: {scenario.start.hip_deg: [5, 6]}\n"
+        f"settings: {{duration_s: 0.05, table: {no_way_out('bench_leg')}}}\n"
+    )
+    out = tmp_path / "out"
+    words = ["sweep", str(spec), "--out", str(out), "--workers", "1", "--no-pictures"]
+    assert main(words) == 2
+    assert "never_opens" in capsys.readouterr().err and not out.exists()
+    assert main([*words, "--unchecked", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["status"], told["finished"], told["directory"]) == ("completed", 2, str(out))
+
+
+# ---------------------------------------------------------------------- answers for programs
+
+
+def answered(capsys, *words: object, status: int = 0):
+    """The one document that a command prints."""
+    assert main([*map(str, words), "--json"]) == status
+    return json.loads(capsys.readouterr().out)
+
+
+def test_simulate_answers_with_its_summary(tmp_path, capsys):
+    out = tmp_path / "run"
+    told = answered(capsys, "simulate", "bench_leg", "--duration", "0.3", "--no-pictures", "--out", out)
+    assert told.pop("directory") == str(out)
+    assert told == json.loads((out / "summary.json").read_text())
+
+
+def test_presets_answer_with_names_or_with_a_document(capsys):
+    told = answered(capsys, "presets")
+    assert "treadmill" in told["experiments"] and "stroke_left" in told["people"]
+    assert "sup_2009" in told["gait_tables"]
+    assert answered(capsys, "presets", "treadmill")["patient"]["mass_kg"] == 70
+    assert answered(capsys, "presets", "treadmill", "--as-table")["phases"]["late_stance"]
+    assert "both" in answered(capsys, "presets", "stroke_left") or "left" in answered(
+        capsys, "presets", "stroke_left"
+    )
+
+
+def test_rules_of_the_check_are_a_document(capsys):
+    assert "never_opens" in answered(capsys, "check", "--rules")
+
+
+def test_faults_answer_with_a_row_each(capsys):
+    words = ("faults", "bench_leg", "--count", 2, "--duration", 3, "--workers", 1, "--seed", 3)
+    told = answered(capsys, *words)
+    assert (told["status"], told["seed"], len(told["faults"]), told["violations"]) == ("completed", 3, 2, [])
+    assert {"fault", "outcome", "within_limits"} <= set(told["faults"][0])
+
+
+def test_compare_answers_with_its_numbers(tmp_path, capsys):
+    out = tmp_path / "out"
+    words = ("compare", "--controllers", "transparent", "--duration", 2, "--patient", "stroke_left")
+    told = answered(capsys, *words, "--out", out)
+    assert told.pop("directory") == str(out)
+    assert told == json.loads((out / "compare.json").read_text()) and told["patient"] == "stroke_left"
+
+
+def test_replay_answers_with_its_summary(tmp_path, capsys):
+    out = tmp_path / "out"
+    told = answered(capsys, "replay", "koopman@1.5", "--table", "treadmill", "--no-pictures", "--out", out)
+    assert told.pop("directory") == str(out)
+    assert told == json.loads((out / "summary.json").read_text())
+    assert told["sides"]["left"]["strides"] == 7
+
+
+def test_identify_answers_with_its_document(tmp_path, capsys):
+    log = tmp_path / "log.csv"
+    velocity = np.linspace(-2.0, 2.0, 200)
+    rows = [f"{w},{1.5 * np.sign(w) + 0.8 * w}" for w in velocity]
+    log.write_text("\n".join(["velocity_rad_per_s,friction_torque_Nm", *rows]) + "\n")
+    out = tmp_path / "out"
+    words = ("identify", log, "--model", "coulomb_viscous", "--no-cross-validation", "--no-pictures")
+    told = answered(capsys, *words, "--out", out)
+    assert told.pop("directory") == str(out)
+    assert told == json.loads((out / "identification.json").read_text())
+
+
+def test_sessions_are_a_list(tmp_path, capsys):
+    assert answered(capsys, "sessions", "--records", tmp_path / "none", "list") == []
+
+
+def test_numbers_that_are_not_finite_become_null():
+    rows = {
+        "a": (np.float64("nan"), np.int64(2)),
+        "b": [float("inf"), True, None, Path("x")],
+        3: np.bool_(False),
+    }
+    assert plain(rows) == {"a": [None, 2], "b": [None, True, None, "x"], "3": False}
+
+
+# ---------------------------------------------------------------------- completion
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_completion_is_printed_for_every_shell(shell, capsys):
+    with pytest.raises(SystemExit) as left:
+        main(["--print-completion", shell])
+    assert left.value.code == 0
+    script = capsys.readouterr().out
+    for command in (name for group in COMMANDS.values() for name in group):
+        assert command in script
+
+
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [
+        (["twin-gait", "ide"], {"identify"}),
+        (["twin-gait", "bench", ""], {"campaign", "run"}),
+        (["twin-gait", "simulate", "--fail"], {"--fail-on-fall"}),
+        (["twin-gait", "export", "run", "--format", ""], {"csv", "mot", "sto", "opensim"}),
+    ],
+)
+def test_bash_completes(typed, expected, tmp_path):
+    script = subprocess.run(
+        [sys.executable, "-m", "twin_gait", "--print-completion", "bash"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+    (tmp_path / "complete.sh").write_text(script)
+    words = " ".join(f"'{word}'" for word in typed)
+    program = (
+        f"source complete.sh; COMP_WORDS=({words}); COMP_CWORD={len(typed) - 1}; "
+        "$(complete -p twin-gait | sed 's/.*-F \\([^ ]*\\).*/\\1/'); printf '%s\\n' \"${COMPREPLY[@]}\""
+    )
+    done = subprocess.run(["bash", "-c", program], capture_output=True, text=True, cwd=tmp_path, check=False)
+    offered = set(done.stdout.split())
+    assert expected <= offered, (done.stdout, done.stderr)
+    if typed[-1]:
+        assert all(word.startswith(typed[-1]) for word in offered)

@@ -1,0 +1,140 @@
+"""``twin-gait presets`` and ``twin-gait diagram``: what ships, and how a gait table looks."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin_gait.cli import options
+from twin_gait.cli.terminal import DONE, answer
+from twin_gait.exceptions import ParameterError, RunDirectoryError
+
+if TYPE_CHECKING:
+    from twin_gait.gait import GaitTable
+
+# What each format of a diagram is called in a folder.
+_ENDINGS = {"svg": ".svg", "mermaid": ".mmd", "transitions": "_transitions.md", "truth": "_truth.md"}
+
+
+def add_parser(commands: Any) -> None:
+    """Add both commands to the parser."""
+    parser = commands.add_parser(
+        "presets",
+        help="list experiments, people and gait tables, or print one",
+        description=(
+            "List what ships, or print a preset with every value, a person or a table, ready to be edited."
+        ),
+    )
+    add = parser.add_argument
+    add("name", nargs="?", help="preset, person or gait table to print as YAML")
+    add("--as-table", action="store_true", help="print the gait table where a preset has its name")
+    options.add_json(parser)
+    parser.set_defaults(run=show_presets)
+
+    parser = commands.add_parser(
+        "diagram",
+        help="draw the state machine of a gait table",
+        description="State diagram, state-transition table and truth table of a gait table.",
+    )
+    add = parser.add_argument
+    add("table", metavar="TABLE", help="packaged gait table or YAML file")
+    add("--format", choices=list(_ENDINGS), help="what to print or write (transitions; with --out all)")
+    options.add_out(parser, "DIR", "folder to write into instead of printing")
+    parser.set_defaults(run=draw_diagram)
+
+
+def show_presets(arguments: argparse.Namespace) -> int:
+    """List what ships, or print one preset, person or gait table in full."""
+    from twin_gait.configuration import packaged_gait_tables, presets
+    from twin_gait.configuration.people import people
+
+    if arguments.name is None and not arguments.as_table:
+        experiments, persons, tables = presets(), people(), packaged_gait_tables()
+        lines = [
+            *_listed("experiments", experiments),
+            *_listed("people (--patient NAME)", persons),
+            f"gait tables: {', '.join(tables)}",
+        ]
+        answer(
+            arguments, lines, lambda: {"experiments": experiments, "people": persons, "gait_tables": tables}
+        )
+        return DONE
+    text = _text_of(arguments.name, as_table=arguments.as_table)
+
+    def document() -> Any:
+        import yaml
+
+        return yaml.safe_load(text)
+
+    answer(arguments, [text.removesuffix("\n")], document)
+    return DONE
+
+
+def _text_of(name: str | None, *, as_table: bool) -> str:
+    from twin_gait.configuration import load_experiment, packaged_gait_tables, presets
+    from twin_gait.configuration.documents import dump_yaml
+    from twin_gait.configuration.people import people, person_text
+    from twin_gait.configuration.table_inheritance import gait_table_path
+
+    tables = packaged_gait_tables()
+    if name in tables and (as_table or name not in presets()):
+        return gait_table_path(name).read_text(encoding="utf-8")
+    if name is None or as_table:
+        raise ParameterError(f"--as-table: expected one of {', '.join(tables)}, got {name}")
+    return person_text(name) if name in people() else dump_yaml(load_experiment(name).document)
+
+
+def _listed(title: str, entries: Mapping[str, str]) -> Iterator[str]:
+    yield f"{title}:"
+    width = max(len(name) for name in entries)
+    for name, description in entries.items():
+        yield f"  {name:<{width}}  {description}"
+
+
+def draw_diagram(arguments: argparse.Namespace) -> int:
+    """Print one format, or write one or all into a folder."""
+    from twin_gait.configuration import load_gait_table
+
+    table = load_gait_table(arguments.table)
+    if arguments.out is None:
+        print(_writers()[arguments.format or "transitions"](table), end="")
+        return DONE
+    formats = list(_ENDINGS) if arguments.format is None else [arguments.format]
+    for path in _write_diagrams(table, arguments.out, formats, force=arguments.force):
+        print(path)
+    return DONE
+
+
+def _write_diagrams(table: GaitTable, folder: Path, formats: list[str], *, force: bool) -> list[Path]:
+    """Write formats of a table into a folder, all of them or none."""
+    from twin_gait.files import write_atomically
+
+    stem = "".join(char if char.isalnum() or char in "-_" else "_" for char in table.name)[:100] or "table"
+    texts = {folder / f"{stem}{_ENDINGS[name]}": _writers()[name](table) for name in formats}
+    standing = [path for path in texts if path.exists()]
+    if standing and not force:
+        raise RunDirectoryError(f"{standing[0]}: exists; choose another --out, or replace it with --force")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunDirectoryError(
+            f"{folder}: cannot be made ({error.strerror}); choose another --out"
+        ) from error
+    for path, text in texts.items():
+        write_atomically(path, text)
+    return list(texts)
+
+
+def _writers() -> dict[str, Callable[[GaitTable], str]]:
+    from twin_gait.report.diagram_mermaid import state_diagram_mermaid
+    from twin_gait.report.state_diagram import state_diagram_svg
+    from twin_gait.report.state_tables import transition_table, truth_table
+
+    return {
+        "svg": state_diagram_svg,
+        "mermaid": state_diagram_mermaid,
+        "transitions": transition_table,
+        "truth": truth_table,
+    }

@@ -1,0 +1,107 @@
+"""Pages and paragraphs from the templates beside this module.
+
+A page is one file that needs no other: what it shows stands in it, and its policy forbids to load anything.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from matplotlib.artist import Artist
+from matplotlib.collections import Collection
+from matplotlib.colors import same_color, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+
+from twin_gait import __version__
+from twin_gait.report.canvas import picture_bytes
+
+TEMPLATES = Path(__file__).with_name("templates")
+DARK_INK, DARK_GRID = "#dddddd", "#3a3d42"
+
+
+class Picture(NamedTuple):
+    """A figure that stands in a page, as addresses with the content in them.
+
+    Attributes:
+        light: For a light page.
+        dark: For a dark page.
+    """
+
+    light: str
+    dark: str
+
+
+@cache
+def _environment() -> Environment:
+    return Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=lambda name: name is None or name.endswith(".html"),
+        undefined=StrictUndefined,  # a number that a template asks for in vain is an error, not a gap
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+
+def render(template: str, content: Mapping[str, Any]) -> str:
+    """Fill a template.
+
+    Args:
+        template: Name of a file in ``TEMPLATES``; of an HTML one all that is filled in is escaped.
+        content: What is filled in, by name, functions among it; ``version`` is this package's.
+
+    Returns:
+        The text.
+    """
+    return _environment().get_template(template).render(version=__version__, **content)
+
+
+def paragraphs(template: str, content: Mapping[str, Any]) -> list[str]:
+    """Fill a template of prose, whose paragraphs are apart by blank lines; each becomes one line."""
+    lines = (line.strip() for line in render(template, content).splitlines())
+    texts = "\n".join(lines).split("\n\n")
+    return [" ".join(text.split()) for text in texts if text.strip()]
+
+
+def picture_of(figure: Figure) -> Picture:
+    """A figure for a page, light and dark; the figure itself is dark afterwards.
+
+    Args:
+        figure: Drawn in black on white.
+
+    Returns:
+        Both pictures.
+    """
+    light = picture_bytes(figure)
+    for artist in figure.findobj():
+        _brighten(artist)
+    for axes in figure.axes:
+        axes.patch.set_alpha(0.0)
+        axes.tick_params(colors=DARK_INK, grid_color=DARK_GRID)
+        axes.spines[:].set_color(DARK_INK)
+    return Picture(*(_address(item) for item in (light, picture_bytes(figure, "none"))))
+
+
+def _brighten(artist: Artist) -> None:
+    """Make black ink light; letters upon an image stay."""
+    if isinstance(artist, Text) and artist.axes is not None and artist.axes.images:
+        if artist in artist.axes.texts:
+            return
+    if isinstance(artist, Text | Line2D) and same_color(artist.get_color(), "black"):
+        artist.set_color(DARK_INK)
+    elif isinstance(artist, Collection):
+        for name in ("facecolor", "edgecolor"):
+            colours = np.atleast_2d(getattr(artist, f"get_{name}")())
+            if len(colours) == 1 and not colours[0, :3].any():
+                artist.set(**{name: (*to_rgb(DARK_INK), float(colours[0, 3]))})
+
+
+def _address(png: bytes) -> str:
+    return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"
