@@ -1,12 +1,12 @@
-"""From standing to walking and back: for whom and how fast `treadmill_start_stop` starts, walks and stands again.
+"""From standing to walking and back: for whom and how fast `treadmill_start_stop` works.
 
 One thing is changed at a time, and the command to stand comes at moments spread evenly over a stride of the
 steady walk. Two minutes on two cores; page: docs/start_stop.md.
 """
 
 # %% [markdown]
-# A trial counts if nothing fell, the safety monitor did not trip, and 4 s after the command to stand both legs
-# are in `stand` with more than 50 N under either foot.
+# A trial counts if nothing fell, the safety monitor did not trip, and 4 s after the command to stand both
+# legs are in `stand` with more than 50 N under either foot.
 
 # %%
 from cohorts.standing import ROWS, ending, line_of, trials_of

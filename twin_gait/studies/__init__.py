@@ -11,6 +11,13 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from twin_gait.studies.batch import overridden
     from twin_gait.studies.campaign import Campaign, Protocol, TwoWayProtocol, planned_tests
+    from twin_gait.studies.fault_campaign import (
+        FaultCampaign,
+        draw_faults,
+        fault_row,
+        outcome_table,
+        simulate_faults,
+    )
     from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
     from twin_gait.studies.processes import WorkersLost
     from twin_gait.studies.sweep.spec import load_sweep
@@ -22,18 +29,23 @@ if TYPE_CHECKING:
 __all__ = [
     "BodySizes",
     "Campaign",
+    "FaultCampaign",
     "JobFailed",
     "Protocol",
     "TwoWayProtocol",
     "Workers",
     "WorkersLost",
     "cohort",
+    "draw_faults",
+    "fault_row",
     "load_sweep",
+    "outcome_table",
     "overridden",
     "planned_tests",
     "rate_walk",
     "run_jobs",
     "run_sweep",
+    "simulate_faults",
     "tuned_table",
 ]
 
@@ -53,6 +65,11 @@ _HOMES = {
     "run_jobs": "jobs",
     "run_sweep": "sweep.sweep",
     "tuned_table": "tune.tune",
+    "FaultCampaign": "fault_campaign",
+    "draw_faults": "fault_campaign",
+    "fault_row": "fault_campaign",
+    "outcome_table": "fault_campaign",
+    "simulate_faults": "fault_campaign",
 }
 
 
