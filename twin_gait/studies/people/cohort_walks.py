@@ -20,10 +20,9 @@ from twin_gait.studies.batch import overridden
 from twin_gait.studies.jobs import Workers, run_jobs
 from twin_gait.studies.people.cohort import cohort, overrides
 from twin_gait.studies.people.trials import MASS_ALONE
-from twin_gait.studies.tune.outcome import choose
 from twin_gait.studies.tune.parts import part_values
-from twin_gait.studies.tune.settings import Settings
-from twin_gait.studies.tune.tune import tune
+from twin_gait.studies.tune.state import Settings
+from twin_gait.studies.tune.tune import choose, tune
 from twin_gait.studies.tune.walks import experiment_of as experiment_with
 from twin_gait.vocabulary import Outcome
 

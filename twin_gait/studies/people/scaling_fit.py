@@ -21,7 +21,7 @@ from twin_gait.studies.batch import overridden
 from twin_gait.studies.jobs import Workers, run_jobs
 from twin_gait.studies.people.cohort import cohort, overrides
 from twin_gait.studies.tune.cases import check_walker
-from twin_gait.studies.tune.parts import WORST, judge
+from twin_gait.studies.tune.parts import WORST, rate_walk
 from twin_gait.studies.tune.search import Generation, Search
 from twin_gait.studies.tune.walks import QUICK_INTEGRATION
 
@@ -130,7 +130,7 @@ def cost_of(trial: Trial) -> float:
     """Cost of the walk."""
     experiment = experiment_of(trial.base, trial.person)
     run = simulate(replace(experiment, table=replace(experiment.table, scaling=trial.law)))
-    return judge(run).cost
+    return rate_walk(run).cost
 
 
 def worth_of(base: Experiment, people: Sequence[Person], law: Scaling, workers: int | Workers = 1) -> Worth:
