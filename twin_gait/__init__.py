@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from twin_gait.leg_model import LegModel
     from twin_gait.parameters import Patient
     from twin_gait.runs.public import load_run, plot_run, save_run
-    from twin_gait.runs.summary.summary import summarise
+    from twin_gait.runs.summary import summarise
     from twin_gait.simulation import Run, RunStatus, simulate
     from twin_gait.studies.batch import simulate_batch
     from twin_gait.vocabulary import GaitPhase, JointName, Side
@@ -73,7 +73,7 @@ _HOMES = {
     "save_run": "runs.public",
     "simulate": "simulation",
     "simulate_batch": "studies.batch",
-    "summarise": "runs.summary.summary",
+    "summarise": "runs.summary",
 }
 
 

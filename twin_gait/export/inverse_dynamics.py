@@ -30,9 +30,8 @@ import pandas as pd
 from twin_gait.conventions import DEGREES, Convention
 from twin_gait.core.plant import passive_torque
 from twin_gait.exceptions import ParameterError
-from twin_gait.export.opensim import joint_angles
+from twin_gait.export.motion import joint_angles, write_storage
 from twin_gait.export.osim_model import FORMAT, PELVIS, PELVIS_COORDINATES, body_name, osim_text, to_opensim
-from twin_gait.export.storage import write_storage
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel

@@ -16,8 +16,8 @@ from twin_gait.measures.switching import blend_windows, sums_over, switching_ene
 from twin_gait.parameters import require
 from twin_gait.report.blending import TorqueTrace
 from twin_gait.report.canvas import readable
-from twin_gait.runs.summary.side import blend_length, switch_ticks
-from twin_gait.runs.summary.summary import summarise
+from twin_gait.runs.leg_summary import blend_length, switch_ticks
+from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run, simulate
 
 DURATIONS = (25, 60, 120)  # [ticks]

@@ -18,7 +18,7 @@ from twin_gait.report.compare import COLOURS, Walked, comparison_page, draw_comp
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import belt_speed_of, describe
-from twin_gait.runs.summary.summary import versions
+from twin_gait.runs.summary import versions
 from twin_gait.simulation.run import Run
 from twin_gait.studies.compare.comparing import Comparison, summary_rows
 from twin_gait.studies.compare.controllers import CONTROLLERS

@@ -12,7 +12,7 @@ from twin_gait.configuration.experiments import DEFAULT_PRESET, load_experiment
 from twin_gait.experiment import Experiment
 from twin_gait.measures.leg_record import wearer_column
 from twin_gait.parameters import BraceParameters, Patient
-from twin_gait.runs.summary.interaction import interaction_summary
+from twin_gait.runs.summary import interaction_summary
 from twin_gait.simulation import Run, simulate
 from twin_gait.studies.batch import Flat, flat_summary
 from twin_gait.vocabulary import JointName, Side
@@ -83,7 +83,7 @@ class BraceTrial(NamedTuple):
     Attributes:
         braces: What binds him.
         outcome: See :mod:`twin_gait.measures.outcome`.
-        interaction: From :func:`twin_gait.runs.summary.interaction.interaction_summary`.
+        interaction: From :func:`twin_gait.runs.summary.interaction_summary`.
         stride_times: Mean of each leg in [s]; None without strides.
     """
 
