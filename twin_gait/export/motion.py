@@ -53,17 +53,8 @@ def joint_angles(
 ) -> dict[str, np.ndarray]:
     """Angles of all joints of a log under the names and signs of a model.
 
-    Args:
-        log: One row per tick.
-        convention: Names and signs of the model.
-        unit: ``deg`` or ``rad``.
-        device: Whether the angles are the device's where braces let the wearer move against it.
-
     Returns:
         Angles by column, shape ``(n,)`` each.
-
-    Raises:
-        ParameterError: If the convention has no column names of its own.
     """
     if not convention.columns:
         raise ParameterError(f"convention: {convention.name} has no column names of its own")
@@ -86,9 +77,6 @@ def write_storage(path: Path, columns: Mapping[str, np.ndarray], *, in_degrees: 
         path: The file.
         columns: By name, ``time`` first, shape ``(n,)`` each.
         in_degrees: Whether its angles are in degrees.
-
-    Raises:
-        RunDirectoryError: If it cannot be written.
     """
     rows = np.column_stack(list(columns.values()))
     header = [

@@ -39,11 +39,7 @@ def _versions() -> Mapping[str, str]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of this package, Python and the libraries that the numbers rest on.
-
-    Returns:
-        Version by name.
-    """
+    """Versions of this package, Python and the libraries that the numbers rest on."""
     return dict(_versions())
 
 
@@ -200,17 +196,7 @@ def _safety(run: Run) -> dict[str, Any]:
 def interaction_summary(
     run: Run, skip_strides: int = SKIPPED_STRIDES
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """What device and wearer do to each other, and how far they move apart.
-
-    Args:
-        run: The run.
-        skip_strides: Strides at the start that do not count.
-
-    Returns:
-        Under ``interaction``, by joint, root mean square and peak of the torque, peak of the relative angle
-        and the device's own distance from healthy walking by contact (that of the side is the wearer's), at
-        the pelvis of the force and of the relative height; nothing without braces.
-    """
+    """What device and wearer do to each other, and how far they move apart."""
     if run.experiment.interface is None or len(run.log) == 0:
         return {}
     columns = (f"{side}_{joint}_{BRACE_COLUMNS[-1]}" for side in run.sides for joint in JointName)
