@@ -21,7 +21,7 @@ from twin_gait.experiment import Engine
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.reference import reference_curve
 from twin_gait.report import tune as pictures
-from twin_gait.runs.summary.summary import summarise
+from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune import outcome, stages
