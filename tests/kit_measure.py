@@ -6,11 +6,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
+from kit_equivalence import reason
+from kit_mutants import Mutant, mutants
+
 from twin_gait.gait.table import GaitTable
 from twin_gait.testing.cases import TransitionTest, transition_tests
 from twin_gait.testing.driver import machine_of
-from twin_gait.testing.equivalence import reason
-from twin_gait.testing.mutation import Mutant, mutants
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Every single mutation of a machine: the table that it would follow, one thing changed.
 
 The kit keeps reading the table as it is; a mutant drives the machine. Whatever no test of the kit
-notices has to be proved equivalent (:mod:`twin_gait.testing.equivalence`).
+notices has to be proved equivalent (:mod:`kit_equivalence`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from twin_gait.gait.guards import (
     signal_scale,
 )
 from twin_gait.gait.table import LONGEST, TICK, GaitTable, PhaseParameters, Transition
-from twin_gait.testing.witness import exits, to_si
+from twin_gait.testing.reference import exits, to_si
 
 SHIFT = 1e-6  # of a threshold, relative to it or to 1, in the unit of the table; one tick of a time
 _UNIT = {"deg": 180.0 / math.pi, "bw": 100.0, "s": 1000.0}  # read as rad, per cent, ms

@@ -1,20 +1,26 @@
-"""The state machine of a gait table as Markdown: state-transition table and truth table."""
+"""A gait table as Markdown: state-transition table and truth table."""
 
 from __future__ import annotations
 
 import math
 import string
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
-from twin_gait.core.guards import NO_TRANSITION
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
 from twin_gait.gait.table import TICK, Blending, GaitTable, JointImpedance, PhaseParameters, Scaling
-from twin_gait.report.diagram_truth import Condition, Held, PhaseLogic, Stay, TruthRow
-from twin_gait.report.diagram_words import number
+from twin_gait.gait.truth_table import Condition, Held, PhaseLogic, Stay, TruthRow
 
 # A truth table with more conditions or rows is not read by anyone: the exits are listed in order instead.
 MOST_CONDITIONS, MOST_ROWS = 12, 64
 _DEGREES = math.degrees(1.0)  # in a radian
+
+
+def number(value: float, digits: int = 10) -> str:
+    """Write a number without noise in its last digits and with a true minus sign.
+
+    Ten digits keep what a file gives and drop what a conversion of units adds.
+    """
+    return f"{value:.{digits}g}".replace("-", "−")
 
 
 def transition_table(table: GaitTable) -> str:
@@ -65,48 +71,44 @@ def truth_table(table: GaitTable) -> str:
 
 def _exits(table: GaitTable, phase: str) -> str:
     logic = PhaseLogic(table, phase)
-    if not logic.exits:
+    if not logic.needs:
         return "The phase is never left.\n"
-    letters = _letters(len(logic.conditions))
-    legend = [f"- {letters[k]}: {_condition(table, item)}" for k, item in enumerate(logic.conditions)]
-    rows = logic.rows() if len(logic.conditions) <= MOST_CONDITIONS else []
-    if 0 < len(rows) <= MOST_ROWS:
-        body = _truth_grid(table, logic, letters, rows)
-    else:
-        body = _priority_list(table, logic, letters)
+    names = dict(zip(logic.conditions, _letters(len(logic.conditions)), strict=True))
+    legend = [f"- {letter}: {_condition(table, item)}" for item, letter in names.items()]
+    rows = logic.rows() if len(names) <= MOST_CONDITIONS else []
+    few = 0 < len(rows) <= MOST_ROWS
+    body = _truth_grid(table, names, rows) if few else _priority_list(table, logic, names)
     return "\n".join(legend) + f"\n\n{body}"
 
 
-def _truth_grid(table: GaitTable, logic: PhaseLogic, letters: Sequence[str], rows: Iterable[TruthRow]) -> str:
+def _truth_grid(table: GaitTable, names: Mapping[Condition, str], rows: Iterable[TruthRow]) -> str:
     marks = {True: "T", False: "F", None: "–"}
-    cells = []
-    for row in rows:
-        truth = [marks[row.truth.get(k)] for k in range(len(letters))]
-        cells.append((*truth, *_result(table, row.transition)))
-    return _grid((*letters, "next phase", "cause"), cells)
+    cells = [
+        (*(marks[row.truths.get(item)] for item in names), *_result(table, row.transition)) for row in rows
+    ]
+    return _grid((*names.values(), "next phase", "cause"), cells)
 
 
-def _result(table: GaitTable, transition: int) -> tuple[str, str]:
-    if transition == NO_TRANSITION:
+def _result(table: GaitTable, transition: int | None) -> tuple[str, str]:
+    if transition is None:
         return "stays", ""
     item = table.transitions[transition]
     return item.target, item.cause
 
 
-def _priority_list(table: GaitTable, logic: PhaseLogic, letters: Sequence[str]) -> str:
+def _priority_list(table: GaitTable, logic: PhaseLogic, names: Mapping[Condition, str]) -> str:
     """The exits in order of priority, for a phase with too many conditions for a table."""
     rows = []
-    names = dict(zip(logic.conditions, letters, strict=True))
-    for index in logic.exits:
-        guard = table.transitions[index].guard
-        counted = [names[item] for item in logic.needs[index] if isinstance(item, (Held, Stay))]
-        parts = counted if table.transitions[index].is_time_out else [*counted, _formula(guard, names)]
+    for index, needs in logic.needs.items():
+        item = table.transitions[index]
+        parts = [names[need] for need in needs if isinstance(need, (Held, Stay))]
+        parts += [] if item.is_time_out else [_formula(item.guard, names)]
         rows.append((" and ".join(parts), *_result(table, index)))
-    grid = _grid(("condition", "next phase", "cause"), [*rows, ("otherwise", *_result(table, NO_TRANSITION))])
+    grid = _grid(("condition", "next phase", "cause"), [*rows, ("otherwise", *_result(table, None))])
     return f"Too many combinations for a table; the first row that holds decides.\n\n{grid}"
 
 
-def _formula(guard: Guard, names: dict[Condition, str]) -> str:
+def _formula(guard: Guard, names: Mapping[Condition, str]) -> str:
     if isinstance(guard, (AllOf, AnyOf)):
         joiner = " and " if isinstance(guard, AllOf) else " or "
         return f"({joiner.join(_formula(inner, names) for inner in guard.guards)})"
@@ -119,7 +121,7 @@ def _condition(table: GaitTable, condition: Condition) -> str:
     if isinstance(condition, Held):
         item = table.transitions[condition.transition]
         exit_ = f"{_text(item.cause)} to {_text(item.target)}"
-        return f"guard of {exit_} true for {condition.ticks} ms without a break"
+        return f"guard of {exit_} true for {condition.held_ticks} ms without a break"
     return f"`{condition}`"
 
 

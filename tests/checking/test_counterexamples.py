@@ -1,10 +1,10 @@
-"""What the linear programs find, against a million random signal vectors and a second evaluator."""
+"""What the solver of guards finds, against a million random signal vectors and a second evaluator."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -13,18 +13,18 @@ import pytest
 from guard_solver import holds
 from table_builder import JOINTS, guard, phase
 
-from twin_gait.checking.ambiguity import ambiguity, can_fire, can_open, shadowed_exit
-from twin_gait.checking.both_legs import TwoLegs, deadlock, starting_pairs
 from twin_gait.checking.cascade import NOISE, cascade, hysteresis
-from twin_gait.checking.check import build_subject
-from twin_gait.checking.finding import Finding, Subject, label
-from twin_gait.checking.polyhedra import MOST_CLAUSES, Inequality, disjunctive_form, find_point
-from twin_gait.checking.signals import SignalSpace
+from twin_gait.checking.check import build_case
+from twin_gait.checking.exits import ambiguity, shadowed_exit
+from twin_gait.checking.finding import CheckCase, Finding, label
+from twin_gait.checking.graph import TwoLegs, deadlock, starting_pairs
+from twin_gait.checking.signals import Point, SignalSpace
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.exceptions import GaitTableError
 from twin_gait.experiment import Experiment
 from twin_gait.gait import TICK, DraftTable, GaitStateMachine, GaitTable, LegSignals, Transition
-from twin_gait.gait.guards import WALK, AllOf, AnyOf, Comparison, Guard, PhaseMembership, all_signal_names
+from twin_gait.gait.feasibility import MOST_BRANCHES, ZERO, Bound, Way, Wish, bound_of, ways
+from twin_gait.gait.guards import WALK, AllOf, AnyOf, Guard, PhaseMembership, all_signal_names
 from twin_gait.vocabulary import Side
 
 # Limits of urdf/twin.urdf: lowest and highest angle in [deg], speed in [deg] / [s].
@@ -130,10 +130,10 @@ def pairs(findings: list[Finding], table: GaitTable) -> set[tuple[str, str]]:
     return {(name, item.transition or "") for item in findings for name in names if name in item.reason}
 
 
-def assert_reported(table: GaitTable, vectors: Vectors, subject: Subject) -> tuple[int, int]:
+def assert_reported(table: GaitTable, vectors: Vectors, case: CheckCase) -> tuple[int, int]:
     contending, passing = vectors.ambiguities(), vectors.cascades()
-    assert contending <= pairs(ambiguity(subject), table)
-    assert passing <= pairs(cascade(subject), table)
+    assert contending <= pairs(ambiguity(case), table)
+    assert passing <= pairs(cascade(case), table)
     return len(contending), len(passing)
 
 
@@ -185,10 +185,10 @@ SEEDS = range(12)
 
 
 @cache
-def random_subject(seed: int) -> Subject:
+def random_case(seed: int) -> CheckCase:
     experiment = treadmill()
-    plain = build_subject(load_gait_table("treadmill"), experiment)
-    return Subject(
+    plain = build_case(load_gait_table("treadmill"), experiment)
+    return CheckCase(
         table=random_table(seed),
         experiment=experiment,
         limits=plain.limits,
@@ -197,7 +197,7 @@ def random_subject(seed: int) -> Subject:
 
 
 def test_limits_are_those_of_the_urdf() -> None:
-    space = SignalSpace(random_subject(0))
+    space = SignalSpace(random_case(0))
     for joint, (low, high, speed) in TWIN.items():
         for prefix in ("", "other."):
             assert space.range(f"{prefix}{joint}.angle_deg") == pytest.approx((low, high), abs=0.01)
@@ -208,9 +208,9 @@ def test_limits_are_those_of_the_urdf() -> None:
 @pytest.mark.parametrize("name", ["treadmill", "bench_leg"])
 def test_shipped_tables_report_all_that_half_a_million_random_vectors_show(name: str) -> None:
     table = load_gait_table(name)
-    subject = Subject(table=table, experiment=None, limits=random_subject(0).limits)
+    case = CheckCase(table=table, experiment=None, limits=random_case(0).limits)
     vectors = Vectors(table, np.random.default_rng(1), 500_000)
-    contending, passing = assert_reported(table, vectors, subject)
+    contending, passing = assert_reported(table, vectors, case)
     assert contending == 0  # every phase of these tables leads to one other
     assert passing >= 2
 
@@ -218,7 +218,7 @@ def test_shipped_tables_report_all_that_half_a_million_random_vectors_show(name:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_random_tables_report_all_that_random_vectors_show(seed: int) -> None:
     table = random_table(seed)
-    assert_reported(table, Vectors(table, np.random.default_rng(seed), 40_000), random_subject(seed))
+    assert_reported(table, Vectors(table, np.random.default_rng(seed), 40_000), random_case(seed))
 
 
 def test_random_vectors_do_show_something() -> None:
@@ -233,14 +233,14 @@ def test_random_vectors_do_show_something() -> None:
     assert passing > 50
 
 
-# ---------------------------------------------------------------------------------- witnesses
+# ---------------------------------------------------------------------------------- counterexamples
 
 
 def signals_of(finding: Finding, **changes: float) -> tuple[dict[str, float], str]:
-    """A full set of signals: those of the witness, and zero for those that it leaves open."""
+    """A full set of signals: those of the counterexample, and zero for those that it leaves open."""
     values = dict.fromkeys(all_signal_names(JOINTS), 0.0)
-    values |= {name: value for name, value in finding.witness.items() if not isinstance(value, str)}
-    return {**values, **changes}, str(finding.witness.get("other.phase", PHASES[0]))
+    values |= {name: value for name, value in finding.counterexample.items() if not isinstance(value, str)}
+    return {**values, **changes}, str(finding.counterexample.get("other.phase", PHASES[0]))
 
 
 def named(finding: Finding, table: GaitTable) -> list[Transition]:
@@ -252,9 +252,9 @@ def named(finding: Finding, table: GaitTable) -> list[Transition]:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_every_witness_of_an_ambiguity_opens_both_exits(seed: int) -> None:
+def test_every_counterexample_of_an_ambiguity_opens_both_exits(seed: int) -> None:
     table = random_table(seed)
-    for finding in ambiguity(random_subject(seed)):
+    for finding in ambiguity(random_case(seed)):
         signals, other = signals_of(finding)
         first, second, *_ = named(finding, table)
         assert (first.source, label(second)) == (second.source, finding.transition)
@@ -263,9 +263,9 @@ def test_every_witness_of_an_ambiguity_opens_both_exits(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_every_witness_of_a_cascade_opens_entry_and_exit(seed: int) -> None:
+def test_every_counterexample_of_a_cascade_opens_entry_and_exit(seed: int) -> None:
     table = random_table(seed)
-    for finding in cascade(random_subject(seed)):
+    for finding in cascade(random_case(seed)):
         first, second = named(finding, table)
         into, out = (first, second) if label(second) == finding.transition else (second, first)
         assert into.target == out.source
@@ -275,11 +275,11 @@ def test_every_witness_of_a_cascade_opens_entry_and_exit(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_witnesses_lie_inside_the_limits(seed: int) -> None:
-    subject = random_subject(seed)
-    space = SignalSpace(subject)
-    for finding in [*ambiguity(subject), *cascade(subject)]:
-        for name, value in finding.witness.items():
+def test_counterexamples_lie_inside_the_limits(seed: int) -> None:
+    case = random_case(seed)
+    space = SignalSpace(case)
+    for finding in [*ambiguity(case), *cascade(case)]:
+        for name, value in finding.counterexample.items():
             if isinstance(value, str):
                 assert value in PHASES
             elif not name.endswith(TIME):
@@ -294,8 +294,8 @@ def test_noise_does_undo_a_reported_switch() -> None:
     table = DraftTable(
         name="t", joints=JOINTS, phases={n: phase() for n in PHASES}, transitions=(there, back)
     )
-    (finding,) = (item for item in hysteresis(build_subject(table)) if item.transition == label(back))
-    angle = finding.witness["hip.angle_deg"]
+    (finding,) = (item for item in hysteresis(build_case(table)) if item.transition == label(back))
+    angle = finding.counterexample["hip.angle_deg"]
     assert isinstance(angle, float)
     assert angle > 10.0
     assert angle - NOISE["angle_deg"] < 9.8
@@ -306,11 +306,11 @@ def test_noise_does_undo_a_reported_switch() -> None:
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_pairs_of_phases_that_two_random_legs_walk_into_are_known(seed: int) -> None:
-    subject = random_subject(seed)
-    table, generator = subject.table, np.random.default_rng(seed)
+    case = random_case(seed)
+    table, generator = case.table, np.random.default_rng(seed)
     vectors = Vectors(table, generator, 2000)
-    known = set(TwoLegs(subject).entered)
-    for episode, start in enumerate(starting_pairs(subject)):
+    known = set(TwoLegs(case).entered)
+    for episode, start in enumerate(starting_pairs(case)):
         legs = [
             GaitStateMachine(table, side, initial_phase=name) for side, name in zip(Side, start, strict=True)
         ]
@@ -324,16 +324,16 @@ def test_pairs_of_phases_that_two_random_legs_walk_into_are_known(seed: int) -> 
 
 
 def test_random_legs_do_walk_into_new_pairs() -> None:
-    entered = [len(TwoLegs(random_subject(seed)).entered) for seed in SEEDS]
+    entered = [len(TwoLegs(random_case(seed)).entered) for seed in SEEDS]
     assert sum(entered) > len(SEEDS) * len(PHASES)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_no_random_vector_lets_a_leg_out_of_a_deadlock(seed: int) -> None:
-    subject = random_subject(seed)
-    table, legs = subject.table, TwoLegs(subject)
+    case = random_case(seed)
+    table, legs = case.table, TwoLegs(case)
     vectors = Vectors(table, np.random.default_rng(seed), 20_000)
-    reasons = " ".join(item.reason for item in deadlock(subject))
+    reasons = " ".join(item.reason for item in deadlock(case))
     for pair in legs.entered:
         stuck = f"one leg in {pair[0]} and the other in {pair[1]} " in reasons
         for own, other in (pair, pair[::-1]):
@@ -343,21 +343,22 @@ def test_no_random_vector_lets_a_leg_out_of_a_deadlock(seed: int) -> None:
             assert not (stuck and gone)
 
 
-# ---------------------------------------------------------------------------------- polyhedra
+# ---------------------------------------------------------------------------------- the solver
 
 
-def inequality(text: str) -> Inequality:
-    parsed = guard(text)
-    assert isinstance(parsed, Comparison)
-    return Inequality(parsed.signal, parsed.minus, parsed.operator == ">", parsed.threshold)
+@cache
+def plain_space() -> SignalSpace:
+    limits = {joint: (math.radians(low), math.radians(high)) for joint, (low, high, _) in TWIN.items()}
+    return SignalSpace(CheckCase(table=random_table(0), experiment=None, limits=limits))
 
 
-BOUNDS = {
-    "hip.angle_deg": (-20.0, 110.0),
-    "other.hip.angle_deg": (-20.0, 110.0),
-    "foot.load_bw": (0.0, 2.0),
-    TIME: (TICK, 1.0),
-}
+def first_point(*texts: str) -> Point | None:
+    wishes = [Wish(guard(text)) for text in texts]
+    return next(plain_space().find(wishes, {TIME: (TICK, 1.0)}, lambda point: opens(texts, point)), None)
+
+
+def opens(texts: Sequence[str], point: Point) -> bool:
+    return all(holds(guard(text), point.signals, None) for text in texts)
 
 
 @pytest.mark.parametrize(
@@ -383,60 +384,58 @@ BOUNDS = {
     ],
 )
 def test_points_are_found_exactly_where_inequalities_overlap(texts: list[str], possible: bool) -> None:
-    found = find_point([inequality(text) for text in texts], BOUNDS)
-    assert (found is not None) is possible
-    if found is not None:
-        assert all(holds(guard(text), found, None) for text in texts)
+    assert (first_point(*texts) is not None) is possible
 
 
-def test_slack_is_the_largest_up_to_a_comfortable_distance() -> None:
-    found = find_point([inequality("hip.angle_deg > 10"), inequality("hip.angle_deg < 10.4")], BOUNDS)
-    assert found is not None
-    assert found["hip.angle_deg"] == pytest.approx(10.2)
+def test_point_keeps_a_comfortable_distance_where_there_is_room_for_it() -> None:
+    wide, narrow = first_point("hip.angle_deg > 10"), first_point("hip.angle_deg > 10", "hip.angle_deg < 11")
+    assert wide is not None and wide.signals == {"hip.angle_deg": 11.0}
+    assert narrow is not None and 10.0 < narrow.signals["hip.angle_deg"] < 11.0
+
+
+def ways_of(tree: Guard, phases: tuple[str | None, ...], true: bool) -> list[Way]:
+    """All ways to open or close a guard, contradictory ones among them."""
+    return list(ways(Way(phases), [Wish(tree, true)], lambda *atom: [bound_of(*atom)], lambda bounds: True))
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_disjunctive_form_and_its_negation_say_the_same_as_the_tree(seed: int) -> None:
+def test_ways_to_open_and_to_close_a_guard_say_the_same_as_its_tree(seed: int) -> None:
     generator = np.random.default_rng(seed)
     tree = random_guard(generator)
-    others = frozenset(PHASES)
-    forms = [disjunctive_form(tree, others, negated=negated) for negated in (False, True)]
+    forms = [ways_of(tree, PHASES, true) for true in (True, False)]
     table = random_table(0)
     vectors = Vectors(table, generator, 300)
     for index in range(vectors.count):
         values = {name: float(array[index]) for name, array in vectors.signals.items()}
         other = table.phase_names[vectors.others[index]]
-        found = [any(_clause_holds(clause, values, other) for clause in form) for form in forms]
+        found = [any(_goes(way, {**values, ZERO: 0.0}, other) for way in form) for form in forms]
         true = holds(tree, values, other)
         assert found == [true, not true]
 
 
-def _clause_holds(clause: Any, values: dict[str, float], other: str) -> bool:
-    def true(item: Inequality) -> bool:
-        left = values[item.signal] - (0.0 if item.minus is None else values[item.minus])
-        if left == item.threshold:
-            return not item.strict
-        return (left > item.threshold) is item.above
+def _goes(way: Way, values: dict[str, float], other: str) -> bool:
+    def kept(item: Bound) -> bool:
+        left = values[item.upper] - values[item.lower]
+        return left < item.limit if item.strict else left <= item.limit
 
-    return other in clause.others and all(true(item) for item in clause.inequalities)
+    return other in way.phases and all(kept(item) for item in way.bounds)
 
 
 def test_absent_leg_opens_no_condition_on_it() -> None:
-    alone: frozenset[str | None] = frozenset({None})
     for text in (
         "other.hip.angle_deg < 1000",
         "other.phase in [a]",
         "hip.angle_deg - other.hip.angle_deg < 999",
     ):
-        assert disjunctive_form(guard(text, PHASES), alone) == []
-        assert len(disjunctive_form(guard(text, PHASES), alone, negated=True)) == 1
+        assert ways_of(guard(text, PHASES), (None,), True) == []
+        assert len(ways_of(guard(text, PHASES), (None,), False)) == 1
 
 
 def test_guard_with_too_many_alternatives_is_refused_in_one_line() -> None:
     pair = AnyOf(guards=(guard("hip.angle_deg < 1"), guard("knee.angle_deg < 1")))
-    ways = math.ceil(math.log2(MOST_CLAUSES)) + 1
-    with pytest.raises(GaitTableError, match=str(MOST_CLAUSES)):
-        disjunctive_form(AllOf(guards=(pair,) * ways), frozenset(PHASES))
+    pairs = math.ceil(math.log2(MOST_BRANCHES)) + 1
+    with pytest.raises(GaitTableError, match=str(MOST_BRANCHES)):
+        ways_of(AllOf(guards=(pair,) * pairs), PHASES, True)
 
 
 # ---------------------------------------------------------------------------------- time
@@ -445,7 +444,7 @@ def test_guard_with_too_many_alternatives_is_refused_in_one_line() -> None:
 def space_of(*transitions: Transition, change: Callable[[Any], Any] = lambda phases: phases) -> SignalSpace:
     phases = change({name: phase() for name in PHASES})
     table = DraftTable(name="t", joints=JOINTS, phases=phases, transitions=transitions)
-    return SignalSpace(build_subject(table))
+    return SignalSpace(build_case(table))
 
 
 def leaving(text: str, **changes: Any) -> Transition:
@@ -474,8 +473,8 @@ def test_time_out_and_debounce_bound_what_an_exit_can_do(
     text: str, changes: dict[str, Any], opens: bool, fires: bool
 ) -> None:
     space = space_of(leaving(text, **changes), TIME_OUT)
-    assert can_open(space, 0) is opens
-    assert can_fire(space, 0) is fires
+    assert (space.opening(0) is not None) is opens
+    assert space.can_fire(0) is fires
 
 
 def test_exit_that_needs_time_is_not_open_at_entry() -> None:
@@ -483,7 +482,7 @@ def test_exit_that_needs_time_is_not_open_at_entry() -> None:
     for text, found in (("time_in_phase_s > 0.05", 0), ("time_in_phase_s > 0.0005", 1)):
         out = AllOf(guards=(guard("hip.angle_deg > 8", PHASES), guard(text, PHASES)))
         table = space_of(into, Transition(source="a", target="b", cause="out", guard=out)).table
-        assert len([item for item in cascade(build_subject(table)) if item.phase == "a"]) == found
+        assert len([item for item in cascade(build_case(table)) if item.phase == "a"]) == found
 
 
 def test_two_earlier_exits_can_shadow_a_third_together() -> None:
@@ -492,5 +491,5 @@ def test_two_earlier_exits_can_shadow_a_third_together() -> None:
         leaving("hip.angle_deg < 6"),
         leaving("knee.angle_deg > 9"),
     )
-    assert [item.rule for item in shadowed_exit(space_of(first, second, third).subject)] == ["shadowed_exit"]
-    assert shadowed_exit(space_of(first, third).subject) == []
+    assert [item.rule for item in shadowed_exit(space_of(first, second, third).case)] == ["shadowed_exit"]
+    assert shadowed_exit(space_of(first, third).case) == []

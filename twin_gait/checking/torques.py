@@ -1,4 +1,4 @@
-"""What a switch of phase does to the commanded torque."""
+"""What a phase asks of the motors: a jump at the switch, and stiffness that the limits cannot serve."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.finding import Finding, Severity, Subject, label
+from twin_gait.checking.finding import CheckCase, Finding, Severity, label
 from twin_gait.checking.hanging_leg import HangingLeg, friction_torque, hanging_legs
-from twin_gait.checking.signals import SignalSpace
-from twin_gait.checking.switch_postures import Postures, first_rests, postures
+from twin_gait.checking.postures import Postures, command_at_rest, first_rests, postures
+from twin_gait.checking.signals import signal_space
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
-from twin_gait.core.impedance import impedance_torque
+from twin_gait.core.impedance import damping_ratio_of, impedance_torque
 from twin_gait.gait.table import TICK, Transition
 
 # A step of a quarter of the limit within a millisecond is felt as a knock (an assumption).
@@ -37,9 +37,6 @@ class Jump(NamedTuple):
     tick: float
     angles: np.ndarray
     velocities: np.ndarray
-
-
-# ---------------------------------------------------------------------- torques
 
 
 def _blend(leg: HangingLeg) -> tuple[np.ndarray, np.ndarray]:
@@ -93,25 +90,16 @@ def largest_jumps(leg: HangingLeg, transition: Transition, samples: Postures) ->
     return jumps
 
 
-# ---------------------------------------------------------------------- the rule
-
-
-def torque_jump(subject: Subject) -> list[Finding]:
+def torque_jump(case: CheckCase) -> list[Finding]:
     """A switch changes the commanded torque by more than the limit, or too much of it in one tick.
 
     Over the postures of the guard that lie on the way through the phase that is left. A warning if the whole
     change, before blending, exceeds the torque limit, or its largest step in a tick, after blending, a
     quarter of the limit; an error if a single step exceeds the limit.
-
-    Args:
-        subject: What is checked.
-
-    Returns:
-        A finding for each such transition, about the joint that jumps most.
     """
-    space = SignalSpace(subject)
+    space = signal_space(case)
     findings = []
-    for leg in hanging_legs(subject):
+    for leg in hanging_legs(case):
         for index, item in enumerate(space.table.transitions):
             jumps = [
                 jump
@@ -119,11 +107,11 @@ def torque_jump(subject: Subject) -> list[Finding]:
                 if (samples := postures(space, index, leg, rest)) is not None
                 for jump in largest_jumps(leg, item, samples)
             ]
-            findings += _judge(leg, item, jumps)
+            findings += _too_large(leg, item, jumps)
     return findings
 
 
-def _judge(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> list[Finding]:
+def _too_large(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> list[Finding]:
     limits = leg.torque_limits()
     worst = max(
         jumps,
@@ -149,12 +137,12 @@ def _judge(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> list[Finding
                 f"tick; the limit is {limit:.0f} Nm"
             ),
             suggestion="bring stiffness and equilibrium of the two phases closer, or blend for longer",
-            witness=_witness(leg, worst),
+            counterexample=_posture_of(leg, worst),
         )
     ]
 
 
-def _witness(leg: HangingLeg, jump: Jump) -> dict[str, float | str]:
+def _posture_of(leg: HangingLeg, jump: Jump) -> dict[str, float | str]:
     found: dict[str, float | str] = {}
     for joint, angle, velocity in zip(
         leg.joints, jump.angles.tolist(), jump.velocities.tolist(), strict=True
@@ -164,4 +152,143 @@ def _witness(leg: HangingLeg, jump: Jump) -> dict[str, float | str]:
     return found
 
 
-RULES = (torque_jump,)
+# ---------------------------------------------------------------------- what a spring asks for
+
+
+class Demand(NamedTuple):
+    """What a spring asks of a motor when a phase is entered.
+
+    Attributes:
+        joint: Position of the joint.
+        torque: Commanded at rest at the entry in [N m].
+        speed: Largest speed on the way if the spring were served in full, in [rad] / [s].
+        angles: Posture of entry in [rad], shape ``(n_joints,)``.
+    """
+
+    joint: int
+    torque: float
+    speed: float
+    angles: np.ndarray
+
+
+def release_speed(deflection: float, stiffness: float, damping: float, inertia: float) -> float:
+    r"""Largest speed of a damped spring and mass that are let go at rest.
+
+    From :math:`\ddot x + 2 \zeta \omega_0 \dot x + \omega_0^2 x = 0`:
+
+    .. math::
+
+        v = A\,\omega_0\,\exp\left(-\frac{\zeta}{\sqrt{1-\zeta^2}} \arccos \zeta\right), \qquad
+        \omega_0 = \sqrt{k / I}
+
+    and its continuation beyond :math:`\zeta = 1`.
+
+    Args:
+        deflection: A in [rad].
+        stiffness: k in [N m] / [rad].
+        damping: b in [N m s] / [rad].
+        inertia: I in [kg m²].
+
+    Returns:
+        Speed in [rad] / [s], zero or more.
+    """
+    if stiffness == 0.0 or deflection == 0.0:
+        return 0.0
+    ratio = damping_ratio_of(damping, stiffness, inertia)
+    if ratio < 1.0:
+        exponent = ratio / math.sqrt(1.0 - ratio * ratio) * math.acos(ratio)
+    elif ratio > 1.0:
+        exponent = ratio / math.sqrt(ratio * ratio - 1.0) * math.acosh(ratio)
+    else:
+        exponent = 1.0
+    return abs(deflection) * math.sqrt(stiffness / inertia) * math.exp(-exponent)
+
+
+def demands(leg: HangingLeg, phase: int, angles: np.ndarray) -> list[Demand]:
+    """Torque and speed that the springs of a phase ask for at an entry.
+
+    Args:
+        leg: The leg.
+        phase: Index of the phase.
+        angles: Posture of entry in [rad], shape ``(n_joints,)``.
+
+    Returns:
+        One demand per joint.
+    """
+    torques = command_at_rest(leg, phase, angles)
+    deflections = angles - leg.column(EQUILIBRIUM)[phase]
+    stiffness, damping = leg.column(STIFFNESS)[phase], leg.column(DAMPING)[phase]
+    inertias = np.diag(leg.mass(angles))
+    return [
+        Demand(
+            joint,
+            float(torques[joint]),
+            release_speed(deflections[joint], stiffness[joint], damping[joint], inertias[joint]),
+            angles,
+        )
+        for joint in range(len(angles))
+    ]
+
+
+def stiffness_not_served(case: CheckCase) -> list[Finding]:
+    """A spring asks for more than the torque or current limit gives, or faster than the voltage allows.
+
+    Looked at where the phase is first entered on the way through the one before, with the joints at rest.
+    """
+    space = signal_space(case)
+    findings = []
+    for leg in hanging_legs(case):
+        for number, phase in enumerate(leg.phases):
+            asked = [
+                demand
+                for rest in first_rests(space, leg, phase)
+                for demand in demands(leg, number, rest.start)
+            ]
+            reasons = []
+            for joint in range(len(leg.joints)):
+                own = [demand for demand in asked if demand.joint == joint]
+                reasons += _too_much_torque(leg, number, max(own, key=lambda item: abs(item.torque)))
+                reasons += _too_much_speed(leg, max(own, key=lambda item: item.speed))
+            if reasons:
+                findings.append(
+                    Finding(
+                        rule="stiffness_not_served",
+                        severity=Severity.WARNING,
+                        phase=phase,
+                        side=leg.shown_side,
+                        reason="; ".join(reasons),
+                        suggestion="lower the stiffness, or begin the phase closer to its equilibrium",
+                    )
+                )
+    return findings
+
+
+def _too_much_torque(leg: HangingLeg, phase: int, demand: Demand) -> list[str]:
+    joint = leg.joints[demand.joint]
+    torque_limit = leg.problem.experiment.control.limits.torque
+    current_limit = leg.current_limited_torque(joint)
+    limit = min(torque_limit, current_limit)
+    if abs(demand.torque) <= limit:
+        return []
+    named = "torque limit" if torque_limit <= current_limit else "current limit"
+    stiffness = math.radians(leg.column(STIFFNESS)[phase, demand.joint])
+    angle = math.degrees(demand.angles[demand.joint])
+    serves = f", {limit / stiffness:.0f}° of its {stiffness:.3g} Nm/deg" if stiffness > 0.0 else ""
+    return [
+        f"the {joint} asks for {demand.torque:.0f} Nm where it enters at {angle:.1f}°; the {named} gives "
+        f"{limit:.0f} Nm{serves}"
+    ]
+
+
+def _too_much_speed(leg: HangingLeg, demand: Demand) -> list[str]:
+    joint = leg.joints[demand.joint]
+    fastest = leg.no_load_speed(joint)
+    if demand.speed <= fastest:
+        return []
+    return [
+        f"the {joint} would reach {math.degrees(demand.speed):.0f} deg/s; the voltage allows "
+        f"{math.degrees(fastest):.0f} deg/s without load"
+    ]
+
+
+RULES = (torque_jump, stiffness_not_served)

@@ -1,20 +1,23 @@
 """Why a mutant that no test notices behaves like the machine itself: a reason, proved each time.
 
-"Never" here means that a system of bounds has no solution (:mod:`twin_gait.testing.bounds`), for any
-measurements, with the other leg in any phase or not there.
+"Never" here means that no choice of bounds that opens or closes some guards
+(:mod:`twin_gait.gait.feasibility`) has a solution, for any measurements, with the other leg in any phase or
+not there. :func:`feasible` decides that for strict bounds exactly, without the hair's breadth of the package.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
+from kit_mutants import Mutant
+
+from twin_gait.gait.feasibility import OTHER_TIME, TIME, ZERO, Bound, Way, Wish, bound_of, ways
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
-from twin_gait.gait.table import GaitTable, Transition
-from twin_gait.testing.leaving import Exit, decisive, turning_tick
-from twin_gait.testing.mutation import Mutant
-from twin_gait.testing.solver import Window, Wish, is_possible, reads_only_own_time, reads_own_time
-from twin_gait.testing.witness import exits, is_pure_time_out
+from twin_gait.gait.table import TICK, GaitTable, Transition
+from twin_gait.testing.exits import Exit, decisive, reads_only_own_time, reads_own_time, turning_tick
+from twin_gait.testing.reference import Vector, exits, holds, is_pure_time_out
 
 SAME = "nothing has changed: zero is zero in every unit"
 ONE_CONDITION = "a list of one condition: all and any are the same"
@@ -25,6 +28,33 @@ LONG_OPEN = "a time-out is open from the entry on: the debounce is over before i
 OTHER_WAIT = "the exit waits as long for something else"
 NO_EXIT_SOONER = "no exit can be taken in the ticks that it changes"
 NEVER_BOTH = "the two, and those between them, are never due in one tick with different outcomes"
+
+
+class Window(NamedTuple):
+    """Ticks in the phase; free asks for one moment in between, found by the solver, instead of both ends."""
+
+    first: int
+    last: float
+    free: bool = False
+
+
+def feasible(bounds: Sequence[Bound]) -> bool:
+    """Whether any numbers keep all bounds, however narrow the room for them: no cycle contradicts itself."""
+    names = list(dict.fromkeys([ZERO, *(name for item in bounds for name in (item.upper, item.lower))]))
+    # Of two equal limits the strict one is the shorter path: it comes first in the order of pairs.
+    open_end = (math.inf, 1)
+    paths = {a: {b: (0.0, 1) if a == b else open_end for b in names} for a in names}
+    for item in bounds:
+        limit = (item.limit, 0 if item.strict else 1)
+        paths[item.upper][item.lower] = min(paths[item.upper][item.lower], limit)
+    for middle in names:
+        for row in paths.values():
+            reach, loose = row[middle]
+            for end, (length, also_loose) in paths[middle].items():
+                row[end] = min(row[end], (reach + length, loose & also_loose))
+        if any(paths[name][name] < (0.0, 1) for name in names):
+            return False
+    return True
 
 
 def reason(table: GaitTable, mutant: Mutant) -> str | None:
@@ -98,7 +128,22 @@ def possible(table: GaitTable, wishes: Sequence[Wish], window: Window) -> bool:
     """Whether some measurements fulfil all wishes, with the other leg in any phase or not there."""
     if window.first > window.last:
         return False
-    return any(is_possible(phases, wishes, window) for phases in (table.phase_names, (None,)))
+    ends = sorted({window.first, window.last})
+    start = [Bound(ZERO, OTHER_TIME, 0.0)]
+    if window.free:
+        start += [Bound(ZERO, TIME, -window.first * TICK), Bound(TIME, ZERO, window.last * TICK)]
+
+    def bounds_of(atom: Comparison, true: bool) -> list[Bound] | None:
+        if window.free or not reads_own_time(atom):
+            return [bound_of(atom, true)]
+        if reads_only_own_time(atom):
+            return [] if all(holds(atom, Vector({}, None), int(tick)) is true for tick in ends) else None
+        return [bound_of(atom, true).at(TIME, tick * TICK) for tick in ends]
+
+    return any(
+        next(ways(Way(phases, tuple(start)), wishes, bounds_of, feasible), None) is not None
+        for phases in (table.phase_names, (None,))
+    )
 
 
 def _guard_reason(before: Exit, after: Guard) -> str | None:
