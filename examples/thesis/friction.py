@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
+from thesis.bench import KNEE, SEED
 from thesis.claims import number_text
 
 from twin_gait import JointName
@@ -37,8 +38,8 @@ from twin_gait.identification import (
 from twin_gait.scenario import BENCH_ACTUATORS, BENCH_FRICTION
 from twin_gait.studies import Campaign, Protocol, planned_tests, run_campaign
 
-SEED = 1
-KNEE, HIP = JOINTS = (JointName.KNEE, JointName.HIP)
+HIP = JointName.HIP
+JOINTS = (KNEE, HIP)
 FALLS, DRIVEN = Protocol.DROP, Protocol.TWO_WAY
 LATE, PROMPT = Processing.THESIS, Processing.ZERO_PHASE
 # Parameters of equation (3.1) by the thesis's letters: name in an identification.
