@@ -104,7 +104,7 @@ def neutral_gain(joint: str = KNEE) -> float:
 
 
 def duty_numbers() -> dict[str, float]:
-    """Counts of A that make up for the weights, and the neutral K."""
+    """Counts of A that make up for the weights, and the torque of one on the standing knee."""
     weights = (MASSES[0] - MASSES[-1]) * BENCH.gravity * BENCH.link.lever
     return {"counts": weights / torque_per_count(), "torque_per_count": torque_per_count()}
 
