@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterError
@@ -108,16 +109,7 @@ def _draw(result: Identification, folder: Path) -> None:
 
 
 def steady_curve(item: IdentifiedModel, samples: Samples, velocity: np.ndarray) -> np.ndarray:
-    """Torque of a model in steady sliding, at the mean angle, load and temperature of samples.
-
-    Args:
-        item: The model.
-        samples: What it was fitted to.
-        velocity: In [rad] / [s], shape ``(n,)``.
-
-    Returns:
-        In [N m], shape ``(n,)``.
-    """
+    """Torque in [N m] of a model in steady sliding, at the mean angle, load and temperature of samples."""
     number = len(velocity) + 1
 
     def held(values: np.ndarray | None) -> np.ndarray | None:
@@ -138,15 +130,7 @@ def steady_curve(item: IdentifiedModel, samples: Samples, velocity: np.ndarray) 
 
 
 def identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
-    """The result as plain numbers, SI units in the keys.
-
-    Args:
-        result: The identification.
-        joint: Whose friction it is, or None.
-
-    Returns:
-        Models best first, with everything that is known about them.
-    """
+    """The result as plain numbers, SI units in the keys; models best first."""
     options = result.options
     return {
         "schema_version": SCHEMA_VERSION,
@@ -231,7 +215,7 @@ def samples_csv(result: Identification) -> str:
     used = np.flatnonzero(samples.used)
     step = -(-len(used) // _LISTED_SAMPLES)
     chosen = used[::step]
-    columns: dict[str, np.ndarray | None] = {
+    columns = {
         "time_s": samples.time,
         "angle_rad": samples.angle,
         "velocity_rad_per_s": samples.velocity,
@@ -239,26 +223,14 @@ def samples_csv(result: Identification) -> str:
         "temperature_degC": samples.temperature,
         "friction_torque_Nm": samples.torque,
     }
-    rows = {name: values[chosen] for name, values in columns.items() if values is not None}
+    rows = pd.DataFrame({name: values[chosen] for name, values in columns.items() if values is not None})
+    rows.insert(0, "test", [result.tests[number].name for number in samples.test[chosen]])
     rows["model_torque_Nm"] = rows["friction_torque_Nm"] - best.residuals[::step]
-    names = [test.name.replace(",", "_").replace('"', "_") for test in result.tests]
-    lines = [",".join(["test", *rows])]
-    for test, *values in zip(
-        samples.test[chosen].tolist(), *(v.tolist() for v in rows.values()), strict=True
-    ):
-        lines.append(",".join([names[test], *(f"{value:.7g}" for value in values)]))
-    return "\n".join(lines) + "\n"
+    return rows.to_csv(index=False, lineterminator="\n", float_format="%.7g")
 
 
 def plant_law(result: Identification) -> FrictionParameters | None:
-    """The law that simulations know, as identified; None if it was not, or injects power.
-
-    Args:
-        result: The identification.
-
-    Returns:
-        Parameters of equation (3.1).
-    """
+    """The law that simulations know, equation (3.1), as identified; None if it was not, or injects power."""
     item = result.model(LAW_OF_THE_PLANT)
     if item is None:
         return None
@@ -278,28 +250,16 @@ def parameter_files(law: FrictionParameters, joint: JointName) -> dict[str, str]
     """Experiments with the law in the plant, and in the compensator, by file name.
 
     The other joint keeps table 3.1 of the thesis. A plant that was measured has a friction ratio of 1.
-
-    Args:
-        law: As identified.
-        joint: Whose it is.
-
-    Returns:
-        Texts that ``twin-gait simulate`` takes.
     """
     laws = {str(name): _entry(law if name is joint else _TABLE[name]) for name in _TABLE}
-    plant = {
-        "friction": laws,
-        "friction_ratio": {str(name): 1.0 if name is joint else 0.5 for name in _TABLE},
-    }
+    ratios = {str(name): 1.0 if name is joint else 0.5 for name in _TABLE}
+
+    def text(kind: str, **entry: Any) -> str:
+        return dump_yaml({"preset": PRESET, "name": f"identified_{joint}_{kind}", **entry})
+
     return {
-        PLANT_FILE: dump_yaml({"preset": PRESET, "name": f"identified_{joint}_plant", "plant": plant}),
-        COMPENSATOR_FILE: dump_yaml(
-            {
-                "preset": PRESET,
-                "name": f"identified_{joint}_compensator",
-                "control": {"friction_model": laws},
-            }
-        ),
+        PLANT_FILE: text("plant", plant={"friction": laws, "friction_ratio": ratios}),
+        COMPENSATOR_FILE: text("compensator", control={"friction_model": laws}),
     }
 
 
