@@ -6,16 +6,8 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli import options
-from twin_gait.cli.terminal import (
-    DONE,
-    FAILED,
-    INTERRUPTED,
-    answer,
-    note_compilation,
-    progress_bar,
-    stop_on_interrupt,
-)
+from twin_gait.cli import options, terminal
+from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
@@ -56,15 +48,8 @@ def run(arguments: argparse.Namespace) -> int:
         options.check_file("--out", arguments.out, force=arguments.force)
     base = options.experiment_of(arguments, f"duration_s={DURATION:g}").experiment
     faults = draw_faults(base, arguments.count, arguments.seed)
-    with stop_on_interrupt() as should_stop, progress_bar("faults", "fault") as progress:
-        campaign = simulate_faults(
-            base,
-            faults,
-            workers=workers,
-            progress=progress,
-            should_stop=should_stop,
-            on_compile=note_compilation,
-        )
+    with terminal.watched("faults", "fault") as watch:
+        campaign = simulate_faults(base, faults, workers=workers, **watch)
     violations = list(campaign.violations["fault"]) if len(campaign.table) else []
     document = {
         "experiment": base.name,
@@ -74,7 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
         "violations": violations,
         "faults": campaign.table.to_dict("records"),
     }
-    answer(arguments, report(base, campaign, arguments.seed, violations), lambda: document)
+    terminal.answer(arguments, report(base, campaign, arguments.seed, violations), lambda: document)
     if len(campaign.table) and arguments.out is not None:
         text = campaign.table.to_csv(index=False, lineterminator="\n", float_format="%.6g")
         write_atomically(arguments.out, text)
