@@ -27,12 +27,12 @@ from gallery import form_of
 
 from twin_gait import JointName
 from twin_gait.identification import (
+    BenchSetup,
     IdentificationOptions,
     Log,
     Processing,
     ProcessingOptions,
     Quantity,
-    RigParameters,
     identify_tests,
     process_log,
 )
@@ -92,10 +92,10 @@ def estimates(two_way: TwoWayProtocol, campaign: tuple[JointName, int]) -> dict[
 
 def identified(logs: Sequence[Log], joint: JointName, processing: Processing) -> Estimate:
     """Identify logs, and keep the parameters, their intervals and the warnings."""
-    rig = RigParameters(actuator=BENCH_ACTUATORS[joint])
+    bench = BenchSetup(actuator=BENCH_ACTUATORS[joint])
     how = ProcessingOptions(processing=processing)
-    options = IdentificationOptions(rig=rig, processing=how, models=(LAW,), cross_validation=False)
-    result = identify_tests([process_log(log, rig, how) for log in logs], options)
+    options = IdentificationOptions(bench=bench, processing=how, models=(LAW,), cross_validation=False)
+    result = identify_tests([process_log(log, bench, how) for log in logs], options)
     (model,) = result.models
     values, names = model.fit.model.parameters(model.fit.x), true_parameters(joint)
     return Estimate(

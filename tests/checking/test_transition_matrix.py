@@ -11,7 +11,7 @@ import pytest
 from loop_stability import UNDECIDED, Case, linear_run_is_unstable, predicted_radius
 from scipy.integrate import solve_ivp
 
-from twin_gait.checking.check import build_subject
+from twin_gait.checking.check import build_case
 from twin_gait.checking.hanging_leg import friction_slope, friction_torque, hanging_legs
 from twin_gait.checking.linear_loop import (
     RING,
@@ -178,7 +178,7 @@ def test_friction_slope_is_the_derivative_of_equation_3_1(law, velocity):
 
 def test_the_loop_of_a_phase_takes_its_numbers_from_leg_and_table():
     experiment = load_experiment("bench_leg", ["plant.friction_ratio={hip: 0.5, knee: 0.7}"]).experiment
-    (leg,) = hanging_legs(build_subject(experiment.table, experiment))
+    (leg,) = hanging_legs(build_case(experiment.table, experiment))
     phase = leg.phases.index("swing_flexion")
     found = leg.linear_loop(phase, 0.0)
     model = experiment.build_world().model

@@ -25,10 +25,10 @@ from twin_gait.identification import (
     parse_columns,
     process_log,
 )
-from twin_gait.identification.processing import ProcessingOptions
+from twin_gait.identification.bench import ProcessingOptions
 from twin_gait.identification.reading import read_log
 from twin_gait.identification.samples import FrictionTest
-from twin_gait.identification.stops import soft_stop
+from twin_gait.identification.signals import soft_stop
 
 TIME = 0.01 * np.arange(1000)
 VELOCITY = np.sin(0.7 * TIME) + 0.3 * np.sin(2.3 * TIME)

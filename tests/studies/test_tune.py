@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from twin_gait.cli import tune as command
 from twin_gait.configuration import load_experiment
 from twin_gait.configuration.documents import table_document
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping, packaged_gait_table
+from twin_gait.configuration.gait_table_file import gait_table_from_mapping, load_gait_table
 from twin_gait.exceptions import (
     MissingOptionalDependency,
     ParameterError,
@@ -30,13 +30,13 @@ from twin_gait.parameters import Patient
 from twin_gait.simulation import RunStatus
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.studies.batch import overridden
-from twin_gait.studies.tune import screening, stages
-from twin_gait.studies.tune import settings as tune_settings
+from twin_gait.studies.tune import search as screening
+from twin_gait.studies.tune import stages
+from twin_gait.studies.tune import state as tune_settings
 from twin_gait.studies.tune.cases import NOMINAL, departures, robust_cases, search_cases
 from twin_gait.studies.tune.outcome import verdict
 from twin_gait.studies.tune.parts import FALL, PARTS, WORST, excess_cost, part_costs, walk_cost
 from twin_gait.studies.tune.search import Generation, Search
-from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.space import (
     Parameter,
     editable_document,
@@ -44,16 +44,15 @@ from twin_gait.studies.tune.space import (
     table_with,
     with_own_sides,
 )
-from twin_gait.studies.tune.state import STATE_FILE, open_state, write_state
+from twin_gait.studies.tune.state import STATE_FILE, Progress, Settings, open_state, write_state
 from twin_gait.studies.tune.tune import tune
-from twin_gait.studies.tune.tuning import Progress, nominal_cost, weighted_cost
-from twin_gait.studies.tune.walks import Ask, WalkResult
+from twin_gait.studies.tune.walks import Ask, WalkResult, nominal_cost, weighted_cost
 from twin_gait.vocabulary import Side
 
 
 @pytest.fixture(scope="module")
 def shipped() -> GaitTable:
-    return packaged_gait_table("treadmill")
+    return load_gait_table("treadmill")
 
 
 def _parse(document: Mapping[str, Any]) -> GaitTable:
@@ -90,7 +89,7 @@ def test_the_start_gives_the_table_that_it_began_with(shipped: GaitTable) -> Non
 
 @given(data=st.data())
 def test_another_value_changes_one_number_and_nothing_else(data: st.DataObject) -> None:
-    table = packaged_gait_table("treadmill")
+    table = load_gait_table("treadmill")
     document = editable_document(table)
     parameter = data.draw(st.sampled_from(parameters_of(table)))
     coordinate = data.draw(st.floats(0.0, 1.0))
