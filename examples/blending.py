@@ -2,8 +2,8 @@
 
 The default walk with parameters that step, fade linearly, or along the minimum-jerk polynomial, for several
 durations: jumps of the commanded torque, jerk, energy put into the virtual springs, tracking error, and how
-many of 64 wearers, speeds and supports walk with each. The walks take ten seconds, the robustness five minutes
-on one core; page: docs/blending.md.
+many of 64 wearers, speeds and supports walk with each. The walks take ten seconds, those of the robustness
+five minutes on one core; page: docs/blending.md.
 """
 
 # %% [markdown]
@@ -36,7 +36,7 @@ NONE, LINEAR, MINIMUM_JERK = (
 )
 BLENDS: tuple[Blend, ...] = ((NONE, 0), *itertools.product((LINEAR, MINIMUM_JERK), (25, 60, 120)))
 JOINTS = (JointName.HIP, JointName.KNEE)
-# The default walk's surroundings, varied: the grid of the robustness map, of which every fifth point is taken.
+# The default walk's surroundings, varied: the grid of the robustness map; every fifth point is taken.
 VARIED = {
     "patient.mass_kg": (55.0, 65.0, 75.0, 85.0, 95.0),
     "patient.height_m": (1.60, 1.70, 1.80, 1.90),
