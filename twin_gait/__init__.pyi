@@ -10,7 +10,7 @@ from .parameters import Patient as Patient
 from .runs.public import load_run as load_run
 from .runs.public import plot_run as plot_run
 from .runs.public import save_run as save_run
-from .runs.summary.summary import summarise as summarise
+from .runs.summary import summarise as summarise
 from .simulation import Run as Run
 from .simulation import RunStatus as RunStatus
 from .simulation import simulate as simulate

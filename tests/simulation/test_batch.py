@@ -15,7 +15,7 @@ import pytest
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Engine, Experiment
-from twin_gait.runs.summary.summary import summarise
+from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.studies import batch
 from twin_gait.studies.batch import BatchResult, overridden, simulate_batch

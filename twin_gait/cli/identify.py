@@ -93,13 +93,13 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write and print."""
     from twin_gait.identification import identify_logs
-    from twin_gait.runs.folders import check_target
-    from twin_gait.studies.identify import (
+    from twin_gait.identification.writing import (
         COMPENSATOR_FILE,
         IDENTIFICATION,
         PLANT_FILE,
         write_identification,
     )
+    from twin_gait.runs.folders import check_target
     from twin_gait.vocabulary import JointName
 
     chosen = make_options(arguments)
@@ -119,7 +119,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _why_no_file(document: Mapping[str, Any]) -> str:
-    from twin_gait.studies.identify import LAW_OF_THE_PLANT
+    from twin_gait.identification.writing import LAW_OF_THE_PLANT
 
     if document["joint"] is None:
         return "say whose friction it is with --joint"

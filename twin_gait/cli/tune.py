@@ -13,7 +13,7 @@ from twin_gait.cli.terminal import DONE, FAILED
 
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
-    from twin_gait.studies.tune.tuning import Progress
+    from twin_gait.studies.tune.state import Progress
 
 
 def add_parser(commands: Any) -> None:
@@ -28,7 +28,7 @@ def add_parser(commands: Any) -> None:
         ),
     )
     add = parser.add_argument
-    options.add_experiment(parser)
+    options.add_experiment(parser, seconds=None)
     options.add_out(parser, "DIR", "folder of the tuning", required=True)
     add("--resume", action="store_true", help="go on with a tuning that was stopped")
     add("--reference", metavar="koopman@SPEED", help="healthy gait at a speed in km/h (that of the belt)")
@@ -49,9 +49,9 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.exceptions import ParameterError
     from twin_gait.simulation import RunStatus
     from twin_gait.studies import WorkersLost
-    from twin_gait.studies.tune.settings import Settings
+    from twin_gait.studies.tune.outcome import write_tuning
+    from twin_gait.studies.tune.state import Settings
     from twin_gait.studies.tune.tune import tune
-    from twin_gait.studies.tune.writing import write_tuning
 
     options.workers_of(arguments)
     if arguments.resume and arguments.force:
@@ -109,10 +109,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def report(outcome: dict[str, Any], directory: Path) -> Iterator[str]:
-    """What came out, in a few lines."""
-    from twin_gait.report.tune_page import convergence_words, summary
+    """Results in a few lines."""
+    from twin_gait.report.tune import summary
 
-    yield from (*summary(outcome), convergence_words(outcome), f"  {directory}")
+    yield from (*summary(outcome), f"  {directory}")
 
 
 def _reference_speed(text: str | None) -> float | None:
