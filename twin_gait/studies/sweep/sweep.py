@@ -181,7 +181,7 @@ def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path) -> list[P
     folder = directory / FIGURES_FOLDER
     folder.mkdir(exist_ok=True)
     parameters = list(setting_columns(sweep.design.columns).values())
-    return write_sweep_figures(table, parameters, sweep.measures, sweep.name, folder)
+    return write_sweep_figures(table, parameters, sweep.measures, sweep.name.replace("_", " "), folder)
 
 
 def _run(
