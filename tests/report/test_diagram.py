@@ -563,7 +563,7 @@ def test_command_does_not_replace_files_unless_told(tmp_path: Path) -> None:
 
 
 def test_command_reads_a_file_and_refuses_what_is_no_table(tmp_path: Path) -> None:
-    with pytest.raises(TwinGaitError, match=r"moonwalk: neither .* treadmill.* nor a file"):
+    with pytest.raises(TwinGaitError, match=r"moonwalk.*: neither a file nor one of .*treadmill"):
         twin_gait_diagram("moonwalk")
     broken = tmp_path / "broken.yaml"
     broken.write_text("schema_version: 1\njoints: [hip]\nphases: {}\n")
