@@ -6,8 +6,8 @@ import itertools
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label
 from twin_gait.checking.signals import ENTRY_TIME, Point, SignalSpace, entered, signal_space
-from twin_gait.gait.feasibility import TIME, Bound, Wish, atoms, translated
-from twin_gait.gait.guards import WALK, Comparison
+from twin_gait.gait.feasibility import TIME, Bound, Wish, translated
+from twin_gait.gait.guards import WALK, Comparison, atoms
 from twin_gait.gait.table import TICK
 
 # Noise of a measured signal from tick to tick, by the last word of its name: assumptions. The encoder's

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label
 from twin_gait.checking.signals import Point, SignalSpace, signal_space
-from twin_gait.gait.feasibility import OTHER_TIME, TIME, Wish, atoms
-from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
+from twin_gait.gait.feasibility import OTHER_TIME, TIME, Wish
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, atoms
 from twin_gait.gait.table import TICK, Transition
 
 # ---------------------------------------------------------------------- exits that contend

@@ -67,16 +67,7 @@ def _commands(leg: HangingLeg, old: int, new: int, joint: int, samples: Postures
 
 
 def largest_jumps(leg: HangingLeg, transition: Transition, samples: Postures) -> list[Jump]:
-    """Largest change of the commanded torque (impedance, gravity, friction compensation) of each joint.
-
-    Args:
-        leg: The leg.
-        transition: The switch.
-        samples: From :func:`postures`.
-
-    Returns:
-        One jump per joint.
-    """
+    """Largest change of the commanded torque (impedance, gravity and friction compensation), per joint."""
     table = leg.problem.table
     old, new = table.phase_index(transition.source), table.phase_index(transition.target)
     jumps = []
@@ -183,14 +174,7 @@ def release_speed(deflection: float, stiffness: float, damping: float, inertia: 
 
     and its continuation beyond :math:`\zeta = 1`.
 
-    Args:
-        deflection: A in [rad].
-        stiffness: k in [N m] / [rad].
-        damping: b in [N m s] / [rad].
-        inertia: I in [kg m²].
-
-    Returns:
-        Speed in [rad] / [s], zero or more.
+    A in [rad], k in [N m] / [rad], b in [N m s] / [rad], I in [kg m²]; the speed in [rad] / [s], 0 or more.
     """
     if stiffness == 0.0 or deflection == 0.0:
         return 0.0
@@ -205,16 +189,7 @@ def release_speed(deflection: float, stiffness: float, damping: float, inertia: 
 
 
 def demands(leg: HangingLeg, phase: int, angles: np.ndarray) -> list[Demand]:
-    """Torque and speed that the springs of a phase ask for at an entry.
-
-    Args:
-        leg: The leg.
-        phase: Index of the phase.
-        angles: Posture of entry in [rad], shape ``(n_joints,)``.
-
-    Returns:
-        One demand per joint.
-    """
+    """Torque and speed that the springs of a phase ask for at a posture of entry in [rad], one per joint."""
     torques = command_at_rest(leg, phase, angles)
     deflections = angles - leg.column(EQUILIBRIUM)[phase]
     stiffness, damping = leg.column(STIFFNESS)[phase], leg.column(DAMPING)[phase]

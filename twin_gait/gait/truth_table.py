@@ -11,8 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
-from twin_gait.gait.feasibility import TIME, ZERO, Bound, atoms, bound_of, solve
-from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.feasibility import TIME, ZERO, Bound, bound_of, solve
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership, atoms
 from twin_gait.gait.table import TICK, GaitTable
 
 

@@ -96,17 +96,7 @@ def arrow_groups(table: GaitTable) -> list[ArrowGroup]:
 
 
 def ring(count: int, width: float, height: float, *, spread: float = 1.0) -> list[Rectangle]:
-    """Boxes on a ring, clockwise from the top; two lie side by side.
-
-    Args:
-        count: Number of boxes.
-        width: Of a box.
-        height: Of a box.
-        spread: Size of the ring; 1 is the usual one.
-
-    Returns:
-        The boxes, about the origin.
-    """
+    """Boxes of a size about the origin on a ring, clockwise from the top; two lie side by side."""
     if count == 1:
         return [Rectangle(0.0, 0.0, width, height)]
     first = math.pi if count == 2 else -math.pi / 2.0
@@ -117,15 +107,7 @@ def ring(count: int, width: float, height: float, *, spread: float = 1.0) -> lis
 
 
 def arrows(groups: Sequence[ArrowGroup], boxes: Sequence[Rectangle]) -> list[Arrow]:
-    """Lay the arrows of a diagram, each around the boxes that it does not join.
-
-    Args:
-        groups: What they stand for.
-        boxes: The phases.
-
-    Returns:
-        An arrow for each group.
-    """
+    """Lay an arrow for each group between its boxes, around the boxes that it does not join."""
     joined = {(item.source, item.target) for item in groups}
     laid, drawn = list[Arrow](), np.zeros((0, _SAMPLES, 2))
     for item in groups:
@@ -198,7 +180,7 @@ def _overlap(first: Rectangle, second: Rectangle, gap: float = 0.0) -> bool:
 def lay_out(
     groups: Sequence[ArrowGroup], count: int, box: tuple[float, float], labels: Sequence[tuple[float, float]]
 ) -> Layout:
-    """Lay a whole diagram: boxes on a ring that grows until no label lies on a box, a label or an arrow.
+    """Lay a whole diagram: boxes on a ring, enlarged until no label lies on a box, a label or an arrow.
 
     Args:
         groups: What the arrows stand for.
@@ -266,16 +248,7 @@ def _edge(box: Rectangle, towards: Point) -> Point:
 
 
 def label_place(curve: Arrow, width: float, height: float) -> Rectangle:
-    """Place a label beside the middle of an arrow, clear of it.
-
-    Args:
-        curve: The arrow.
-        width: Of the label.
-        height: Of the label.
-
-    Returns:
-        The label's rectangle.
-    """
+    """Rectangle of a label beside the middle of an arrow, clear of it."""
     # The support of a rectangle in a direction: how far it reaches back towards the arrow.
     reach = abs(curve.normal.x) * width / 2.0 + abs(curve.normal.y) * height / 2.0 + GAP
     x, y = curve.middle.x + reach * curve.normal.x, curve.middle.y + reach * curve.normal.y
