@@ -5,7 +5,7 @@ Two minutes on two cores; page: docs/robustness_map.md.
 """
 
 # %% [markdown]
-# The same map of a table of your own is `twin-gait sweep` with `table:` under `settings` of its file.
+# The same map of a table of your own is `twin-gait sweep` with `table:` under `settings` in its file.
 
 # %%
 import shutil

@@ -27,14 +27,10 @@ def wearer_peak(run: Run, joint: JointName) -> float:
 
 def wearer_power(run: Run, joint: JointName) -> float:
     """Mean power of the wearer's torques at both joints in [W]; the wearer is one body with the device."""
-    return sum(
-        float(
-            (
-                run.log[f"{side}_{joint}_patient_torque_Nm"] * run.log[f"{side}_{joint}_velocity_rad_per_s"]
-            ).mean()
-        )
-        for side in Side
-    )
+    names = [f"{side}_{joint}" for side in Side]
+    torques = run.log[[f"{name}_patient_torque_Nm" for name in names]].to_numpy()
+    velocities = run.log[[f"{name}_velocity_rad_per_s" for name in names]].to_numpy()
+    return float((torques * velocities).sum(axis=1).mean())
 
 
 def person_row(name: str, duration: float) -> dict[str, Any]:

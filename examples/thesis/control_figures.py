@@ -142,7 +142,7 @@ def draw_impedance(run: BenchRun, slopes: Sequence[float]) -> Figure:
     hand.plot(angle, hand_torque, color=REDDISH_PURPLE, linewidth=1.0, label="hand")
     for axes in (motor, hand):
         label = "$T_{des} = k(θ-θ_0)$"
-        axes.plot(angle, STIFFNESS_PER_DEG * angle, color=VERMILLION, linewidth=1.0, label=label)
+        axes.plot(angle, STIFFNESS_PER_DEG * angle, ":", color=BLACK, linewidth=1.2, label=label)
         axes.set(xlabel="θ - θ0 (deg)", ylim=(-5.2, 5.2))
         axes.legend(loc="upper left", **SMALL)
     style_panel(motor, f"the motor's loop is G T_fr; thesis: {MEASURED_SLOPE} N m/deg", "torque (N m)")

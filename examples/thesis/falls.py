@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from thesis.friction import DEVIATIONS, FACTOR, KNEE, SEED, WINDOW, table_values
 
-from twin_gait.identification import LoadAngle, RigParameters, decimate, moving_average
+from twin_gait.identification import BenchSetup, LoadAngle, decimate, moving_average
 from twin_gait.scenario import (
     BENCH_ACTUATORS,
     HORIZONTAL,
@@ -104,7 +104,7 @@ def neutral_gain(joint: str = KNEE) -> float:
 
 
 def duty_numbers() -> dict[str, float]:
-    """Counts of A that make up for the weights, and the neutral K."""
+    """Counts of A that make up for the weights, and the torque of one on the standing knee."""
     weights = (MASSES[0] - MASSES[-1]) * BENCH.gravity * BENCH.link.lever
     return {"counts": weights / torque_per_count(), "torque_per_count": torque_per_count()}
 
@@ -114,7 +114,7 @@ def duty_numbers() -> dict[str, float]:
 
 def load_torque(angle: np.ndarray, mass: float, form: LoadAngle = LoadAngle.CORRECTED) -> np.ndarray:
     """Load torque of the bench in [N m], equation (2.8), as corrected or as printed."""
-    return RigParameters(actuator=BENCH_ACTUATORS[KNEE], load_angle=form).load_torque(angle, mass)
+    return BenchSetup(actuator=BENCH_ACTUATORS[KNEE], load_angle=form).load_torque(angle, mass)
 
 
 def fall_numbers(mass: float, seed: int = SEED) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from twin_gait import JointName
 from twin_gait.core import rotational_friction_torque
 from twin_gait.gait import TICK
 from twin_gait.identification import (
+    BenchSetup,
     FitOptions,
     FrictionTest,
     IdentificationOptions,
@@ -26,7 +27,6 @@ from twin_gait.identification import (
     Loss,
     Processing,
     ProcessingOptions,
-    RigParameters,
     identify_tests,
     process_log,
     read_log,
@@ -116,7 +116,7 @@ def fit_campaign(
     With ``forward`` only samples that move along the fall are fitted, as figures 3.2 and 3.3 show;
     ``mass_as_printed`` takes J_mass as m b.
     """
-    rig = RigParameters(actuator=BENCH_ACTUATORS[joint], mass_as_printed=mass_as_printed)
+    rig = BenchSetup(actuator=BENCH_ACTUATORS[joint], mass_as_printed=mass_as_printed)
     options = ProcessingOptions(processing=processing)
     tests = [process_log(log, rig, options) for log in logs_of(joint, protocol, seed)]
     return _fit([_forward(test) for test in tests] if forward else tests, rig, seed)
@@ -126,7 +126,7 @@ def _forward(test: FrictionTest) -> FrictionTest:
     return replace(test, used=test.used & (test.velocity > 0.0))
 
 
-def _fit(tests: list[FrictionTest], rig: RigParameters, seed: int) -> LawFit:
+def _fit(tests: list[FrictionTest], rig: BenchSetup, seed: int) -> LawFit:
     fit = FitOptions(loss=Loss.LINEAR, seed=seed)
     options = IdentificationOptions(rig=rig, fit=fit, models=("rotational",), cross_validation=False)
     result = identify_tests(tests, options)
@@ -196,7 +196,7 @@ def lagged_viscous(viscous: float, inertia: float, frequency: float) -> float:
 
 def fit_numbers(joint: JointName, late: LawFit, prompt: LawFit, driven: LawFit) -> dict[str, Any]:
     """Fits of the falls with the thesis's processing and without delay, and that of motor-driven tests."""
-    campaign, rig = Campaign(joint=joint), RigParameters(actuator=BENCH_ACTUATORS[joint])
+    campaign, rig = Campaign(joint=joint), BenchSetup(actuator=BENCH_ACTUATORS[joint])
     masses = {plan.mass for plan in planned_tests(campaign)}
     frequency, truth = 2.0 * math.pi / campaign.two_way.period, table_values(joint)
     lagged = [lagged_viscous(truth["d"], float(rig.inertia(mass)), frequency) for mass in masses]

@@ -77,7 +77,7 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
         elif keys == ["patient"] and names_a_person(value):
             data["patient"] = _person(value, path, f"{where} with --set")
     data["table"] = _resolve_table(data.get("table"), path)
-    document = complete_document(data, where, path.parent)
+    document = _complete_document(data, where, path.parent)
     changes = [item for item in assignments if not _names_a_whole(*item)]
     if changes:
         where = f"{where} with --set"
@@ -86,17 +86,8 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     return LoadedExperiment(experiment_from_mapping(document, where, path.parent), document)
 
 
-def complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:
-    """Fill in every value that a mapping leaves to its default, units of the rest as typed.
-
-    Args:
-        data: A resolved mapping.
-        source: File name for messages.
-        folder: Folder that relative paths start from.
-
-    Returns:
-        A complete mapping.
-    """
+def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:
+    """Fill in every value that a mapping leaves to its default, units of the rest as typed."""
     experiment = experiment_from_mapping(data, source, folder)
     defaults = experiment_document(experiment)
     for wearer in (defaults["patient"], defaults["control"]["patient"]):
@@ -115,14 +106,6 @@ def resolved_document(
     made or changed in Python) everything is written in SI.
 
     An integrator and step that were left to the engine are written out.
-
-    Args:
-        experiment: The experiment.
-        typed: Complete mapping that it was loaded from, or None.
-        versions: Of the libraries.
-
-    Returns:
-        The mapping with the hashes of URDF and table and the versions.
     """
     document = experiment_document(experiment)
     table_hash = content_hash(document["table"])

@@ -53,17 +53,7 @@ class _Entry(NamedTuple):
 
 
 def read_gait_table(path: Path) -> TableMapping:
-    """Read a gait table file as a mapping, laid over the table that it extends.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The mapping.
-
-    Raises:
-        ParameterFileError: If a file has a mistake, or a chain of tables comes back to where it began.
-    """
+    """Read a gait table file as a mapping, laid over the table that it extends."""
     return extended_table(read_yaml(path), path, str(path))
 
 
@@ -76,19 +66,6 @@ def extended_table(
     cause takes the place of the inherited one, ``remove: true`` takes it away; other transitions and waivers
     follow those of the table underneath, which therefore come first where two exits are due at once.
     Inherited waivers about causes that were removed go with them. The name is not taken over.
-
-    Args:
-        data: The parsed file.
-        path: Where it stands; a relative path starts from its folder.
-        source: File name for messages.
-        below: Files of the tables that extend this one.
-
-    Returns:
-        The mapping.
-
-    Raises:
-        ParameterFileError: If there is no such table, the chain comes back to where it began, or a transition
-            is removed that there is not.
     """
     own = {key: _listed(data, key, source) for key in _LISTS}
     if "extends" not in data:
@@ -178,14 +155,7 @@ def _listed(data: dict[str, Any], key: str, source: str) -> list[_Entry]:
 
 @contextmanager
 def own_entries_named(places: Mapping[str, Place]) -> Iterator[None]:
-    """Let mistakes in an entry of a list name the file and the entry that the user wrote.
-
-    Args:
-        places: Of :class:`TableMapping`.
-
-    Raises:
-        ParameterFileError: That of the block, with its place.
-    """
+    """Let mistakes in an entry of a list name the file and the entry that the user wrote."""
     try:
         yield
     except ParameterFileError as error:
@@ -199,18 +169,7 @@ def own_entries_named(places: Mapping[str, Place]) -> Iterator[None]:
 
 
 def gait_table_path(name: str | Path, folder: Path | None = None) -> Path:
-    """File of a gait table.
-
-    Args:
-        name: Path of a file, or name of a table that ships, such as ``treadmill``.
-        folder: Where a relative path is looked for first; the working folder comes next.
-
-    Returns:
-        The path.
-
-    Raises:
-        ParameterError: If there is no such table.
-    """
+    """File of a gait table."""
     beside = [] if folder is None else [folder / name]
     for candidate in (*beside, Path(name).expanduser(), _tables() / f"{name}.yaml"):
         if candidate.is_file():

@@ -1,6 +1,6 @@
 """Identification of joint friction from logs and from series of velocity and torque."""
 
-from twin_gait.identification.bench import BenchSetup, CurrentSource, LoadAngle, Processing, ProcessingOptions
+from twin_gait.identification.bench import BenchSetup, CurrentSource, Processing, ProcessingOptions
 from twin_gait.identification.bootstrap import Uncertainty, uncertainty
 from twin_gait.identification.columns import LogColumns, Quantity, parse_columns
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
@@ -18,6 +18,7 @@ from twin_gait.identification.reading import Log, read_log
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests
 from twin_gait.identification.signals import decimate, moving_average, zero_phase
 from twin_gait.identification.statistics import CrossValidation, Goodness, goodness
+from twin_gait.scenario import LoadAngle
 
 __all__ = [
     "MODELS",

@@ -14,15 +14,7 @@ from twin_gait.parameters import (
     require_non_negative,
     require_positive,
 )
-
-HORIZONTAL = math.pi / 2.0  # [rad]: the fall begins here (thesis 2.3.1), with the link horizontal
-
-
-class LoadAngle(StrEnum):
-    """How the load torque follows from the joint angle."""
-
-    CORRECTED = "corrected"  # F b cos(θ − 90°): the link is horizontal at 90°
-    PRINTED = "printed"  # F b cos θ, equation (2.8) as printed: zero where the fall begins
+from twin_gait.scenario import HORIZONTAL, LoadAngle
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -63,16 +63,8 @@ _SHORT_UNIT, _NO_UNIT = 3, ("-", "1", "SI", "raw")
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[(](?P<unit>[^\])]*)[\])]$")
 
 
-def split_unit(column: str, quantity: Quantity) -> tuple[str, str | None]:
-    """Name and unit of a column that states it: ``velocity [deg/s]`` or ``velocity_deg_per_s``.
-
-    Args:
-        column: As it stands in the file.
-        quantity: What it holds.
-
-    Returns:
-        The name without the unit; the unit as a key of ``UNITS``, or None.
-    """
+def _split_unit(column: str, quantity: Quantity) -> tuple[str, str | None]:
+    """Name and unit of a column that states it: ``velocity [deg/s]`` or ``velocity_deg_per_s``."""
     text = column.strip()
     bracketed = _BRACKETED.match(text)
     if bracketed:
@@ -84,16 +76,8 @@ def split_unit(column: str, quantity: Quantity) -> tuple[str, str | None]:
     return text, None
 
 
-def unknown_unit(column: str, quantity: Quantity) -> str | None:
-    """A unit that a column's name states and that none here is: a ratio, or a short word in brackets.
-
-    Args:
-        column: As it stands in the file.
-        quantity: What it holds.
-
-    Returns:
-        The unit as written; None if the name states none, or a known one.
-    """
+def _unknown_unit(column: str, quantity: Quantity) -> str | None:
+    """A unit that a column's name states and that none here is: a ratio, or a short word in brackets."""
     bracketed = _BRACKETED.match(column.strip())
     text = bracketed["unit"].strip() if bracketed else ""
     rate = re.search(r"_([A-Za-z]+_per_[A-Za-z]+)$", column.strip())
@@ -110,19 +94,8 @@ def known_unit(text: str, quantity: Quantity) -> str | None:
     return wanted if wanted in UNITS[quantity] else None
 
 
-def factor_of(unit: str, quantity: Quantity) -> float:
-    """Factor from a unit to SI.
-
-    Args:
-        unit: As the user wrote it.
-        quantity: What is measured in it.
-
-    Returns:
-        The factor.
-
-    Raises:
-        ParameterError: If the unit is not one of the quantity.
-    """
+def _factor_of(unit: str, quantity: Quantity) -> float:
+    """Factor from a unit to SI."""
     known = known_unit(unit, quantity)
     if known is None:
         raise ParameterError(f"units: no unit {unit!r} of {quantity}; there are {', '.join(UNITS[quantity])}")
@@ -144,7 +117,7 @@ class LogColumns:
     def __post_init__(self) -> None:
         """Check the units."""
         for quantity, unit in self.units.items():
-            factor_of(unit, quantity)
+            _factor_of(unit, quantity)
 
 
 def places_of(
@@ -182,19 +155,19 @@ def _position(path: Path, names: tuple[str, ...], name: str) -> int:
 
 
 def _known_column(names: tuple[str, ...], quantity: Quantity) -> int | None:
-    plain = [split_unit(name, quantity)[0].strip().lower().replace(" ", "_") for name in names]
+    plain = [_split_unit(name, quantity)[0].strip().lower().replace(" ", "_") for name in names]
     for known in KNOWN_NAMES[quantity]:
         if plain.count(known) == 1:
             place = plain.index(known)
             optional = quantity not in (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
-            return None if optional and unknown_unit(names[place], quantity) else place
+            return None if optional and _unknown_unit(names[place], quantity) else place
     return None
 
 
 def _unit(path: Path, column: str, quantity: Quantity, columns: LogColumns) -> str | None:
     """Unit of a column: what its name says, else what the user says, else SI."""
-    stated, given = split_unit(column, quantity)[1], columns.units.get(quantity)
-    strange = unknown_unit(column, quantity)
+    stated, given = _split_unit(column, quantity)[1], columns.units.get(quantity)
+    strange = _unknown_unit(column, quantity)
     if strange is not None and given is None:
         raise ParameterFileError(
             path,
@@ -202,12 +175,12 @@ def _unit(path: Path, column: str, quantity: Quantity, columns: LogColumns) -> s
             f"no unit {strange!r} of {quantity} is known; give one of {', '.join(UNITS[quantity])} with "
             f"--units {quantity}=…",
         )
-    if stated is not None and given is not None and factor_of(given, quantity) != UNITS[quantity][stated]:
+    if stated is not None and given is not None and _factor_of(given, quantity) != UNITS[quantity][stated]:
         raise ParameterFileError(
             path, column, f"is in {stated} by its name; leave --units {quantity}={given} out"
         )
     if stated is None and given is not None:
-        return next(name for name, factor in UNITS[quantity].items() if factor == factor_of(given, quantity))
+        return next(name for name, factor in UNITS[quantity].items() if factor == _factor_of(given, quantity))
     return stated
 
 

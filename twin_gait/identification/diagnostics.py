@@ -22,14 +22,7 @@ _DRIFT = 0.5  # of the residual's standard deviation, from the first third of th
 
 
 def sample_warnings(samples: Samples) -> list[str]:
-    """What the samples cannot tell, whatever the model.
-
-    Args:
-        samples: All samples.
-
-    Returns:
-        One line each.
-    """
+    """What the samples cannot tell, whatever the model."""
     velocity = samples.velocity[samples.used]
     speed, found = np.abs(velocity), []
     rarer = rarer_direction(samples)
@@ -52,14 +45,7 @@ def sample_warnings(samples: Samples) -> list[str]:
 
 
 def processing_warnings(options: ProcessingOptions) -> list[str]:
-    """What the processing does to the result.
-
-    Args:
-        options: How the logs were processed.
-
-    Returns:
-        One line, or none.
-    """
+    """What the processing does to the result."""
     if options.processing is not Processing.THESIS:
         return []
     late = 0.5 * (options.window - 1) / RATE
@@ -70,16 +56,7 @@ def processing_warnings(options: ProcessingOptions) -> list[str]:
 
 
 def fit_warnings(fit: Fit, uncertainty: Uncertainty, samples: Samples) -> list[str]:
-    """What is doubtful about a fit.
-
-    Args:
-        fit: The fit.
-        uncertainty: Of its parameters.
-        samples: What it was fitted to.
-
-    Returns:
-        One line each.
-    """
+    """What is doubtful about a fit."""
     return [
         *_wide_intervals(fit, uncertainty),
         *_correlated(fit, uncertainty),
@@ -149,9 +126,6 @@ def drift_warnings(tests: Sequence[FrictionTest], residuals: np.ndarray, samples
         tests: The tests.
         residuals: Of the samples that are used, in [N m].
         samples: All samples.
-
-    Returns:
-        One line, or none.
     """
     if samples.time is None or len(residuals) < 30:
         return []

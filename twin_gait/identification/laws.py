@@ -168,7 +168,7 @@ def _slid(
     stiffness, ratio, stribeck_velocity = eta
     level = stribeck_level(samples.velocity, 1.0, ratio, stribeck_velocity, exponent)
     left = remembered_start(samples.velocity, _column(samples.period), samples.fresh, level, stiffness)
-    origin = start_of(samples.fresh)
+    origin = _start_of(samples.fresh)
     return np.asarray(sliding + rest + left * (samples.torque[origin] - rest[..., origin]))
 
 
@@ -235,10 +235,10 @@ def remembered_start(
         From 1 at the start towards 0, shape ``(n,)``.
     """
     travelled = np.cumsum(np.where(fresh, 0.0, stiffness * np.abs(velocity) * period / level))
-    return np.asarray(np.exp(-(travelled - travelled[start_of(fresh)])))
+    return np.asarray(np.exp(-(travelled - travelled[_start_of(fresh)])))
 
 
-def start_of(fresh: np.ndarray) -> np.ndarray:
+def _start_of(fresh: np.ndarray) -> np.ndarray:
     """Index of the first sample of the test of each sample."""
     return np.asarray(np.maximum.accumulate(np.where(fresh, np.arange(len(fresh)), 0)))
 

@@ -266,15 +266,7 @@ def rarer_direction(samples: Samples) -> float:
 
 
 def missing_columns(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
-    """What a model needs and the samples lack: columns that vary, or motion in both directions.
-
-    Args:
-        model: The model.
-        samples: The samples.
-
-    Returns:
-        Names of the columns, or ``motion in both directions``.
-    """
+    """What a model needs and the samples lack: columns that vary, or motion in both directions."""
     missing = tuple(name for name in sorted(model.needs) if not _varies(getattr(samples, name)))
     if model.two_way and rarer_direction(samples) < ONE_WAY:
         return (*missing, "motion in both directions")
@@ -290,15 +282,7 @@ _ABRUPT = 1e-4  # share of the Stribeck velocity within which the direction chan
 
 
 def inherited_starts(name: str, fits: Mapping[str, np.ndarray]) -> list[np.ndarray]:
-    """Parameter vectors that give a model the law of a simpler one.
-
-    Args:
-        name: Of the model.
-        fits: Fitted parameter vectors of models by name.
-
-    Returns:
-        Vectors of that model; none if it has no simpler one among the fits.
-    """
+    """Parameter vectors that give a model the law of a simpler one."""
     found = []
     for parent, rule in _RULES.get(name, {}).items():
         if parent in fits:

@@ -28,18 +28,9 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
     A column that was found by its name alone and that a series can do without is left out if it is mostly
     empty or cannot be what its name says.
 
-    Args:
-        log: As it was read.
-        joint_known: Whether it is said whose joint it is; then a unit that cannot be is an error in a series
-            too, otherwise a note.
-
     Returns:
         The log without rows that hold a NaN or repeat the one before, how many there were of each, and what a
         reader should know.
-
-    Raises:
-        ParameterFileError: If times go backwards in a log of a bench, too little is left, or a column is in
-            the wrong unit.
     """
     series = Quantity.FRICTION_TORQUE in log.columns
     notes: list[str] = []
@@ -56,12 +47,12 @@ def clean(log: Log, *, joint_known: bool) -> tuple[Log, dict[str, int], tuple[st
     cleaned = replace(log, columns=columns)
     if len(cleaned) < FEWEST:
         raise ParameterFileError(log.source, _emptiest(log), _too_few(len(cleaned), log))
-    check_marks(cleaned)
+    _check_marks(cleaned)
     if series:
         optional = _optional(cleaned, series)
-        cleaned = plausible_series(cleaned, optional, notes, joint_known=joint_known)
+        cleaned = _plausible_series(cleaned, optional, notes, joint_known=joint_known)
     else:
-        check_units(cleaned)
+        _check_units(cleaned)
     return cleaned, counts, tuple(notes)
 
 
@@ -181,33 +172,20 @@ _MEASURED = frozenset(
 _USUAL, _MARK = 0.95, 500.0  # share of the values; times as large as these is no measurement
 
 
-def plausible_series(log: Log, optional: Set[Quantity], notes: list[str], *, joint_known: bool) -> Log:
-    """Leave out optional columns that cannot be right; doubt the others.
-
-    Args:
-        log: A series of velocity and friction torque, without NaN.
-        optional: Columns that may be left out.
-        notes: What a reader should know; added to.
-        joint_known: Whether it is said whose joint it is; then a unit that cannot be is an error.
-
-    Returns:
-        The series.
-
-    Raises:
-        ParameterFileError: If velocity and angle disagree, or a unit of a known joint cannot be.
-    """
+def _plausible_series(log: Log, optional: Set[Quantity], notes: list[str], *, joint_known: bool) -> Log:
+    """Leave out optional columns that cannot be right; doubt the others."""
     columns = dict(log.columns)
     for quantity in sorted(optional):
         if quantity in _LARGEST and float(np.abs(columns[quantity]).max()) > _LARGEST[quantity][0]:
             notes.append(f"{quantity} was left out: {_beyond(quantity, columns[quantity])}")
             del columns[quantity]
-    slope = velocity_slope(replace(log, columns=columns))
+    slope = _velocity_slope(replace(log, columns=columns))
     if slope is not None and not _SLOPE[0] < slope < _SLOPE[1] and Quantity.ANGLE not in log.asked:
         notes.append(f"angle was left out: the velocity's integral moves {slope:.3g} times as far")
         del columns[Quantity.ANGLE]
     kept = replace(log, columns=columns)
     if joint_known:
-        check_units(kept)
+        _check_units(kept)
     for quantity in sorted(set(columns) & set(_LARGEST)):
         if float(np.abs(columns[quantity]).max()) > _LARGEST[quantity][0]:
             notes.append(_beyond(quantity, columns[quantity]))
@@ -216,15 +194,8 @@ def plausible_series(log: Log, optional: Set[Quantity], notes: list[str], *, joi
     return kept
 
 
-def check_marks(log: Log) -> None:
-    """Refuse values that stand for a missing one, such as -9999 or 1e30.
-
-    Args:
-        log: Without NaN.
-
-    Raises:
-        ParameterFileError: If a column has one.
-    """
+def _check_marks(log: Log) -> None:
+    """Refuse values that stand for a missing one, such as -9999 or 1e30."""
     for quantity in sorted(set(log.columns) & _MEASURED):
         size = np.abs(log.columns[quantity])
         usual, row = float(np.quantile(size, _USUAL)), int(np.argmax(size))
@@ -245,15 +216,8 @@ def _beyond(quantity: Quantity, values: np.ndarray) -> str:
     )
 
 
-def check_units(log: Log) -> None:
-    """Refuse columns that are in another unit than they are read in.
-
-    Args:
-        log: Without NaN.
-
-    Raises:
-        ParameterFileError: If a value is beyond what a joint can do, or velocity and angle disagree.
-    """
+def _check_units(log: Log) -> None:
+    """Refuse columns that are in another unit than they are read in."""
     for quantity, (largest, unit, other) in _LARGEST.items():
         if quantity not in log.columns:
             continue
@@ -269,7 +233,7 @@ def check_units(log: Log) -> None:
 
 def _check_velocity(log: Log) -> None:
     """Compare the velocity with the derivative of the angle, which shows degrees and milliseconds."""
-    slope = velocity_slope(log)
+    slope = _velocity_slope(log)
     if slope is not None and not _SLOPE[0] < slope < _SLOPE[1]:
         raise ParameterFileError(
             log.source,
@@ -279,15 +243,8 @@ def _check_velocity(log: Log) -> None:
         )
 
 
-def velocity_slope(log: Log) -> float | None:
-    """How far the integral of the velocity moves when the angle moves by one.
-
-    Args:
-        log: Without NaN.
-
-    Returns:
-        1 if time, angle and velocity go together; None if one of them is missing or nothing moves.
-    """
+def _velocity_slope(log: Log) -> float | None:
+    """How far the integral of the velocity moves when the angle moves by one."""
     time, angle, velocity = (
         log.columns.get(quantity) for quantity in (Quantity.TIME, Quantity.ANGLE, Quantity.VELOCITY)
     )

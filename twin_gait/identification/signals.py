@@ -57,9 +57,6 @@ def forward_difference(values: np.ndarray, period: float) -> np.ndarray:
     Args:
         values: Evenly sampled, shape ``(n,)``, at least two.
         period: Between the samples in [s].
-
-    Returns:
-        Shape ``(n,)``, per second.
     """
     steps = np.diff(values) / period
     return np.append(steps, steps[-1])
@@ -149,15 +146,7 @@ def _usual_torque(torque: np.ndarray, speed: np.ndarray, present: float) -> floa
 
 
 def widened(mask: np.ndarray, by: int) -> np.ndarray:
-    """Mask that also covers so many samples before and after.
-
-    Args:
-        mask: Shape ``(n,)``.
-        by: Samples.
-
-    Returns:
-        Shape ``(n,)``.
-    """
+    """Mask that also covers so many samples before and after."""
     if not mask.any() or by < 1:
         return mask
     return np.asarray(binary_dilation(mask, iterations=by))

@@ -104,15 +104,7 @@ class Folds:
 
 
 def folds_of(tests: Sequence[FrictionTest], samples: Samples) -> list[Folds]:
-    """The ways to leave something out of these tests.
-
-    Args:
-        tests: The tests.
-        samples: The same, joined.
-
-    Returns:
-        By file, or by piece of a single file; and by weight, if there are several.
-    """
+    """The ways to leave something out of these tests."""
     found = []
     if len(tests) == 1:
         pieces = np.arange(len(samples)) * _PIECES // max(len(samples), 1)
@@ -139,16 +131,6 @@ def cross_validate(
 
     Each fit starts from that of all samples. A dynamic model runs through whole tests, of which the samples
     left out do not count in the fit.
-
-    Args:
-        fit: Of all samples.
-        samples: The samples.
-        folds: What is left out.
-        options: How to fit.
-        step: Called after each fold.
-
-    Returns:
-        The error.
     """
     total, count, number = 0.0, 0, 0
     for label in np.unique(folds.labels):

@@ -105,14 +105,7 @@ class StridePhases(NamedTuple):
 
 
 def meant_cycles(table: GaitTable) -> set[tuple[int, ...]]:
-    """Orders of phases that a stride may have.
-
-    Args:
-        table: The gait table.
-
-    Returns:
-        The cycles that the table states, from its first phase on, or without any all phases in their order.
-    """
+    """Orders of phases that a stride may have."""
     if not table.cycles:
         return {tuple(range(len(table.phases)))}
     first = table.phase_names[0]
@@ -129,9 +122,6 @@ def stride_phases(phases: np.ndarray) -> list[StridePhases]:
 
     Args:
         phases: Index of the phase at each tick, shape ``(n,)``.
-
-    Returns:
-        The whole strides; a stay in the first phase that the record begins with starts none.
     """
     entries = phase_entries(phases, 0)
     entries = entries[entries > 0]

@@ -72,7 +72,7 @@ def replay(
     Raises:
         GaitTableError: If the guards need a signal that was not recorded, or there is no such start phase.
     """
-    check_signals(recording, table, body_weight)
+    _check_signals(recording, table, body_weight)
     loop = _Loop(recording, table, body_weight, start_phases or {}, fast_time_constant)
     total = recording.n_ticks
     for tick in range(total):
@@ -200,15 +200,7 @@ OTHER_PHASE = f"{OTHER}phase"
 
 
 def needed_signals(table: GaitTable) -> dict[str, list[str]]:
-    """Signals that the guards of a table read, and which transitions read them.
-
-    Args:
-        table: The gait table.
-
-    Returns:
-        For each signal the transitions as ``late_stance → swing_flexion (trailing_limb)``, in the order in
-        which the table names them.
-    """
+    """Signals that the guards of a table read, and which transitions read them."""
     needed: dict[str, list[str]] = {}
     for index, item in enumerate(table.transitions):
         for signal in _signals_of(table, index):
@@ -234,17 +226,8 @@ def _signals_of(table: GaitTable, index: int) -> Iterator[str]:
                 yield names[int(minus)]
 
 
-def check_signals(recording: Recording, table: GaitTable, body_weight: float | None) -> None:
-    """Refuse a walk that lacks a signal which a guard reads.
-
-    Args:
-        recording: The walk.
-        table: The gait table.
-        body_weight: Of wearer and device in [N], or None if it is not known.
-
-    Raises:
-        GaitTableError: With the signal, the transitions that read it and the way out.
-    """
+def _check_signals(recording: Recording, table: GaitTable, body_weight: float | None) -> None:
+    """Refuse a walk that lacks a signal which a guard reads."""
     for signal, readers in needed_signals(table).items():
         problem = _lacking(recording, signal, body_weight)
         if problem:

@@ -49,17 +49,7 @@ class LogTable:
         return name in self.names
 
     def numbers(self, name: str) -> np.ndarray:
-        """A column of finite numbers.
-
-        Args:
-            name: Of the column.
-
-        Returns:
-            Shape ``(n_rows,)``.
-
-        Raises:
-            ParameterFileError: If there is no such column, or more than one, or a value is not a number.
-        """
+        """A column of finite numbers."""
         column = self._column(name)
         values = np.array([_number(item) for item in column])
         wrong = np.flatnonzero(~np.isfinite(values))
@@ -72,17 +62,7 @@ class LogTable:
         return values
 
     def words(self, name: str) -> np.ndarray:
-        """A column of names.
-
-        Args:
-            name: Of the column.
-
-        Returns:
-            Shape ``(n_rows,)``, texts.
-
-        Raises:
-            ParameterFileError: If there is no such column, or more than one.
-        """
+        """A column of names."""
         return np.array([str(item).strip() for item in self._column(name)], dtype=object)
 
     def _column(self, name: str) -> pd.Series:
@@ -99,17 +79,7 @@ class LogTable:
 
 
 def read_table(path: Path) -> LogTable:
-    """Read a log file.
-
-    Args:
-        path: A .parquet, .csv, .mot or .sto file.
-
-    Returns:
-        Its columns.
-
-    Raises:
-        ParameterFileError: If it cannot be read or is not a table.
-    """
+    """Read a log file."""
     readers: dict[str, Callable[[Path], LogTable]] = {
         ".parquet": _read_parquet,
         ".csv": _read_csv,
@@ -203,18 +173,7 @@ class Storage(NamedTuple):
 
 
 def parse_storage(text: str, source: str) -> Storage:
-    """Parse a motion file.
-
-    Args:
-        text: Its content.
-        source: File name for messages.
-
-    Returns:
-        Names, numbers and unit.
-
-    Raises:
-        ParameterFileError: If it is not such a file, or contradicts its own header.
-    """
+    """Parse a motion file."""
     lines = [line.strip() for line in text.splitlines()]
     end = next((number for number, line in enumerate(lines) if line.lower() == END_OF_HEADER), None)
     if end is None:

@@ -102,7 +102,7 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
         RunDirectoryError: If it exists, or cannot be written.
     """
     with staged_directory(target, REPLAY, force=force) as staging:
-        write_atomically(staging / PHASES_FILE, phases_csv(result))
+        write_atomically(staging / PHASES_FILE, _phases_csv(result))
         write_atomically(staging / SWITCHES_FILE, switches_csv(result))
         summary = json.dumps(summarise_replay(result), indent=2, ensure_ascii=False, allow_nan=False)
         write_atomically(staging / SUMMARY_FILE, f"{summary}\n")
@@ -111,7 +111,7 @@ def write_replay(result: Replay, target: Path, *, force: bool = False, pictures:
             save(replay_figure(result), staging / FIGURE)
 
 
-def phases_csv(result: Replay) -> str:
+def _phases_csv(result: Replay) -> str:
     """Phase of each leg at each tick, as CSV text."""
     names = np.array(result.table.phase_names)
     time = result.recording.time
@@ -151,14 +151,7 @@ def _joints(result: Replay) -> list[str]:
 
 
 def replay_figure(result: Replay) -> Figure:
-    """Draw a replay.
-
-    Args:
-        result: The replay.
-
-    Returns:
-        The figure.
-    """
+    """Draw a replay."""
     recording, names = result.recording, list(result.table.phase_names)
     recorded = {side: phases.tolist() for side, phases in recording.phases.items()}
     names += sorted({name for phases in recorded.values() for name in phases} - set(names))

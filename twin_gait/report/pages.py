@@ -15,16 +15,19 @@ import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from matplotlib.artist import Artist
 from matplotlib.collections import Collection
-from matplotlib.colors import same_color, to_rgb
+from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
+from matplotlib.typing import ColorType
 
 from twin_gait import __version__
 from twin_gait.report.canvas import picture_bytes
 
 TEMPLATES = Path(__file__).with_name("templates")
 DARK_INK, DARK_GRID = "#dddddd", "#3a3d42"
+# Ink with less luminance is mixed with white for a dark page, so much of itself being left.
+LUMINANCE, DARKEST, MIXED = (0.2126, 0.7152, 0.0722), 0.25, 0.3
 
 
 class Picture(NamedTuple):
@@ -90,17 +93,23 @@ def picture_of(figure: Figure) -> Picture:
 
 
 def _brighten(artist: Artist) -> None:
-    """Make black ink light; letters upon an image stay."""
-    if isinstance(artist, Text) and artist.axes is not None and artist.axes.images:
-        if artist in artist.axes.texts:
-            return
-    if isinstance(artist, Text | Line2D) and same_color(artist.get_color(), "black"):
-        artist.set_color(DARK_INK)
+    """Give dark ink a lighter colour; letters upon an image stay."""
+    axes = artist.axes
+    if isinstance(artist, Text) and axes is not None and axes.images and artist in axes.texts:
+        return
+    if isinstance(artist, Text | Line2D):
+        artist.set(color=_on_dark(artist.get_color()))
     elif isinstance(artist, Collection):
         for name in ("facecolor", "edgecolor"):
-            colours = np.atleast_2d(getattr(artist, f"get_{name}")())
-            if len(colours) == 1 and not colours[0, :3].any():
-                artist.set(**{name: (*to_rgb(DARK_INK), float(colours[0, 3]))})
+            colours = getattr(artist, f"get_{name}")()
+            artist.set(**{name: [_on_dark(colour) for colour in np.atleast_2d(colours)]})
+
+
+def _on_dark(colour: ColorType) -> tuple[float, ...]:
+    *ink, opacity = to_rgba(colour)
+    if np.dot(ink, LUMINANCE) > DARKEST:
+        return (*ink, opacity)
+    return (*(MIXED * share + 1.0 - MIXED for share in ink), opacity)
 
 
 def _address(png: bytes) -> str:

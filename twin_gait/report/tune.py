@@ -1,4 +1,4 @@
-"""Pictures and page of a tuning: gait before and after, named parts, what matters, convergence, departures."""
+"""Pictures and page of a tuning: gait before and after, parts, what matters, convergence, departures."""
 
 from __future__ import annotations
 

@@ -41,8 +41,8 @@ from twin_gait.measures.switching import dimensionless_jerk, joint_jerk
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.replay.normative import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
+from twin_gait.runs.leg_summary import blend_length
 from twin_gait.runs.record import belt_speed_of
-from twin_gait.runs.summary.side import blend_length
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Outcome, Side

@@ -20,7 +20,7 @@ from twin_gait.report.pages import paragraphs, picture_of, render
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import belt_speed_of, describe
-from twin_gait.runs.summary.summary import versions
+from twin_gait.runs.summary import versions
 from twin_gait.simulation.run import Run
 from twin_gait.studies.compare.comparing import CONTROLLERS, Comparison, Controller, Interval
 from twin_gait.vocabulary import MOTOR_JOINTS, Side
@@ -166,16 +166,16 @@ def figure_of(comparison: Comparison) -> Figure:
         if healthy is not None:
             reference |= {f"{side} {joint}": np.degrees(healthy) for side in Side}
     nominal = comparison.table[comparison.table["seed"] == 0].set_index("controller")
-    bars = nominal.reindex(columns=list(_BARS.values())).astype(float)
+    bars = nominal.reindex(columns=list(_BARS.values())).dropna().to_dict("index")
     drawn = [
         Drawn(
             item.title,
             list(CONTROLLERS).index(item.name),
             _cycles(comparison.runs[item.name]),
-            dict(zip(_BARS, bars.loc[item.name].tolist(), strict=True)),
+            {label: float(bars[item.name][number]) for label, number in _BARS.items()},
         )
         for item in comparison.controllers
-        if not bars.loc[item.name].isna().any()
+        if item.name in bars
     ]
     return draw_comparison(drawn, reference)
 

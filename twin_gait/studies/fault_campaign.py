@@ -1,4 +1,4 @@
-"""Fault campaigns: many seeded faults on one experiment, one row each, and what must hold in every one."""
+"""Fault campaigns: many seeded faults on one experiment, one row and one outcome each."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.scenario.faults import Fault, FaultKind
 from twin_gait.simulation import Run, RunStatus, simulate
-from twin_gait.studies.faults.audit import audit
-from twin_gait.studies.jobs import JobFailed, run_jobs
+from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
 from twin_gait.vocabulary import JointName, Outcome
 
 _DEGREE = math.pi / 180.0
@@ -38,14 +37,17 @@ MAGNITUDES = {
 }
 
 
+# Columns that hold what a sensor reads: they may be empty under a fault, all others never.
+_MEASURED = ("_measured_angle_rad", "_velocity_fast_rad_per_s", "_velocity_slow_rad_per_s", "_phase")
+_ROUNDING = 1e-9
+
+
 @dataclass(frozen=True)
 class FaultCampaign:
     """A campaign.
 
     Attributes:
-        table: One row per fault: ``fault`` in its notation, kind, side, joint, time and magnitude, outcome,
-            cause and time of the trip, detection time, and the columns of
-            :class:`~twin_gait.studies.faults.audit.Audit`.
+        table: One row per fault, see :func:`fault_row`.
         status: ``COMPLETED``, or ``INTERRUPTED`` if it was stopped; then the table holds the first faults.
     """
 
@@ -56,8 +58,8 @@ class FaultCampaign:
     def violations(self) -> pd.DataFrame:
         """Rows in which something that must hold did not."""
         table = self.table
-        kept = table["within_limits"] & (table["null_values"] == 0) & (table["outcome"] != Outcome.DIVERGED)
-        return table[~(kept & table["hold_kept"] & table["in_time"])]
+        kept = table["within_limits"] & (table["null_values"] == 0) & table["hold_kept"]
+        return table[~(kept & (table["outcome"] != Outcome.DIVERGED))]
 
 
 def draw_faults(experiment: Experiment, count: int, seed: int) -> list[Fault]:
@@ -115,20 +117,20 @@ def _draw(experiment: Experiment, kind: FaultKind, index: int, seed: int) -> Fau
     )
 
 
-def run_campaign(
+def simulate_faults(
     experiment: Experiment,
     faults: Sequence[Fault],
     *,
-    workers: int = 1,
+    workers: int | Workers = 1,
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> FaultCampaign:
-    """Simulate an experiment once for each fault and look at what came of it.
+    """Simulate an experiment once for each fault.
 
     Args:
         experiment: The experiment; faults of its own are replaced.
-        faults: One for each run.
+        faults: One for each run, for example from :func:`draw_faults`.
         workers: Processes; 1 runs in this one.
         progress: Called with faults done and in all.
         should_stop: Asked before each run; True lets those that run finish and ends the campaign.
@@ -169,10 +171,15 @@ def fault_row(run: Run) -> dict[str, Any]:
         run: The run.
 
     Returns:
-        One row of :attr:`FaultCampaign.table`.
+        The fault in its notation, kind, side, joint, time and magnitude; outcome; cause, place and time of
+        the trip (empty without one) and the time from fault to trip; largest motor torque and current and
+        whether both are inside their limits in every tick; empty values among commands and plant; whether
+        the hold, once there, lasts to the end.
     """
     (fault,) = run.experiment.faults
-    trip = run.trip
+    trip, limits = run.trip, run.experiment.control.limits
+    torque, current = (_peak(run, name) for name in ("motor_torque_Nm", "measured_current_A"))
+    plant = [name for name in run.log if not str(name).endswith(_MEASURED)]
     return {
         "fault": str(fault),
         "kind": str(fault.kind),
@@ -185,54 +192,57 @@ def fault_row(run: Run) -> dict[str, Any]:
         "trip_place": "" if trip is None else trip.place,
         "trip_time_s": math.nan if trip is None else trip.time,
         "detection_s": math.nan if trip is None else round((trip.time - fault.time) / TICK) * TICK,
-        **audit(run)._asdict(),
+        "torque_peak_Nm": torque,
+        "current_peak_A": current,
+        "within_limits": torque <= limits.torque + _ROUNDING and current <= limits.current + _ROUNDING,
+        "null_values": int((~np.isfinite(run.log[plant].to_numpy())).sum()),
+        "hold_kept": trip is None or bool((run.log["safety_state"].iloc[trip.tick + 2 :] == 1.0).all()),
     }
 
 
-def outcome_table(table: pd.DataFrame) -> str:
-    """Table of outcomes by kind, as Markdown.
+def _peak(run: Run, column: str) -> float:
+    """Largest magnitude over the joints; NaN if a value is empty."""
+    names = [f"{side}_{joint}_{column}" for side in run.sides for joint in run.table.joints]
+    return float(np.abs(run.log[names].to_numpy()).max())
+
+
+def outcome_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Outcomes and times of detection by kind of fault.
 
     Args:
         table: Of a campaign.
 
     Returns:
-        The text. Detection is the time from the fault to the trip: a frozen encoder on a joint that stands
-        still is no danger yet, and is noticed when the joint moves.
+        A row for each kind and one for all, texts and counts. Detection is the time from the fault to the
+        trip: a frozen encoder on a joint that stands still is no danger yet, and is noticed when the joint
+        moves.
     """
-    head = ["fault", "runs", *OUTCOMES, "detected by", "detection: median", "longest"]
-    lines = [_line(head), _line(["---", *["--:"] * (1 + len(OUTCOMES)), "---", "--:", "--:"])]
-    for kind in [item for item in FaultKind if (table["kind"] == item).any()]:
-        lines.append(_line(_kind_cells(str(kind), table[table["kind"] == kind])))
-    return "\n".join([*lines, _line(_kind_cells("all", table))])
+    kinds = [str(kind) for kind in FaultKind if (table["kind"] == kind).any()]
+    rows = [_outcome_row(kind, table[table["kind"] == kind]) for kind in kinds]
+    return pd.DataFrame([*rows, {**_outcome_row("all", table), "detected by": ""}])
 
 
-def _kind_cells(name: str, rows: pd.DataFrame) -> list[str]:
-    outcomes = [str(int((rows["outcome"] == item).sum())) for item in OUTCOMES]
+def _outcome_row(name: str, rows: pd.DataFrame) -> dict[str, Any]:
+    counts = {str(item): int((rows["outcome"] == item).sum()) for item in OUTCOMES}
     tripped = rows[rows["cause"] != ""]
     causes = ", ".join(f"{cause} {count}" for cause, count in tripped["cause"].value_counts().items())
-    if len(tripped) == 0:
-        return [name, str(len(rows)), *outcomes, "–", "–", "–"]
-    detection = tripped["detection_s"]
-    times = [f"{detection.median() * 1e3:.0f} ms", f"{detection.max() * 1e3:.0f} ms"]
-    return [name, str(len(rows)), *outcomes, causes if name != "all" else "", *times]
+    times = [tripped["detection_s"].median(), tripped["detection_s"].max()]
+    median, longest = (f"{1e3 * time:.0f} ms" if len(tripped) else "–" for time in times)
+    return {
+        "fault": name,
+        "runs": len(rows),
+        **counts,
+        "detected by": causes or "–",
+        "detection: median": median,
+        "longest": longest,
+    }
 
 
-def _line(cells: Sequence[str]) -> str:
-    return f"| {' | '.join(cells)} |"
-
-
-def limit_lines(campaign: FaultCampaign) -> list[str]:
+def limit_lines(table: pd.DataFrame) -> list[str]:
     """What must hold in every run, and in how many it did."""
-    table, count = campaign.table, len(campaign.table)
-    tripped = table[table["cause"] != ""]
-    longest = tripped["speed_after_rad_per_s"].max() if len(tripped) else math.nan
-    sinking = tripped["sinking_m_per_s"].max() if len(tripped) else math.nan
-    pelvis = [] if math.isnan(sinking) else [f"fastest sinking of the pelvis after a trip: {sinking:.2f} m/s"]
+    count, tripped = len(table), table[table["cause"] != ""]
     return [
         f"torque and current inside limits in every tick: {int(table['within_limits'].sum())} of {count}",
         f"no empty command or plant value: {int((table['null_values'] == 0).sum())} of {count}",
         f"every trip ends in the hold and stays there: {int(tripped['hold_kept'].sum())} of {len(tripped)}",
-        f"hold within the stated reaction time: {int(tripped['in_time'].sum())} of {len(tripped)}",
-        f"fastest joint from half a second after a trip on: {longest:.2f} rad/s",
-        *pelvis,
     ]

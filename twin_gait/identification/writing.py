@@ -46,29 +46,15 @@ def write_identification(
     force: bool = False,
     pictures: bool = True,
 ) -> dict[str, Any]:
-    """Write everything into a folder that appears when all is written.
-
-    Args:
-        result: The identification.
-        target: The folder to make.
-        joint: Whose friction it is; None writes no parameter files.
-        force: Whether the folder of an earlier identification may be replaced.
-        pictures: Whether to draw the figures.
-
-    Returns:
-        The document.
-
-    Raises:
-        RunDirectoryError: If it exists, or cannot be written.
-    """
-    document = identification_document(result, joint)
+    """Write everything into a folder that appears when all is written."""
+    document = _identification_document(result, joint)
     with staged_directory(target, IDENTIFICATION, force=force) as staging:
         text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
         write_atomically(staging / DOCUMENT_FILE, f"{text}\n")
-        write_atomically(staging / SAMPLES_FILE, samples_csv(result))
-        law = plant_law(result)
+        write_atomically(staging / SAMPLES_FILE, _samples_csv(result))
+        law = _plant_law(result)
         if joint is not None and law is not None:
-            for name, file in parameter_files(law, joint).items():
+            for name, file in _parameter_files(law, joint).items():
                 write_atomically(staging / name, file)
         if pictures:
             (staging / "figures").mkdir()
@@ -97,7 +83,7 @@ def _draw(result: Identification, folder: Path) -> None:
         DrawnModel(
             name=item.name,
             dynamic=item.fit.model.dynamic,
-            curve=partial(steady_curve, item, samples),
+            curve=partial(_steady_curve, item, samples),
             rmse=item.goodness.rmse,
             left_out={run.by: run.rmse for run in item.validations},
         )
@@ -107,17 +93,8 @@ def _draw(result: Identification, folder: Path) -> None:
     save(draw_residuals(drawn, best.name), folder / RESIDUALS_FIGURE)
 
 
-def steady_curve(item: IdentifiedModel, samples: Samples, velocity: np.ndarray) -> np.ndarray:
-    """Torque of a model in steady sliding, at the mean angle, load and temperature of samples.
-
-    Args:
-        item: The model.
-        samples: What it was fitted to.
-        velocity: In [rad] / [s], shape ``(n,)``.
-
-    Returns:
-        In [N m], shape ``(n,)``.
-    """
+def _steady_curve(item: IdentifiedModel, samples: Samples, velocity: np.ndarray) -> np.ndarray:
+    """Torque of a model in steady sliding, at the mean angle, load and temperature of samples."""
     number = len(velocity) + 1
 
     def held(values: np.ndarray | None) -> np.ndarray | None:
@@ -137,16 +114,8 @@ def steady_curve(item: IdentifiedModel, samples: Samples, velocity: np.ndarray) 
     return item.fit.model.predict(item.fit.x, steady)[1:]
 
 
-def identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
-    """The result as plain numbers, SI units in the keys.
-
-    Args:
-        result: The identification.
-        joint: Whose friction it is, or None.
-
-    Returns:
-        Models best first, with everything that is known about them.
-    """
+def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
+    """The result as plain numbers, SI units in the keys."""
     options = result.options
     return {
         "schema_version": SCHEMA_VERSION,
@@ -225,7 +194,7 @@ def _plain(value: float) -> float | int | None:
     return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
 
 
-def samples_csv(result: Identification) -> str:
+def _samples_csv(result: Identification) -> str:
     """Samples that were fitted, and what the best model makes of them; at most 100 000 rows."""
     samples, best = result.samples, result.models[0]
     used = np.flatnonzero(samples.used)
@@ -250,15 +219,8 @@ def samples_csv(result: Identification) -> str:
     return "\n".join(lines) + "\n"
 
 
-def plant_law(result: Identification) -> FrictionParameters | None:
-    """The law that simulations know, as identified; None if it was not, or injects power.
-
-    Args:
-        result: The identification.
-
-    Returns:
-        Parameters of equation (3.1).
-    """
+def _plant_law(result: Identification) -> FrictionParameters | None:
+    """The law that simulations know, as identified; None if it was not, or injects power."""
     item = result.model(LAW_OF_THE_PLANT)
     if item is None:
         return None
@@ -274,17 +236,10 @@ def plant_law(result: Identification) -> FrictionParameters | None:
         return None
 
 
-def parameter_files(law: FrictionParameters, joint: JointName) -> dict[str, str]:
+def _parameter_files(law: FrictionParameters, joint: JointName) -> dict[str, str]:
     """Experiments with the law in the plant, and in the compensator, by file name.
 
     The other joint keeps table 3.1 of the thesis. A plant that was measured has a friction ratio of 1.
-
-    Args:
-        law: As identified.
-        joint: Whose it is.
-
-    Returns:
-        Texts that ``twin-gait simulate`` takes.
     """
     laws = {str(name): _entry(law if name is joint else _TABLE[name]) for name in _TABLE}
     plant = {

@@ -10,20 +10,19 @@ from importlib import metadata
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 import twin_gait
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
-from twin_gait.measures.effort import battery_use, changes_at_switches, energy_balance
+from twin_gait.measures.effort import battery_use, changes_at_switches, energy_balance, root_mean_square
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.measures.switching import blend_windows, torque_jumps
 from twin_gait.report.reference import reference_stride_time
-from twin_gait.runs.summary.interaction import interaction_summary
-from twin_gait.runs.summary.safety import safety_summary
-from twin_gait.runs.summary.side import blend_length, summarise_side
-from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, work_sources
+from twin_gait.runs.leg_summary import blend_length, reference_error, summarise_side
+from twin_gait.simulation.columns import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
 from twin_gait.simulation.run import Run, RunStatus
-from twin_gait.vocabulary import Side
+from twin_gait.vocabulary import JointName, Side
 
 # Distributions whose version can change a number of a log, by the name that people know.
 NUMERIC_LIBRARIES = {"pinocchio": "pin", "numpy": "numpy", "scipy": "scipy", "numba": "numba"}
@@ -40,11 +39,7 @@ def _versions() -> Mapping[str, str]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of this package, Python and the libraries that the numbers rest on.
-
-    Returns:
-        Version by name.
-    """
+    """Versions of this package, Python and the libraries that the numbers rest on."""
     return dict(_versions())
 
 
@@ -81,7 +76,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "symmetry": _symmetry(sides),
         **_battery(run),
         "largest_torque_jump": _largest_torque_jump(run),
-        "safety": safety_summary(run),
+        "safety": _safety(run),
         **_guide(run),
         **interaction_summary(run, skip_strides),
         **_energy(run),
@@ -183,3 +178,57 @@ def _energy(run: Run) -> dict[str, float]:
         "energy_throughput_J": balance.throughput,
         "energy_residual_share": balance.relative_residual,
     }
+
+
+def _safety(run: Run) -> dict[str, Any]:
+    """What the safety monitor did, and the faults of the experiment in their notation."""
+    trip = run.trip
+    return {
+        "watched": run.experiment.control.safety.enabled,
+        "tripped": trip is not None,
+        "cause": None if trip is None else str(trip.cause),
+        "place": None if trip is None else trip.place,
+        "time_s": None if trip is None else trip.time,
+        "faults": " ".join(str(item) for item in run.experiment.faults),
+    }
+
+
+def interaction_summary(
+    run: Run, skip_strides: int = SKIPPED_STRIDES
+) -> dict[str, dict[str, dict[str, float]]]:
+    """What device and wearer do to each other, and how far they move apart."""
+    if run.experiment.interface is None or len(run.log) == 0:
+        return {}
+    columns = (f"{side}_{joint}_{BRACE_COLUMNS[-1]}" for side in run.sides for joint in JointName)
+    joints = [name.removesuffix(f"_{BRACE_COLUMNS[-1]}") for name in columns if name in run.log]
+    found = {name: _brace(run.log, name) for name in joints}
+    for side in run.sides:
+        device = run.leg_record(side, device=True)
+        for joint in device.angles:
+            error = reference_error(run, device, joint, device.strides(skip=skip_strides))
+            found[f"{side}_{joint}"]["rmse_of_device_deg"] = error
+    return {"interaction": found | _pelvis_brace(run.log)}
+
+
+def _brace(log: pd.DataFrame, name: str) -> dict[str, float]:
+    torque = log[f"{name}_{BRACE_COLUMNS[-1]}"].to_numpy()
+    apart = (log[f"{name}_angle_rad"] - log[f"{name}_{BRACE_COLUMNS[0]}"]).to_numpy()
+    return {
+        "torque_rms_Nm": root_mean_square(torque),
+        "torque_peak_Nm": float(np.abs(torque).max()),
+        "motion_peak_deg": math.degrees(float(np.abs(apart).max())),
+    }
+
+
+def _pelvis_brace(log: pd.DataFrame) -> dict[str, dict[str, float]]:
+    height, _, brace = PELVIS_BRACE_COLUMNS
+    if brace not in log:
+        return {}
+    force = log[brace].to_numpy()
+    apart = (log["pelvis_height_m"] - log[height]).to_numpy()
+    numbers = {
+        "force_rms_N": root_mean_square(force),
+        "force_peak_N": float(np.abs(force).max()),
+        "motion_peak_mm": 1e3 * float(np.abs(apart).max()),
+    }
+    return {"pelvis": numbers}

@@ -39,12 +39,6 @@ SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start'
 def summarise_side(run: Run, side: Side, skip: int, record: LegRecord | None = None) -> dict[str, Any]:
     """Gait and effort of one leg.
 
-    Args:
-        run: The run.
-        side: The leg.
-        skip: Strides at the start that do not count.
-        record: The leg as gait measures read it, where the log begins later than the experiment.
-
     Returns:
         Numbers by name; NaN or None where a number is not defined.
     """

@@ -1,8 +1,11 @@
-"""Export joint angles as a motion file of OpenSim (.mot, .sto)."""
+"""Logs as CSV and as motions of OpenSim (.mot, .sto).
+
+A storage file of OpenSim has a header, ``endheader``, the names of the columns and rows of numbers.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +13,7 @@ import pandas as pd
 
 from twin_gait.conventions import DEGREES, RADIANS, Convention
 from twin_gait.exceptions import ParameterError
-from twin_gait.export.storage import write_storage
+from twin_gait.files import write_atomically
 from twin_gait.measures.leg_record import wearer_column
 from twin_gait.vocabulary import JointName, Side
 
@@ -50,17 +53,8 @@ def joint_angles(
 ) -> dict[str, np.ndarray]:
     """Angles of all joints of a log under the names and signs of a model.
 
-    Args:
-        log: One row per tick.
-        convention: Names and signs of the model.
-        unit: ``deg`` or ``rad``.
-        device: Whether the angles are the device's where braces let the wearer move against it.
-
     Returns:
         Angles by column, shape ``(n,)`` each.
-
-    Raises:
-        ParameterError: If the convention has no column names of its own.
     """
     if not convention.columns:
         raise ParameterError(f"convention: {convention.name} has no column names of its own")
@@ -74,3 +68,38 @@ def joint_angles(
             angle = convention.from_house(joint, log[column].to_numpy(dtype=float))
             columns[name] = np.degrees(angle) if unit == DEGREES else angle
     return columns
+
+
+def write_storage(path: Path, columns: Mapping[str, np.ndarray], *, in_degrees: bool) -> None:
+    """Write a .mot or .sto file, with all digits.
+
+    Args:
+        path: The file.
+        columns: By name, ``time`` first, shape ``(n,)`` each.
+        in_degrees: Whether its angles are in degrees.
+    """
+    rows = np.column_stack(list(columns.values()))
+    header = [
+        path.stem,
+        "version=1",
+        f"nRows={len(rows)}",
+        f"nColumns={len(columns)}",
+        f"inDegrees={'yes' if in_degrees else 'no'}",
+        "endheader",
+        "\t".join(columns),
+    ]
+    lines = ["\t".join(map(repr, row)) for row in rows.tolist()]
+    write_atomically(path, "\n".join([*header, *lines]) + "\n")
+
+
+def export_csv(log: pd.DataFrame, path: Path) -> None:
+    """Write a log as CSV: a header with units in the names, one row per tick, all digits.
+
+    Args:
+        log: One row per tick.
+        path: The file.
+
+    Raises:
+        RunDirectoryError: If it cannot be written.
+    """
+    write_atomically(path, log.to_csv(index=False, lineterminator="\n"))
