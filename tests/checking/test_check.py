@@ -46,7 +46,7 @@ def case_of(data: Mapping) -> CheckCase:
     return build_case(gait_table_from_mapping(data, "table.yaml", "planted", draft=True), experiment())
 
 
-OF_GUARDS = ("graph", "exits", "cascade")
+OF_GUARDS = ("graph", "exits")
 GUARD_RULES = [rule for rule in RULES if rule.__module__.rsplit(".", 1)[-1] in OF_GUARDS]
 
 

@@ -24,7 +24,7 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.gait import TICK, GaitStateMachine, GaitTable, compile_guards
 from twin_gait.gait.guards import WALK, Comparison, PhaseMembership, signal_names
 from twin_gait.testing import TransitionTest, transition_tests
-from twin_gait.testing.approval import approval_text, check_approved
+from twin_gait.testing.cases import approval_text, check_approved
 from twin_gait.testing.exits import decisive
 from twin_gait.vocabulary import GaitPhase, Side
 

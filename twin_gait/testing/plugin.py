@@ -157,7 +157,7 @@ class ApprovalItem(OneLineItem):
     def runtest(self) -> None:
         """Compare, or write."""
         from twin_gait.exceptions import TwinGaitError
-        from twin_gait.testing.approval import approval_text, check_approved, write_approved
+        from twin_gait.testing.cases import approval_text, check_approved, write_approved
 
         path = self.request.approved
         assert path is not None  # only made with one
