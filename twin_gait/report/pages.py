@@ -6,7 +6,7 @@ A page is one file that needs no other: what it shows stands in it, and its poli
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -71,6 +71,30 @@ def paragraphs(template: str, content: Mapping[str, Any]) -> list[str]:
     lines = (line.strip() for line in render(template, content).splitlines())
     texts = "\n".join(lines).split("\n\n")
     return [" ".join(text.split()) for text in texts if text.strip()]
+
+
+def figures_page(
+    title: str,
+    subtitle: str,
+    figures: Mapping[str, Figure],
+    heads: Sequence[str] = (),
+    rows: Sequence[Sequence[str]] = (),
+) -> str:
+    """A page of figures under a table.
+
+    Args:
+        title: Heading.
+        subtitle: Line below it.
+        figures: By heading; they are dark afterwards.
+        heads: Of the columns of the table.
+        rows: Cells of the table; no table without rows.
+
+    Returns:
+        HTML.
+    """
+    pictures = {name: picture_of(figure) for name, figure in figures.items()}
+    content = {"title": title, "subtitle": subtitle, "heads": heads, "rows": rows, "pictures": pictures}
+    return render("figures.html", content)
 
 
 def picture_of(figure: Figure) -> Picture:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,7 +12,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from twin_gait.palette import BLUE, GREY
-from twin_gait.report.canvas import save, style_panel
+from twin_gait.report.canvas import style_panel
 from twin_gait.report.sweep_axes import Axis, axis_of, is_logarithmic, label_of
 from twin_gait.vocabulary import Outcome
 
@@ -27,9 +26,9 @@ MOST_COLUMNS_WRITTEN = 6
 _COLOURS = LinearSegmentedColormap.from_list("share", ["#F4F6F8", BLUE])
 
 
-def write_sweep_figures(
-    table: pd.DataFrame, parameters: Sequence[str], measures: Sequence[str], title: str, folder: Path
-) -> list[Path]:
+def sweep_figures(
+    table: pd.DataFrame, parameters: Sequence[str], measures: Sequence[str], title: str
+) -> dict[str, Figure]:
     """Draw a sweep: the share that walked, then each measure over the episodes that did.
 
     Args:
@@ -37,26 +36,21 @@ def write_sweep_figures(
         parameters: Columns that were varied; those with one value are left out.
         measures: Columns to draw; the default ones if empty.
         title: Of every picture.
-        folder: An existing folder.
 
     Returns:
-        The files: ``main_effects_<measure>.png`` and, of two parameters or more, ``heat_map_<measure>.png``.
+        ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
     """
     axes = [axis for axis in (axis_of(table, name) for name in parameters) if axis is not None]
     axes = axes[:MOST_PARAMETERS]
-    written = []
+    figures: dict[str, Figure] = {}
     for measure in (WALKED, *(measures or DEFAULT_MEASURES)):
         values = values_of(table, measure)
         if not axes or not np.isfinite(values).any():
             continue
-        written.append(
-            save(draw_main_effects(axes, values, measure, title), folder / f"main_effects_{measure}.png")
-        )
+        figures[f"main_effects_{measure}"] = draw_main_effects(axes, values, measure, title)
         if len(axes) > 1:
-            written.append(
-                save(draw_heat_maps(axes, values, measure, title), folder / f"heat_map_{measure}.png")
-            )
-    return written
+            figures[f"heat_map_{measure}"] = draw_heat_maps(axes, values, measure, title)
+    return figures
 
 
 def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
@@ -90,27 +84,17 @@ def cell_means(values: np.ndarray, first: Axis, second: Axis) -> np.ndarray:
     Returns:
         Means, NaN where there is no episode, shape ``(k_first, k_second)``.
     """
-    sums, counts = np.zeros((2, len(first.names), len(second.names)))
-    there = np.isfinite(values) & (first.places >= 0) & (second.places >= 0)
-    cells = first.places[there], second.places[there]
-    np.add.at(sums, cells, values[there])
-    np.add.at(counts, cells, 1.0)
-    means: np.ndarray = np.divide(sums, counts, out=np.full(sums.shape, np.nan), where=counts > 0.0)
-    return means
+    cells = pd.DataFrame({"value": values, "row": first.places, "column": second.places})
+    cells = cells[np.isfinite(values) & (first.places >= 0) & (second.places >= 0)]
+    means = cells.pivot_table(values="value", index="row", columns="column", aggfunc="mean")
+    whole: np.ndarray = means.reindex(
+        index=range(len(first.names)), columns=range(len(second.names))
+    ).to_numpy(dtype=float)
+    return whole
 
 
 def draw_main_effects(axes: Sequence[Axis], values: np.ndarray, measure: str, title: str) -> Figure:
-    """Draw a measure against each parameter alone, averaged over the others.
-
-    Args:
-        axes: The parameters.
-        values: The measure, shape ``(n,)``.
-        measure: Its name.
-        title: First line.
-
-    Returns:
-        The figure.
-    """
+    """Draw a measure (shape ``(n,)``) against each parameter alone, averaged over the others."""
     what = _what(measure)
     if measure != WALKED:
         what += f"\nline: mean, shade: {SPREAD[0]:.0%} to {SPREAD[1]:.0%} of the episodes, dots: episodes"
@@ -122,17 +106,7 @@ def draw_main_effects(axes: Sequence[Axis], values: np.ndarray, measure: str, ti
 
 
 def draw_heat_maps(axes: Sequence[Axis], values: np.ndarray, measure: str, title: str) -> Figure:
-    """Draw the mean of a measure over pairs of parameters, averaged over the others.
-
-    Args:
-        axes: The parameters, two or more; the first ``MOST_PAIRS`` pairs are drawn.
-        values: The measure, shape ``(n,)``.
-        measure: Its name.
-        title: First line.
-
-    Returns:
-        The figure.
-    """
+    """Draw the mean of a measure over the first ``MOST_PAIRS`` pairs, averaged over the other parameters."""
     pairs = list(itertools.combinations(axes, 2))[:MOST_PAIRS]
     cells = [cell_means(values, second, first) for first, second in pairs]
     blank = ", white: none" if any(np.isnan(means).any() for means in cells) else ""

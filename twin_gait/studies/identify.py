@@ -18,8 +18,9 @@ from twin_gait.identification import Identification, IdentifiedModel, Samples
 from twin_gait.identification.bootstrap import DRAWS, LEVEL
 from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
-from twin_gait.report.canvas import save
+from twin_gait.report.canvas import readable, save
 from twin_gait.report.identification import DrawnModel, DrawnSamples, draw_fits, draw_residuals
+from twin_gait.report.pages import figures_page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 
@@ -27,7 +28,7 @@ DOCUMENT_FILE = "identification.json"
 IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
 SAMPLES_FILE = "samples.csv"
 PLANT_FILE, COMPENSATOR_FILE = "plant.yaml", "compensator.yaml"
-FITS_FIGURE, RESIDUALS_FIGURE = "fits.png", "residuals.png"
+FIGURES_FOLDER, REPORT_FILE = "figures", "report.html"
 _LONG = 1e9  # [s]
 SCHEMA_VERSION = 1
 PRESET = "bench_leg"
@@ -71,12 +72,11 @@ def write_identification(
             for name, file in parameter_files(law, joint).items():
                 write_atomically(staging / name, file)
         if pictures:
-            (staging / "figures").mkdir()
-            _draw(result, staging / "figures")
+            _draw(result, staging, joint)
     return document
 
 
-def _draw(result: Identification, folder: Path) -> None:
+def _draw(result: Identification, folder: Path, joint: JointName | None) -> None:
     samples, best = result.samples.used_only(), result.models[0]
     columns = {
         "velocity [rad/s]": samples.velocity,
@@ -103,8 +103,19 @@ def _draw(result: Identification, folder: Path) -> None:
         )
         for item in result.models
     ]
-    save(draw_fits(drawn, models), folder / FITS_FIGURE)
-    save(draw_residuals(drawn, best.name), folder / RESIDUALS_FIGURE)
+    figures = {"fits": draw_fits(drawn, models), "residuals": draw_residuals(drawn, best.name)}
+    (folder / FIGURES_FOLDER).mkdir()
+    for name, figure in figures.items():
+        save(figure, folder / FIGURES_FOLDER / f"{name}.png")
+    heads = ["model", "law", "RMSE [N m]", *(f"left out: {by} [N m]" for by in models[0].left_out), "BIC"]
+    rows = [
+        (readable(item.name), item.fit.model.formula, f"{item.goodness.rmse:.3g}",
+         *(f"{run.rmse:.3g}" for run in item.validations), f"{item.goodness.bic:.0f}")
+        for item in result.models
+    ]  # fmt: skip
+    title = "Friction" if joint is None else f"Friction of the {joint}"
+    subtitle = f"{len(result.tests)} tests, {len(samples.velocity)} samples; models best first"
+    write_atomically(folder / REPORT_FILE, figures_page(title, subtitle, figures, heads, rows))
 
 
 def steady_curve(item: IdentifiedModel, samples: Samples, velocity: np.ndarray) -> np.ndarray:
