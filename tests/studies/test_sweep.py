@@ -16,8 +16,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
-from twin_gait.report.sweep import cell_means, values_of
-from twin_gait.report.sweep_axes import axis_of, label_of
+from twin_gait.report.sweep import axis_of, cell_means, label_of, values_of
 from twin_gait.studies import WorkersLost, jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
 from twin_gait.studies.jobs import Workers, portions

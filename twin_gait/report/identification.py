@@ -61,15 +61,7 @@ class DrawnSamples(NamedTuple):
 
 
 def draw_fits(samples: DrawnSamples, models: Sequence[DrawnModel]) -> Figure:
-    """Draw the samples and the best models over the speed, and the models' errors.
-
-    Args:
-        samples: What was fitted.
-        models: Best first.
-
-    Returns:
-        The figure.
-    """
+    """Draw the samples and the best models over the speed, and the models' errors."""
     figure = Figure(figsize=(12.0, 8.2), layout="constrained")
     number, best = len(np.unique(samples.test)), models[0]
     figure.suptitle(
@@ -141,15 +133,7 @@ def _draw_ranking(axes: Axes, models: Sequence[DrawnModel]) -> None:
 
 
 def draw_residuals(samples: DrawnSamples, name: str) -> Figure:
-    """Draw the residuals of the best model against speed, load, angle, time and temperature.
-
-    Args:
-        samples: What was fitted.
-        name: Of the best model.
-
-    Returns:
-        The figure.
-    """
+    """Draw the residuals of the best model against speed, load, angle, time and temperature."""
     shown = len(samples.columns) + 1
     rows = -(-shown // 2)
     figure = Figure(figsize=(12.0, 3.0 * rows + 0.6), layout="constrained")

@@ -59,9 +59,6 @@ def render(template: str, content: Mapping[str, Any]) -> str:
     Args:
         template: Name of a file in ``TEMPLATES``; of an HTML one all that is filled in is escaped.
         content: What is filled in, by name, functions among it; ``version`` is this package's.
-
-    Returns:
-        The text.
     """
     return _environment().get_template(template).render(version=__version__, **content)
 
@@ -80,32 +77,14 @@ def figures_page(
     heads: Sequence[str] = (),
     rows: Sequence[Sequence[str]] = (),
 ) -> str:
-    """A page of figures under a table.
-
-    Args:
-        title: Heading.
-        subtitle: Line below it.
-        figures: By heading; they are dark afterwards.
-        heads: Of the columns of the table.
-        rows: Cells of the table; no table without rows.
-
-    Returns:
-        HTML.
-    """
+    """A page of figures, by their headings, under a table, if that has rows; the figures are dark then."""
     pictures = {name: picture_of(figure) for name, figure in figures.items()}
     content = {"title": title, "subtitle": subtitle, "heads": heads, "rows": rows, "pictures": pictures}
     return render("figures.html", content)
 
 
 def picture_of(figure: Figure) -> Picture:
-    """A figure for a page, light and dark; the figure itself is dark afterwards.
-
-    Args:
-        figure: Drawn in black on white.
-
-    Returns:
-        Both pictures.
-    """
+    """A figure for a page, light and dark; the figure itself is dark afterwards."""
     light = picture_bytes(figure)
     for artist in figure.findobj():
         _brighten(artist)

@@ -65,7 +65,7 @@ def write_animation(
         phases: Names of the phases in order; those of the log if None.
         frames_per_second: Frames recorded per second of the run; each change of a phase has one too.
         moments: Further moments to have a frame of, in [s].
-        events: What befell the run; each has a frame too.
+        events: Events of the run; each has a frame too.
         outcome: How it ended, in a word.
 
     Returns:
@@ -114,11 +114,8 @@ def recorded_run(
         frames_per_second: Frames recorded per second of the run.
         moments: Further moments to have a frame of, in [s].
         notes: What the page is to say below the heading.
-        events: What befell the run; each has a frame too.
+        events: Events of the run; each has a frame too.
         outcome: How it ended, in a word.
-
-    Returns:
-        The data.
 
     Raises:
         ModelError: If the URDF cannot be read.

@@ -62,9 +62,6 @@ def run_measures(run: Run) -> Measures:
 
     ``walked`` is 1 for a run whose verdict is so; of any other, the gait has no numbers but ``walked_s``.
 
-    Args:
-        run: A run on the treadmill.
-
     Returns:
         Measures by name; NaN where one is not defined.
     """
