@@ -24,22 +24,21 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from gallery import form_of
-from whatif.jobs import run_jobs
 
 from twin_gait import JointName
 from twin_gait.identification import (
+    BenchSetup,
     IdentificationOptions,
     Log,
     Processing,
     ProcessingOptions,
     Quantity,
-    RigParameters,
     identify_tests,
     process_log,
 )
 from twin_gait.scenario import BENCH_ACTUATORS, BENCH_FRICTION
 from twin_gait.simulation import simulate_bench
-from twin_gait.studies import Campaign, Protocol, TwoWayProtocol, planned_tests
+from twin_gait.studies import Campaign, Protocol, TwoWayProtocol, planned_tests, run_jobs
 
 LAW = "rotational"
 PROCESSINGS = (Processing.ZERO_PHASE, Processing.THESIS)
@@ -93,10 +92,10 @@ def estimates(two_way: TwoWayProtocol, campaign: tuple[JointName, int]) -> dict[
 
 def identified(logs: Sequence[Log], joint: JointName, processing: Processing) -> Estimate:
     """Identify logs, and keep the parameters, their intervals and the warnings."""
-    rig = RigParameters(actuator=BENCH_ACTUATORS[joint])
+    bench = BenchSetup(actuator=BENCH_ACTUATORS[joint])
     how = ProcessingOptions(processing=processing)
-    options = IdentificationOptions(rig=rig, processing=how, models=(LAW,), cross_validation=False)
-    result = identify_tests([process_log(log, rig, how) for log in logs], options)
+    options = IdentificationOptions(bench=bench, processing=how, models=(LAW,), cross_validation=False)
+    result = identify_tests([process_log(log, bench, how) for log in logs], options)
     (model,) = result.models
     values, names = model.fit.model.parameters(model.fit.x), true_parameters(joint)
     return Estimate(

@@ -39,10 +39,10 @@ from whatif.friction import (
     limit_row,
     map_row,
 )
-from whatif.jobs import run_jobs
 
 from twin_gait.palette import BLACK, GREY
 from twin_gait.report import put_legend, save, style_panel
+from twin_gait.studies import run_jobs
 
 # %% [markdown]
 # ## The map

@@ -17,7 +17,7 @@ from twin_gait.cli import check as command
 from twin_gait.cli import main
 from twin_gait.cli.check import draw
 from twin_gait.cli.terminal import DONE, FAILED
-from twin_gait.configuration.table_inheritance import packaged_table_path
+from twin_gait.configuration.table_inheritance import gait_table_path
 from twin_gait.exceptions import TwinGaitError
 
 
@@ -31,7 +31,7 @@ def run(*arguments: str) -> int:
 @pytest.fixture
 def stiff_knee(tmp_path: Path) -> str:
     """A published machine whose early swing waits for a knee angle that no knee has."""
-    text = packaged_table_path("osl_walking").read_text(encoding="utf-8")
+    text = gait_table_path("osl_walking").read_text(encoding="utf-8")
     assert "knee.angle_deg > 50" in text
     path = tmp_path / "stiff_knee.yaml"
     path.write_text(text.replace("knee.angle_deg > 50", "knee.angle_deg > 150"), encoding="utf-8")
@@ -65,7 +65,17 @@ def test_json_has_the_same_findings(stiff_knee: str, capsys: pytest.CaptureFixtu
     assert errors == {"never_opens", "trap", "unreachable_phase", "deadlock"}
     assert document["counts"]["errors"] == 4
     assert {item["rule"] for item in document["findings"]} <= set(rules())
-    keys = {"rule", "severity", "phase", "transition", "side", "reason", "suggestion", "witness", "waived"}
+    keys = {
+        "rule",
+        "severity",
+        "phase",
+        "transition",
+        "side",
+        "reason",
+        "suggestion",
+        "counterexample",
+        "waived",
+    }
     assert all(set(item) == keys for item in document["findings"])
 
 
@@ -88,7 +98,7 @@ def test_rules_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
     ("arguments", "explained"),
     [
         ([], "expected a gait table"),
-        (["nowhere.yaml"], "nowhere.yaml: neither a packaged gait table"),
+        (["nowhere.yaml"], "no gait table 'nowhere.yaml': neither a file"),
         (["treadmill", "--experiment", "nowhere"], "nowhere: neither a preset"),
     ],
 )
@@ -112,7 +122,7 @@ def finding(**changes: object) -> Finding:
         "reason": "it is left in its first tick",
         "suggestion": "part the thresholds",
         "phase": "early_stance",
-        "witness": {"hip.angle_deg": -2.5, "other.phase": "late_stance"},
+        "counterexample": {"hip.angle_deg": -2.5, "other.phase": "late_stance"},
     }
     return Finding(**{**values, **changes})  # type: ignore[arg-type]
 
@@ -124,7 +134,7 @@ def test_waived_finding_shows_the_reason_of_the_table() -> None:
     ]
 
 
-def test_live_finding_shows_reason_witness_and_suggestion() -> None:
+def test_live_finding_shows_reason_counterexample_and_suggestion() -> None:
     assert list(draw([finding()])) == [
         "warning cascade: early_stance",
         "    it is left in its first tick",

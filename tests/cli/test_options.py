@@ -15,6 +15,7 @@ import pytest
 from twin_gait.cli import main
 from twin_gait.cli.program import GROUPS, SHELLS, build_parser
 from twin_gait.cli.terminal import plain
+from twin_gait.live.session_records import SessionRecorder
 
 COMMANDS = {
     "run and look": ["simulate", "live", "view", "plot", "export", "sessions"],
@@ -188,7 +189,11 @@ def test_identify_answers_with_its_document(tmp_path, capsys):
 
 
 def test_sessions_are_a_list(tmp_path, capsys):
-    assert answered(capsys, "sessions", "--records", tmp_path / "none", "list") == []
+    records = tmp_path / "sessions"
+    recorder = SessionRecorder(records, user="Ann", experiment="treadmill", document={"duration_s": 600})
+    recorder.close("completed", 600000, {}, [])
+    (entry,) = answered(capsys, "sessions", "--records", records, "list")
+    assert (entry["user"], entry["experiment"], entry["status"]) == ("Ann", "treadmill", "completed")
 
 
 def test_numbers_that_are_not_finite_become_null():

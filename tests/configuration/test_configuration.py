@@ -15,7 +15,7 @@ from twin_gait import load_experiment, presets, simulate
 from twin_gait.configuration.documents import dump_yaml, experiment_document, table_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.experiments import resolved_document
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping, packaged_gait_table
+from twin_gait.configuration.gait_table_file import gait_table_from_mapping, load_gait_table
 from twin_gait.configuration.overrides import assign, merge, parse_assignment
 from twin_gait.configuration.table_inheritance import packaged_gait_tables
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
@@ -45,7 +45,7 @@ def test_every_preset_survives_being_written_and_read_as_typed(name):
 
 @pytest.mark.parametrize("name", packaged_gait_tables())
 def test_every_gait_table_survives_being_written_and_read(name):
-    table = packaged_gait_table(name)
+    table = load_gait_table(name)
     assert gait_table_from_mapping(table_document(table), "again.yaml", name) == table
 
 
@@ -104,14 +104,14 @@ def test_a_file_may_change_a_part_of_the_preset_table(tmp_path):
     )
     table = load_experiment(path).experiment.table
     assert table.phases["early_stance"].joints["knee"].stiffness == 300.0
-    base = packaged_gait_table("treadmill")
+    base = load_gait_table("treadmill")
     assert table.phases["early_stance"].joints["hip"] == base.phases["early_stance"].joints["hip"]
 
 
 def test_a_table_is_found_beside_the_file(tmp_path):
-    (tmp_path / "mine.yaml").write_text(dump_yaml(table_document(packaged_gait_table("bench_leg"))))
+    (tmp_path / "mine.yaml").write_text(dump_yaml(table_document(load_gait_table("bench_leg"))))
     (tmp_path / "run.yaml").write_text("preset: bench_leg\ntable: mine.yaml\n")
-    assert load_experiment(tmp_path / "run.yaml").experiment.table == packaged_gait_table("bench_leg")
+    assert load_experiment(tmp_path / "run.yaml").experiment.table == load_gait_table("bench_leg")
 
 
 def test_setting_a_value_in_another_unit_replaces_the_old_one():
@@ -215,6 +215,20 @@ def test_joint_that_is_not_in_the_urdf_lists_those_that_are():
 def test_unknown_preset_lists_those_there_are():
     with pytest.raises(ParameterError, match="bench_leg, treadmill"):
         load_experiment("no_such_preset")
+
+
+def test_presets_and_tables_of_the_drafts_are_refused_with_their_new_names(tmp_path):
+    message = "treadmill_stand is called treadmill_start_stop now"
+    file = tmp_path / "mine.yaml"
+    for attempt in (
+        lambda: load_experiment("treadmill_stand"),
+        lambda: load_gait_table("treadmill_stand"),
+        lambda: load_experiment("treadmill", ["table=treadmill_stand"]),
+        lambda: load_experiment(file),
+    ):
+        file.write_text("preset: treadmill_stand\n")
+        with pytest.raises(TwinGaitError, match=message):
+            attempt()
 
 
 def test_unknown_base_preset_lists_those_there_are(tmp_path):

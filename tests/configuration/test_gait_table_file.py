@@ -19,7 +19,6 @@ from twin_gait import load_experiment, simulate
 from twin_gait.configuration.gait_table_file import (
     gait_table_from_mapping,
     load_gait_table,
-    packaged_gait_table,
 )
 from twin_gait.configuration.validation import MAXIMUM_FILE_SIZE, parse_yaml
 from twin_gait.exceptions import ParameterFileError
@@ -623,7 +622,7 @@ waive: [{{rule: cascade, reason: of the upper table}}]
 def test_a_table_extends_a_packaged_one_key_by_key(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(STANDING.format(base="treadmill"), encoding="utf-8")
-    base, table = packaged_gait_table("treadmill"), load_gait_table(path)
+    base, table = load_gait_table("treadmill"), load_gait_table(path)
     assert table.name == "mine"
     assert table.phase_names == (*base.phase_names, "stand")
     changed = table.phases["middle_stance"].joints["hip"]
@@ -689,7 +688,7 @@ def names(table: GaitTable) -> list[tuple[str, str, str]]:
 def test_a_transition_with_the_same_from_to_and_cause_takes_the_place_of_the_inherited_one(
     tmp_path: Path,
 ) -> None:
-    base, table = packaged_gait_table("treadmill"), changed(tmp_path)
+    base, table = load_gait_table("treadmill"), changed(tmp_path)
     expected = [name for name in names(base) if name != ("swing_extension", "early_stance", "time_out")]
     assert names(table) == [*expected, ("late_stance", "early_stance", "stumble")]
     place = names(base).index(("middle_stance", "late_stance", "hip_extension"))
@@ -797,7 +796,7 @@ def test_an_inline_table_extends_what_it_names_and_not_the_table_of_the_preset(t
     )
     table = load_experiment(path).experiment.table
     assert table.blending.duration_ticks == 31
-    assert table.phases == packaged_gait_table("treadmill_normative").phases
+    assert table.phases == load_gait_table("treadmill_normative").phases
 
 
 def test_a_changed_threshold_changes_the_walk(tmp_path: Path) -> None:

@@ -13,12 +13,12 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from twin_gait import load_experiment
-from twin_gait.configuration import packaged_gait_table, packaged_gait_tables
+from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait import TICK, BlendingLaw, GaitStateMachine, GaitTable, LegSignals, PhaseSwitch
+from twin_gait.gait.documents import transition_table, truth_table
 from twin_gait.gait.guards import AllOf, AnyOf, parse_guard
 from twin_gait.report.state_diagram import state_diagram_svg
-from twin_gait.report.state_tables import transition_table, truth_table
 from twin_gait.vocabulary import GaitPhase, Side
 
 PUBLISHED = ("sup_2009", "osl_walking")
@@ -174,7 +174,7 @@ PERCENT = np.linspace(0.0, 100.0, 51)
 
 @pytest.mark.parametrize(("name", "numbers"), [("sup_2009", SUP_TABLE_III), ("osl_walking", OSL_NUMBERS)])
 def test_impedances_are_those_of_the_source(name: str, numbers: tuple[tuple[float, ...], ...]) -> None:
-    table = packaged_gait_table(name)
+    table = load_gait_table(name)
     per_radian = 180.0 / math.pi if name == "sup_2009" else 1.0
     assert table.joints == ("knee", "ankle")
     for parameters, row in zip(table.phases.values(), numbers, strict=True):
@@ -187,7 +187,7 @@ def test_impedances_are_those_of_the_source(name: str, numbers: tuple[tuple[floa
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_what_the_sources_do_not_have_is_off(name: str) -> None:
-    table = packaged_gait_table(name)
+    table = load_gait_table(name)
     assert table.blending.law is BlendingLaw.NONE
     for parameters in table.phases.values():
         assert parameters.gravity_compensation == 0.0
@@ -195,8 +195,8 @@ def test_what_the_sources_do_not_have_is_off(name: str) -> None:
 
 
 def test_phases_are_the_five_of_sup_and_the_four_of_the_open_source_leg() -> None:
-    assert packaged_gait_table("sup_2009").phase_names == tuple(str(item) for item in GaitPhase)
-    names = packaged_gait_table("osl_walking").phase_names
+    assert load_gait_table("sup_2009").phase_names == tuple(str(item) for item in GaitPhase)
+    names = load_gait_table("osl_walking").phase_names
     assert names == ("early_stance", "late_stance", "early_swing", "late_swing")
 
 
@@ -217,7 +217,7 @@ def matlab_leaves(state: int, force: float, knee: float, knee_velocity: float, a
 
 def test_open_source_leg_switches_where_its_matlab_source_does() -> None:
     """Random measurements, written in newtons for the source and in body weights for the table."""
-    table = packaged_gait_table("osl_walking")
+    table = load_gait_table("osl_walking")
     rng = np.random.default_rng(3)
     left = 0
     for _ in range(3000):
@@ -282,7 +282,7 @@ def crossing(values: list[float], level: float, first: float, *, rising: bool) -
 
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_a_measured_stride_takes_each_machine_once_round(name: str) -> None:
-    table = packaged_gait_table(name)
+    table = load_gait_table(name)
     switches = replay(table)
     order = list(table.phase_names)
     for item in switches:
@@ -292,7 +292,7 @@ def test_a_measured_stride_takes_each_machine_once_round(name: str) -> None:
 
 
 def test_phases_of_sup_begin_where_the_stride_crosses_the_thresholds() -> None:
-    found = instants(replay(packaged_gait_table("sup_2009")))
+    found = instants(replay(load_gait_table("sup_2009")))
     expected = {
         "foot_flat": crossing(ANKLE, 1.0, 8.0, rising=True),
         "dorsiflexed": crossing(ANKLE, 8.0, 20.0, rising=True),
@@ -307,7 +307,7 @@ def test_phases_of_sup_begin_where_the_stride_crosses_the_thresholds() -> None:
 
 
 def test_phases_of_the_open_source_leg_begin_at_thresholds_or_after_the_minimum_duration() -> None:
-    table = packaged_gait_table("osl_walking")
+    table = load_gait_table("osl_walking")
     found = instants(replay(table))
     stay = 100.0 * table.phases["early_swing"].minimum_ticks / len(stride_signals())
     unloaded = crossing(FORCE, 0.15 * 9.81, 50.0, rising=False)
@@ -324,7 +324,7 @@ def test_phases_of_the_open_source_leg_begin_at_thresholds_or_after_the_minimum_
 
 def reading(cause: str, join: type[AllOf] | type[AnyOf], *guards: str) -> dict[str, float]:
     """Instants of the Open-Source Leg's machine with another condition, without minimum durations."""
-    table = packaged_gait_table("osl_walking")
+    table = load_gait_table("osl_walking")
     parts = tuple(parse_guard(text, table.joints, table.phase_names) for text in guards)
     changed = tuple(
         dataclasses.replace(item, guard=join(guards=parts)) if item.cause == cause else item
@@ -360,7 +360,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_page_of_the_published_machines_shows_the_tables_as_they_are(name: str) -> None:
     """If this fails, write the tables into the page again: twin-gait diagram NAME --format truth."""
-    table = packaged_gait_table(name)
+    table = load_gait_table(name)
     page = (DOCS / "published_machines.md").read_text("utf-8").splitlines()
     for text in (transition_table(table), truth_table(table)):
         lines = [line for line in text.splitlines() if line.startswith(("| ", "- ", "Blending", "Gravity"))]
@@ -378,7 +378,7 @@ def test_drawings_in_the_documentation_are_those_of_the_shipped_tables(path: Pat
     """If this fails, draw it again: twin-gait diagram NAME --format svg --out docs --force."""
     if path.stem not in packaged_gait_tables():
         pytest.skip("not the drawing of a gait table")
-    expected = state_diagram_svg(packaged_gait_table(path.stem))
+    expected = state_diagram_svg(load_gait_table(path.stem))
     assert drawn_texts(path.read_text("utf-8")) == drawn_texts(expected)
 
 

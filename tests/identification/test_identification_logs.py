@@ -29,6 +29,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.identification import (
+    BenchSetup,
     CurrentSource,
     FitOptions,
     IdentificationOptions,
@@ -38,14 +39,13 @@ from twin_gait.identification import (
     Processing,
     ProcessingOptions,
     Quantity,
-    RigParameters,
     identify_logs,
     identify_tests,
     parse_columns,
     process_log,
     read_log,
 )
-from twin_gait.identification.filters import moving_average, zero_phase
+from twin_gait.identification.signals import moving_average, zero_phase
 from twin_gait.parameters import KNEE_ACTUATOR
 
 ROTATIONAL = (
@@ -54,7 +54,7 @@ ROTATIONAL = (
     "breakaway_velocity_rad_per_s",
     "viscous_friction_Nms_per_rad",
 )
-RIG = RigParameters(actuator=KNEE_ACTUATOR, start_angle=None)
+BENCH = BenchSetup(actuator=KNEE_ACTUATOR, start_angle=None)
 TIME = np.arange(5000) / 1000.0
 NAMES = {
     "time_s": Quantity.TIME,
@@ -74,7 +74,7 @@ def quiet(motion, mass: float = 2.0) -> dict[str, np.ndarray]:
 
 
 def test_balance_of_torques_gives_back_the_friction_of_the_bench():
-    test = process_log(as_log(quiet(swing(TIME, 0.6, 3.0, 0.4))), RIG, ProcessingOptions())
+    test = process_log(as_log(quiet(swing(TIME, 0.6, 3.0, 0.4))), BENCH, ProcessingOptions())
     expected = rotational(test.velocity, KNEE)
     assert test.used.sum() > 400
     assert np.abs(test.torque - expected)[test.used].max() < 0.06
@@ -83,25 +83,25 @@ def test_balance_of_torques_gives_back_the_friction_of_the_bench():
 
 def test_printed_load_angle_and_printed_inertia_are_wrong_by_what_the_formulas_say():
     columns = quiet(swing(TIME, 0.6, 3.0, 0.4))
-    right = process_log(as_log(columns), RIG, ProcessingOptions())
+    right = process_log(as_log(columns), BENCH, ProcessingOptions())
     printed = process_log(
         as_log(columns),
-        RigParameters(actuator=KNEE_ACTUATOR, start_angle=None, load_angle=LoadAngle.PRINTED),
+        BenchSetup(actuator=KNEE_ACTUATOR, start_angle=None, load_angle=LoadAngle.PRINTED),
         ProcessingOptions(),
     )
     weight = 2.0 * GRAVITY * LEVER
     difference = weight * (np.cos(right.angle) - np.cos(right.angle - math.pi / 2))
     assert_allclose((printed.torque - right.torque)[10:-10], difference[10:-10], atol=2e-3)
-    wrong = RigParameters(actuator=KNEE_ACTUATOR, mass_as_printed=True)
-    assert_allclose(wrong.inertia(2.0) - RIG.inertia(2.0), 2.0 * (LEVER - LEVER**2))
-    assert_allclose(RIG.inertia(2.0), ARMATURE + LINK_INERTIA + 2.0 * LEVER**2)
+    wrong = BenchSetup(actuator=KNEE_ACTUATOR, mass_as_printed=True)
+    assert_allclose(wrong.inertia(2.0) - BENCH.inertia(2.0), 2.0 * (LEVER - LEVER**2))
+    assert_allclose(BENCH.inertia(2.0), ARMATURE + LINK_INERTIA + 2.0 * LEVER**2)
 
 
 def test_the_first_angle_is_set_to_ninety_degrees():
     columns = quiet(swing(TIME, 0.6, 3.0, 0.4))
     shifted = {**columns, "position_rad": columns["position_rad"] - columns["position_rad"][0] + 17.0}
-    set_to = RigParameters(actuator=KNEE_ACTUATOR, start_angle=columns["position_rad"][0])
-    one = process_log(as_log(columns), RIG, ProcessingOptions())
+    set_to = BenchSetup(actuator=KNEE_ACTUATOR, start_angle=columns["position_rad"][0])
+    one = process_log(as_log(columns), BENCH, ProcessingOptions())
     other = process_log(as_log(shifted), set_to, ProcessingOptions())
     assert_allclose(other.torque, one.torque, atol=1e-9)
 
@@ -127,7 +127,7 @@ def test_zero_phase_filter_halves_the_amplitude_at_its_cutoff():
 @pytest.mark.parametrize("speed", [0.35, 0.38, 0.4, 0.45, 0.5, 0.6])
 def test_stops_stand_still_and_edges_are_rejected_and_counted(speed):
     motion = fall(TIME, speed)
-    test = process_log(as_log(quiet(motion)), RIG, ProcessingOptions())
+    test = process_log(as_log(quiet(motion)), BENCH, ProcessingOptions())
     counts, stopped = test.counts, np.radians(125.0)
     assert counts["used"] + counts["stop"] + counts["standstill"] + counts["reversal"] + counts[
         "edge"
@@ -144,7 +144,7 @@ def test_the_thesis_pipeline_finds_the_same_stops_and_is_biased_by_its_late_velo
     for processing in (Processing.ZERO_PHASE, Processing.THESIS):
         options = ProcessingOptions(processing=processing)
         drops = campaign(3, tests=3, two_way=False, duration=3.0, noise=QUIET)
-        tests = [process_log(as_log(log, mass), RIG, options) for mass, log in drops]
+        tests = [process_log(as_log(log, mass), BENCH, options) for mass, log in drops]
         assert all(test.counts["stop"] > 50 for test in tests)
         choice = IdentificationOptions(models=("rotational",), cross_validation=False)
         found = identify_tests(tests, choice)
@@ -162,17 +162,17 @@ def test_stand_still_without_an_impact_is_counted_as_such():
     pause = np.concatenate([np.full(2000, angle[0]), angle])
     still = np.zeros(2000)
     motion = (pause, np.concatenate([still, velocity]), np.concatenate([still, acceleration]))
-    test = process_log(as_log(quiet(motion)), RIG, ProcessingOptions())
+    test = process_log(as_log(quiet(motion)), BENCH, ProcessingOptions())
     assert 170 <= test.counts["standstill"] <= 230
 
 
 def test_both_currents_can_be_chosen():
     columns = quiet(swing(TIME, 0.6, 3.0, 0.4))
     columns["target_current_A"] = columns["target_current_A"] + 0.1
-    measured = process_log(as_log(columns), RIG, ProcessingOptions())
-    target = process_log(as_log(columns), RIG, ProcessingOptions(current=CurrentSource.TARGET))
+    measured = process_log(as_log(columns), BENCH, ProcessingOptions())
+    target = process_log(as_log(columns), BENCH, ProcessingOptions(current=CurrentSource.TARGET))
     assert_allclose(target.torque - measured.torque, 0.1 * 7.05, rtol=1e-6)
-    thesis = process_log(as_log(columns), RIG, ProcessingOptions(processing=Processing.THESIS))
+    thesis = process_log(as_log(columns), BENCH, ProcessingOptions(processing=Processing.THESIS))
     assert np.median(thesis.torque[thesis.used]) > np.median(measured.torque[measured.used])
 
 
@@ -182,7 +182,7 @@ def test_the_thesis_pipeline_is_biased_and_zero_phase_is_not():
     for processing in (Processing.ZERO_PHASE, Processing.THESIS):
         options = ProcessingOptions(processing=processing)
         tests = [
-            process_log(as_log(log, mass), RIG, options) for mass, log in campaign(3, tests=4, noise=QUIET)
+            process_log(as_log(log, mass), BENCH, options) for mass, log in campaign(3, tests=4, noise=QUIET)
         ]
         choice = IdentificationOptions(models=("rotational",), cross_validation=False)
         found = identify_tests(tests, choice).models[0]
@@ -198,7 +198,8 @@ def test_a_campaign_of_files_gives_table_3_1_back(tmp_path):
         write_log(tmp_path / f"knee_{mass:g}kg_{number}.log", columns)
         for number, (mass, columns) in enumerate(campaign(2, tests=3, duration=4.0))
     ]
-    result = identify_logs(paths, IdentificationOptions(rig=RIG, models=("rotational", "coulomb_viscous")))
+    options = IdentificationOptions(bench=BENCH, models=("rotational", "coulomb_viscous"))
+    result = identify_logs(paths, options)
     best = result.models[0]
     assert best.name == "rotational"
     assert {test.mass for test in result.tests} == {1.0, 1.5, 2.0, 2.5, 3.0}
@@ -314,22 +315,22 @@ SWING = quiet(swing(TIME, 0.6, 3.0, 0.4))
 )
 def test_a_log_that_cannot_be_used_is_refused_in_one_line(columns, message):
     with pytest.raises(ParameterFileError, match=message) as error:
-        process_log(as_log(columns), RIG, ProcessingOptions())
+        process_log(as_log(columns), BENCH, ProcessingOptions())
     assert "\n" not in str(error.value)
 
 
 def test_a_log_without_a_weight_is_refused():
     with pytest.raises(ParameterFileError, match="does not say which weight"):
-        process_log(as_log(SWING, None), RIG, ProcessingOptions())
+        process_log(as_log(SWING, None), BENCH, ProcessingOptions())
 
 
 def test_gaps_duplicates_and_nan_do_not_change_the_friction():
-    whole = process_log(as_log(SWING), RIG, ProcessingOptions())
+    whole = process_log(as_log(SWING), BENCH, ProcessingOptions())
     rows = np.setdiff1d(np.arange(5000), np.arange(2000, 2300))
     holed = {name: values[rows].copy() for name, values in SWING.items()}
     holed["measured_current_A"][100] = math.nan
     holed = {name: np.insert(values, 500, values[500]) for name, values in holed.items()}
-    test = process_log(as_log(holed), RIG, ProcessingOptions())
+    test = process_log(as_log(holed), BENCH, ProcessingOptions())
     assert (test.counts["not_a_number"], test.counts["duplicate_time"]) == (1, 1)
     assert test.counts["edge"] > whole.counts["edge"] + 28
     expected = rotational(test.velocity, KNEE)

@@ -24,9 +24,9 @@ from twin_gait.core.friction_models import (
     two_velocity_torque,
 )
 from twin_gait.identification import MODELS
-from twin_gait.identification.bristle import bristle_deflection, remembered_start
 from twin_gait.identification.fitting import Fit, bounds
-from twin_gait.identification.lineage import inherited_starts
+from twin_gait.identification.laws import bristle_deflection, remembered_start
+from twin_gait.identification.models import inherited_starts
 from twin_gait.identification.refining import jacobian
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests
 

@@ -15,19 +15,25 @@ from synthetic_run import synthetic_run
 from twin_gait.conventions import OPENSIM_GAIT2392, RAJAGOPAL
 from twin_gait.export import export_csv, export_motion
 from twin_gait.gait.table import TICK
-from twin_gait.measures.assistance import (
+from twin_gait.measures.effort import (
+    battery_life,
     interaction_torque,
     opposing_torque,
     positive_work,
     root_mean_square,
     share_of_work,
 )
-from twin_gait.measures.effort import battery_life
-from twin_gait.measures.gait_score import gait_profile_score, gait_variable_score
 from twin_gait.measures.leg_record import leg_record
-from twin_gait.measures.spatiotemporal import cadence, double_support_share, step_times, stride_lengths
-from twin_gait.measures.strides import normalise_strides, stride_extremes
-from twin_gait.replay.opensim import parse_storage
+from twin_gait.measures.reference import gait_profile_score, gait_variable_score
+from twin_gait.measures.strides import (
+    cadence,
+    double_support_share,
+    normalise_strides,
+    step_times,
+    stride_extremes,
+    stride_lengths,
+)
+from twin_gait.replay.tables import parse_storage
 from twin_gait.vocabulary import JointName, Side
 
 # ---------------------------------------------------------------- steps

@@ -12,10 +12,14 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.measures.clearance import scuffs, swing_clearances, swings
-from twin_gait.measures.effort import battery_use, changes_at_switches, load, saturation_shares
-from twin_gait.measures.energy import energy_balance
-from twin_gait.measures.foot_contact import FootContacts, find_foot_contacts
+from twin_gait.measures.effort import (
+    battery_use,
+    changes_at_switches,
+    energy_balance,
+    load,
+    saturation_shares,
+)
+from twin_gait.measures.foot_contact import FootContacts, find_foot_contacts, scuffs, swing_clearances, swings
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.phases import (
     entry_lags,

@@ -13,7 +13,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli.program import main
 from twin_gait.cli.simulate import summary_lines
 from twin_gait.measures.leg_record import LegRecord
-from twin_gait.measures.verdict import (
+from twin_gait.measures.outcome import (
     HIGHEST_FLIGHT_SHARE,
     HIGHEST_STRIDE_VARIATION,
     LONGEST_STRIDE,
@@ -21,10 +21,10 @@ from twin_gait.measures.verdict import (
     gait_verdict,
 )
 from twin_gait.report.run_figures import draw_cycle
-from twin_gait.runs.summary.summary import summarise
+from twin_gait.runs.summary import summarise
 from twin_gait.simulation import RunStatus
 from twin_gait.studies.batch import flat_summary
-from twin_gait.studies.faults.faults import fault_row
+from twin_gait.studies.fault_campaign import fault_row
 from twin_gait.vocabulary import JointName, Outcome, Side
 
 TICK = 1e-3

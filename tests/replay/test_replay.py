@@ -10,7 +10,7 @@ import pytest
 from table_builder import phase, transition, two_phase_table
 
 from twin_gait import load_experiment, simulate
-from twin_gait.configuration import packaged_gait_table
+from twin_gait.configuration import load_gait_table
 from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileError
 from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.table import TICK, GaitTable
@@ -25,9 +25,9 @@ from twin_gait.replay import (
     replay,
     stride_period,
 )
+from twin_gait.replay.agreement import meant_cycles, stride_phases
+from twin_gait.replay.machine import needed_signals
 from twin_gait.replay.reading import shifted
-from twin_gait.replay.requirements import needed_signals
-from twin_gait.replay.strides import meant_cycles, stride_phases
 from twin_gait.vocabulary import JointName, Side
 
 HIP, KNEE = JointName.HIP, JointName.KNEE
@@ -186,12 +186,12 @@ def assert_walks(result: Replay, cycle_time: float) -> None:
 @pytest.mark.parametrize("speed", [1.0, 1.5, 3.0, 5.0])
 def test_healthy_walking_passes_through_all_five_phases_of_the_treadmill_table(speed):
     walk = normative_walk(f"koopman@{speed}", strides=4)
-    assert_walks(replay(walk.recording, packaged_gait_table("treadmill")), walk.cycle_time)
+    assert_walks(replay(walk.recording, load_gait_table("treadmill")), walk.cycle_time)
 
 
 def test_healthy_walking_at_1_5_km_per_h_changes_phase_where_the_documentation_says():
     walk = normative_walk("koopman@1.5", strides=3)
-    switches = replay(walk.recording, packaged_gait_table("treadmill")).switches
+    switches = replay(walk.recording, load_gait_table("treadmill")).switches
     entries = {item.target: item.time for item in switches if item.side is Side.LEFT}  # the last of each
     share = {name: 100.0 * (instant / walk.cycle_time % 1.0) for name, instant in entries.items()}
     # Heel contact is at 0 %.
@@ -206,7 +206,7 @@ def test_healthy_walking_at_1_5_km_per_h_changes_phase_where_the_documentation_s
 
 def test_slower_walking_needs_a_table_whose_steps_shorten_with_the_speed():
     walk = normative_walk("koopman@0.75", strides=4)
-    written = packaged_gait_table("treadmill")
+    written = load_gait_table("treadmill")
     shortening = replace(written, scaling=replace(written.scaling, speed_exponent=0.12))
     scaled = scale_table(shortening, carried_mass=None, speed=walk.speed)
     assert_walks(replay(walk.recording, scaled), walk.cycle_time)
@@ -218,12 +218,12 @@ def test_slower_walking_needs_a_table_whose_steps_shorten_with_the_speed():
 
 def test_faster_walking_passes_through_the_table_of_the_bench_too():
     walk = normative_walk("koopman@4", strides=4)
-    assert_walks(replay(walk.recording, packaged_gait_table("bench_leg")), walk.cycle_time)
+    assert_walks(replay(walk.recording, load_gait_table("bench_leg")), walk.cycle_time)
 
 
 def test_the_walk_of_winter_passes_once_its_hip_is_measured_from_koopmans_zero():
     walk = normative_walk("winter", strides=4)
-    table = packaged_gait_table("treadmill")
+    table = load_gait_table("treadmill")
     percent = np.arange(0.0, CYCLE, 0.5)
     koopman = reference_curve(HIP, percent, speed=walk.speed, height=1.75)
     hip = walk.recording.angles[Side.LEFT][HIP]
@@ -280,7 +280,7 @@ def test_a_mirrored_leg_is_the_other_leg_of_a_symmetric_walk():
     for joint, values in both.angles[Side.RIGHT].items():
         # Half a stride is a whole number of ticks here, half a tick off at most.
         np.testing.assert_allclose(values, walk.recording.angles[Side.RIGHT][joint][half:], atol=3e-3)
-    assert_walks(replay(both, packaged_gait_table("treadmill")), walk.cycle_time)
+    assert_walks(replay(both, load_gait_table("treadmill")), walk.cycle_time)
 
 
 def test_a_leg_that_does_not_repeat_cannot_be_mirrored_without_a_stride_time():

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from twin_gait.conventions import CORC_X2, OPENSIM_GAIT2392, OSL, RAJAGOPAL, find_convention
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.replay import LogFormat, Recording, read_recording
-from twin_gait.replay.opensim import parse_storage
+from twin_gait.replay.tables import parse_storage
 from twin_gait.vocabulary import JointName, Side
 
 HIP, KNEE, ANKLE = JointName.HIP, JointName.KNEE, JointName.ANKLE

@@ -33,7 +33,7 @@ from synthetic_run import (
 import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.gait.table import TICK
-from twin_gait.runs.summary.summary import summarise, versions
+from twin_gait.runs.summary import summarise, versions
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run, RunStatus
 

@@ -19,14 +19,14 @@ from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.export import export_motion
 from twin_gait.gait.table import TICK
-from twin_gait.measures.energy import energy_balance
+from twin_gait.measures.effort import energy_balance
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import normalise_strides, root_mean_square_error, stride_extremes
 from twin_gait.parameters import BraceParameters, SpringDamper
-from twin_gait.replay.opensim import parse_storage
+from twin_gait.replay.tables import parse_storage
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.run_figures import draw_angles, draw_energy
-from twin_gait.runs.summary.summary import summarise
+from twin_gait.runs.summary import summarise
 from twin_gait.scenario import World, bracing
 from twin_gait.simulation.columns import BRACED_WORK_SOURCES
 from twin_gait.simulation.pinocchio.plant import PinocchioPlant

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from injected_faults.audit import audit, breach_tick, hold_start, stated_reaction
 from test_treadmill_gait import CHANGES, NOISE
 
 from twin_gait import load_experiment, simulate
@@ -11,7 +12,6 @@ from twin_gait.control import Controller, JointMeasurement, JointSetpoint, TripC
 from twin_gait.exceptions import MeasurementError, TwinGaitError
 from twin_gait.gait.table import TICK
 from twin_gait.parameters import KNEE_FRICTION
-from twin_gait.studies.faults.audit import audit, breach_tick, hold_start, stated_reaction
 from twin_gait.vocabulary import JointName, Side
 
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.5}"

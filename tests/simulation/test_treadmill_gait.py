@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from twin_gait import RunStatus, load_experiment, simulate
-from twin_gait.runs.summary.summary import summarise
+from twin_gait.runs.summary import summarise
 from twin_gait.simulation.columns import WORK_SOURCES
 
 SIDES = ("left", "right")

@@ -17,11 +17,11 @@ from numpy.testing import assert_allclose
 
 from twin_gait.cli import bench as command
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
-from twin_gait.identification.processing import ProcessingOptions, process_log
-from twin_gait.identification.quantities import Quantity
+from twin_gait.identification.bench import BenchSetup, ProcessingOptions
+from twin_gait.identification.bench import LoadAngle as BenchLoadAngle
+from twin_gait.identification.columns import Quantity
+from twin_gait.identification.processing import process_log
 from twin_gait.identification.reading import read_log
-from twin_gait.identification.rig import LoadAngle as RigLoadAngle
-from twin_gait.identification.rig import RigParameters
 from twin_gait.parameters import KNEE_ACTUATOR
 from twin_gait.scenario.bench_joint import LinkParameters, LoadAngle
 from twin_gait.simulation.bench_joint import LOG_COLUMNS, simulate_bench
@@ -151,11 +151,11 @@ def logs_of(plans: Sequence[PlannedTest], folder: Path) -> list[Path]:
 
 def test_reader_of_the_identification_finds_the_friction_that_was_put_in(tmp_path: Path) -> None:
     plans = planned_tests(Campaign(joint=KNEE, protocol=Protocol.TWO_WAY, seed=2))[::11]
-    rig = RigParameters(actuator=KNEE_ACTUATOR)
+    bench = BenchSetup(actuator=KNEE_ACTUATOR)
     for path, plan in zip(logs_of(plans, tmp_path), plans, strict=True):
         log = read_log(path)
         assert log.mass == plan.mass and Quantity.MEASURED_CURRENT in log.columns
-        test = process_log(log, rig, ProcessingOptions())
+        test = process_log(log, bench, ProcessingOptions())
         truth = plan.variation.friction_ratio * friction_bench.rotational(test.velocity, friction_bench.KNEE)
         error = (test.torque - truth)[test.used]
         assert test.used.sum() > 300
@@ -166,10 +166,10 @@ def test_reader_of_the_identification_finds_the_friction_that_was_put_in(tmp_pat
 
 
 def test_bench_and_identification_reckon_with_the_same_rig() -> None:
-    rig, link = RigParameters(actuator=KNEE_ACTUATOR), LinkParameters(mass=2.5)
-    assert (rig.lever, rig.link_inertia, rig.link_moment) == (link.lever, link.inertia, link.moment)
-    assert_allclose(rig.inertia(2.5), KNEE_ACTUATOR.armature + link.total_inertia)
-    assert set(LoadAngle) == set(RigLoadAngle)
+    bench, link = BenchSetup(actuator=KNEE_ACTUATOR), LinkParameters(mass=2.5)
+    assert (bench.lever, bench.link_inertia, bench.link_moment) == (link.lever, link.inertia, link.moment)
+    assert_allclose(bench.inertia(2.5), KNEE_ACTUATOR.armature + link.total_inertia)
+    assert set(LoadAngle) == set(BenchLoadAngle)
 
 
 def test_existing_folder_is_refused_and_left_alone(tmp_path: Path) -> None:

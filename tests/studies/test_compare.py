@@ -22,7 +22,7 @@ from twin_gait.cli.terminal import DONE
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.experiment import AssistanceParameters, ControlMode, Experiment
-from twin_gait.replay.winter1991 import ANGLES
+from twin_gait.measures.winter1991 import normative_angle
 from twin_gait.studies.compare.comparing import (
     CONTROLLERS,
     TWINCARE_SHARE,
@@ -195,9 +195,13 @@ def test_assistance_in_full_and_in_part_is_what_was_set(stroke):
 
 
 def test_natural_gait_is_that_of_the_published_table():
-    for number, joint in enumerate((JointName.HIP, JointName.KNEE)):
-        cycle = np.degrees(winter_cycle(joint))
-        assert_allclose(cycle[2:100:2], [row[number] for row in ANGLES[1:50]], atol=0.05)
+    published = {JointName.HIP: (18.92, -10.91, 19.18), JointName.KNEE: (7.0, 20.96, 0.54)}  # 2, 54 and 98 %
+    for joint, degrees in published.items():
+        cycle = winter_cycle(joint)
+        assert_allclose(np.degrees(normative_angle(joint, np.array([2.0, 54.0, 98.0]))), degrees, atol=1e-9)
+        assert_allclose(
+            cycle[2:99:2], normative_angle(joint, np.arange(2.0, 99.0, 2.0)), atol=np.radians(0.05)
+        )
 
 
 def test_fall_has_no_gait_but_its_time(stroke):

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from twin_gait.cli import tune as command
 from twin_gait.configuration import load_experiment
 from twin_gait.configuration.documents import table_document
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping, packaged_gait_table
+from twin_gait.configuration.gait_table_file import gait_table_from_mapping, load_gait_table
 from twin_gait.exceptions import (
     MissingOptionalDependency,
     ParameterError,
@@ -52,7 +52,7 @@ from twin_gait.vocabulary import Side
 
 @pytest.fixture(scope="module")
 def shipped() -> GaitTable:
-    return packaged_gait_table("treadmill")
+    return load_gait_table("treadmill")
 
 
 def _parse(document: Mapping[str, Any]) -> GaitTable:
@@ -89,7 +89,7 @@ def test_the_start_gives_the_table_that_it_began_with(shipped: GaitTable) -> Non
 
 @given(data=st.data())
 def test_another_value_changes_one_number_and_nothing_else(data: st.DataObject) -> None:
-    table = packaged_gait_table("treadmill")
+    table = load_gait_table("treadmill")
     document = editable_document(table)
     parameter = data.draw(st.sampled_from(parameters_of(table)))
     coordinate = data.draw(st.floats(0.0, 1.0))

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from twin_gait.checking.check import check, counts, load_subject
+from twin_gait.checking.check import check, counts, load_case
 from twin_gait.cli import tune as command
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.configuration.documents import experiment_document
@@ -21,7 +21,7 @@ from twin_gait.experiment import Engine
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.reference import reference_curve
 from twin_gait.report import tune as pictures
-from twin_gait.runs.summary.summary import summarise
+from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune import outcome, stages
@@ -171,7 +171,7 @@ def test_the_table_that_is_written_is_the_one_that_walked(folder: Path, told: di
 
 
 def test_the_table_passes_the_check(folder: Path, told: dict[str, Any]) -> None:
-    found = counts(check(load_subject(folder / "table.yaml", "treadmill")))
+    found = counts(check(load_case(folder / "table.yaml", "treadmill")))
     assert found["errors"] == 0
     assert {key: told["check"][key] for key in found} == found
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from twin_gait.configuration.table_inheritance import packaged_table_path
+from twin_gait.configuration.table_inheritance import gait_table_path
 
 # Once the package is installed its entry point loads the plugin; -p would load it twice.
 _INSTALLED = any(
@@ -22,7 +22,7 @@ LOAD = [] if _INSTALLED else ["-p", "twin_gait.testing.plugin"]
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A folder with a gait table and a test of something else."""
-    shutil.copy(packaged_table_path("treadmill"), tmp_path / "walk.yaml")
+    shutil.copy(gait_table_path("treadmill"), tmp_path / "walk.yaml")
     (tmp_path / "test_other.py").write_text("def test_of_another_matter():\n    assert True\n")
     return tmp_path
 
@@ -49,7 +49,7 @@ def test_table_is_tested_beside_other_tests(folder: Path) -> None:
 
 
 def test_two_tables_and_a_selection(folder: Path) -> None:
-    shutil.copy(packaged_table_path("bench_leg"), folder / "bench.yaml")
+    shutil.copy(gait_table_path("bench_leg"), folder / "bench.yaml")
     done = run(
         folder, "--gait-table", "walk.yaml", "--gait-table", "bench.yaml", "-k", "closed and anew", "-v"
     )

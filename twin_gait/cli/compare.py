@@ -7,15 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from twin_gait.cli import options
-from twin_gait.cli.terminal import (
-    DONE,
-    INTERRUPTED,
-    answer,
-    note_compilation,
-    progress_bar,
-    stop_on_interrupt,
-)
+from twin_gait.cli import options, terminal
+from twin_gait.cli.terminal import DONE, INTERRUPTED
 
 # [s] of each run: assistance that adapts from stride to stride takes some twenty of them to settle.
 DURATION = 60.0
@@ -79,21 +72,14 @@ def run(arguments: argparse.Namespace) -> int:
     check_target(out, COMPARISON, force=arguments.force)
     experiment = options.experiment_of(arguments, f"duration_s={DURATION:g}").experiment
     try:
-        with stop_on_interrupt() as should_stop, progress_bar("compare", "run") as progress:
-            comparison = compare(
-                experiment,
-                controllers,
-                seeds=arguments.seeds,
-                progress=progress,
-                should_stop=should_stop,
-                on_compile=note_compilation,
-            )
+        with terminal.watched("compare", "run") as watch:
+            comparison = compare(experiment, controllers, seeds=arguments.seeds, **watch)
     except ComparisonInterrupted as error:
         print(f"twin-gait: {error}", file=sys.stderr)
         return INTERRUPTED
     write_comparison(comparison, who, out, force=arguments.force)
     text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in conclusions(comparison))
-    answer(
+    terminal.answer(
         arguments,
         [text, "", str(out / PAGE_FILE)],
         lambda: {**json.loads(summary_text(comparison, who)), "directory": out},

@@ -93,20 +93,20 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write and print."""
     from twin_gait.identification import identify_logs
-    from twin_gait.runs.folders import check_target
-    from twin_gait.studies.identify import (
+    from twin_gait.identification.writing import (
         COMPENSATOR_FILE,
         IDENTIFICATION,
         PLANT_FILE,
         write_identification,
     )
+    from twin_gait.runs.folders import check_target
     from twin_gait.vocabulary import JointName
 
-    options = make_options(arguments)
+    chosen = make_options(arguments)
     check_target(arguments.out, IDENTIFICATION, force=arguments.force)
     paths = list(_files(arguments.logs))
     with progress_bar("identifying", "step") as progress:
-        result = identify_logs(paths, options, progress)
+        result = identify_logs(paths, chosen, progress)
     joint = None if arguments.joint is None else JointName(arguments.joint)
     document = write_identification(
         result, arguments.out, joint, force=arguments.force, pictures=not arguments.no_pictures
@@ -119,7 +119,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _why_no_file(document: Mapping[str, Any]) -> str:
-    from twin_gait.studies.identify import LAW_OF_THE_PLANT
+    from twin_gait.identification.writing import LAW_OF_THE_PLANT
 
     if document["joint"] is None:
         return "say whose friction it is with --joint"
@@ -131,11 +131,7 @@ def _why_no_file(document: Mapping[str, Any]) -> str:
 
 
 def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
-    """Turn arguments into options.
-
-    Raises:
-        ParameterError: If one cannot be read or is out of range.
-    """
+    """Turn arguments into options."""
     from twin_gait.identification import (
         CurrentSource,
         FitOptions,
@@ -147,7 +143,7 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
     )
     from twin_gait.parameters import require
 
-    require(arguments.seed >= 0, "--seed", "a whole options.number of 0 or more", arguments.seed)
+    require(arguments.seed >= 0, "--seed", "a whole number of 0 or more", arguments.seed)
     processing = options.given(
         processing=None if arguments.processing is None else Processing(arguments.processing),
         cutoff=arguments.cutoff_Hz,
@@ -158,7 +154,7 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
         columns=LogColumns(
             names=_pairs("--columns", arguments.columns), units=_pairs("--units", arguments.units)
         ),
-        rig=_bench(arguments),
+        bench=_bench(arguments),
         processing=ProcessingOptions(**processing),
         fit=FitOptions(loss=Loss(arguments.loss), physical=arguments.physical, seed=arguments.seed),
         models=tuple(name.strip() for item in arguments.model for name in item.split(",") if name.strip()),
@@ -170,7 +166,7 @@ def _bench(arguments: argparse.Namespace) -> Any:
     """The bench; None without a joint, whose motor would be unknown."""
     import math
 
-    from twin_gait.identification import LoadAngle, RigParameters
+    from twin_gait.identification import BenchSetup, LoadAngle
     from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
 
     if arguments.joint is None:
@@ -184,11 +180,9 @@ def _bench(arguments: argparse.Namespace) -> Any:
     if arguments.start_angle_deg == "as-logged":
         stated["start_angle"] = None
     elif arguments.start_angle_deg is not None:
-        degrees = options.number(
-            "--start-angle-deg", arguments.start_angle_deg, "a options.number or as-logged"
-        )
+        degrees = options.number("--start-angle-deg", arguments.start_angle_deg, "a number or as-logged")
         stated["start_angle"] = math.radians(degrees)
-    return RigParameters(
+    return BenchSetup(
         actuator=KNEE_ACTUATOR if arguments.joint == "knee" else HIP_ACTUATOR,
         load_angle=LoadAngle(arguments.load_angle),
         mass_as_printed=arguments.mass_inertia_as_printed,
@@ -207,7 +201,7 @@ def _pairs(flag: str, text: str) -> dict[Any, str]:
 
 
 def _files(paths: list[Path]) -> Iterator[Path]:
-    """Files as options.given, and those of folders by name."""
+    """Files as given, and those of folders by name."""
     from twin_gait.exceptions import ParameterError
 
     for path in paths:

@@ -66,12 +66,7 @@ def check_port(port: int) -> None:
 
 
 def add_experiment(parser: argparse.ArgumentParser, *, seconds: str = "that of the experiment") -> None:
-    """Add the experiment, all that changes it, and ``--unchecked``; :func:`experiment_of` reads them.
-
-    Args:
-        parser: Of the command.
-        seconds: How long a run lasts without ``--duration``, for the help.
-    """
+    """Add the experiment, all that changes it, and ``--unchecked``; :func:`experiment_of` reads them."""
     parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
     add_settings(parser)
     _add_shorthand(parser, "--duration", "S", "duration_s", f"simulated time in s ({seconds})")
@@ -122,18 +117,7 @@ def add_unchecked(parser: argparse.ArgumentParser) -> None:
 
 
 def experiment_of(arguments: argparse.Namespace, *defaults: str) -> LoadedExperiment:
-    """The experiment that the user asked for, its gait table checked.
-
-    Args:
-        arguments: Of the command.
-        defaults: Settings that those of the user replace.
-
-    Returns:
-        The experiment.
-
-    Raises:
-        TwinGaitError: If it has a mistake, or its table an error and ``--unchecked`` is not given.
-    """
+    """The experiment that the user asked for, its gait table checked."""
     from twin_gait.configuration import load_experiment
 
     loaded = load_experiment(arguments.experiment, [*defaults, *arguments.settings])
@@ -144,16 +128,7 @@ def experiment_of(arguments: argparse.Namespace, *defaults: str) -> LoadedExperi
 
 
 def check_table(experiment: Experiment, source: str | None = None, settings: Sequence[str] = ()) -> None:
-    """Stop at errors of the gait table, and say on one line how many warnings there are.
-
-    Args:
-        experiment: What is going to run.
-        source: How the user named it; None if 'twin-gait check' could not be told.
-        settings: What they laid over it.
-
-    Raises:
-        GaitTableError: If there is an error.
-    """
+    """Stop at errors of the gait table, and say on one line how many warnings there are."""
     import shlex
 
     from twin_gait.checking.check import check_before_run, counts
@@ -201,11 +176,7 @@ def add_runner(parser: argparse.ArgumentParser) -> None:
 
 
 def workers_of(arguments: argparse.Namespace) -> int:
-    """How many processes the user wants.
-
-    Raises:
-        ParameterError: If there are fewer than 1, or there is a scheduler too.
-    """
+    """How many processes the user wants."""
     if arguments.workers is None:
         return PROCESSORS
     if getattr(arguments, "scheduler", None) is not None:
@@ -216,12 +187,7 @@ def workers_of(arguments: argparse.Namespace) -> int:
 
 
 def runner_of(arguments: argparse.Namespace) -> Workers:
-    """The processes of this machine, or the cluster, that the user asked for; a context that ends them.
-
-    Raises:
-        ParameterError: If there are fewer than 1, or there is no scheduler at the address.
-        MissingOptionalDependency: If a cluster is asked for and dask.distributed is not installed.
-    """
+    """The processes of this machine, or the cluster, that the user asked for; a context that ends them."""
     from twin_gait.studies.jobs import Workers
 
     return Workers(workers_of(arguments), arguments.scheduler)
@@ -231,16 +197,7 @@ def runner_of(arguments: argparse.Namespace) -> Workers:
 
 
 def check_file(flag: str, path: Path, *, force: bool) -> None:
-    """Refuse a file that cannot be written, before any work is done for it.
-
-    Args:
-        flag: By which the user named it.
-        path: The file.
-        force: Whether an existing file may be replaced.
-
-    Raises:
-        RunDirectoryError: If it exists, is a directory, or would lie in none.
-    """
+    """Refuse a file that cannot be written, before any work is done for it."""
     if path.is_dir():
         raise RunDirectoryError(f"{flag} {path}: is a directory; name a file")
     if path.exists() and not force:
@@ -250,11 +207,7 @@ def check_file(flag: str, path: Path, *, force: bool) -> None:
 
 
 def pairs(flag: str, text: str, allowed: list[str] | None = None) -> dict[str, str]:
-    """Read ``a=b,c=d``.
-
-    Raises:
-        ParameterError: If it is no such text, has a key twice, or one that is not allowed.
-    """
+    """Read ``a=b,c=d``."""
     found: dict[str, str] = {}
     for part in filter(None, (item.strip() for item in text.split(","))):
         key, separator, value = (item.strip() for item in part.partition("="))
@@ -269,11 +222,7 @@ def pairs(flag: str, text: str, allowed: list[str] | None = None) -> dict[str, s
 
 
 def number(flag: str, text: str, expected: str = "a number") -> float:
-    """Read a finite number.
-
-    Raises:
-        ParameterError: If it is none, with what was expected.
-    """
+    """Read a finite number."""
     import math
 
     try:

@@ -10,9 +10,9 @@ from twin_gait.cli import options
 from twin_gait.cli.terminal import DONE, answer, progress_bar
 
 if TYPE_CHECKING:
-    from twin_gait.studies.replay.log import ReplayRequest
+    from twin_gait.replay.request import ReplayRequest
 
-FOUND = "found"  # --mirror without a options.number: the stride time is found in the angles
+FOUND = "found"  # --mirror without a number: the stride time is found in the angles
 
 
 def add_parser(commands: Any) -> None:
@@ -61,8 +61,8 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Replay, print and write."""
-    from twin_gait.studies.replay.log import replay_log
-    from twin_gait.studies.replay.record import summarise_replay, write_replay
+    from twin_gait.replay.request import replay_log
+    from twin_gait.replay.writing import summarise_replay, write_replay
 
     request = make_request(arguments)
     with progress_bar("replaying", "tick") as progress:
@@ -76,17 +76,13 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def make_request(arguments: argparse.Namespace) -> ReplayRequest:
-    """Turn arguments into a request.
-
-    Raises:
-        ParameterError: If one cannot be read.
-    """
+    """Turn arguments into a request."""
     import math
 
     from twin_gait.conventions import find_convention
     from twin_gait.measures.reference import KILOMETRES_PER_HOUR
     from twin_gait.replay import LogFormat
-    from twin_gait.studies.replay.log import ReplayRequest
+    from twin_gait.replay.request import ReplayRequest
     from twin_gait.vocabulary import JointName, Side
 
     offsets = options.pairs("--offset-deg", arguments.offset_deg, [str(joint) for joint in JointName])

@@ -76,11 +76,11 @@ def _text_of(name: str | None, *, as_table: bool) -> str:
     from twin_gait.configuration import load_experiment, packaged_gait_tables, presets
     from twin_gait.configuration.documents import dump_yaml
     from twin_gait.configuration.people import people, person_text
-    from twin_gait.configuration.table_inheritance import packaged_table_path
+    from twin_gait.configuration.table_inheritance import gait_table_path
 
     tables = packaged_gait_tables()
     if name in tables and (as_table or name not in presets()):
-        return packaged_table_path(name).read_text(encoding="utf-8")
+        return gait_table_path(name).read_text(encoding="utf-8")
     if name is None or as_table:
         raise ParameterError(f"--as-table: expected one of {', '.join(tables)}, got {name}")
     return person_text(name) if name in people() else dump_yaml(load_experiment(name).document)
@@ -95,9 +95,9 @@ def _listed(title: str, entries: Mapping[str, str]) -> Iterator[str]:
 
 def draw_diagram(arguments: argparse.Namespace) -> int:
     """Print one format, or write one or all into a folder."""
-    from twin_gait.configuration import find_gait_table
+    from twin_gait.configuration import load_gait_table
 
-    table = find_gait_table(arguments.table)
+    table = load_gait_table(arguments.table)
     if arguments.out is None:
         print(_writers()[arguments.format or "transitions"](table), end="")
         return DONE
@@ -128,9 +128,9 @@ def _write_diagrams(table: GaitTable, folder: Path, formats: list[str], *, force
 
 
 def _writers() -> dict[str, Callable[[GaitTable], str]]:
-    from twin_gait.report.diagram_mermaid import state_diagram_mermaid
+    from twin_gait.gait.documents import transition_table, truth_table
+    from twin_gait.report.diagram_words import state_diagram_mermaid
     from twin_gait.report.state_diagram import state_diagram_svg
-    from twin_gait.report.state_tables import transition_table, truth_table
 
     return {
         "svg": state_diagram_svg,

@@ -9,7 +9,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +96,14 @@ def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
             bar.update(done - bar.n)
 
         yield update
+
+
+@contextmanager
+def watched(title: str, unit: str, should_stop: Callable[[], bool] | None = None) -> Iterator[dict[str, Any]]:
+    """Progress bar, request to stop and word on compiling, as what takes its time takes them."""
+    stopping = stop_on_interrupt() if should_stop is None else nullcontext(should_stop)
+    with stopping as asked, progress_bar(title, unit) as progress:
+        yield {"progress": progress, "should_stop": asked, "on_compile": note_compilation}
 
 
 def interrupted(hint: str) -> int:

@@ -152,7 +152,6 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
         The mapping; reading it gives an equal experiment.
     """
     asked, scenario, patient = experiment.integration, experiment.scenario, experiment.patient
-    world = TreadmillEntry if isinstance(scenario, TreadmillScenario) else BenchLegEntry
     return {
         "schema_version": SCHEMA_VERSION,
         "name": experiment.name,
@@ -163,7 +162,9 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
         **({"faults": [str(item) for item in experiment.faults]} if experiment.faults else {}),
         "patient": None if patient is None else PatientEntry.document(patient),
         "interface": interface_document(experiment.interface),
-        "scenario": world.document(scenario),
+        "scenario": TreadmillEntry.document(scenario)
+        if isinstance(scenario, TreadmillScenario)
+        else BenchLegEntry.document(scenario),
         "leg": LegEntry.document(experiment.leg),
         "control": ControlEntry.document(experiment.control),
         "plant": PlantEntry.document(experiment.plant),

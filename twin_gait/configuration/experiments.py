@@ -15,11 +15,12 @@ from twin_gait.configuration.overrides import assign, merge, parse_assignments
 from twin_gait.configuration.people import SIDES, names_a_person, person_document
 from twin_gait.configuration.table_inheritance import (
     extended_table,
+    gait_table_path,
     own_entries_named,
     packaged_gait_tables,
     read_gait_table,
 )
-from twin_gait.configuration.validation import converting, read_yaml
+from twin_gait.configuration.validation import converting, read_yaml, renamed
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
@@ -76,7 +77,7 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
         elif keys == ["patient"] and names_a_person(value):
             data["patient"] = _person(value, path, f"{where} with --set")
     data["table"] = _resolve_table(data.get("table"), path)
-    document = complete_document(data, where, path.parent)
+    document = _complete_document(data, where, path.parent)
     changes = [item for item in assignments if not _names_a_whole(*item)]
     if changes:
         where = f"{where} with --set"
@@ -85,17 +86,8 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
     return LoadedExperiment(experiment_from_mapping(document, where, path.parent), document)
 
 
-def complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:
-    """Fill in every value that a mapping leaves to its default, units of the rest as typed.
-
-    Args:
-        data: A resolved mapping.
-        source: File name for messages.
-        folder: Folder that relative paths start from.
-
-    Returns:
-        A complete mapping.
-    """
+def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[str, Any]:
+    """Fill in every value that a mapping leaves to its default, units of the rest as typed."""
     experiment = experiment_from_mapping(data, source, folder)
     defaults = experiment_document(experiment)
     for wearer in (defaults["patient"], defaults["control"]["patient"]):
@@ -114,14 +106,6 @@ def resolved_document(
     made or changed in Python) everything is written in SI.
 
     An integrator and step that were left to the engine are written out.
-
-    Args:
-        experiment: The experiment.
-        typed: Complete mapping that it was loaded from, or None.
-        versions: Of the libraries.
-
-    Returns:
-        The mapping with the hashes of URDF and table and the versions.
     """
     document = experiment_document(experiment)
     table_hash = content_hash(document["table"])
@@ -152,7 +136,7 @@ def _find(source: str | Path) -> Path:
     if path.is_file():
         return path
     names = ", ".join(item.stem for item in sorted(_folder().glob("*.yaml")))
-    raise ParameterError(f"{source}: neither a preset ({names}) nor an experiment file")
+    raise ParameterError(f"{source}: neither a preset ({names}) nor an experiment file{renamed(source)}")
 
 
 def _names_a_whole(keys: Sequence[str | int], value: Any) -> bool:
@@ -170,13 +154,14 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
     if name is None:
         return data
     if not isinstance(name, str) or not (_folder() / f"{name}.yaml").is_file():
-        raise ParameterFileError(path, "preset", f"no preset {name!r}; there are {', '.join(presets())}")
+        known = ", ".join(presets())
+        raise ParameterFileError(path, "preset", f"no preset {name!r}; there are {known}{renamed(name)}")
     base = _resolve_preset(read_yaml(_folder() / f"{name}.yaml"), _folder() / f"{name}.yaml")
     rest = {key: value for key, value in data.items() if key != "preset"}
     table = rest.pop("table", base.get("table"))
     if isinstance(table, dict) and not {"schema_version", "extends"} & set(table):
         table = merge(_resolve_table(base.get("table"), path), table)
-    if named:  # he takes the place of the preset's, with nothing of it left underneath
+    if named:  # takes the place of the preset's wearer, with nothing of it left underneath
         base = {**base, "patient": None}
     return {**merge({**base, "name": path.stem}, rest), "table": table}
 
@@ -196,17 +181,8 @@ def _resolve_table(table: Any, path: Path) -> dict[str, Any]:
             "table",
             f"expected a packaged table ({', '.join(packaged_gait_tables())}), a path or a mapping",
         )
-    packaged = Path(str(files("twin_gait.configuration"))) / "tables" / f"{table}.yaml"
-    for candidate in (path.parent / table, Path(table).expanduser(), packaged):
-        if candidate.is_file():
-            data, places = read_gait_table(candidate)
-            with own_entries_named(places):  # while it is known what was written where
-                gait_table_from_mapping(data, str(candidate), candidate.stem)
-            return {"name": candidate.stem, **data}
-    return converting(str(path), "table", lambda: _no_table(table))
-
-
-def _no_table(table: str) -> dict[str, Any]:
-    raise ParameterError(
-        f"no gait table {table!r}: neither a file nor one of {', '.join(packaged_gait_tables())}"
-    )
+    found = converting(str(path), "table", lambda: gait_table_path(table, path.parent))
+    data, places = read_gait_table(found)
+    with own_entries_named(places):  # while it is known what was written where
+        gait_table_from_mapping(data, str(found), found.stem)
+    return {"name": found.stem, **data}

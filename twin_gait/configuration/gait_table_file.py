@@ -9,12 +9,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.table_inheritance import (
-    own_entries_named,
-    packaged_gait_tables,
-    packaged_table_path,
-    read_gait_table,
-)
+from twin_gait.configuration.table_inheritance import gait_table_path, own_entries_named, read_gait_table
 from twin_gait.configuration.validation import (
     DEGREE,
     Count,
@@ -174,61 +169,25 @@ class GaitTableFile(Strict):
     sides: dict[Side, dict[str, dict[str, Any]]] = Field(default_factory=dict)
 
 
-def load_gait_table(path: str | Path, *, draft: bool = False) -> GaitTable:
-    """Read a gait table from a YAML file.
+def load_gait_table(source: str | Path, *, draft: bool = False) -> GaitTable:
+    """Read a gait table.
 
     Args:
-        path: The file.
+        source: YAML file, or as a text the name of a table that ships with the package, such as
+            ``treadmill``.
         draft: Whether phases may lack exits or be out of reach, which a check reports itself.
 
     Returns:
         The table.
 
     Raises:
+        ParameterError: If there is no such table.
         ParameterFileError: If the file has a mistake; the message names file, key and value.
     """
-    path = Path(path)
+    path = source if isinstance(source, Path) else gait_table_path(source)
     data, places = read_gait_table(path)
     with own_entries_named(places):
         return gait_table_from_mapping(data, str(path), path.stem, draft=draft)
-
-
-def packaged_gait_table(name: str) -> GaitTable:
-    """Read a gait table that ships with the package.
-
-    Args:
-        name: For example ``treadmill``.
-
-    Returns:
-        The table.
-
-    Raises:
-        GaitTableError: If there is no such table.
-    """
-    return load_gait_table(packaged_table_path(name))
-
-
-def find_gait_table(source: str | Path, *, draft: bool = False) -> GaitTable:
-    """Read a gait table by the name of a packaged one, or by path.
-
-    Args:
-        source: Name or path.
-        draft: Whether phases without an exit are let through, as in :func:`load_gait_table`.
-
-    Returns:
-        The table as it is written.
-
-    Raises:
-        GaitTableError: If there is neither.
-        ParameterFileError: If the file has a mistake.
-    """
-    if str(source) in packaged_gait_tables():
-        return load_gait_table(packaged_table_path(str(source)), draft=draft)
-    path = Path(source).expanduser()
-    if not path.is_file():
-        names = ", ".join(packaged_gait_tables())
-        raise GaitTableError(f"{source}: neither a packaged gait table ({names}) nor a file")
-    return load_gait_table(path, draft=draft)
 
 
 def gait_table_from_mapping(

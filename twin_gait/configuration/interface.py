@@ -59,11 +59,7 @@ class InterfaceEntry(Strict):
         return self
 
     def convert(self) -> BraceParameters | None:
-        """Convert; None for one body.
-
-        Raises:
-            ParameterError: If a number is out of range; it begins with the place.
-        """
+        """Convert; None for one body."""
         if self.kind == "rigid":
             return None
         standard = BraceParameters()
@@ -78,14 +74,7 @@ class InterfaceEntry(Strict):
 
 
 def interface_document(braces: BraceParameters | None) -> dict[str, Any]:
-    """What binds wearer and device as the mapping of a file.
-
-    Args:
-        braces: The braces, or None for one body.
-
-    Returns:
-        The mapping; reading it gives the same.
-    """
+    """What binds wearer and device as the mapping of a file."""
     if braces is None:
         return {"kind": "rigid"}
     kinds = {name: TurningBraceEntry if name in list(JointName) else SlidingBraceEntry for name in PLACES}

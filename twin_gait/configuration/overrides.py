@@ -25,15 +25,7 @@ def quantity_of(key: str) -> str:
 
 
 def refuse_two_units(data: Mapping[str, Any], source: str) -> None:
-    """Refuse a mapping that gives one quantity in two units: nobody could say which is meant.
-
-    Args:
-        data: As it was written, in one file or on one command line.
-        source: Where, for messages.
-
-    Raises:
-        ParameterFileError: With both keys.
-    """
+    """Refuse a mapping that gives one quantity in two units: nobody could say which is meant."""
     seen: set[int] = set()  # aliases are looked at once
 
     def visit(node: Any, place: str) -> None:
@@ -58,15 +50,7 @@ def refuse_two_units(data: Mapping[str, Any], source: str) -> None:
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Lay changes over a mapping; a quantity given in another unit replaces the old one.
-
-    Args:
-        base: The mapping underneath.
-        changes: What is laid over it; nested mappings are merged, everything else replaces.
-
-    Returns:
-        A new mapping.
-    """
+    """Lay changes over a mapping; a quantity given in another unit replaces the old one."""
     merged = copy.deepcopy(dict(base))
     for key, value in changes.items():
         if key not in merged:
@@ -85,17 +69,7 @@ _STEP = re.compile(r"([A-Za-z_][\w]*)((?:\[\d+\])*)")
 
 
 def parse_assignment(text: str) -> tuple[list[str | int], Any]:
-    """Split ``patient.mass_kg=80`` into a path and a value.
-
-    Args:
-        text: Keys joined by dots, list positions in brackets, then ``=`` and a YAML value.
-
-    Returns:
-        The path and the value.
-
-    Raises:
-        ParameterError: If the text is not an assignment.
-    """
+    """Split ``patient.mass_kg=80`` into a path and a value."""
     key, separator, value = text.partition("=")
     if not separator or not key.strip():
         raise ParameterError(f"--set {text!r}: expected key=value, for example patient.mass_kg=80")
@@ -114,18 +88,7 @@ def parse_assignment(text: str) -> tuple[list[str | int], Any]:
 
 
 def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]:
-    """Split the assignments of one command line.
-
-    Args:
-        texts: Each as :func:`parse_assignment` takes it; of those with the same key the last one counts.
-
-    Returns:
-        Their paths and values.
-
-    Raises:
-        ParameterError: If a text is not an assignment.
-        ParameterFileError: If a quantity is given in two units.
-    """
+    """Split the assignments of one command line; of those with the same key the last one counts."""
     assignments = [parse_assignment(text) for text in texts]
     keys = [text.partition("=")[0].strip() for text in texts]
     refuse_two_units({key: value for key, (_, value) in zip(keys, assignments, strict=True)}, "--set")
@@ -133,19 +96,7 @@ def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]
 
 
 def assign(mapping: Mapping[str, Any], path: Sequence[str | int], value: Any) -> dict[str, Any]:
-    """Set one value deep inside a mapping.
-
-    Args:
-        mapping: The mapping.
-        path: Keys and list positions.
-        value: The new value.
-
-    Returns:
-        A new mapping.
-
-    Raises:
-        ParameterError: If a list position does not exist.
-    """
+    """Set one value deep inside a mapping."""
     changed = copy.deepcopy(dict(mapping))
     place: Any = changed
     for position, step in enumerate(path[:-1]):

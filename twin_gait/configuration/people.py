@@ -114,14 +114,7 @@ def people() -> dict[str, str]:
 
 
 def person_text(name: str) -> str:
-    """File of somebody that ships, with its sources, ready to be edited.
-
-    Args:
-        name: One of :func:`people`.
-
-    Returns:
-        The YAML text.
-    """
+    """File of somebody that ships, with its sources, ready to be edited."""
     return (_folder() / f"{name}.yaml").read_text(encoding="utf-8")
 
 

@@ -50,11 +50,7 @@ class Section(Strict):
         return found
 
     def values(self) -> dict[str, Any]:
-        """Fields that are given, in SI.
-
-        Raises:
-            ParameterError: If one is given in two units, or a number of a section below is out of range.
-        """
+        """Fields that are given, in SI."""
         found = {}
         for name, keys in self.keys().items():
             given = [key for key in keys if getattr(self, key) is not None]
@@ -71,14 +67,7 @@ class Section(Strict):
 
     @classmethod
     def document(cls, parameters: Any) -> dict[str, Any]:
-        """Parameters as the mapping of a file, in SI; reading it gives the same.
-
-        Args:
-            parameters: Of the section's dataclass.
-
-        Returns:
-            Values by key, in the order of the section.
-        """
+        """Parameters as the mapping of a file, in SI; reading it gives the same."""
         return {
             key: _plain(getattr(parameters, name), cls.model_fields[key].annotation)
             for name, keys in cls.keys().items()

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.validation import read_yaml, short
-from twin_gait.exceptions import GaitTableError, ParameterFileError
+from twin_gait.configuration.validation import converting, read_yaml, renamed, short
+from twin_gait.exceptions import ParameterError, ParameterFileError
 
 _IDENTITY = ("from", "to", "cause")
 _LISTS = ("transitions", "waive")
@@ -53,17 +53,7 @@ class _Entry(NamedTuple):
 
 
 def read_gait_table(path: Path) -> TableMapping:
-    """Read a gait table file as a mapping, laid over the table that it extends.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The mapping.
-
-    Raises:
-        ParameterFileError: If a file has a mistake, or a chain of tables comes back to where it began.
-    """
+    """Read a gait table file as a mapping, laid over the table that it extends."""
     return extended_table(read_yaml(path), path, str(path))
 
 
@@ -76,24 +66,14 @@ def extended_table(
     cause takes the place of the inherited one, ``remove: true`` takes it away; other transitions and waivers
     follow those of the table underneath, which therefore come first where two exits are due at once.
     Inherited waivers about causes that were removed go with them. The name is not taken over.
-
-    Args:
-        data: The parsed file.
-        path: Where it stands; a relative path starts from its folder.
-        source: File name for messages.
-        below: Files of the tables that extend this one.
-
-    Returns:
-        The mapping.
-
-    Raises:
-        ParameterFileError: If there is no such table, the chain comes back to where it began, or a transition
-            is removed that there is not.
     """
     own = {key: _listed(data, key, source) for key in _LISTS}
     if "extends" not in data:
         return TableMapping(data, _places(own))
-    found = _extended_file(data["extends"], path, source)
+    name = data["extends"]
+    if not isinstance(name, str):
+        raise ParameterFileError(source, "extends", f"no gait table {name!r}; expected a name or a path")
+    found = converting(source, "extends", lambda: gait_table_path(name, path.parent))
     chain = (*below, path.resolve())
     if found.resolve() in chain:
         raise ParameterFileError(source, "extends", f"{data['extends']!r} extends this table itself")
@@ -175,14 +155,7 @@ def _listed(data: dict[str, Any], key: str, source: str) -> list[_Entry]:
 
 @contextmanager
 def own_entries_named(places: Mapping[str, Place]) -> Iterator[None]:
-    """Let mistakes in an entry of a list name the file and the entry that the user wrote.
-
-    Args:
-        places: Of :class:`TableMapping`.
-
-    Raises:
-        ParameterFileError: That of the block, with its place.
-    """
+    """Let mistakes in an entry of a list name the file and the entry that the user wrote."""
     try:
         yield
     except ParameterFileError as error:
@@ -195,30 +168,14 @@ def own_entries_named(places: Mapping[str, Place]) -> Iterator[None]:
         raise ParameterFileError(place.source, *((where, problem) if key else ("", where))) from error
 
 
-def _extended_file(name: Any, path: Path, source: str) -> Path:
-    if isinstance(name, str):
-        for candidate in (path.parent / name, Path(name).expanduser(), _tables() / f"{name}.yaml"):
-            if candidate.is_file():
-                return candidate
+def gait_table_path(name: str | Path, folder: Path | None = None) -> Path:
+    """File of a gait table."""
+    beside = [] if folder is None else [folder / name]
+    for candidate in (*beside, Path(name).expanduser(), _tables() / f"{name}.yaml"):
+        if candidate.is_file():
+            return candidate
     known = ", ".join(packaged_gait_tables())
-    raise ParameterFileError(source, "extends", f"no gait table {name!r}: neither a file nor one of {known}")
-
-
-def packaged_table_path(name: str) -> Path:
-    """File of a gait table that ships with the package.
-
-    Args:
-        name: For example ``treadmill``.
-
-    Returns:
-        The path.
-
-    Raises:
-        GaitTableError: If there is no such table.
-    """
-    if name not in packaged_gait_tables():
-        raise GaitTableError(f"no gait table {name!r} ships; there are {', '.join(packaged_gait_tables())}")
-    return _tables() / f"{name}.yaml"
+    raise ParameterError(f"no gait table {str(name)!r}: neither a file nor one of {known}{renamed(name)}")
 
 
 def packaged_gait_tables() -> list[str]:

@@ -28,6 +28,9 @@ RENAMED = {
     "catch_gain_Nms_per_rad": "stretch_reflex_gain_Nms_per_rad",
 }
 
+# Presets and gait tables of the drafts.
+RENAMED_FILES = {"treadmill_stand": "treadmill_start_stop"}
+
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 2, 3, 3
 _SHORT.maxstring = _SHORT.maxother = _SHORT.maxlong = 57
@@ -76,18 +79,7 @@ _UniqueKeyLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG,
 
 
 def parse_yaml(text: str, source: str) -> dict[str, Any]:
-    """Parse YAML text whose outermost element is a mapping.
-
-    Args:
-        text: The text.
-        source: File name for messages.
-
-    Returns:
-        The mapping.
-
-    Raises:
-        ParameterFileError: If it is not YAML, not a mapping, or gives one quantity in two units.
-    """
+    """Parse YAML text whose outermost element is a mapping."""
     try:
         data = yaml.load(text, Loader=_UniqueKeyLoader)  # a SafeLoader subclass
     except yaml.YAMLError as error:
@@ -104,17 +96,7 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """Read a YAML file whose outermost element is a mapping.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The mapping.
-
-    Raises:
-        ParameterFileError: If it cannot be read or is not such a file.
-    """
+    """Read a YAML file whose outermost element is a mapping."""
     try:
         if path.stat().st_size > MAXIMUM_FILE_SIZE:
             raise ParameterFileError(path, "", f"larger than {MAXIMUM_FILE_SIZE} bytes; not a parameter file")
@@ -127,19 +109,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def validate(model: type[_Model], data: Mapping[str, Any], source: str) -> _Model:
-    """Check a mapping against a schema.
-
-    Args:
-        model: The schema.
-        data: The mapping.
-        source: File name for messages.
-
-    Returns:
-        The validated schema object.
-
-    Raises:
-        ParameterFileError: With the key, the value and what was expected, for the first mistake.
-    """
+    """Check a mapping against a schema."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -151,19 +121,7 @@ def validate(model: type[_Model], data: Mapping[str, Any], source: str) -> _Mode
 
 
 def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result:
-    """Run a conversion and put file and key in front of what it complains about.
-
-    Args:
-        source: File name for messages.
-        key: Path of the key that is converted.
-        convert: The conversion.
-
-    Returns:
-        Its result.
-
-    Raises:
-        ParameterFileError: If the conversion raises an error of this package.
-    """
+    """Run a conversion and put file and key in front of what it complains about."""
     try:
         return convert()
     except ParameterFileError:
@@ -173,19 +131,7 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
 
 
 def one_of(entry: Strict, factors: Mapping[str, float], default: float | None = None) -> float:
-    """Value of the one key that is given, in SI.
-
-    Args:
-        entry: What holds the keys.
-        factors: From the unit of each key to SI.
-        default: If none is given; None if one must be.
-
-    Returns:
-        The value.
-
-    Raises:
-        ParameterError: If several are given, or none.
-    """
+    """Value of the one key that is given, in SI."""
     given = [(key, factor) for key, factor in factors.items() if getattr(entry, key) is not None]
     if not given and default is not None:
         return default
@@ -210,20 +156,17 @@ def _explain(first: Any, model: type[BaseModel]) -> str:
 
 
 def unknown_key(name: str, known: Sequence[str], near: Sequence[str] = ()) -> str:
-    """Say that there is no such key, and which may have been meant.
-
-    Args:
-        name: The key.
-        known: Keys that there are.
-        near: Those that it may be a slip of.
-
-    Returns:
-        The complaint.
-    """
+    """Say that there is no such key, and which may have been meant."""
     if name in RENAMED:
         return f"is called {RENAMED[name]} now"
     hint = f"did you mean {' or '.join(map(repr, near))}? " if near else ""
     return f"unknown key; {hint}allowed: {', '.join(known)}"
+
+
+def renamed(name: Any) -> str:
+    """What a preset or gait table of the drafts is called now, to end a message with; empty for others."""
+    new = RENAMED_FILES.get(str(name))
+    return f"; {name} is called {new} now" if new else ""
 
 
 def _nearest(name: str, model: type[BaseModel]) -> list[str]:

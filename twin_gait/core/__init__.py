@@ -7,6 +7,17 @@ Scalars use :mod:`math` and plain products, because numpy's tanh and powers diff
 """
 
 from twin_gait.core.estimation import first_order_gain
-from twin_gait.core.motor_drive import drive_efficiency
+from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.core.friction_models import coulomb_viscous_tanh_torque
+from twin_gait.core.impedance import damping_from_ratio
+from twin_gait.core.motor_drive import breakaway_duty, drive_efficiency, viscous_duty
 
-__all__ = ["drive_efficiency", "first_order_gain"]
+__all__ = [
+    "breakaway_duty",
+    "coulomb_viscous_tanh_torque",
+    "damping_from_ratio",
+    "drive_efficiency",
+    "first_order_gain",
+    "rotational_friction_torque",
+    "viscous_duty",
+]

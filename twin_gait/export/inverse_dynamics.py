@@ -30,9 +30,8 @@ import pandas as pd
 from twin_gait.conventions import DEGREES, Convention
 from twin_gait.core.plant import passive_torque
 from twin_gait.exceptions import ParameterError
-from twin_gait.export.opensim import joint_angles
+from twin_gait.export.motion import joint_angles, write_storage
 from twin_gait.export.osim_model import FORMAT, PELVIS, PELVIS_COORDINATES, body_name, osim_text, to_opensim
-from twin_gait.export.storage import write_storage
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
@@ -97,7 +96,7 @@ def export_inverse_dynamics(
         **_pelvis(run, world, device),
     }
     gravity = run.experiment.plant.gravity
-    text = osim_text(bodies_of(world, device), run.experiment.name, convention, gravity)
+    text = osim_text(_bodies_of(world, device), run.experiment.name, convention, gravity)
     write_atomically(folder / MODEL_FILE, text)
     write_storage(folder / MOTION_FILE, motion, in_degrees=True)
     write_storage(
@@ -111,7 +110,7 @@ def export_inverse_dynamics(
     return [MODEL_FILE, MOTION_FILE, MOMENTS_FILE, *([FORCES_FILE, LOADS_FILE] if loads else []), SETUP_FILE]
 
 
-def bodies_of(world: World, device: bool) -> LegModel:
+def _bodies_of(world: World, device: bool) -> LegModel:
     """Whose bodies are written: with braces the wearer's or the device's, else those of both in one."""
     if world.braces is None:
         return world.model
@@ -122,16 +121,7 @@ def bodies_of(world: World, device: bool) -> LegModel:
 
 
 def external_loads(run: Run, world: World, *, device: bool = False) -> list[ExternalLoad]:
-    """What ground, support and guide do; nothing on the bench.
-
-    Args:
-        run: The run.
-        world: Of its experiment.
-        device: Whether the bodies are the device's where braces bind the wearer to it.
-
-    Returns:
-        A load for each foot on the ground, and one for the pelvis.
-    """
+    """What ground, support and guide do; nothing on the bench."""
     if world.model.pelvis_index is None:
         return []
     feet = [] if device and world.braces is not None else list(_ground_loads(run, world))
@@ -224,12 +214,6 @@ def _pelvis(run: Run, world: World, device: bool) -> dict[str, np.ndarray]:
 
 def joint_moments(run: Run, world: World, convention: Convention, device: bool) -> dict[str, np.ndarray]:
     """Moments at the joints of the bodies that are written, as OpenSim names and counts them.
-
-    Args:
-        run: The run.
-        world: Of its experiment.
-        convention: Names and signs of the coordinates.
-        device: Whether the bodies are the device's where braces bind the wearer to it.
 
     Returns:
         In [N m] by column, shape ``(n,)`` each.

@@ -25,14 +25,7 @@ def body_name(side: Side, joint: JointName) -> str:
 
 
 def to_opensim(up_axis: str) -> np.ndarray:
-    """Rotation from the axes of a URDF to those of OpenSim.
-
-    Args:
-        up_axis: Of the URDF; with ``y`` its axes are those of OpenSim already.
-
-    Returns:
-        Shape ``(3, 3)``.
-    """
+    """Rotation from the axes of a URDF to those of OpenSim."""
     return np.eye(3) if up_axis == "y" else np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 
 
@@ -47,9 +40,6 @@ def osim_text(model: LegModel, name: str, convention: Convention, gravity: float
         name: Of the model.
         convention: Names and signs of the coordinates.
         gravity: In [m] / [s²].
-
-    Returns:
-        XML.
     """
     turn, bodies = to_opensim(model.up_axis), export_bodies(model.model)
     names, coordinates = _names(model, convention, len(bodies))

@@ -97,16 +97,7 @@ class Fit:
 
 
 def bounds(model: FrictionModel, samples: Samples, *, physical: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Bounds of the parameter vector, scaled to the samples.
-
-    Args:
-        model: The model.
-        samples: The samples.
-        physical: Whether the friction must be a physical one.
-
-    Returns:
-        Lower and upper bounds.
-    """
+    """Bounds of the parameter vector, scaled to the samples."""
     low = [0.0 if physical and not item.signed else -math.inf for item in model.coefficients]
     high = [math.inf for _ in model.coefficients]
     for item in model.shape:
@@ -155,13 +146,13 @@ def fit_model(
     x = _descended(model, samples, full, x, low, high, math.inf)
     threshold = math.inf
     values = residuals(model, x, full)
-    sigma = robust_sigma(values)
+    sigma = _robust_sigma(values)
     if sigma > 0.0 and _wants_huber(options.loss, values, sigma):
         # The scale settles in two rounds: the first fit may itself be pulled by outliers.
         for _ in range(2):
             threshold = HUBER_SIGMAS * sigma
             x = _descended(model, samples, full, x, low, high, threshold)
-            sigma = robust_sigma(residuals(model, x, full)) or sigma
+            sigma = _robust_sigma(residuals(model, x, full)) or sigma
     return Fit(model, x, low, high, sigma, threshold, options.most_samples)
 
 
@@ -204,36 +195,18 @@ def _tolerance(samples: Samples) -> float:
 
 
 def rows_of(model: FrictionModel, samples: Samples, limit: int) -> Samples:
-    """Samples that a model is fitted to: at most so many count, and a state keeps its path.
-
-    Args:
-        model: The model.
-        samples: All samples.
-        limit: How many may count.
-
-    Returns:
-        The samples.
-    """
+    """Samples that a model is fitted to: at most so many count, and a state keeps its path."""
     return thinned_path(samples, limit) if model.dynamic else thinned(samples.used_only(), limit)
 
 
 def refit(fit: Fit, samples: Samples, options: FitOptions) -> Fit:
-    """Fit to much the same samples, from a fit of them and with its loss.
-
-    Args:
-        fit: The fit to start from.
-        samples: The samples, for example without one test.
-        options: How to fit.
-
-    Returns:
-        The fit.
-    """
+    """Fit to much the same samples, from a fit of them and with its loss."""
     full = rows_of(fit.model, samples, options.most_samples)
     x = refine(fit.model, full, fit.x, fit.low, fit.high, fit.threshold, tolerance=_REFIT_TOLERANCE)
     return replace(fit, x=x)
 
 
-def robust_sigma(values: np.ndarray) -> float:
+def _robust_sigma(values: np.ndarray) -> float:
     """Standard deviation of a normal distribution with the same median absolute deviation."""
     return MAD_TO_SIGMA * float(np.median(np.abs(values - np.median(values))))
 

@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from twin_gait.exceptions import ParameterError
+from twin_gait.identification.bench import BenchSetup, ProcessingOptions
 from twin_gait.identification.bootstrap import Uncertainty, uncertainty
-from twin_gait.identification.cross_validation import CrossValidation, cross_validate, folds_of
-from twin_gait.identification.doubts import (
-    doubts_of_fit,
-    doubts_of_processing,
-    doubts_of_samples,
-    doubts_of_time,
+from twin_gait.identification.columns import LogColumns
+from twin_gait.identification.diagnostics import (
+    drift_warnings,
+    file_warnings,
+    fit_warnings,
+    processing_warnings,
+    sample_warnings,
+    thinning_warnings,
+    untimed_warnings,
+    weight_warnings,
 )
 from twin_gait.identification.fitting import Fit, FitOptions, Loss, fit_model
 from twin_gait.identification.friction_model import FrictionModel
-from twin_gait.identification.lineage import inherited_starts
-from twin_gait.identification.models import find_models, missing_columns
-from twin_gait.identification.processing import ProcessingOptions, process_log
-from twin_gait.identification.reading import LogColumns, read_log
-from twin_gait.identification.rig import RigParameters
+from twin_gait.identification.models import find_models, inherited_starts, missing_columns
+from twin_gait.identification.processing import process_log
+from twin_gait.identification.reading import read_log
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests, thinned
-from twin_gait.identification.statistics import Goodness, goodness
+from twin_gait.identification.statistics import CrossValidation, Goodness, cross_validate, folds_of, goodness
 
 Progress = Callable[[int, int], None]
 MOST_SAMPLES = 1_000_000  # of which fits and errors are made; noise of so many moves no digit that is shown
@@ -39,7 +42,7 @@ class IdentificationOptions:
 
     Attributes:
         columns: Which column of the logs holds what.
-        rig: The bench; None for series of friction torques.
+        bench: The bench; None for series of friction torques.
         processing: How the logs are smoothed.
         fit: How the models are fitted.
         models: Names of the models; empty for all that the columns allow.
@@ -47,7 +50,7 @@ class IdentificationOptions:
     """
 
     columns: LogColumns = field(default_factory=LogColumns)
-    rig: RigParameters | None = None
+    bench: BenchSetup | None = None
     processing: ProcessingOptions = field(default_factory=ProcessingOptions)
     fit: FitOptions = field(default_factory=FitOptions)
     models: tuple[str, ...] = ()
@@ -133,7 +136,7 @@ def identify_logs(
     find_models(options.models)
     tests: list[FrictionTest] = []
     for number, path in enumerate(paths):
-        tests.append(process_log(read_log(path, options.columns), options.rig, options.processing))
+        tests.append(process_log(read_log(path, options.columns), options.bench, options.processing))
         progress(number, len(paths))
     return identify_tests(tests, options, progress)
 
@@ -167,7 +170,7 @@ def identify_tests(
     steps = _Counter(progress, total)
     fits: dict[str, Fit] = {}
     for model in models:
-        starts = inherited_starts(model.name, fits)
+        starts = inherited_starts(model.name, {name: fit.x for name, fit in fits.items()})
         fits[model.name] = fit_model(model, samples, options.fit, seeds=starts)
         steps.advance()
     found = []
@@ -187,12 +190,12 @@ def identify_tests(
         options=options,
         warnings=(
             *flipped,
-            *doubts_of_processing(options.processing),
-            *_notes(tests),
-            *_overruled(tests, options.rig),
-            *_thinning(len(joined), len(samples)),
-            *doubts_of_samples(samples),
-            *_untimed(samples, skipped),
+            *processing_warnings(options.processing),
+            *file_warnings(tests),
+            *weight_warnings(tests, options.bench),
+            *thinning_warnings(len(joined), len(samples)),
+            *sample_warnings(samples),
+            *untimed_warnings(samples, skipped),
         ),
     )
 
@@ -241,42 +244,6 @@ def _along_the_velocity(tests: Sequence[FrictionTest]) -> tuple[list[FrictionTes
     ]
 
 
-def _thinning(number: int, kept: int) -> list[str]:
-    """Say that not every sample was used."""
-    if kept == number:
-        return []
-    return [f"of {number} samples every {-(-number // MOST_SAMPLES)}th was used, {kept} in all"]
-
-
-def _notes(tests: Sequence[FrictionTest]) -> list[str]:
-    """What a reader should know about the files, each once."""
-    where: dict[str, list[str]] = {}
-    for test in tests:
-        for note in test.notes:
-            where.setdefault(note, []).append(test.name)
-    return [
-        f"{names[0]}: {note}" if len(names) == 1 else f"{len(names)} files: {note}"
-        for note, names in where.items()
-    ]
-
-
-def _overruled(tests: Sequence[FrictionTest], rig: RigParameters | None) -> list[str]:
-    """Say that files name another weight than the bench does: theirs counts."""
-    if rig is None or rig.mass is None:
-        return []
-    others = [f"{test.name} ({test.mass:g} kg)" for test in tests if test.mass not in (None, rig.mass)]
-    more = f" and {len(others) - 1} more" if len(others) > 1 else ""
-    return [f"--mass {rig.mass:g} is overruled by what {others[0]}{more} says"] if others else []
-
-
-def _untimed(samples: Samples, skipped: Mapping[str, tuple[str, ...]]) -> list[str]:
-    """Say that a missing time costs the models with a state."""
-    missed = [name for name, columns in skipped.items() if "period" in columns]
-    if samples.period is not None or not missed:
-        return []
-    return [f"without a time {', '.join(missed)} cannot be fitted; name the column with --columns time=NAME"]
-
-
 def _possible(
     models: Sequence[FrictionModel], samples: Samples
 ) -> tuple[list[FrictionModel], dict[str, tuple[str, ...]]]:
@@ -319,5 +286,5 @@ def _judge(
         uncertainty=known,
         validations=tuple(validations),
         residuals=values,
-        warnings=(*doubts_of_fit(fit, known, samples), *doubts_of_time(tests, values, samples)),
+        warnings=(*fit_warnings(fit, known, samples), *drift_warnings(tests, values, samples)),
     )

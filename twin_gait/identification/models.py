@@ -1,6 +1,8 @@
-"""The friction models that can be fitted, by name, and which of them samples can tell."""
+"""The friction models that can be fitted, by name, which of them samples can tell, and their starts."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -264,15 +266,7 @@ def rarer_direction(samples: Samples) -> float:
 
 
 def missing_columns(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
-    """What a model needs and the samples lack: columns that vary, or motion in both directions.
-
-    Args:
-        model: The model.
-        samples: The samples.
-
-    Returns:
-        Names of the columns, or ``motion in both directions``.
-    """
+    """What a model needs and the samples lack: columns that vary, or motion in both directions."""
     missing = tuple(name for name in sorted(model.needs) if not _varies(getattr(samples, name)))
     if model.two_way and rarer_direction(samples) < ONE_WAY:
         return (*missing, "motion in both directions")
@@ -281,3 +275,60 @@ def missing_columns(model: FrictionModel, samples: Samples) -> tuple[str, ...]:
 
 def _varies(values: np.ndarray | None) -> bool:
     return values is not None and len(values) > 0 and float(np.ptp(values)) > 1e-9
+
+
+_STIFF = 1e6  # σ0/F_c at which a bristle slides at once: the static law
+_ABRUPT = 1e-4  # share of the Stribeck velocity within which the direction changes: the law with sgn ω
+
+
+def inherited_starts(name: str, fits: Mapping[str, np.ndarray]) -> list[np.ndarray]:
+    """Parameter vectors that give a model the law of a simpler one."""
+    found = []
+    for parent, rule in _RULES.get(name, {}).items():
+        if parent in fits:
+            beta, eta = rule(*MODELS[parent].split(fits[parent]))
+            found.append(np.concatenate([beta, np.log(eta)]))
+    return found
+
+
+_Rule = Callable[[np.ndarray, np.ndarray], tuple[list[float], list[float]]]
+
+
+def _ratio(excess: float, coulomb: float) -> float:
+    """F_s/F_c as far as LuGre's bounds have room for it."""
+    return float(np.clip(1.0 + excess / coulomb, 0.1, 10.0)) if coulomb else 1.0
+
+
+_RULES: Mapping[str, Mapping[str, _Rule]] = {
+    "asymmetric": {
+        "coulomb_viscous_tanh": lambda b, e: ([b[0], b[1], b[1], 0.0], [1.0 / e[0]]),
+    },
+    "asymmetric_stribeck": {
+        "asymmetric": lambda b, e: ([0.0, *b], [e[0], 10.0 * e[0], 2.0, 1.0]),
+        "stribeck": lambda b, e: ([b[0], b[1], b[2], b[2], 0.0], [_ABRUPT * e[0], *e, 1.0]),
+    },
+    "load_dependent": {
+        "coulomb_viscous_tanh": lambda b, e: ([b[0], b[1], 0.0], [1.0 / e[0]]),
+    },
+    "temperature_dependent": {
+        "coulomb_viscous_tanh": lambda b, e: ([b[0], b[1], 0.0, 0.0], [1.0 / e[0]]),
+    },
+    "load_temperature_dependent": {
+        "load_dependent": lambda b, e: ([b[0], b[1], b[2], 0.0, 0.0], [e[0]]),
+        "temperature_dependent": lambda b, e: ([b[0], b[1], 0.0, b[2], b[3]], [e[0]]),
+    },
+    "dahl": {
+        "coulomb_viscous": lambda b, e: ([b[0], b[1]], [_STIFF]),
+    },
+    "lugre": {
+        "dahl": lambda b, e: ([b[0], 0.0, b[1]], [e[0], 1.0, 1.0]),
+        "stribeck": lambda b, e: ([b[1], 0.0, b[2]], [_STIFF, _ratio(b[0], b[1]), e[0]]),
+    },
+    "lugre_asymmetric": {
+        "lugre": lambda b, e: ([b[0], b[1], b[2], b[2], 0.0], [*e, 2.0, 1.0]),
+        "asymmetric_stribeck": lambda b, e: (
+            [b[1], 0.0, b[2], b[3], b[4]],
+            [_STIFF, _ratio(b[0], b[1]), e[1], e[2], e[3]],
+        ),
+    },
+}

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
 
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.identification.checks import FEWEST, clean
-from twin_gait.identification.filters import decimate, forward_difference, moving_average, zero_phase
-from twin_gait.identification.quantities import Quantity
+from twin_gait.identification.bench import BenchSetup, CurrentSource, Processing, ProcessingOptions
+from twin_gait.identification.columns import Quantity
+from twin_gait.identification.plausibility import FEWEST, clean
 from twin_gait.identification.reading import Log
-from twin_gait.identification.rig import RigParameters
 from twin_gait.identification.samples import FrictionTest
-from twin_gait.identification.stops import hard_stop, soft_stop, widened
-from twin_gait.parameters import require, require_non_negative, require_positive
+from twin_gait.identification.signals import (
+    decimate,
+    forward_difference,
+    hard_stop,
+    moving_average,
+    soft_stop,
+    widened,
+    zero_phase,
+)
 
 RATE = 100.0  # [Hz] of the samples that a fit sees, the thesis's
 _SLOWEST = 50.0  # [Hz] of a log whose acceleration can be used
@@ -25,54 +30,6 @@ _SLOWEST = 50.0  # [Hz] of a log whose acceleration can be used
 REVERSAL_REACH = 2.0
 _UNEVEN = 0.02  # of a period, beyond which a log is put on an even grid
 _GAP = 1.5  # periods without a sample
-
-
-class Processing(StrEnum):
-    """How a log is smoothed before the friction torque is computed."""
-
-    ZERO_PHASE = "zero_phase"  # angle, current and load through the same filter without delay
-    THESIS = "thesis"  # decimate by 10, moving average of 10 over the velocity alone, forward difference
-    NONE = "none"  # as recorded
-
-
-class CurrentSource(StrEnum):
-    """Which current the motor torque is computed from."""
-
-    MEASURED = "measured"
-    TARGET = "target"
-
-
-@dataclass(frozen=True, kw_only=True)
-class ProcessingOptions:
-    """How to process logs.
-
-    Attributes:
-        processing: None takes zero phase for logs with a current, and none for friction torques.
-        cutoff: Of the zero-phase filter in [Hz].
-        window: Samples of the thesis's moving average.
-        current: None takes the measured one if it is logged; with the thesis's processing the target.
-        standstill_velocity: Slower samples are rejected, in [rad] / [s]; None for 0.002 in logs with a
-            current and 0 in series of friction torques.
-        impact_acceleration: Beyond it the link has hit a stop, in [rad] / [s²].
-        stop_margin: Samples so near to where a stop was hit are rejected, in [rad].
-    """
-
-    processing: Processing | None = None
-    cutoff: float = 40.0
-    window: int = 10
-    current: CurrentSource | None = None
-    standstill_velocity: float | None = None
-    impact_acceleration: float = 25.0
-    stop_margin: float = 0.01
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_positive("cutoff", self.cutoff)
-        require(self.window >= 1, "window", "a whole number above 0", self.window)
-        if self.standstill_velocity is not None:
-            require_non_negative("standstill velocity", self.standstill_velocity)
-        require_positive("impact acceleration", self.impact_acceleration)
-        require_non_negative("stop margin", self.stop_margin)
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,12 +47,12 @@ class _Motion:
     settled: np.ndarray  # where the filter saw recorded samples only
 
 
-def process_log(log: Log, rig: RigParameters | None, options: ProcessingOptions) -> FrictionTest:
+def process_log(log: Log, bench: BenchSetup | None, options: ProcessingOptions) -> FrictionTest:
     """Turn a log into samples of friction torque.
 
     Args:
         log: As it was read.
-        rig: The bench, for logs with a current; None if only friction torques are expected.
+        bench: The bench, for logs with a current; None if only friction torques are expected.
         options: How to process.
 
     Returns:
@@ -104,14 +61,14 @@ def process_log(log: Log, rig: RigParameters | None, options: ProcessingOptions)
     Raises:
         ParameterFileError: If the log lacks what is needed, or cannot be what it is read as.
     """
-    log, counts, notes = clean(log, joint_known=rig is not None)
+    log, counts, notes = clean(log, joint_known=bench is not None)
     if Quantity.FRICTION_TORQUE in log.columns:
         return replace(_series(log, counts, options), notes=notes)
-    if rig is None:
+    if bench is None:
         raise ParameterFileError(
             log.source, "friction_torque", "no such column; name one with --columns friction_torque=NAME"
         )
-    return replace(_balance(log, counts, rig, options), notes=notes)
+    return replace(_balance(log, counts, bench, options), notes=notes)
 
 
 def _series(log: Log, counts: dict[str, int], options: ProcessingOptions) -> FrictionTest:
@@ -154,16 +111,14 @@ def _smoothed_series(
     return zero_phase(velocity, cutoff, rate), zero_phase(torque, cutoff, rate)
 
 
-def _balance(
-    log: Log, counts: dict[str, int], rig: RigParameters, options: ProcessingOptions
-) -> FrictionTest:
+def _balance(log: Log, counts: dict[str, int], bench: BenchSetup, options: ProcessingOptions) -> FrictionTest:
     """Friction torque by the balance of torques, equation (2.12)."""
     thesis = options.processing is Processing.THESIS
-    mass = _mass(log, rig)
+    mass = _mass(log, bench)
     _needed(log, Quantity.TIME, "such as --columns time=NAME")
     options = replace(options, cutoff=_rate(log, options)[1])  # a slow log allows less
-    motion = (_thesis_motion if thesis else _zero_phase_motion)(log, rig, mass, options)
-    inertial = rig.inertia(mass) * motion.acceleration
+    motion = (_thesis_motion if thesis else _zero_phase_motion)(log, bench, mass, options)
+    inertial = bench.inertia(mass) * motion.acceleration
     torque = motion.motor_torque + motion.load - inertial
     slowest = 0.002 if options.standstill_velocity is None else options.standstill_velocity
     stopped = _stopped(motion, torque, inertial, options)
@@ -193,10 +148,10 @@ def _balance(
     )
 
 
-def _mass(log: Log, rig: RigParameters) -> float:
+def _mass(log: Log, bench: BenchSetup) -> float:
     if Quantity.MASS in log.columns:
         return float(np.median(log.columns[Quantity.MASS]))
-    mass = log.mass if log.mass is not None else rig.mass
+    mass = log.mass if log.mass is not None else bench.mass
     if mass is None:
         raise ParameterFileError(
             log.source,
@@ -255,7 +210,7 @@ def _current(log: Log, columns: dict[Quantity, np.ndarray], options: ProcessingO
 
 
 def _prepare(
-    log: Log, rig: RigParameters, mass: float, options: ProcessingOptions
+    log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions
 ) -> tuple[float, float, np.ndarray, dict[Quantity, np.ndarray], np.ndarray, np.ndarray]:
     """Rate, cutoff, even time, columns with the angle of the bench, motor torque, recorded samples."""
     _needed(log, Quantity.ANGLE, "such as --columns angle=NAME")
@@ -268,15 +223,15 @@ def _prepare(
             "it in another unit (--units time=ms)?",
         )
     time, columns, recorded = _even(log, rate)
-    columns[Quantity.ANGLE] = rig.joint_angle(columns[Quantity.ANGLE])
+    columns[Quantity.ANGLE] = bench.joint_angle(columns[Quantity.ANGLE])
     if np.ptp(columns[Quantity.ANGLE]) == 0.0:
         raise ParameterFileError(log.source, "angle", "is the same in every row; the joint never moved")
-    return rate, cutoff, time, columns, rig.motor_torque(_current(log, columns, options)), recorded
+    return rate, cutoff, time, columns, bench.motor_torque(_current(log, columns, options)), recorded
 
 
-def _zero_phase_motion(log: Log, rig: RigParameters, mass: float, options: ProcessingOptions) -> _Motion:
+def _zero_phase_motion(log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions) -> _Motion:
     """Angle, current and load through the same filter; velocity and acceleration from the angle."""
-    rate, cutoff, time, columns, motor_torque, recorded = _prepare(log, rig, mass, options)
+    rate, cutoff, time, columns, motor_torque, recorded = _prepare(log, bench, mass, options)
     guard = int(np.ceil(rate / cutoff))
     if len(time) < 4 * guard + FEWEST:
         raise ParameterFileError(
@@ -302,15 +257,15 @@ def _zero_phase_motion(log: Log, rig: RigParameters, mass: float, options: Proce
         acceleration=acceleration[::step],
         impact=_impact(columns[Quantity.ANGLE], cutoff, rate, step),
         motor_torque=smooth(motor_torque)[::step],
-        load=smooth(rig.load_torque(columns[Quantity.ANGLE], mass))[::step],
+        load=smooth(bench.load_torque(columns[Quantity.ANGLE], mass))[::step],
         temperature=None if temperature is None else smooth(temperature)[::step],
         settled=settled[::step],
     )
 
 
-def _thesis_motion(log: Log, rig: RigParameters, mass: float, options: ProcessingOptions) -> _Motion:
+def _thesis_motion(log: Log, bench: BenchSetup, mass: float, options: ProcessingOptions) -> _Motion:
     """Decimated signals, the velocity alone averaged: late against current and load."""
-    rate, cutoff, time, columns, motor_torque, recorded = _prepare(log, rig, mass, options)
+    rate, cutoff, time, columns, motor_torque, recorded = _prepare(log, bench, mass, options)
     step = max(1, round(rate / RATE))
     raw = columns.get(Quantity.VELOCITY)
     if raw is None:
@@ -331,7 +286,7 @@ def _thesis_motion(log: Log, rig: RigParameters, mass: float, options: Processin
         acceleration=forward_difference(velocity, step / rate),
         impact=_impact(columns[Quantity.ANGLE], cutoff, rate, step),
         motor_torque=decimate(motor_torque, step),
-        load=rig.load_torque(angle, mass),
+        load=bench.load_torque(angle, mass),
         temperature=None if temperature is None else decimate(temperature, step),
         settled=settled,
     )

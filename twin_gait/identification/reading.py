@@ -6,51 +6,32 @@ import csv
 import re
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.exceptions import ParameterFileError
 from twin_gait.files import MOST_ROWS, require_table_size
-from twin_gait.identification.quantities import (
+from twin_gait.identification.columns import (
     KNOWN_NAMES,
+    LISTED,
     UNITS,
+    LogColumns,
     Quantity,
-    factor_of,
     known_unit,
-    split_unit,
-    unknown_unit,
+    places_of,
 )
 
 _SEPARATORS = ",;\t"
 _HEAD = 65_536  # [bytes] that are looked at for comments, header and separator
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-"}
-_LISTED = 12
 _CHECKED_ROWS = 100
 _LONGEST_UNIT = 8
 _REMARKS, _PREAMBLE = "#%", 50  # characters that begin a comment; lines before the column names
 _MASS_IN_NAME = re.compile(r"(?<![\d.])(\d+(?:[.,p]\d+)?)[ _]?kg(?![a-z])", re.IGNORECASE)
 _COMMENT = re.compile(r"#\s*([A-Za-z_ ]+?)\s*(?:\[[^\]]*\])?\s*[:=]\s*([-+.\deE]+)\s*$")
-
-
-@dataclass(frozen=True, kw_only=True)
-class LogColumns:
-    """Which column holds what.
-
-    Attributes:
-        names: Column of a quantity; a minus before it turns the sign.
-        units: Unit of a quantity, where the column does not state it; SI without one.
-    """
-
-    names: Mapping[Quantity, str] = field(default_factory=dict)
-    units: Mapping[Quantity, str] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        """Check the units."""
-        for quantity, unit in self.units.items():
-            factor_of(unit, quantity)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +73,7 @@ def read_log(path: Path, columns: LogColumns | None = None) -> Log:
     """
     columns = columns or LogColumns()
     layout = _layout(path, set(columns.names.values()))
-    places = _places(path, layout, columns)
+    places = places_of(path, layout.names, columns)
     values = _numbers(path, layout, sorted({place for place, _, _ in places.values()}))
     found: dict[Quantity, np.ndarray] = {}
     for quantity, (place, sign, unit) in places.items():
@@ -220,78 +201,12 @@ def _mass_in(name: str) -> float | None:
     return float(re.sub("[,p]", ".", match[1].lower())) if match else None
 
 
-def _places(
-    path: Path, layout: _Layout, columns: LogColumns
-) -> dict[Quantity, tuple[int, float, str | None]]:
-    """Position, sign and unit of the column of each quantity."""
-    places: dict[Quantity, tuple[int, float, str | None]] = {}
-    for quantity in Quantity:
-        asked = columns.names.get(quantity)
-        if asked is not None:
-            sign = -1.0 if asked.startswith("-") and asked not in layout.names else 1.0
-            name = asked if sign > 0.0 else asked[1:].strip()
-            place = _position(path, layout, name)
-        else:
-            sign, found = 1.0, _known_column(layout.names, quantity)
-            if found is None:
-                continue
-            place = found
-        twice = next((other for other, (held, _, _) in places.items() if held == place), None)
-        if twice is not None:
-            raise ParameterFileError(path, layout.names[place], f"is given for {twice} and {quantity}")
-        places[quantity] = (place, sign, _unit(path, layout.names[place], quantity, columns))
-    return places
-
-
-def _position(path: Path, layout: _Layout, name: str) -> int:
-    known = [place for place, known in enumerate(layout.names) if known == name]
-    known = known or [
-        place for place, known in enumerate(layout.names) if known.split("[")[0].strip() == name
-    ]
-    if not known:
-        shown = ", ".join(layout.names[:_LISTED]) + (" …" if len(layout.names) > _LISTED else "")
-        raise ParameterFileError(path, name, f"no such column; there are {shown}")
-    if len(known) > 1:
-        raise ParameterFileError(path, name, f"{len(known)} columns have this name")
-    return known[0]
-
-
-def _known_column(names: tuple[str, ...], quantity: Quantity) -> int | None:
-    plain = [split_unit(name, quantity)[0].strip().lower().replace(" ", "_") for name in names]
-    for known in KNOWN_NAMES[quantity]:
-        if plain.count(known) == 1:
-            place = plain.index(known)
-            optional = quantity not in (Quantity.VELOCITY, Quantity.FRICTION_TORQUE)
-            return None if optional and unknown_unit(names[place], quantity) else place
-    return None
-
-
-def _unit(path: Path, column: str, quantity: Quantity, columns: LogColumns) -> str | None:
-    """Unit of a column: what its name says, else what the user says, else SI."""
-    stated, given = split_unit(column, quantity)[1], columns.units.get(quantity)
-    strange = unknown_unit(column, quantity)
-    if strange is not None and given is None:
-        raise ParameterFileError(
-            path,
-            column,
-            f"no unit {strange!r} of {quantity} is known; give one of {', '.join(UNITS[quantity])} with "
-            f"--units {quantity}=…",
-        )
-    if stated is not None and given is not None and factor_of(given, quantity) != UNITS[quantity][stated]:
-        raise ParameterFileError(
-            path, column, f"is in {stated} by its name; leave --units {quantity}={given} out"
-        )
-    if stated is None and given is not None:
-        return next(name for name, factor in UNITS[quantity].items() if factor == factor_of(given, quantity))
-    return stated
-
-
 def _numbers(path: Path, layout: _Layout, places: list[int]) -> dict[int, np.ndarray]:
     if not places:
         raise ParameterFileError(
             path,
             "",
-            f"no column is known among {', '.join(layout.names[:_LISTED])}; name them with "
+            f"no column is known among {', '.join(layout.names[:LISTED])}; name them with "
             "--columns velocity=NAME,friction_torque=NAME",
         )
     try:
@@ -361,28 +276,3 @@ def _seconds_of_dates(cells: pd.Series) -> pd.Series:
         warnings.simplefilter("ignore", UserWarning)
         dates = pd.to_datetime(cells, errors="coerce", format="ISO8601")
     return (dates - dates.min()).dt.total_seconds()
-
-
-def parse_columns(text: str) -> dict[Quantity, str]:
-    """Read ``time=t,velocity=dq2``.
-
-    Args:
-        text: Quantities and values.
-
-    Returns:
-        Value by quantity.
-
-    Raises:
-        ParameterError: If a part is not an assignment or there is no such quantity.
-    """
-    pairs: dict[Quantity, str] = {}
-    for part in filter(None, (item.strip() for item in text.split(","))):
-        key, separator, value = (item.strip() for item in part.partition("="))
-        if not separator or not value:
-            raise ParameterError(f"expected QUANTITY=NAME,…, got {part!r}")
-        if key not in set(Quantity):
-            raise ParameterError(f"no quantity {key!r}; there are {', '.join(Quantity)}")
-        if Quantity(key) in pairs:
-            raise ParameterError(f"{key} is given twice")
-        pairs[Quantity(key)] = value
-    return pairs

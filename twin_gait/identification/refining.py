@@ -22,11 +22,6 @@ _DAMPING, _LARGEST_DAMPING = 1e-4, 1e12
 def residuals(model: FrictionModel, x: np.ndarray, samples: Samples) -> np.ndarray:
     """Measured less predicted torque of the samples that are used.
 
-    Args:
-        model: The model.
-        x: Its parameter vector.
-        samples: The samples; whole tests for a dynamic model.
-
     Returns:
         In [N m], shape ``(n_used,)``.
     """
@@ -37,14 +32,6 @@ def jacobian(model: FrictionModel, x: np.ndarray, samples: Samples) -> np.ndarra
     """Derivative of the predicted torque by the parameter vector.
 
     Exact for the linear coefficients, by central differences for the logarithms of the shape.
-
-    Args:
-        model: The model.
-        x: Its parameter vector.
-        samples: The samples.
-
-    Returns:
-        Shape ``(n_used, size)``.
     """
     count = len(model.coefficients)
     columns = [model.basis(np.exp(x[count:]), samples)[samples.used]]
@@ -62,9 +49,6 @@ def huber_cost(values: np.ndarray, threshold: float) -> float:
     Args:
         values: Residuals, shape ``(n,)``.
         threshold: Infinite for least squares.
-
-    Returns:
-        Sum over the residuals, in their unit squared.
     """
     size = np.abs(values)
     if math.isinf(threshold):
@@ -100,9 +84,6 @@ def refine(
         high: Upper bounds.
         threshold: Of Huber's loss in [N m]; infinite for least squares.
         tolerance: A step that lowers the loss by less than this share of it is the last.
-
-    Returns:
-        The parameter vector at the minimum; never one with a higher loss than the start.
     """
     x: np.ndarray = start
     damping = _DAMPING

@@ -129,15 +129,7 @@ def join_tests(tests: Sequence[FrictionTest]) -> Samples:
 
 
 def thinned_path(samples: Samples, limit: int) -> Samples:
-    """Fewer samples for a model with a state, which needs the path between them.
-
-    Args:
-        samples: The samples.
-        limit: How many may count; so many times as the path factor stay on the path.
-
-    Returns:
-        The samples, of which every so many count.
-    """
+    """Fewer samples for a model with a state, which needs the path between them."""
     path = thinned(samples, PATH_FACTOR * limit)
     counted = np.flatnonzero(path.used)
     step = -(-len(counted) // limit)
@@ -149,15 +141,7 @@ def thinned_path(samples: Samples, limit: int) -> Samples:
 
 
 def thinned(samples: Samples, limit: int) -> Samples:
-    """Every so many samples, so that a fit of millions takes no longer than one of thousands.
-
-    Args:
-        samples: The samples.
-        limit: How many to keep at most.
-
-    Returns:
-        The samples, with the periods between those that were kept.
-    """
+    """Every so many samples, so that a fit of millions takes no longer than one of thousands."""
     step = -(-len(samples) // limit)
     if step <= 1:
         return samples

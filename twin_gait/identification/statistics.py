@@ -1,11 +1,15 @@
-"""How well a fitted law describes its samples, in the numbers that the thesis gives and a few more."""
+"""How well a fitted law describes its samples, and how well it predicts tests that it was not fitted to."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from twin_gait.identification.fitting import Fit, FitOptions, refit
+from twin_gait.identification.samples import FrictionTest, Samples
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,3 +69,85 @@ def goodness(measured: np.ndarray, residuals: np.ndarray, parameters: int) -> Go
         aic=deviance + 2.0 * (parameters + 1),
         bic=deviance + math.log(n) * (parameters + 1),
     )
+
+
+MOST_FOLDS = 12
+_PIECES = 5  # that a single test is cut into
+
+
+@dataclass(frozen=True, kw_only=True)
+class CrossValidation:
+    """Error on what was left out.
+
+    Attributes:
+        by: What was left out: ``file``, ``files`` (several at a time), ``weight`` or ``piece`` of one file.
+        folds: How often.
+        rmse: Over all samples, each predicted by the fit that did not see it, in [N m].
+    """
+
+    by: str
+    folds: int
+    rmse: float
+
+
+@dataclass(frozen=True, eq=False)
+class Folds:
+    """What is left out together.
+
+    Attributes:
+        by: See :class:`CrossValidation`.
+        labels: Fold of each sample, shape ``(n,)``.
+    """
+
+    by: str
+    labels: np.ndarray
+
+
+def folds_of(tests: Sequence[FrictionTest], samples: Samples) -> list[Folds]:
+    """The ways to leave something out of these tests."""
+    found = []
+    if len(tests) == 1:
+        pieces = np.arange(len(samples)) * _PIECES // max(len(samples), 1)
+        found.append(Folds("piece", pieces))
+    elif len(tests) <= MOST_FOLDS:
+        found.append(Folds("file", samples.test))
+    else:
+        found.append(Folds("files", samples.test % MOST_FOLDS))
+    masses = [test.mass for test in tests]
+    if None not in masses and 1 < len(set(masses)) < len(tests):
+        _, index = np.unique(np.array(masses, dtype=float), return_inverse=True)
+        found.append(Folds("weight", index[samples.test]))
+    return found
+
+
+def cross_validate(
+    fit: Fit,
+    samples: Samples,
+    folds: Folds,
+    options: FitOptions,
+    step: Callable[[], None] = lambda: None,
+) -> CrossValidation:
+    """Fit without each fold and predict it.
+
+    Each fit starts from that of all samples. A dynamic model runs through whole tests, of which the samples
+    left out do not count in the fit.
+    """
+    total, count, number = 0.0, 0, 0
+    for label in np.unique(folds.labels):
+        out = folds.labels == label
+        inside, outside = _without(samples, out), _without(samples, ~out)
+        if not outside.used.any() or inside.used.sum() <= 2 * fit.model.size:
+            continue
+        again = refit(fit, inside, options)
+        left = again.residuals(outside)
+        total, count, number = total + float(left @ left), count + len(left), number + 1
+        step()
+    return CrossValidation(by=folds.by, folds=number, rmse=math.sqrt(total / count) if count else math.nan)
+
+
+def _without(samples: Samples, out: np.ndarray) -> Samples:
+    """The same samples, of which some do not count; tests of which none counts are left out."""
+    used = samples.used & ~out
+    needed = np.isin(samples.test, np.unique(samples.test[used]))
+    changed = samples.rows(needed)
+    return Samples(**{**vars(changed), "used": used[needed]})

@@ -26,8 +26,8 @@ from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import dump
 from twin_gait.live.walk import LiveWalk
 from twin_gait.measures.leg_record import LegRecord, leg_record
-from twin_gait.measures.verdict import gait_verdict
-from twin_gait.runs.summary.side import summarise_side
+from twin_gait.measures.outcome import gait_verdict
+from twin_gait.runs.leg_summary import summarise_side
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.run import Run, RunStatus, log_table

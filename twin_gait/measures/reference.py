@@ -1,4 +1,4 @@
-"""Angles of hip, knee and ankle in healthy walking, by the regression of Koopman et al. (2014).
+"""Angles of hip, knee and ankle in healthy walking by Koopman et al. (2014), and how far a gait is from them.
 
 B. Koopman, E. H. F. van Asseldonk, H. van der Kooij: Speed-dependent reference joint trajectory
 generation for robotic gait support, Journal of Biomechanics 47 (2014) 1447-1458. A few key events of
@@ -14,19 +14,25 @@ contact is sample 1, the next heel contact sample 100, so that sample 1 + 0.99 p
 
 from __future__ import annotations
 
+import csv
 import math
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.measures.koopman2014 import EVENTS, FIRST_SAMPLE, LAST_SAMPLE, STEP_RATIO, Coefficients
 from twin_gait.parameters import require, require_positive
 from twin_gait.vocabulary import JointName
 
 KILOMETRES_PER_HOUR = 3.6
 CYCLE = 100.0  # [%]
+FIRST_SAMPLE, LAST_SAMPLE = 1.0, 100.0
 SAMPLES_PER_PERCENT = (LAST_SAMPLE - FIRST_SAMPLE) / CYCLE
+STEP_RATIO = (-0.532, 0.020, 0.470)  # of step length over cadence: constant, speed in km/h, height in m
+_QUANTITIES = ("timing", "angle", "velocity", "acceleration")
 SLOWEST, FASTEST = 0.5 / KILOMETRES_PER_HOUR, 5.0 / KILOMETRES_PER_HOUR  # [m] / [s], range of the regression
 
 
@@ -76,13 +82,24 @@ def key_events(joint: JointName, *, speed: float, height: float) -> tuple[KeyEve
     degree = math.pi / 180.0
     return tuple(
         KeyEvent(
-            (_regress(event.timing, speed, height) - FIRST_SAMPLE) / SAMPLES_PER_PERCENT,
-            degree * _regress(event.angle, speed, height),
-            degree * _regress(event.velocity, speed, height) * SAMPLES_PER_PERCENT,
-            degree * _regress(event.acceleration, speed, height) * SAMPLES_PER_PERCENT**2,
+            (_regress(timing, speed, height) - FIRST_SAMPLE) / SAMPLES_PER_PERCENT,
+            degree * _regress(angle, speed, height),
+            degree * _regress(velocity, speed, height) * SAMPLES_PER_PERCENT,
+            degree * _regress(acceleration, speed, height) * SAMPLES_PER_PERCENT**2,
         )
-        for event in EVENTS[joint]
+        for timing, angle, velocity, acceleration in _coefficients()[joint]
     )
+
+
+@lru_cache(maxsize=1)
+def _coefficients() -> dict[JointName, list[list[list[float]]]]:
+    """Coefficients b of timing, angle, velocity and acceleration of each key event, by joint."""
+    lines = Path(__file__).with_name("koopman2014.csv").read_text(encoding="utf-8").splitlines()
+    events: dict[JointName, list[list[list[float]]]] = {joint: [] for joint in JointName}
+    for row in csv.DictReader(line for line in lines if not line.startswith("#")):
+        values = [[float(row[f"{name}_b{power}"]) for power in range(4)] for name in _QUANTITIES]
+        events[JointName(row["joint"])].append(values)
+    return events
 
 
 def reference_curve(joint: JointName, percent: np.ndarray, *, speed: float, height: float) -> np.ndarray:
@@ -141,7 +158,48 @@ def _require_covered(speed: float, height: float) -> None:
         )
 
 
-def _regress(coefficients: Coefficients, speed: float, height: float) -> float:
+def _regress(coefficients: Sequence[float], speed: float, height: float) -> float:
     constant, linear, quadratic, with_height = coefficients
     v = speed * KILOMETRES_PER_HOUR
     return constant + linear * v + quadratic * v * v + with_height * height
+
+
+def gait_variable_score(cycles: np.ndarray, reference: np.ndarray) -> float:
+    r"""Gait Variable Score: root mean square distance of the mean stride from a reference.
+
+    .. math::
+
+        \mathrm{GVS} = \sqrt{\frac{1}{T} \sum_{t=1}^{T} (\bar x_t - \bar x^{ref}_t)^2}
+
+    after R. Baker, J. L. McGinley, M. H. Schwartz, S. Beynon, A. Rozumalski, H. K. Graham, O. Tirosh: The
+    Gait Profile Score and Movement Analysis Profile, Gait & Posture 30 (2009) 265-269. The mean stride is
+    compared, not each stride: what differs from stride to stride is no part of it.
+
+    Args:
+        cycles: One joint angle over the cycle, a row a stride, last sample that of the next stride, shape
+            ``(n_strides, n_samples)``.
+        reference: Curve at the same instants, shape ``(n_samples,)``, same unit.
+
+    Returns:
+        The score in the unit of the curves; NaN without strides.
+    """
+    if len(cycles) == 0:
+        return math.nan
+    difference = (cycles.mean(axis=0) - reference)[:-1]
+    return float(np.sqrt(np.mean(difference * difference)))
+
+
+def gait_profile_score(scores: Sequence[float]) -> float:
+    """Root mean square of the Gait Variable Scores of several joints.
+
+    Theirs has nine variables; a device that moves hips and knees has two a side.
+
+    Args:
+        scores: Gait Variable Scores in one unit.
+
+    Returns:
+        The score in the same unit; NaN without any.
+    """
+    if len(scores) == 0:
+        return math.nan
+    return math.sqrt(sum(score * score for score in scores) / len(scores))

@@ -1,13 +1,14 @@
-"""How well replayed phases agree with the recorded ones."""
+"""Strides of a replayed leg, and how well its phases agree with the recorded ones."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.gait.table import TICK
-from twin_gait.measures.phases import entry_lags, phase_entries
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.measures.phases import entry_lags, phase_entries, phase_spells
 from twin_gait.replay.machine import Replay
 from twin_gait.vocabulary import Side
 
@@ -82,3 +83,50 @@ def _entries(phases: np.ndarray, phase: int) -> np.ndarray:
     """Entries into a phase, without the stay that the record begins with."""
     entries = phase_entries(phases, phase)
     return entries[entries > 0]
+
+
+class StridePhases(NamedTuple):
+    """Phases of one stride, from an entry into the first phase of the table to the next.
+
+    Attributes:
+        start: First tick.
+        end: First tick of the next stride.
+        phases: Indices of the phases in order.
+    """
+
+    start: int
+    end: int
+    phases: tuple[int, ...]
+
+    @property
+    def duration(self) -> float:
+        """In [s]."""
+        return (self.end - self.start) * TICK
+
+
+def meant_cycles(table: GaitTable) -> set[tuple[int, ...]]:
+    """Orders of phases that a stride may have."""
+    if not table.cycles:
+        return {tuple(range(len(table.phases)))}
+    first = table.phase_names[0]
+    rotated = [
+        (*cycle[cycle.index(first) :], *cycle[: cycle.index(first)])
+        for cycle in table.cycles
+        if first in cycle
+    ]
+    return {tuple(table.phase_index(phase) for phase in cycle) for cycle in rotated}
+
+
+def stride_phases(phases: np.ndarray) -> list[StridePhases]:
+    """Split a leg's phases into strides.
+
+    Args:
+        phases: Index of the phase at each tick, shape ``(n,)``.
+    """
+    entries = phase_entries(phases, 0)
+    entries = entries[entries > 0]
+    spells = phase_spells(phases)
+    return [
+        StridePhases(int(start), int(end), tuple(item.phase for item in spells if start <= item.start < end))
+        for start, end in pairwise(entries)
+    ]

@@ -1,26 +1,27 @@
 """The gait state machine over a recorded walk: what the controller would have decided.
 
-The recorded angles pass through the firmware's own estimator and the machine's own evaluator, tick by tick
-in the order of the engines: measure, then advance both legs on one snapshot.
+The recorded angles pass through the velocity estimator of the firmware and the evaluator of the state
+machine, tick by tick in the order of the engines: measure, then advance both legs on one snapshot. A walk
+that lacks a signal which a guard reads is refused.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from twin_gait.core.control_tick import VELOCITY_FAST, leg_signals, measure_joints
 from twin_gait.core.estimation import first_order_gain
+from twin_gait.core.guards import END_NODE, FIRST_NODE, OP_COMPARE, OP_PHASE
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import all_signal_names
+from twin_gait.gait.guards import OTHER, all_signal_names
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.parameters import SensorParameters
 from twin_gait.replay.recording import Recording
-from twin_gait.replay.requirements import check_signals
 from twin_gait.vocabulary import Side
 
 PROGRESS_TICKS = 500
@@ -71,7 +72,7 @@ def replay(
     Raises:
         GaitTableError: If the guards need a signal that was not recorded, or there is no such start phase.
     """
-    check_signals(recording, table, body_weight)
+    _check_signals(recording, table, body_weight)
     loop = _Loop(recording, table, body_weight, start_phases or {}, fast_time_constant)
     total = recording.n_ticks
     for tick in range(total):
@@ -192,3 +193,66 @@ def _start(recording: Recording, table: GaitTable, side: Side, start_phases: Map
         return asked
     recorded = str(recording.phases[side][0]) if side in recording.phases else ""
     return recorded if recorded in table.phases else table.phase_names[0]
+
+
+FOOT_LOAD = "foot.load_bw"
+OTHER_PHASE = f"{OTHER}phase"
+
+
+def needed_signals(table: GaitTable) -> dict[str, list[str]]:
+    """Signals that the guards of a table read, and which transitions read them."""
+    needed: dict[str, list[str]] = {}
+    for index, item in enumerate(table.transitions):
+        for signal in _signals_of(table, index):
+            readers = needed.setdefault(signal, [])
+            label = f"{item.source} → {item.target} ({item.cause})"
+            if label not in readers:
+                readers.append(label)
+    return needed
+
+
+def _signals_of(table: GaitTable, index: int) -> Iterator[str]:
+    """Signals that one transition compares, read off the compiled guards."""
+    program = compile_guards(table)
+    names = all_signal_names(table.joints)
+    first, end = program.transitions[index, FIRST_NODE], program.transitions[index, END_NODE]
+    for operation, operand in program.nodes[first:end]:
+        if operation == OP_PHASE:
+            yield OTHER_PHASE
+        elif operation == OP_COMPARE:
+            signal, _, minus, minus_factor, _ = program.comparisons[operand]
+            yield names[int(signal)]
+            if minus_factor != 0.0:
+                yield names[int(minus)]
+
+
+def _check_signals(recording: Recording, table: GaitTable, body_weight: float | None) -> None:
+    """Refuse a walk that lacks a signal which a guard reads."""
+    for signal, readers in needed_signals(table).items():
+        problem = _lacking(recording, signal, body_weight)
+        if problem:
+            raise GaitTableError(
+                f"{recording.source}: the table {table.name} reads {signal} in {'; '.join(readers)}, but "
+                f"{problem}"
+            )
+
+
+def _lacking(recording: Recording, signal: str, body_weight: float | None) -> str:
+    """Why a signal cannot be had; empty if it can."""
+    if signal.startswith(OTHER) and len(recording.sides) < 2:
+        return "the log has one leg: add --mirror to make the other one of it, or take another table"
+    if signal == OTHER_PHASE:
+        return ""
+    name = signal.removeprefix(OTHER)
+    if name == FOOT_LOAD:
+        lacking = [side for side in recording.sides if side not in recording.loads]
+        if lacking:
+            return f"the log has no {lacking[0]}_foot_normal_force_N: name it in --columns"
+        return "" if body_weight else "the weight is not known: add --total-mass KG"
+    joint, _, quantity = name.partition(".")
+    if not quantity:
+        return ""  # the time in phase is the machine's own
+    for side, joints in recording.angles.items():
+        if joint not in joints:
+            return f"the log has no angle of the {side} {joint}: name its column in --columns"
+    return ""

@@ -7,19 +7,17 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
+from twin_gait.measures import winter1991
 from twin_gait.measures.reference import CYCLE, KILOMETRES_PER_HOUR, reference_curve, reference_cycle_time
 from twin_gait.parameters import Patient
-from twin_gait.replay import winter1991
 from twin_gait.replay.recording import Recording
 from twin_gait.vocabulary import JointName, Side
 
 STRIDES = 8
 KOOPMAN, WINTER = "koopman", "winter"
-_WINTER_JOINTS = (JointName.HIP, JointName.KNEE)
 Curve = Callable[[JointName, np.ndarray], np.ndarray]
 
 
@@ -67,7 +65,8 @@ def normative_walk(name: str, *, height: float | None = None, strides: int = STR
 
 
 def _winter() -> tuple[Curve, tuple[JointName, ...], float, float]:
-    return _winter_curve, _WINTER_JOINTS, winter1991.SPEED, winter1991.CYCLE_TIME
+    joints = tuple(JointName(name) for name in winter1991.JOINTS)
+    return winter1991.normative_angle, joints, winter1991.SPEED, winter1991.CYCLE_TIME
 
 
 def _koopman(name: str, height: float | None) -> tuple[Curve, tuple[JointName, ...], float, float]:
@@ -89,15 +88,3 @@ def _speed(name: str) -> float:
     if kind != KOOPMAN or not math.isfinite(speed):
         raise ParameterError(f"{name}: expected {KOOPMAN}@SPEED with the speed in km/h, such as koopman@1.5")
     return speed
-
-
-def _winter_curve(joint: JointName, percent: np.ndarray) -> np.ndarray:
-    """Interpolate the table of Winter.
-
-    The means at 0 and 100 % differ by up to 1.8 degrees; the last one is left out, so that the cycle closes.
-    """
-    degrees = [row[_WINTER_JOINTS.index(joint)] for row in winter1991.ANGLES]
-    closed = (*degrees[:-1], degrees[0])
-    places = np.arange(len(closed)) * winter1991.PERCENT_STEP
-    spline = CubicSpline(places, np.radians(closed), bc_type="periodic")
-    return np.asarray(spline(np.mod(percent, CYCLE)))

@@ -106,9 +106,6 @@ def shifted(recording: Recording, offsets: Mapping[JointName, float]) -> Recordi
     Args:
         recording: A walk.
         offsets: Per joint in [rad].
-
-    Returns:
-        The walk with the angles shifted.
     """
     if not offsets:
         return recording

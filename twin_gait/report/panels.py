@@ -15,8 +15,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from twin_gait.gait.table import TICK
-from twin_gait.measures.events import EventKind, held_from
 from twin_gait.measures.leg_record import LegRecord
+from twin_gait.measures.outcome import EventKind, held_from
 from twin_gait.measures.strides import PERCENT, SKIPPED_STRIDES
 from twin_gait.palette import EVENT_COLOUR, LIMIT_COLOUR
 from twin_gait.report.canvas import (

@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from twin_gait.core.actuator import torque_to_current
-from twin_gait.measures.energy import energy_balance
+from twin_gait.measures.effort import energy_balance
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells, usual_phases

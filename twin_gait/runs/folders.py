@@ -46,17 +46,6 @@ def staged_directory(target: Path, kind: FolderKind, *, force: bool = False) -> 
     """Give a hidden folder beside the target that takes its place when all is written.
 
     Whatever happens inside, the target is either as it was or complete.
-
-    Args:
-        target: The folder to make.
-        kind: What it is.
-        force: Whether an existing folder of this kind may be replaced.
-
-    Yields:
-        Folder to write into.
-
-    Raises:
-        RunDirectoryError: If the target exists, or cannot be written.
     """
     target = target.expanduser().absolute()
     check_target(target, kind, force=force)
@@ -92,14 +81,7 @@ def _hold(staging: Path) -> int | None:
 
 
 def abandoned(parent: Path) -> list[Path]:
-    """What killed runs have left behind beside the folders that they were to make.
-
-    Args:
-        parent: Folder to look in.
-
-    Returns:
-        Hidden, incomplete folders that no process writes any more, sorted.
-    """
+    """What killed runs have left behind beside the folders that they were to make."""
     try:
         found = sorted(
             path for path in parent.glob(f".*{PARTIAL}") if path.is_dir() and not path.is_symlink()
@@ -119,14 +101,7 @@ def _released(path: Path) -> bool:
 
 
 def remove_abandoned(path: Path) -> None:
-    """Remove a folder of :func:`abandoned`.
-
-    Args:
-        path: The folder.
-
-    Raises:
-        RunDirectoryError: If it cannot be removed.
-    """
+    """Remove a folder of :func:`abandoned`."""
     try:
         shutil.rmtree(path)
     except OSError as error:
@@ -134,16 +109,7 @@ def remove_abandoned(path: Path) -> None:
 
 
 def check_target(target: Path, kind: FolderKind, *, force: bool) -> None:
-    """Refuse a folder that exists, unless it is of its kind and may be replaced.
-
-    Args:
-        target: The folder to make.
-        kind: What it is to be.
-        force: Whether an existing folder of this kind may be replaced.
-
-    Raises:
-        RunDirectoryError: If it may not be used.
-    """
+    """Refuse a folder that exists, unless it is of its kind and may be replaced."""
     target = target.expanduser().absolute()
     if not target.exists():
         return

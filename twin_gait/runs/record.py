@@ -25,11 +25,11 @@ from twin_gait.experiment import Experiment
 from twin_gait.files import read_parquet, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.measures.events import RunEvent, run_events
+from twin_gait.measures.outcome import RunEvent, run_events
 from twin_gait.parameters import Patient
 from twin_gait.report.figures import write_figures
 from twin_gait.runs.folders import FolderKind, journal_of
-from twin_gait.runs.summary.summary import summarise, versions
+from twin_gait.runs.summary import summarise, versions
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, unit_of
 from twin_gait.simulation.problem import scaled_table
@@ -91,11 +91,7 @@ class StoredRun:
 
     @cached_property
     def run(self) -> Run:
-        """The run as :func:`twin_gait.simulate` gave it back.
-
-        Raises:
-            RunDirectoryError: If the switches cannot be read.
-        """
+        """The run as :func:`twin_gait.simulate` gave it back."""
         world = self.experiment.build_world()
         table = scaled_table(self.experiment, world)
         return Run(
@@ -120,19 +116,7 @@ def write_run(
     accuracy: dict[str, Any] | None = None,
     on_step: Callable[[str], None] | None = None,
 ) -> dict[str, Any]:
-    """Write everything that a run leaves behind into a folder.
-
-    Args:
-        run: The run.
-        directory: An existing, empty folder.
-        document: Mapping that the experiment was loaded from, to keep the units as typed.
-        pictures: Whether to draw figures and animation.
-        accuracy: Comparison with a tenth of the step, for the summary.
-        on_step: Called with the name of each file before it is written.
-
-    Returns:
-        The summary.
-    """
+    """Write everything that a run leaves behind into a folder."""
     tell = on_step or (lambda name: None)
     tell(EXPERIMENT_FILE)
     resolved = resolved_document(run.experiment, document, versions())
@@ -149,18 +133,12 @@ def write_run(
         (directory / FIGURES_FOLDER).mkdir()
         write_figures(run, directory / FIGURES_FOLDER)
         tell(ANIMATION_FILE)
-        write_run_animation(run, directory / ANIMATION_FILE)
+        _write_run_animation(run, directory / ANIMATION_FILE)
     return summary
 
 
 def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
-    """Write a log as parquet, with units, schema version and status in the metadata.
-
-    Args:
-        log: One row per tick.
-        path: The file.
-        status: How the run ended.
-    """
+    """Write a log as parquet, with units, schema version and status in the metadata."""
     table = pa.Table.from_pandas(log, preserve_index=False)
     units = json.dumps({name: unit_of(name) for name in log.columns})
     metadata = {
@@ -175,15 +153,7 @@ def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
 
 
 def switches_csv(switches: tuple[PhaseSwitch, ...], log: pd.DataFrame) -> str:
-    """Phase switches with their causes, angles and velocities, as CSV text.
-
-    Args:
-        switches: The switches.
-        log: The log of the same run.
-
-    Returns:
-        The text.
-    """
+    """Phase switches with their causes, angles and velocities, as CSV text."""
     measured = ("hip_angle_rad", "hip_velocity_rad_per_s", "knee_angle_rad", "knee_velocity_rad_per_s")
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
@@ -208,13 +178,8 @@ def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
         raise RunDirectoryError(f"{path}: cannot be read ({error!r})") from error
 
 
-def write_run_animation(run: Run, path: Path) -> None:
-    """Write the animation of a run.
-
-    Args:
-        run: The run.
-        path: The HTML file.
-    """
+def _write_run_animation(run: Run, path: Path) -> None:
+    """Write the animation of a run."""
     experiment = run.experiment
     belt = belt_speed_of(experiment)
     write_animation(
@@ -256,9 +221,6 @@ def describe(patient: Patient | None, belt_speed: float) -> str:
     Args:
         patient: The wearer, or None.
         belt_speed: In [m] / [s]; 0 on the bench.
-
-    Returns:
-        For example ``70 kg, 1.75 m, 1.50 km/h``.
     """
     who = "no wearer" if patient is None else f"{patient.mass:g} kg, {patient.height:.2f} m"
     return who if belt_speed == 0.0 else f"{who}, {3.6 * belt_speed:.2f} km/h"
@@ -288,18 +250,7 @@ def load_run(directory: Path) -> StoredRun:
 
 
 def read_run(directory: Path, experiment: Experiment) -> StoredRun:
-    """Read log and summary of a run.
-
-    Args:
-        directory: A run directory.
-        experiment: What was run.
-
-    Returns:
-        The run.
-
-    Raises:
-        RunDirectoryError: If they cannot be read.
-    """
+    """Read log and summary of a run."""
     try:
         log = read_parquet(directory / LOG_FILE)
         summary = json.loads((directory / SUMMARY_FILE).read_text(encoding="utf-8"))

@@ -14,7 +14,7 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.validation import read_yaml
 from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError, ViewerError
 from twin_gait.experiment import Experiment
-from twin_gait.measures.events import RunEvent
+from twin_gait.measures.outcome import RunEvent
 from twin_gait.runs.record import (
     EXPERIMENT_FILE,
     LOG_FILE,
@@ -63,16 +63,6 @@ def read_shown_run(directory: Path) -> ShownRun:
     """Read a run to look at it.
 
     A URDF that has changed since the run forbids to run it again, but not to look at it: the page says so.
-
-    Args:
-        directory: A run directory, of this version or an earlier one.
-
-    Returns:
-        The run.
-
-    Raises:
-        ParameterFileError: If its experiment file has a mistake.
-        RunDirectoryError: If it is not a complete run directory, or its log is empty.
     """
     directory = Path(directory).expanduser()
     name = f"twin_gait · {directory.absolute().name}"
@@ -103,14 +93,6 @@ def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
     Args:
         runs: One or two.
         moments: Moments to have a frame of, in [s].
-
-    Returns:
-        HTML that needs nothing else.
-
-    Raises:
-        ModelError: If a URDF cannot be read.
-        ParameterError: If there are no runs, or more than two.
-        ViewerError: If a log does not fit its model.
     """
     if not 1 <= len(runs) <= MOST_RUNS:
         raise ParameterError(f"expected one run or two to show beside each other, got {len(runs)}")

@@ -24,15 +24,6 @@ def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: Br
 
     Motors, friction, stops, orthosis and hand stay with the device; the support and the feet go with the
     wearer. Both start in the posture of the world.
-
-    Args:
-        world: With device and wearer in one.
-        device: Its device alone.
-        wearer: Its wearer alone.
-        parameters: Of the braces.
-
-    Returns:
-        The world.
     """
     rows = np.zeros_like(world.plant_rows)
     rows[:, plant.FRICTION_C] = 1.0
@@ -91,9 +82,6 @@ def semi_implicit_euler_growth(system: np.ndarray, step: float) -> np.ndarray:
     Args:
         system: A of :math:`\dot x = A x` with positions first, velocities after them, shape ``(m, m)``.
         step: h in [s].
-
-    Returns:
-        Shape ``(m, m)``.
     """
     half = len(system) // 2
     velocity = np.eye(len(system))[half:] + step * system[half:]
@@ -111,10 +99,6 @@ def carries(world: World, growth: Step, step: float) -> bool:
         world: With braces.
         growth: :func:`rk4_growth` or :func:`semi_implicit_euler_growth`.
         step: In [s].
-
-    Returns:
-        True if no eigenvalue of a step is larger than 1, in the posture of the start and in one with bent
-        knees.
     """
     return all(
         _largest_growth(growth, _linear(world, q), step) <= 1.0 + _ROUNDING

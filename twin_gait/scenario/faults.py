@@ -85,11 +85,11 @@ class Fault:
         require(
             has == wanted.get(self.kind, (True, True)),
             f"place of {self.kind}",
-            expected_place(self.kind),
+            _expected_place(self.kind),
             self.place,
         )
         require(
-            self.joint is not JointName.ANKLE, f"place of {self.kind}", expected_place(self.kind), self.place
+            self.joint is not JointName.ANKLE, f"place of {self.kind}", _expected_place(self.kind), self.place
         )
         if self.magnitude is not None:
             units = " or ".join(self.kind.units) or "no magnitude"
@@ -120,7 +120,7 @@ class Fault:
         return f"{self.kind}{place}@{self.time!r}s{size}"
 
 
-def expected_place(kind: FaultKind) -> str:
+def _expected_place(kind: FaultKind) -> str:
     """Where faults of a kind can strike, in words."""
     if kind is FaultKind.SUPPLY_DIP:
         return "no place, as in supply_dip@4.2s"
@@ -169,7 +169,7 @@ def _place(text: str, kind: FaultKind, place: str | None) -> tuple[Side | None, 
         return None, None
     side, _, name = place.partition("_")
     if side not in list(Side) or name not in (FOOT, JointName.HIP, JointName.KNEE):
-        raise ParameterError(f"fault {text!r}: no place {place!r}; expected {expected_place(kind)}")
+        raise ParameterError(f"fault {text!r}: no place {place!r}; expected {_expected_place(kind)}")
     return Side(side), None if name == FOOT else JointName(name)
 
 
@@ -192,9 +192,6 @@ def check_faults(faults: Collection[Fault], sides: Collection[Side], feet: bool,
         sides: Legs that there are.
         feet: Whether feet touch a ground.
         duration: Of the run in [s].
-
-    Raises:
-        ParameterError: If one does not.
     """
     for fault in faults:
         if fault.side is not None and fault.side not in sides:

@@ -156,7 +156,7 @@ class TreadmillScenario:
             q[model.index(side, JointName.HIP)] = hip
             q[model.index(side, JointName.KNEE)] = knee
             phases[side] = self.initial_phases[0 if leads else 1]
-        q[pelvis] = stand_on_both_feet(model, q)
+        q[pelvis] = _stand_on_both_feet(model, q)
         return World(
             model=model,
             plant_rows=rows,
@@ -175,16 +175,8 @@ class TreadmillScenario:
         )
 
 
-def stand_on_both_feet(model: LegModel, q: np.ndarray) -> float:
-    """Bend the ankle of the foot that reaches lower until both feet stand on the belt.
-
-    Args:
-        model: Both legs.
-        q: Coordinates with the pelvis at 0; the bent ankle is changed in place.
-
-    Returns:
-        Height of the pelvis in [m] at which the lowest points of both feet touch the belt.
-    """
+def _stand_on_both_feet(model: LegModel, q: np.ndarray) -> float:
+    """Bend the ankle of the foot that reaches lower until both feet stand on the belt."""
     reach = {side: _lowest_point(model, side, q) for side in model.sides}
     lower, higher = sorted(model.sides, key=lambda side: reach[side])
     if model.legs[lower].ankle is None:

@@ -146,9 +146,6 @@ def build_leg_model(
         pelvis: How the pelvis is held.
         gravity: In [m] / [s²].
         bodies: Whose bodies it has.
-
-    Returns:
-        The model.
     """
     return LegModel(
         source.urdf,
@@ -171,18 +168,7 @@ def build_plant_rows(
     stops: StopParameters,
     ankle: AnkleParameters,
 ) -> np.ndarray:
-    """Parameters of friction, stops and ankle springs for every coordinate.
-
-    Args:
-        model: The plant.
-        friction: True friction of hip and knee.
-        load_friction: Share of the motor torque that becomes friction, at hip and knee.
-        stops: Of all joints; the limits come from the URDF.
-        ankle: The orthosis.
-
-    Returns:
-        Shape ``(nv, PLANT_COLUMNS)``.
-    """
+    """Parameters of friction, stops and ankle springs for every coordinate."""
     rows = np.zeros((model.nv, plant.PLANT_COLUMNS))
     rows[:, plant.FRICTION_C] = 1.0
     for side, leg in model.legs.items():

@@ -23,7 +23,7 @@ from twin_gait.configuration.people import names_a_person, person_document
 from twin_gait.configuration.validation import converting
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Engine, Experiment
-from twin_gait.runs.summary.summary import summarise
+from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
 from twin_gait.vocabulary import JointName, Side
@@ -212,7 +212,7 @@ def overridden(experiment: Experiment, override: Override, source: str = "overri
 def flat_summary(run: Run) -> Flat:
     """Sum a run up in one row.
 
-    The values are those of :func:`twin_gait.runs.summary.summary.summarise` under the same names, with
+    The values are those of :func:`twin_gait.runs.summary.summarise` under the same names, with
     side and joint in front: ``left_stride_time_mean_s``, ``left_knee_saturated_share``. Nothing in it depends
     on the machine's speed.
 

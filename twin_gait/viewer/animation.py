@@ -12,8 +12,8 @@ import pandas as pd
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
-from twin_gait.measures.events import RunEvent
 from twin_gait.measures.leg_record import leg_record
+from twin_gait.measures.outcome import RunEvent
 from twin_gait.palette import phase_colour
 from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from twin_gait.exceptions import ViewerError
-from twin_gait.measures.events import RunEvent
+from twin_gait.measures.outcome import RunEvent
 from twin_gait.palette import (
     EVENT_COLOUR,
     EVENT_ON_DARK,

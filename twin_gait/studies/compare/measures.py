@@ -12,31 +12,35 @@ from twin_gait.core.actuator import torque_to_current
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
 from twin_gait.experiment import ControlMode
 from twin_gait.gait.table import TICK
-from twin_gait.measures.assistance import (
+from twin_gait.measures.effort import (
+    battery_life,
     interaction_torque,
+    load,
     opposing_torque,
     positive_work,
     root_mean_square,
     share_of_work,
 )
-from twin_gait.measures.effort import battery_life, load
 from twin_gait.measures.foot_contact import CONTACT_FORCE
-from twin_gait.measures.gait_score import gait_profile_score, gait_variable_score
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells
-from twin_gait.measures.spatiotemporal import cadence, double_support_share, step_times, stride_lengths
+from twin_gait.measures.reference import gait_profile_score, gait_variable_score
 from twin_gait.measures.strides import (
     PERCENT,
     SKIPPED_STRIDES,
+    cadence,
+    double_support_share,
     normalise_strides,
+    step_times,
+    stride_lengths,
     stride_times,
     symmetry_index,
 )
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.replay.normative import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
+from twin_gait.runs.leg_summary import blend_length, summarise_side
 from twin_gait.runs.record import belt_speed_of
-from twin_gait.runs.summary.side import blend_length, summarise_side
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Outcome, Side

@@ -17,7 +17,7 @@ from twin_gait.configuration.overrides import assign, parse_assignments
 from twin_gait.configuration.validation import Count, Number, Strict, converting, read_yaml, validate
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
-from twin_gait.runs.summary.summary import versions
+from twin_gait.runs.summary import versions
 from twin_gait.studies.batch import SUMMARY_COLUMNS
 from twin_gait.studies.jobs import sources_hash
 from twin_gait.studies.sweep.design import Design, Levels, Range, Scale, grid, latin_hypercube, listed

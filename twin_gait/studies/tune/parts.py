@@ -26,7 +26,7 @@ from twin_gait.measures.strides import (
     root_mean_square_error,
     symmetry_index,
 )
-from twin_gait.runs.summary.summary import summarise
+from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run
 from twin_gait.vocabulary import JointName, Outcome
 

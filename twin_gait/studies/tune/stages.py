@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from twin_gait.configuration.documents import experiment_document
-from twin_gait.configuration.gait_table_file import packaged_gait_table
+from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
@@ -63,7 +63,7 @@ def start_tables(table: GaitTable) -> tuple[GaitTable, ...]:
 
     Where it is one of ``START_TABLES``, the others of those follow, with sides told apart if it does so.
     """
-    shipped = {name: packaged_gait_table(name) for name in START_TABLES}
+    shipped = {name: load_gait_table(name) for name in START_TABLES}
     plain = replace(table, side_phases={}) if table.side_phases else table
     if plain != shipped.get(table.name):
         return (table,)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from twin_gait.checking.check import build_subject, check
+from twin_gait.checking.check import build_case, check
 from twin_gait.checking.finding import Finding, Severity
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
@@ -137,7 +137,7 @@ def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
     """
     for refused, finalist in enumerate(tuning.ranked):
         driven = experiment_of(experiment_document(experiment), finalist.table, {})
-        findings = check(build_subject(driven.table, driven))
+        findings = check(build_case(driven.table, driven))
         if not any(item.severity is Severity.ERROR for item in findings):
             return Chosen(finalist, tuple(findings), refused)
     raise ParameterError(

@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from twin_gait.checking import ambiguity, both_legs, leaving, reachability, stability
-from twin_gait.checking.check import Rule, build_subject
-from twin_gait.checking.finding import Severity
+from twin_gait.checking import exits, graph, leaving, stability
+from twin_gait.checking.check import build_case
+from twin_gait.checking.finding import Rule, Severity
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
@@ -22,7 +22,7 @@ from twin_gait.studies.tune.parts import excess_cost, rate_walk
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
 QUICK_RULES: tuple[Rule, ...] = tuple(
     rule
-    for module in (reachability, ambiguity, both_legs, leaving, stability)
+    for module in (graph, exits, leaving, stability)
     for rule in module.RULES
     if rule.__name__
     in {
@@ -118,8 +118,8 @@ def experiment_of(
 
 def quick_errors(experiment: Experiment) -> tuple[str, ...]:
     """Errors that the quick rules of the check find in the table of an experiment, by their ids."""
-    subject = build_subject(experiment.table, experiment)
-    found = [finding for rule in QUICK_RULES for finding in rule(subject)]
+    case = build_case(experiment.table, experiment)
+    found = [finding for rule in QUICK_RULES for finding in rule(case)]
     return tuple(sorted({item.rule for item in found if item.severity is Severity.ERROR}))
 
 

@@ -1,0 +1,105 @@
+"""Logs as CSV and as motions of OpenSim (.mot, .sto).
+
+A storage file of OpenSim has a header, ``endheader``, the names of the columns and rows of numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.conventions import DEGREES, RADIANS, Convention
+from twin_gait.exceptions import ParameterError
+from twin_gait.files import write_atomically
+from twin_gait.measures.leg_record import wearer_column
+from twin_gait.vocabulary import JointName, Side
+
+
+def export_motion(
+    log: pd.DataFrame, path: Path, convention: Convention, *, unit: str = DEGREES, device: bool = False
+) -> list[str]:
+    """Write the joint angles of a log as a motion of an OpenSim model.
+
+    Hip and knee, and the ankle where the log has one, under the names and signs of the model. The pelvis is
+    left out: the model keeps its own place.
+
+    Args:
+        log: One row per tick, with ``time_s`` and true angles.
+        path: The file; OpenSim reads .mot and .sto alike.
+        convention: Names and signs of the model.
+        unit: ``deg``, which is usual in .mot files, or ``rad``; the header says which.
+        device: Whether the angles are the device's where braces let the wearer move against it.
+
+    Returns:
+        Names of the columns.
+
+    Raises:
+        ParameterError: If the convention has no column names of its own, or the unit is another.
+        RunDirectoryError: If it cannot be written.
+    """
+    if unit not in (DEGREES, RADIANS):
+        raise ParameterError(f"unit: expected {DEGREES} or {RADIANS}, got {unit!r}")
+    columns = {"time": log["time_s"].to_numpy(dtype=float)}
+    columns |= joint_angles(log, convention, unit, device=device)
+    write_storage(path, columns, in_degrees=unit == DEGREES)
+    return list(columns)
+
+
+def joint_angles(
+    log: pd.DataFrame, convention: Convention, unit: str, *, device: bool
+) -> dict[str, np.ndarray]:
+    """Angles of all joints of a log under the names and signs of a model.
+
+    Returns:
+        Angles by column, shape ``(n,)`` each.
+    """
+    if not convention.columns:
+        raise ParameterError(f"convention: {convention.name} has no column names of its own")
+    own: Container[str] = () if device else log.columns
+    columns = {}
+    for side in Side:
+        for joint in JointName:
+            name, column = convention.columns.get((side, joint)), wearer_column(own, side, joint, "angle_rad")
+            if name is None or column not in log:
+                continue
+            angle = convention.from_house(joint, log[column].to_numpy(dtype=float))
+            columns[name] = np.degrees(angle) if unit == DEGREES else angle
+    return columns
+
+
+def write_storage(path: Path, columns: Mapping[str, np.ndarray], *, in_degrees: bool) -> None:
+    """Write a .mot or .sto file, with all digits.
+
+    Args:
+        path: The file.
+        columns: By name, ``time`` first, shape ``(n,)`` each.
+        in_degrees: Whether its angles are in degrees.
+    """
+    rows = np.column_stack(list(columns.values()))
+    header = [
+        path.stem,
+        "version=1",
+        f"nRows={len(rows)}",
+        f"nColumns={len(columns)}",
+        f"inDegrees={'yes' if in_degrees else 'no'}",
+        "endheader",
+        "\t".join(columns),
+    ]
+    lines = ["\t".join(map(repr, row)) for row in rows.tolist()]
+    write_atomically(path, "\n".join([*header, *lines]) + "\n")
+
+
+def export_csv(log: pd.DataFrame, path: Path) -> None:
+    """Write a log as CSV: a header with units in the names, one row per tick, all digits.
+
+    Args:
+        log: One row per tick.
+        path: The file.
+
+    Raises:
+        RunDirectoryError: If it cannot be written.
+    """
+    write_atomically(path, log.to_csv(index=False, lineterminator="\n"))

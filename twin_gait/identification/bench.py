@@ -1,0 +1,139 @@
+"""The joint test bench of the thesis as an identification sees it, and how its logs are processed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from twin_gait.parameters import (
+    ActuatorParameters,
+    require,
+    require_non_negative,
+    require_positive,
+)
+from twin_gait.scenario import HORIZONTAL, LoadAngle
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchSetup:
+    """Test bench of one joint (thesis 2.2.1).
+
+    Attributes:
+        actuator: Motor and gear.
+        mass: On the link in [kg], where the log does not say.
+        lever: b, from the axis to the weight, in [m]. The thesis does not print it: an assumption.
+        link_inertia: About the axis in [kg m²]; an assumption.
+        link_moment: Mass of the link times the distance of its centre from the axis in [kg m].
+        start_angle: What the first angle of a log is set to in [rad]; None leaves the angles as they are.
+        load_angle: Form of the load torque.
+        mass_as_printed: Whether J_mass is m b, as printed, instead of m b².
+        gravity: In [m] / [s²].
+    """
+
+    actuator: ActuatorParameters
+    mass: float | None = None
+    lever: float = 0.30
+    link_inertia: float = 0.02
+    link_moment: float = 0.0
+    start_angle: float | None = HORIZONTAL
+    load_angle: LoadAngle = LoadAngle.CORRECTED
+    mass_as_printed: bool = False
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if self.mass is not None:
+            require_non_negative("mass", self.mass)
+        require_positive("lever", self.lever)
+        require_non_negative("link inertia", self.link_inertia)
+        require_non_negative("link moment", self.link_moment)
+        require(
+            self.start_angle is None or math.isfinite(self.start_angle),
+            "start angle",
+            "a finite angle",
+            self.start_angle,
+        )
+
+    def joint_angle(self, angle: np.ndarray) -> np.ndarray:
+        """Logged angles, set so that the first one is the start angle, in [rad]."""
+        return angle if self.start_angle is None else angle - angle[0] + self.start_angle
+
+    def load_torque(self, angle: np.ndarray, mass: float | np.ndarray) -> np.ndarray:
+        """Torque of gravity on the joint, equation (2.8); positive along the fall.
+
+        Args:
+            angle: Joint angle in [rad], shape ``(n,)``.
+            mass: On the link in [kg].
+
+        Returns:
+            In [N m], shape ``(n,)``.
+        """
+        tilt = angle - HORIZONTAL if self.load_angle is LoadAngle.CORRECTED else angle
+        return np.asarray(self.gravity * (mass * self.lever + self.link_moment) * np.cos(tilt))
+
+    def inertia(self, mass: float | np.ndarray) -> float | np.ndarray:
+        """J of equation (2.12) at the joint in [kg m²].
+
+        Args:
+            mass: On the link in [kg].
+
+        Returns:
+            Rotor and wave generator times the ratio squared, link and weight.
+        """
+        weight = mass * self.lever if self.mass_as_printed else mass * self.lever * self.lever
+        return self.actuator.armature + self.link_inertia + weight
+
+    def motor_torque(self, current: np.ndarray) -> np.ndarray:
+        """K_t τ I in [N m] of a motor current in [A]."""
+        return np.asarray(current * self.actuator.torque_constant * self.actuator.gear_ratio)
+
+
+class Processing(StrEnum):
+    """How a log is smoothed before the friction torque is computed."""
+
+    ZERO_PHASE = "zero_phase"  # angle, current and load through the same filter without delay
+    THESIS = "thesis"  # decimate by 10, moving average of 10 over the velocity alone, forward difference
+    NONE = "none"  # as recorded
+
+
+class CurrentSource(StrEnum):
+    """Which current the motor torque is computed from."""
+
+    MEASURED = "measured"
+    TARGET = "target"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProcessingOptions:
+    """How to process logs.
+
+    Attributes:
+        processing: None takes zero phase for logs with a current, and none for friction torques.
+        cutoff: Of the zero-phase filter in [Hz].
+        window: Samples of the thesis's moving average.
+        current: None takes the measured one if it is logged; with the thesis's processing the target.
+        standstill_velocity: Slower samples are rejected, in [rad] / [s]; None for 0.002 in logs with a
+            current and 0 in series of friction torques.
+        impact_acceleration: Beyond it the link has hit a stop, in [rad] / [s²].
+        stop_margin: Samples so near to where a stop was hit are rejected, in [rad].
+    """
+
+    processing: Processing | None = None
+    cutoff: float = 40.0
+    window: int = 10
+    current: CurrentSource | None = None
+    standstill_velocity: float | None = None
+    impact_acceleration: float = 25.0
+    stop_margin: float = 0.01
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_positive("cutoff", self.cutoff)
+        require(self.window >= 1, "window", "a whole number above 0", self.window)
+        if self.standstill_velocity is not None:
+            require_non_negative("standstill velocity", self.standstill_velocity)
+        require_positive("impact acceleration", self.impact_acceleration)
+        require_non_negative("stop margin", self.stop_margin)

@@ -1,0 +1,152 @@
+"""Filters of recorded signals, and samples at a mechanical stop, which are no friction.
+
+Hard stops show by their impact: an acceleration that no drive makes. A soft one brakes gently. It shows on
+the way to the end of the range, where the balance of torques becomes larger than it was before at such
+speeds, by more than a wrong inertia could explain.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import binary_dilation
+from scipy.signal import butter, sosfiltfilt
+
+ORDER = 2  # of the Butterworth filter; run forwards and backwards it acts twice
+
+
+def zero_phase(values: np.ndarray, cutoff: float, rate: float) -> np.ndarray:
+    """Low-pass filter without delay: Butterworth, forwards and backwards.
+
+    Args:
+        values: Evenly sampled, shape ``(n,)``.
+        cutoff: Of one pass in [Hz]; half the amplitude is left there.
+        rate: Samples per second in [Hz], above twice the cutoff.
+
+    Returns:
+        Shape ``(n,)``.
+    """
+    sections = butter(ORDER, cutoff, fs=rate, output="sos")
+    padding = min(len(values) - 1, int(3.0 * rate / cutoff))
+    return np.asarray(sosfiltfilt(sections, values, padlen=padding))
+
+
+def decimate(values: np.ndarray, factor: int) -> np.ndarray:
+    """Every so many samples, with no filter before it: the thesis's undersampling."""
+    return values[::factor]
+
+
+def moving_average(values: np.ndarray, window: int) -> np.ndarray:
+    """Mean of the last samples, equation (2.9); of those there are at the beginning.
+
+    Args:
+        values: Shape ``(n,)``.
+        window: How many.
+
+    Returns:
+        Shape ``(n,)``; late by (window - 1)/2 samples.
+    """
+    total = np.concatenate([[0.0], np.cumsum(values)])
+    last = np.arange(1, len(values) + 1)
+    first = np.maximum(last - window, 0)
+    return np.asarray((total[last] - total[first]) / (last - first))
+
+
+def forward_difference(values: np.ndarray, period: float) -> np.ndarray:
+    """Derivative by the sample after, equation (2.10); the last one is repeated.
+
+    Args:
+        values: Evenly sampled, shape ``(n,)``, at least two.
+        period: Between the samples in [s].
+    """
+    steps = np.diff(values) / period
+    return np.append(steps, steps[-1])
+
+
+_LONGEST = 200  # samples of an approach, of which the fastest is the first
+_FEWEST = 10  # samples before the approach that a comparison needs
+_FASTER = 1.25  # speeds up to so many times the present one are compared
+_SLOW = 0.02  # [rad] / [s] up to which all speeds are alike
+_USUAL = 0.95  # share of the torques before that are usual
+_LEAST = 0.5  # [N m] beyond the usual that a spring must add
+_OF_INERTIA = 0.5  # and the share of the torque of inertia, of which parameters are wrong by less
+
+
+def hard_stop(
+    angle: np.ndarray, acceleration: np.ndarray, *, limit: float, reach: int, window: int, margin: float
+) -> np.ndarray:
+    """Samples around an impact, and wherever the joint is as far as it was then.
+
+    Args:
+        angle: In [rad], shape ``(n,)``.
+        acceleration: Its size in [rad] / [s²], shape ``(n,)``.
+        limit: Beyond it the link has hit something.
+        reach: Samples before and after an impact.
+        window: Samples over which the direction of motion is taken.
+        margin: Samples so near to where the stop was hit count too, in [rad].
+
+    Returns:
+        Mask, shape ``(n,)``.
+    """
+    hit = acceleration > limit
+    around = widened(hit, max(reach, window))
+    for index in np.flatnonzero(hit).tolist():
+        direction = np.sign(angle[index] - angle[max(index - window, 0)])
+        if direction:
+            around |= direction * (angle - angle[index]) > -margin
+    return around
+
+
+def soft_stop(
+    angle: np.ndarray, velocity: np.ndarray, torque: np.ndarray, inertial: np.ndarray, *, margin: float
+) -> np.ndarray:
+    """Samples at which a spring brakes the joint at an end of its range.
+
+    Args:
+        angle: In [rad], shape ``(n,)``.
+        velocity: In [rad] / [s], shape ``(n,)``.
+        torque: Balance of torques without the stop in [N m], shape ``(n,)``.
+        inertial: What inertia takes of it in [N m], shape ``(n,)``.
+        margin: As far before the contact count too, in [rad].
+
+    Returns:
+        Mask, shape ``(n,)``; empty if nothing at either end looks like a spring.
+    """
+    stopped = np.zeros(len(angle), dtype=bool)
+    for direction in (1.0, -1.0):
+        place = direction * angle
+        contact = _contact(place, direction * velocity, direction * torque, np.abs(inertial))
+        if contact is not None:
+            stopped |= place > place[contact] - margin
+    return stopped
+
+
+def _contact(place: np.ndarray, speed: np.ndarray, torque: np.ndarray, inertial: np.ndarray) -> int | None:
+    """Sample at which a spring is touched on the way to the farthest place; None if there is none."""
+    end = int(np.argmax(place))
+    start = max(end - _LONGEST, 0)
+    peak = start + int(np.argmax(speed[start : end + 1]))
+    before = np.flatnonzero(speed[:peak] > 0.0)
+    if end - peak < 2 or len(before) < _FEWEST:
+        return None
+    excess = np.array(
+        [
+            torque[index] - _usual_torque(torque[before], speed[before], speed[index])
+            for index in range(peak, end)
+        ]
+    )
+    quiet = np.flatnonzero(excess <= np.maximum(_LEAST, _OF_INERTIA * inertial[peak:end]))
+    first = int(quiet[-1]) + 1 if len(quiet) else 0
+    return peak + first if first < len(excess) else None
+
+
+def _usual_torque(torque: np.ndarray, speed: np.ndarray, present: float) -> float:
+    """What 95 % of the torques before were below, at such speeds if there were enough of them."""
+    alike = torque[speed < _FASTER * max(present, _SLOW)]
+    return float(np.quantile(alike if len(alike) >= _FEWEST else torque, _USUAL))
+
+
+def widened(mask: np.ndarray, by: int) -> np.ndarray:
+    """Mask that also covers so many samples before and after."""
+    if not mask.any() or by < 1:
+        return mask
+    return np.asarray(binary_dilation(mask, iterations=by))

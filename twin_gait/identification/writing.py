@@ -1,0 +1,278 @@
+"""What an identification leaves behind: the document, parameter files, samples and figures in a folder."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from twin_gait.configuration.documents import dump_yaml
+from twin_gait.exceptions import ParameterError
+from twin_gait.files import write_atomically
+from twin_gait.identification import Identification, IdentifiedModel, Samples
+from twin_gait.identification.bootstrap import DRAWS, LEVEL
+from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
+from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
+from twin_gait.report.canvas import readable, save
+from twin_gait.report.identification import DrawnModel, DrawnSamples, draw_fits, draw_residuals
+from twin_gait.report.pages import figures_page
+from twin_gait.runs.folders import FolderKind, staged_directory
+from twin_gait.vocabulary import JointName
+
+DOCUMENT_FILE = "identification.json"
+IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
+SAMPLES_FILE = "samples.csv"
+PLANT_FILE, COMPENSATOR_FILE = "plant.yaml", "compensator.yaml"
+FIGURES_FOLDER, REPORT_FILE = "figures", "report.html"
+_LONG = 1e9  # [s]
+SCHEMA_VERSION = 1
+PRESET = "bench_leg"
+_DIGITS = 10
+_LISTED_SAMPLES = 100_000
+_TABLE = {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
+# The law that simulations know, in both ways to read its velocities.
+LAW_OF_THE_PLANT = "rotational"
+
+
+def write_identification(
+    result: Identification,
+    target: Path,
+    joint: JointName | None,
+    *,
+    force: bool = False,
+    pictures: bool = True,
+) -> dict[str, Any]:
+    """Write everything into a folder that appears when all is written."""
+    document = _identification_document(result, joint)
+    with staged_directory(target, IDENTIFICATION, force=force) as staging:
+        text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+        write_atomically(staging / DOCUMENT_FILE, f"{text}\n")
+        write_atomically(staging / SAMPLES_FILE, _samples_csv(result))
+        law = _plant_law(result)
+        if joint is not None and law is not None:
+            for name, file in _parameter_files(law, joint).items():
+                write_atomically(staging / name, file)
+        if pictures:
+            _draw(result, staging, joint)
+    return document
+
+
+def _draw(result: Identification, folder: Path, joint: JointName | None) -> None:
+    samples, best = result.samples.used_only(), result.models[0]
+    columns = {
+        "velocity [rad/s]": samples.velocity,
+        "load torque [N m]": samples.load,
+        "joint angle [rad]": samples.angle,
+        "time in the test [s]": samples.time,
+        "temperature [°C]": samples.temperature,
+    }
+    drawn = DrawnSamples(
+        velocity=samples.velocity,
+        torque=samples.torque,
+        test=samples.test,
+        columns={name: values for name, values in columns.items() if values is not None},
+        residuals=best.residuals,
+        threshold=best.fit.threshold,
+    )
+    models = [
+        DrawnModel(
+            name=item.name,
+            dynamic=item.fit.model.dynamic,
+            curve=partial(_steady_curve, item, samples),
+            rmse=item.goodness.rmse,
+            left_out={run.by: run.rmse for run in item.validations},
+        )
+        for item in result.models
+    ]
+    figures = {"fits": draw_fits(drawn, models), "residuals": draw_residuals(drawn, best.name)}
+    (folder / FIGURES_FOLDER).mkdir()
+    for name, figure in figures.items():
+        save(figure, folder / FIGURES_FOLDER / f"{name}.png")
+    heads = ["model", "law", "RMSE [N m]", *(f"left out: {by} [N m]" for by in models[0].left_out), "BIC"]
+    rows = [
+        (readable(item.name), item.fit.model.formula, f"{item.goodness.rmse:.3g}",
+         *(f"{run.rmse:.3g}" for run in item.validations), f"{item.goodness.bic:.0f}")
+        for item in result.models
+    ]  # fmt: skip
+    title = "Friction" if joint is None else f"Friction of the {joint}"
+    subtitle = f"{len(result.tests)} tests, {len(samples.velocity)} samples; models best first"
+    write_atomically(folder / REPORT_FILE, figures_page(title, subtitle, figures, heads, rows))
+
+
+def _steady_curve(item: IdentifiedModel, samples: Samples, velocity: np.ndarray) -> np.ndarray:
+    """Torque of a model in steady sliding, at the mean angle, load and temperature of samples."""
+    number = len(velocity) + 1
+
+    def held(values: np.ndarray | None) -> np.ndarray | None:
+        return None if values is None else np.full(number, float(values.mean()))
+
+    steady = Samples(
+        velocity=np.concatenate([velocity[:1], velocity]),
+        torque=np.zeros(number),
+        used=np.ones(number, dtype=bool),
+        test=np.zeros(number, dtype=int),
+        fresh=np.arange(number) == 0,
+        period=np.full(number, _LONG),  # each point slides for long, whatever came before
+        angle=held(samples.angle),
+        load=held(None if samples.load is None else np.abs(samples.load)),
+        temperature=held(samples.temperature),
+    )
+    return item.fit.model.predict(item.fit.x, steady)[1:]
+
+
+def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:
+    """The result as plain numbers, SI units in the keys."""
+    options = result.options
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "joint": None if joint is None else str(joint),
+        "models": [_model(item) for item in result.models],
+        "skipped": {name: list(columns) for name, columns in result.skipped.items()},
+        "warnings": list(result.warnings),
+        "method": {
+            "order": _order(result),
+            "loss": str(options.fit.loss),
+            "huber_sigmas": None if options.fit.loss is Loss.LINEAR else HUBER_SIGMAS,
+            "physical": options.fit.physical,
+            "interval_level": LEVEL,
+            "interval_method": "one-step bootstrap over tests, Student's t",
+            "bootstrap_draws": DRAWS,
+            "seed": options.fit.seed,
+            "processing": _processing(result),
+        },
+        "tests": [
+            {"name": test.name, "mass_kg": test.mass, "samples": dict(test.counts)} for test in result.tests
+        ],
+    }
+
+
+def _order(result: Identification) -> str:
+    validations = result.models[0].validations
+    if validations and math.isfinite(validations[0].rmse):
+        return f"rmse with {validations[0].by} left out"
+    return "BIC"
+
+
+def _processing(result: Identification) -> dict[str, Any]:
+    options, bench = result.options.processing, result.options.bench
+    balance = any(test.from_bench for test in result.tests)
+    default = "zero_phase" if balance else "none"
+    document: dict[str, Any] = {"name": default if options.processing is None else str(options.processing)}
+    if balance and bench is not None:
+        document |= {
+            "cutoff_Hz": options.cutoff,
+            "load_angle": str(bench.load_angle),
+            "lever_m": bench.lever,
+            "link_inertia_kgm2": bench.link_inertia,
+            "torque_constant_Nm_per_A": bench.actuator.torque_constant,
+            "gear_ratio": bench.actuator.gear_ratio,
+            "armature_kgm2": bench.actuator.armature,
+        }
+    return document
+
+
+def _model(item: IdentifiedModel) -> dict[str, Any]:
+    known, good = item.uncertainty, item.goodness
+    return {
+        "name": item.name,
+        "formula": item.fit.model.formula,
+        "parameters": {key: _plain(value) for key, value in item.fit.model.parameters(item.fit.x).items()},
+        "intervals_95": {key: [_plain(low), _plain(high)] for key, (low, high) in known.intervals.items()},
+        "intervals_by": {"drawn": known.by, "blocks": known.blocks},
+        "standard_errors_if_independent": {
+            key: _plain(value) for key, value in known.standard_errors.items()
+        },
+        **{key: _plain(value) for key, value in asdict(good).items()},
+        "cross_validation": [
+            {"left_out": run.by, "folds": run.folds, "rmse": _plain(run.rmse)} for run in item.validations
+        ],
+        "loss": str(Loss.LINEAR if math.isinf(item.fit.threshold) else Loss.HUBER),
+        "robust_sigma_Nm": _plain(item.fit.sigma),
+        "beyond_threshold_share": _plain(float((np.abs(item.residuals) > item.fit.threshold).mean())),
+        "warnings": list(item.warnings),
+    }
+
+
+def _plain(value: float) -> float | int | None:
+    """A number that JSON can hold, to ten digits; None for one that is not finite."""
+    if isinstance(value, int):
+        return value
+    return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else None
+
+
+def _samples_csv(result: Identification) -> str:
+    """Samples that were fitted, and what the best model makes of them; at most 100 000 rows."""
+    samples, best = result.samples, result.models[0]
+    used = np.flatnonzero(samples.used)
+    step = -(-len(used) // _LISTED_SAMPLES)
+    chosen = used[::step]
+    columns: dict[str, np.ndarray | None] = {
+        "time_s": samples.time,
+        "angle_rad": samples.angle,
+        "velocity_rad_per_s": samples.velocity,
+        "load_torque_Nm": samples.load,
+        "temperature_degC": samples.temperature,
+        "friction_torque_Nm": samples.torque,
+    }
+    rows = {name: values[chosen] for name, values in columns.items() if values is not None}
+    rows["model_torque_Nm"] = rows["friction_torque_Nm"] - best.residuals[::step]
+    names = [test.name.replace(",", "_").replace('"', "_") for test in result.tests]
+    lines = [",".join(["test", *rows])]
+    for test, *values in zip(
+        samples.test[chosen].tolist(), *(v.tolist() for v in rows.values()), strict=True
+    ):
+        lines.append(",".join([names[test], *(f"{value:.7g}" for value in values)]))
+    return "\n".join(lines) + "\n"
+
+
+def _plant_law(result: Identification) -> FrictionParameters | None:
+    """The law that simulations know, as identified; None if it was not, or injects power."""
+    item = result.model(LAW_OF_THE_PLANT)
+    if item is None:
+        return None
+    values = item.fit.model.parameters(item.fit.x)
+    try:
+        return FrictionParameters(
+            breakaway_torque=values["breakaway_torque_Nm"],
+            coulomb_friction=values["coulomb_friction_Nm"],
+            breakaway_velocity=values["breakaway_velocity_rad_per_s"],
+            viscous_friction=values["viscous_friction_Nms_per_rad"],
+        )
+    except ParameterError:
+        return None
+
+
+def _parameter_files(law: FrictionParameters, joint: JointName) -> dict[str, str]:
+    """Experiments with the law in the plant, and in the compensator, by file name.
+
+    The other joint keeps table 3.1 of the thesis. A plant that was measured has a friction ratio of 1.
+    """
+    laws = {str(name): _entry(law if name is joint else _TABLE[name]) for name in _TABLE}
+    plant = {
+        "friction": laws,
+        "friction_ratio": {str(name): 1.0 if name is joint else 0.5 for name in _TABLE},
+    }
+    return {
+        PLANT_FILE: dump_yaml({"preset": PRESET, "name": f"identified_{joint}_plant", "plant": plant}),
+        COMPENSATOR_FILE: dump_yaml(
+            {
+                "preset": PRESET,
+                "name": f"identified_{joint}_compensator",
+                "control": {"friction_model": laws},
+            }
+        ),
+    }
+
+
+def _entry(law: FrictionParameters) -> dict[str, float]:
+    return {
+        "breakaway_torque_Nm": law.breakaway_torque,
+        "coulomb_friction_Nm": law.coulomb_friction,
+        "breakaway_velocity_rad_per_s": law.breakaway_velocity,
+        "viscous_friction_Nms_per_rad": law.viscous_friction,
+    }

@@ -1,0 +1,201 @@
+"""How a run ended: its events, and its outcome in one word and one line.
+
+Events are faults, the trip of the safety monitor, a fall, a divergence. Of the outcomes the first that
+applies counts:
+
+- *diverged*: the state was no longer finite.
+- *fell*: the pelvis sank below the height of a fall, before a trip or after it.
+- *held*: the safety monitor or the operator stopped the legs, and the wearer did not fall.
+- *hung*: the harness carried the wearer: both feet were off the ground for more than
+  ``HIGHEST_FLIGHT_SHARE`` of the time. Walking has no time without a foot on the ground (D. A. Winter: The
+  biomechanics and motor control of human gait, 2nd edition, 1991); the allowance is for feet that bounce
+  on a hard belt.
+- *stalled*: a leg made no stride for ``LONGEST_STRIDE``, or its settled strides differ by more than
+  ``HIGHEST_STRIDE_VARIATION``. Stride times of healthy people vary by 1 to 3 %, those of people with
+  Huntington's disease by some 10 % (J. M. Hausdorff: J. NeuroEng. Rehabil. 2:19, 2005; recalled); the
+  limit is an assumption well beyond both.
+- *walked*: none of these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from enum import StrEnum
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from twin_gait.measures.foot_contact import CONTACT_FORCE
+from twin_gait.measures.leg_record import LegRecord
+from twin_gait.measures.strides import coefficient_of_variation, stride_times
+from twin_gait.vocabulary import Outcome
+
+LONGEST_STRIDE = 4.0  # [s]
+HIGHEST_STRIDE_VARIATION = 0.25
+HIGHEST_FLIGHT_SHARE = 0.25
+
+
+class Verdict(NamedTuple):
+    """What came of a run.
+
+    Attributes:
+        outcome: In one word; None where no walk was asked for and nothing ended the run.
+        reason: In one line; nothing for a walk.
+    """
+
+    outcome: Outcome | None
+    reason: str = ""
+
+
+def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
+    """Whether legs that neither fell nor were held walked.
+
+    Args:
+        legs: All legs of the run; only the time in which they are to walk evenly counts.
+
+    Returns:
+        ``WALKED``, ``STALLED`` or ``HUNG``.
+    """
+    flight = flight_share(legs)
+    if flight > HIGHEST_FLIGHT_SHARE:
+        text = f"both feet were off the ground {100.0 * flight:.0f} % of the time"
+        return Verdict(Outcome.HUNG, f"the harness carried the wearer: {text}")
+    for leg in legs:
+        start, longest = _longest_without_stride(leg)
+        if longest > LONGEST_STRIDE:
+            text = f"the {leg.side} leg began no stride for {longest:.1f} s from {start:.1f} s on"
+            return Verdict(Outcome.STALLED, text)
+    for leg in legs:
+        variation = coefficient_of_variation(stride_times(leg.strides(), leg.tick))
+        if variation > HIGHEST_STRIDE_VARIATION:
+            text = f"no regular walk: stride times of the {leg.side} leg vary by {100.0 * variation:.0f} %"
+            return Verdict(Outcome.STALLED, text)
+    return Verdict(Outcome.WALKED)
+
+
+def flight_share(legs: Sequence[LegRecord]) -> float:
+    """Share of the time in which no foot is on the ground.
+
+    Args:
+        legs: All legs of the run.
+
+    Returns:
+        Share in [0, 1] of the time in which the legs are to walk evenly; 0 without ground.
+    """
+    forces = [leg.normal_force[_steady(leg)] for leg in legs if leg.normal_force is not None]
+    if not forces or len(forces[0]) == 0:
+        return 0.0
+    return float(np.mean(np.max(forces, axis=0) <= CONTACT_FORCE))
+
+
+def _steady(leg: LegRecord) -> slice:
+    first, last = (min(time / leg.tick, len(leg.phases)) for time in leg.steady)
+    return slice(round(first), round(last))
+
+
+def _longest_without_stride(leg: LegRecord) -> tuple[float, float]:
+    """Beginning and length in [s] of the longest time in which no stride begins."""
+    span = _steady(leg)
+    events = leg.stride_events
+    inside = events[(events >= span.start) & (events < span.stop)]
+    edges = np.concatenate(([span.start], inside, [span.stop])) * leg.tick
+    gaps = np.diff(edges)
+    longest = int(np.argmax(gaps))
+    return float(edges[longest]), float(gaps[longest])
+
+
+class EventKind(StrEnum):
+    """What happened."""
+
+    FAULT = "fault"
+    TRIP = "trip"
+    FALL = "fall"
+    DIVERGENCE = "divergence"
+
+
+class RunEvent(NamedTuple):
+    """One event.
+
+    Attributes:
+        kind: What happened.
+        time: When, in [s]; of a fall or a divergence the last moment of the log.
+        cause: Kind of the fault or cause of the trip in words; empty for the other two.
+        place: Where in words, such as ``left knee``; empty where there is none.
+    """
+
+    kind: EventKind
+    time: float
+    cause: str = ""
+    place: str = ""
+
+    @property
+    def text(self) -> str:
+        """In words: ``trip: encoder frozen, left knee``."""
+        details = ", ".join(part for part in (self.cause, self.place) if part)
+        return f"{self.kind}: {details}" if details else str(self.kind)
+
+
+class _Fault(Protocol):
+    """What is read of a :class:`twin_gait.scenario.Fault`."""
+
+    @property
+    def kind(self) -> str: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def place(self) -> str: ...
+
+
+class _Trip(Protocol):
+    """What is read of a :class:`twin_gait.control.Trip`."""
+
+    @property
+    def cause(self) -> str: ...
+    @property
+    def time(self) -> float: ...
+    @property
+    def place(self) -> str: ...
+
+
+# By the status of a run; the others end without an event.
+_ENDINGS = {"fell": EventKind.FALL, "diverged": EventKind.DIVERGENCE}
+
+
+def run_events(faults: Iterable[_Fault], trip: _Trip | None, status: str, end: float) -> tuple[RunEvent, ...]:
+    """The events of a run in the order of time; of those at the same time the cause stands first.
+
+    Args:
+        faults: Of the experiment; those after the end did not strike.
+        trip: What the safety monitor tripped on, or None.
+        status: How the run ended.
+        end: Last moment of the log in [s].
+
+    Returns:
+        The events.
+    """
+    found = [
+        RunEvent(EventKind.FAULT, item.time, _words(item.kind), _words(item.place))
+        for item in faults
+        if item.time <= end
+    ]
+    if trip is not None:
+        found.append(RunEvent(EventKind.TRIP, trip.time, _words(trip.cause), trip.place))
+    if status in _ENDINGS:
+        found.append(RunEvent(_ENDINGS[status], end))
+    return tuple(sorted(found, key=lambda event: event.time))
+
+
+def held_from(events: Iterable[RunEvent]) -> float | None:
+    """From when on the phases of a run no longer say what the legs do.
+
+    Args:
+        events: Of the run.
+
+    Returns:
+        Time of the trip in [s]; None without one.
+    """
+    return next((event.time for event in events if event.kind is EventKind.TRIP), None)
+
+
+def _words(name: str) -> str:
+    return str(name).replace("_", " ")

@@ -1,0 +1,140 @@
+"""Replay a recorded walk through a gait table: find log and table, run the machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from twin_gait.configuration import load_experiment, load_gait_table
+from twin_gait.exceptions import ParameterError, RunDirectoryError
+from twin_gait.experiment import PlantParameters
+from twin_gait.gait.scaling import scale_table
+from twin_gait.gait.table import GaitTable
+from twin_gait.parameters import require_positive
+from twin_gait.replay.machine import Replay, replay
+from twin_gait.replay.normative import is_normative, normative_walk
+from twin_gait.replay.reading import LogFormat, read_recording, shifted
+from twin_gait.replay.recording import Recording, mirrored
+from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE
+from twin_gait.scenario import TreadmillScenario
+from twin_gait.vocabulary import Side
+
+DEFAULT_TABLE = "treadmill"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplayRequest:
+    """What to replay, and how.
+
+    Attributes:
+        log: Run directory, log file, or a walk from the literature such as ``koopman@1.5``.
+        table: Packaged table or file; None takes the table of a run, or ``treadmill``.
+        log_format: Columns, units and signs of the log.
+        speed: Belt speed in [m] / [s] that the table is scaled to; None takes that of a run, or leaves
+            the table as it is written.
+        mass: Of wearer and device in [kg], for guards on the load of the foot; None takes that of a run.
+        mirror: Whether to make the other leg of a one-legged log.
+        stride_time: For ``mirror`` in [s]; None finds it in the angles.
+        start_phases: Phase of each leg at the first tick, where it is to be another than the recorded one.
+    """
+
+    log: str
+    table: str | None = None
+    log_format: LogFormat = field(default_factory=LogFormat)
+    speed: float | None = None
+    mass: float | None = None
+    mirror: bool = False
+    stride_time: float | None = None
+    start_phases: Mapping[Side, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if self.speed is not None:
+            require_positive("speed", self.speed)
+        if self.mass is not None:
+            require_positive("mass", self.mass)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Walk:
+    """A recording with what is known of where it comes from."""
+
+    recording: Recording
+    table: GaitTable | None = None
+    speed: float | None = None
+    body_weight: float | None = None
+    start_phases: Mapping[Side, str] = field(default_factory=dict)
+    fast_time_constant: float | None = None
+
+
+def replay_log(request: ReplayRequest, *, progress: Callable[[int, int], None] | None = None) -> Replay:
+    """Replay a walk.
+
+    Args:
+        request: What to replay, and how.
+        progress: Called with ticks done and ticks in all, now and then.
+
+    Returns:
+        Phases and switches.
+
+    Raises:
+        TwinGaitError: If log, table or request have a mistake, or do not fit each other.
+    """
+    walk = _open(request)
+    table = _table(request, walk)
+    recording = walk.recording
+    known = {side: phase for side, phase in walk.start_phases.items() if phase in table.phases}
+    if request.mirror:
+        # The first half stride is cut off, and with it the instant that the run's start phases belong to.
+        recording, known = mirrored(recording, request.stride_time), {}
+    return replay(
+        recording,
+        table,
+        body_weight=walk.body_weight if request.mass is None else request.mass * PlantParameters().gravity,
+        start_phases={**known, **request.start_phases},
+        fast_time_constant=walk.fast_time_constant,
+        progress=progress,
+    )
+
+
+def _open(request: ReplayRequest) -> _Walk:
+    if is_normative(request.log):
+        if request.log_format != LogFormat(offsets=request.log_format.offsets):
+            raise ParameterError(
+                f"{request.log}: has no columns to choose; leave columns, units, convention out"
+            )
+        walk = normative_walk(request.log)
+        return _Walk(recording=shifted(walk.recording, request.log_format.offsets))
+    path = Path(request.log).expanduser()
+    if path.is_dir():
+        return _open_run(path, request)
+    return _Walk(recording=read_recording(path, request.log_format))
+
+
+def _open_run(directory: Path, request: ReplayRequest) -> _Walk:
+    for name in (EXPERIMENT_FILE, LOG_FILE):
+        if not (directory / name).is_file():
+            raise RunDirectoryError(f"{directory}: not a run directory: it has no {name}")
+    experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
+    world = experiment.build_world()
+    recording = read_recording(directory / LOG_FILE, request.log_format)
+    scenario = experiment.scenario
+    return _Walk(
+        recording=replace(recording, source=str(directory)),
+        table=experiment.table,
+        speed=scenario.belt_speed if isinstance(scenario, TreadmillScenario) else None,
+        body_weight=world.body_weight,
+        start_phases={side: str(phase) for side, phase in world.initial_phases.items()},
+        fast_time_constant=experiment.sensors.fast_time_constant,
+    )
+
+
+def _table(request: ReplayRequest, walk: _Walk) -> GaitTable:
+    """The table asked for, else that of the run, scaled as guards need it: to the speed."""
+    if request.table is None and walk.table is not None:
+        table = walk.table
+    else:
+        table = load_gait_table(request.table or DEFAULT_TABLE)
+    speed = walk.speed if request.speed is None else request.speed
+    return scale_table(table, carried_mass=None, speed=speed)

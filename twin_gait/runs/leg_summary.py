@@ -1,0 +1,251 @@
+"""One leg of a run in numbers, for the summary."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from twin_gait.core.actuator import torque_to_current
+from twin_gait.gait.table import TICK, Blending, BlendingLaw
+from twin_gait.measures.effort import changes_at_switches, load, saturation_shares
+from twin_gait.measures.foot_contact import scuffs, swing_clearances
+from twin_gait.measures.leg_record import LegRecord, wearer_column
+from twin_gait.measures.phases import entry_lags, phase_durations, phases_in_order
+from twin_gait.measures.strides import (
+    coefficient_of_variation,
+    normalise_strides,
+    root_mean_square_error,
+    stride_extremes,
+    stride_times,
+    swing_shares,
+)
+from twin_gait.measures.switching import (
+    blend_windows,
+    dimensionless_jerk,
+    joint_jerk,
+    sums_over,
+    switching_energy,
+    torque_jumps,
+)
+from twin_gait.report.reference import reference_cycle
+from twin_gait.simulation.run import Run
+from twin_gait.vocabulary import JointName, Side
+
+SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start's
+
+
+def summarise_side(run: Run, side: Side, skip: int, record: LegRecord | None = None) -> dict[str, Any]:
+    """Gait and effort of one leg.
+
+    Returns:
+        Numbers by name; NaN or None where a number is not defined.
+    """
+    if record is None:
+        record = run.leg_record(side)
+    return {
+        **_by_contact(run, record, skip),
+        **_by_phase(run, record, skip),
+        "joints": {str(joint): _joint(run, record, joint, skip) for joint in record.angles},
+    }
+
+
+def blend_length(blending: Blending) -> int:
+    """Ticks until the parameters of a new phase are reached; 0 if they step."""
+    return 0 if blending.law is BlendingLaw.NONE else blending.duration_ticks
+
+
+def switch_ticks(run: Run, side: Side) -> np.ndarray:
+    """First ticks of the phases that a leg entered after the start, shape ``(n,)``."""
+    ticks = [switch.tick for switch in run.switches if switch.side is side]
+    return np.array([tick for tick in ticks if 0 < tick < len(run.log)], dtype=int)
+
+
+def _mean(values: np.ndarray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else math.nan
+
+
+def _least(values: np.ndarray) -> float:
+    return float(values.min()) if len(values) else math.nan
+
+
+def _largest(values: np.ndarray) -> float:
+    return float(values.max()) if len(values) else math.nan
+
+
+def _within(tick: int, strides: np.ndarray) -> bool:
+    return len(strides) > 0 and bool(strides[0, 0] <= tick < strides[-1, 1])
+
+
+def _largest_magnitude(values: np.ndarray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite[np.argmax(np.abs(finite))]) if len(finite) else math.nan
+
+
+def _by_contact(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
+    """What strides from heel strike to heel strike tell; None without ground."""
+    contacts = record.contacts
+    if contacts is None or record.clearance is None:
+        return {"strides": None, "further_contacts": None}
+    every, counted = record.strides(skip=0), record.strides(skip=skip)
+    lags = entry_lags(record.entries, contacts.heel_strikes, TICK)
+    clearances = swing_clearances(record.clearance, contacts)
+    return {
+        "strides": len(every),
+        "strides_counted": len(counted),
+        "stride_time_mean_s": _mean(stride_times(counted, TICK)),
+        "stride_time_variation": coefficient_of_variation(stride_times(counted, TICK)),
+        "swing_share": _mean(swing_shares(counted, contacts.toe_offs)),
+        **{
+            f"rmse_{joint}_by_contact_deg": reference_error(run, record, joint, counted)
+            for joint in record.angles
+        },
+        "early_stance_lag_mean_s": _mean(lags),
+        "early_stance_lag_largest_s": _largest_magnitude(lags),
+        "heel_strikes_without_early_stance": int(np.isnan(lags).sum()),
+        "toe_clearance_mean_m": _mean(clearances),
+        "toe_clearance_least_m": _least(clearances),
+        "further_contacts": len(contacts.further_contacts),
+        "scuffs": len(scuffs(contacts)),
+    }
+
+
+def _by_phase(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
+    """What strides from one entry into the first phase to the next tell."""
+    every, counted = record.strides_by_phase(skip=0), record.strides_by_phase(skip=skip)
+    since = int(counted[0, 0]) if len(counted) else len(record.phases)
+    names = run.table.phase_names
+    durations = phase_durations(record.phases, TICK, since=since)
+    return {
+        "strides_by_phase": len(every),
+        "strides_by_phase_counted": len(counted),
+        "stride_time_by_phase_mean_s": _mean(stride_times(counted, TICK)),
+        "stride_time_by_phase_variation": coefficient_of_variation(stride_times(counted, TICK)),
+        **{
+            f"rmse_{joint}_by_phase_deg": reference_error(run, record, joint, counted)
+            for joint in record.angles
+        },
+        "phases_in_order": _in_order(run, record),
+        "phase_duration_mean_s": {
+            name: _mean(durations.get(index, np.zeros(0))) for index, name in enumerate(names)
+        },
+        **_time_outs(run, record),
+    }
+
+
+def _in_order(run: Run, record: LegRecord) -> bool:
+    """Whether the phases of the first cycle of the table followed each other while the leg walked evenly."""
+    cycle = (*run.table.cycles, run.table.phase_names)[0]
+    places = np.array([cycle.index(name) if name in cycle else -1 for name in run.table.phase_names])
+    times = np.arange(len(record.phases)) * TICK
+    steady = (times >= record.steady[0]) & (times < record.steady[1])
+    return phases_in_order(places[record.phases[steady]], len(cycle))
+
+
+def _time_outs(run: Run, record: LegRecord) -> dict[str, Any]:
+    ticks = [
+        switch.tick
+        for switch in run.switches
+        if switch.side is record.side and run.table.transitions[switch.transition].is_time_out
+    ]
+    events = record.stride_events
+    later = None
+    if len(events) > SETTLED_AFTER:
+        later = sum(tick >= events[SETTLED_AFTER] for tick in ticks)
+    return {"time_outs": len(ticks), "time_outs_after_third_stride": later}
+
+
+def reference_error(run: Run, record: LegRecord, joint: JointName, bounds: np.ndarray) -> float:
+    """Root mean square distance of a joint's strides from healthy walking.
+
+    Args:
+        run: The run.
+        record: A leg.
+        joint: The joint.
+        bounds: First tick of each stride and of the next one, shape ``(n_strides, 2)``.
+
+    Returns:
+        Distance in [deg]; NaN without strides or without a reference.
+    """
+    reference = reference_cycle(run.experiment, joint)
+    if reference is None:
+        return math.nan
+    return math.degrees(root_mean_square_error(normalise_strides(record.angles[joint], bounds), reference))
+
+
+def _joint(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, Any]:
+    """Motion and effort of one joint."""
+    name = f"{record.side}_{joint}"
+    experiment, log = run.experiment, run.log
+    actuator, limits = experiment.plant.actuators[joint], experiment.control.limits
+    extremes = np.degrees(stride_extremes(record.angles[joint], record.strides(skip=skip)))
+    saturation = saturation_shares(
+        log[f"{name}_motor_command_torque_Nm"].to_numpy(),
+        log[f"{name}_target_current_A"].to_numpy(),
+        log[f"{name}_measured_current_A"].to_numpy(),
+        torque_limit=limits.torque,
+        current_limit=limits.current,
+    )
+    continuous_current = torque_to_current(
+        actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio, actuator.gear_efficiency
+    )
+    torque = load(log[f"{name}_motor_torque_Nm"].to_numpy(), actuator.continuous_torque)
+    current = load(log[f"{name}_measured_current_A"].to_numpy(), continuous_current)
+    return {
+        "range_of_motion_deg": _mean(extremes[:, 1] - extremes[:, 0]),
+        "lowest_deg": _mean(extremes[:, 0]),
+        "peak_deg": _mean(extremes[:, 1]),
+        "saturated_share": saturation.saturated,
+        "at_torque_limit_share": saturation.at_torque_limit,
+        "at_current_limit_share": saturation.at_current_limit,
+        "voltage_limited_share": saturation.voltage_limited,
+        "torque_peak_Nm": torque.peak,
+        "torque_rms_Nm": torque.rms,
+        "torque_continuous_share": torque.continuous_share,
+        "current_peak_A": current.peak,
+        "current_rms_A": current.rms,
+        "current_continuous_share": current.continuous_share,
+        **_switching(run, record, joint, skip),
+        **_jerk(run, record, joint, skip),
+    }
+
+
+def _switching(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, float]:
+    """What the switches in the counted strides do to a joint.
+
+    ``switch_torque_jump_Nm`` is the largest change of the commanded torque in one tick of a blend, and
+    ``switch_torque_change_Nm`` the largest from before a switch to any tick of its blend. The energies are
+    means over strides: ``switch_energy_J`` is what the switches put into the virtual spring on balance, and
+    ``switch_energy_put_in_J`` leaves out the ticks in which they take energy out. They are of the spring that
+    the gait table asks for, also where a limit or another controller keeps the motor from acting like it.
+    """
+    name, log = f"{record.side}_{joint}", run.log
+    strides, ticks = record.strides(skip=skip), switch_ticks(run, record.side)
+    counted = np.array([tick for tick in ticks if _within(tick, strides)], dtype=int)
+    length = blend_length(run.table.blending)
+    command = log[f"{name}_motor_command_torque_Nm"].to_numpy()
+    energy = switching_energy(
+        log[f"{name}_measured_angle_rad"].to_numpy(),
+        log[f"{name}_stiffness_Nm_per_rad"].to_numpy(),
+        log[f"{name}_equilibrium_rad"].to_numpy(),
+    )
+    return {
+        "switch_torque_jump_Nm": _largest(torque_jumps(command, blend_windows(counted, length, len(log)))),
+        "switch_torque_change_Nm": _largest(changes_at_switches(command, counted, length).over_blending),
+        "switch_energy_J": _mean(sums_over(energy, strides)),
+        "switch_energy_put_in_J": _mean(sums_over(np.maximum(energy, 0.0), strides)),
+    }
+
+
+def _jerk(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, float]:
+    """Jerk of a joint over the counted strides, filtered as :mod:`twin_gait.measures.switching` says."""
+    velocity = run.log[wearer_column(run.log, record.side, joint, "velocity_rad_per_s")].to_numpy()
+    strides, jerk = record.strides(skip=skip), joint_jerk(velocity, TICK)
+    ticks = (strides[:, 1] - strides[:, 0]).sum()
+    squared = sums_over(jerk * jerk, strides).sum()
+    return {
+        "jerk_rms_rad_per_s3": math.sqrt(squared / ticks) if ticks else math.nan,
+        "jerk_dimensionless": _mean(dimensionless_jerk(velocity, jerk, strides, TICK)),
+    }

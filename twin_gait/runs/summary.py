@@ -1,0 +1,234 @@
+"""A run in numbers: what goes into ``summary.json``."""
+
+from __future__ import annotations
+
+import math
+import platform
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+import twin_gait
+from twin_gait.files import finite_or_none
+from twin_gait.gait.table import TICK
+from twin_gait.measures.effort import battery_use, changes_at_switches, energy_balance, root_mean_square
+from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
+from twin_gait.measures.switching import blend_windows, torque_jumps
+from twin_gait.report.reference import reference_stride_time
+from twin_gait.runs.leg_summary import blend_length, reference_error, summarise_side
+from twin_gait.simulation.columns import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
+from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.vocabulary import JointName, Side
+
+# Distributions whose version can change a number of a log, by the name that people know.
+NUMERIC_LIBRARIES = {"pinocchio": "pin", "numpy": "numpy", "scipy": "scipy", "numba": "numba"}
+SYMMETRIES = ("stride_time_mean_s", "swing_share", "early_stance_lag_mean_s")
+
+
+@lru_cache(maxsize=1)
+def _versions() -> Mapping[str, str]:
+    return {
+        "twin_gait": twin_gait.__version__,
+        "python": platform.python_version(),
+        **{name: metadata.version(package) for name, package in NUMERIC_LIBRARIES.items()},
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of this package, Python and the libraries that the numbers rest on."""
+    return dict(_versions())
+
+
+def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any]:
+    """Sum a run up, ready for JSON.
+
+    A number that is not defined for the run (a stride time without strides, a reference without a
+    belt) is None. Angles are in degrees, as the keys say.
+
+    Args:
+        run: The run.
+        skip_strides: Strides at the start that do not count.
+
+    Returns:
+        Plain numbers, texts, mappings and None.
+    """
+    sides = {str(side): summarise_side(run, side, skip_strides) for side in run.sides}
+    summary = {
+        "log_schema_version": LOG_SCHEMA_VERSION,
+        "name": run.experiment.name,
+        "engine": str(run.experiment.engine),
+        "versions": versions(),
+        "duration_s": run.duration,
+        "wall_s": run.wall_s,
+        "realtime_factor": run.duration / run.wall_s if run.wall_s > 0.0 else math.nan,
+        "status": str(run.status),
+        "reason": run.reason,
+        "outcome": run.verdict.outcome,
+        "outcome_reason": run.verdict.reason,
+        "fell": run.status is RunStatus.FELL,
+        "reference_stride_time_s": reference_stride_time(run.experiment),
+        "strides_skipped": skip_strides,
+        "sides": sides,
+        "symmetry": _symmetry(sides),
+        **_battery(run),
+        "largest_torque_jump": _largest_torque_jump(run),
+        "safety": _safety(run),
+        **_guide(run),
+        **interaction_summary(run, skip_strides),
+        **_energy(run),
+    }
+    plain: dict[str, Any] = _plain(summary)
+    return plain
+
+
+def _plain(value: Any) -> Any:
+    """Turn numpy numbers and names into Python's own and what is not finite into None."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return finite_or_none(float(value))
+    return value if value is None else str(value)
+
+
+def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None:
+    """Symmetry indices of the two legs, or None for one leg."""
+    if len(sides) < 2:
+        return None
+    left, right = sides[Side.LEFT], sides[Side.RIGHT]
+    return {name: symmetry_index(left[name], right[name]) for name in SYMMETRIES if name in left}
+
+
+def _battery(run: Run) -> dict[str, float]:
+    use = battery_use(
+        run.log["battery_power_W"].to_numpy(), TICK, run.experiment.plant.battery.continuous_power
+    )
+    return {
+        "battery_power_mean_W": use.mean,
+        "battery_power_peak_W": use.peak,
+        "battery_power_lowest_W": use.lowest,
+        "battery_energy_J": use.energy,
+        "battery_continuous_share": use.continuous_share,
+    }
+
+
+def _largest_torque_jump(run: Run) -> dict[str, Any] | None:
+    """Largest change of a motor command within the tick of a switch, and where; None without switches.
+
+    A blend begins from the old parameters, so that only a table without one jumps in that very tick.
+    ``in_one_tick_Nm`` is the largest change from any tick to the next until the end of the blend,
+    ``over_blending_Nm`` the largest from before the switch.
+    """
+    ticks = blend_length(run.table.blending)
+    largest: dict[str, Any] | None = None
+    over_blending = in_one_tick = 0.0
+    for side in run.sides:
+        switches = [item for item in run.switches if item.side is side and 0 < item.tick < len(run.log)]
+        if not switches:
+            continue
+        starts = np.array([item.tick for item in switches])
+        windows = blend_windows(starts, ticks, len(run.log))
+        for joint in run.table.joints:
+            command = run.log[f"{side}_{joint}_motor_command_torque_Nm"].to_numpy()
+            change = changes_at_switches(command, starts, ticks)
+            over_blending = max(over_blending, float(change.over_blending.max()))
+            in_one_tick = max(in_one_tick, float(torque_jumps(command, windows).max()))
+            place = int(np.argmax(change.at_switch))
+            if largest is None or change.at_switch[place] > largest["at_switch_Nm"]:
+                switch = switches[place]
+                largest = {
+                    "at_switch_Nm": float(change.at_switch[place]),
+                    "side": str(side),
+                    "joint": joint,
+                    "time_s": switch.time,
+                    "from": switch.source,
+                    "to": switch.target,
+                }
+    if largest is None:
+        return None
+    return {**largest, "in_one_tick_Nm": in_one_tick, "over_blending_Nm": over_blending}
+
+
+def _guide(run: Run) -> dict[str, float]:
+    """Range of the wrench of the pelvis guide; nothing on the bench."""
+    if "guide_force_N" not in run.log or len(run.log) == 0:
+        return {}
+    force, moment = run.log["guide_force_N"], run.log["guide_moment_Nm"]
+    return {
+        "guide_force_lowest_N": float(force.min()),
+        "guide_force_highest_N": float(force.max()),
+        "guide_moment_lowest_Nm": float(moment.min()),
+        "guide_moment_highest_Nm": float(moment.max()),
+    }
+
+
+def _energy(run: Run) -> dict[str, float]:
+    energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
+    works = np.array([run.log[f"{source}_work_J"].to_numpy() for source in work_sources(run.log)])
+    balance = energy_balance(energy, works)
+    return {
+        "energy_residual_J": balance.largest_residual,
+        "energy_throughput_J": balance.throughput,
+        "energy_residual_share": balance.relative_residual,
+    }
+
+
+def _safety(run: Run) -> dict[str, Any]:
+    """What the safety monitor did, and the faults of the experiment in their notation."""
+    trip = run.trip
+    return {
+        "watched": run.experiment.control.safety.enabled,
+        "tripped": trip is not None,
+        "cause": None if trip is None else str(trip.cause),
+        "place": None if trip is None else trip.place,
+        "time_s": None if trip is None else trip.time,
+        "faults": " ".join(str(item) for item in run.experiment.faults),
+    }
+
+
+def interaction_summary(
+    run: Run, skip_strides: int = SKIPPED_STRIDES
+) -> dict[str, dict[str, dict[str, float]]]:
+    """What device and wearer do to each other, and how far they move apart."""
+    if run.experiment.interface is None or len(run.log) == 0:
+        return {}
+    columns = (f"{side}_{joint}_{BRACE_COLUMNS[-1]}" for side in run.sides for joint in JointName)
+    joints = [name.removesuffix(f"_{BRACE_COLUMNS[-1]}") for name in columns if name in run.log]
+    found = {name: _brace(run.log, name) for name in joints}
+    for side in run.sides:
+        device = run.leg_record(side, device=True)
+        for joint in device.angles:
+            error = reference_error(run, device, joint, device.strides(skip=skip_strides))
+            found[f"{side}_{joint}"]["rmse_of_device_deg"] = error
+    return {"interaction": found | _pelvis_brace(run.log)}
+
+
+def _brace(log: pd.DataFrame, name: str) -> dict[str, float]:
+    torque = log[f"{name}_{BRACE_COLUMNS[-1]}"].to_numpy()
+    apart = (log[f"{name}_angle_rad"] - log[f"{name}_{BRACE_COLUMNS[0]}"]).to_numpy()
+    return {
+        "torque_rms_Nm": root_mean_square(torque),
+        "torque_peak_Nm": float(np.abs(torque).max()),
+        "motion_peak_deg": math.degrees(float(np.abs(apart).max())),
+    }
+
+
+def _pelvis_brace(log: pd.DataFrame) -> dict[str, dict[str, float]]:
+    height, _, brace = PELVIS_BRACE_COLUMNS
+    if brace not in log:
+        return {}
+    force = log[brace].to_numpy()
+    apart = (log["pelvis_height_m"] - log[height]).to_numpy()
+    numbers = {
+        "force_rms_N": root_mean_square(force),
+        "force_peak_N": float(np.abs(force).max()),
+        "motion_peak_mm": 1e3 * float(np.abs(apart).max()),
+    }
+    return {"pelvis": numbers}

@@ -1,1 +1,0 @@
-"""A run in numbers: what goes into ``summary.json``."""

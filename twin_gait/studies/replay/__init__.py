@@ -1,1 +1,0 @@
-"""Recorded walks through a gait table."""
