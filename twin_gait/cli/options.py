@@ -71,7 +71,7 @@ def check_port(port: int) -> None:
 def add_experiment(parser: argparse.ArgumentParser, *, seconds: str | None) -> None:
     """Add the experiment, all that changes it, and ``--unchecked``; :func:`experiment_of` reads them.
 
-    ``seconds`` says how long a run lasts without ``--duration``, which a command that decides itself lacks (None).
+    ``seconds`` says how long a run lasts without ``--duration``; None leaves that option out.
     """
     parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
     add_settings(parser)
