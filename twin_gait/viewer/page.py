@@ -27,7 +27,7 @@ from twin_gait.palette import (
     TORQUE_COLOURS,
     phase_colour,
 )
-from twin_gait.viewer.legend import FULL_TORQUE, METRES_PER_NEWTON
+from twin_gait.viewer.commands import FULL_TORQUE, METRES_PER_NEWTON
 from twin_gait.vocabulary import Side
 
 if TYPE_CHECKING:
