@@ -34,7 +34,10 @@ def results_of(name: str) -> Any:
     places = [
         DOCS.parent / folder / "results" / name / "results.json" for folder in ("examples", "benchmarks")
     ]
-    found = json.loads(next(path for path in places if path.is_file()).read_text(encoding="utf-8"))
+    path = next((path for path in places if path.is_file()), None)
+    if path is None:
+        raise FileNotFoundError(f"{name}: no results in {' or '.join(map(str, places))}; run its script")
+    found = json.loads(path.read_text(encoding="utf-8"))
     if found["quick"]:
         raise ValueError(f"{name}: its results are of the quick form; run the script without --quick")
     return found
