@@ -23,13 +23,15 @@ from twin_gait.scenario.bench_joint.control import (
 from twin_gait.scenario.bench_joint.drive import CatalogueEfficiency, CurrentLoop, DriveParameters, Torsion
 from twin_gait.scenario.bench_joint.link import (
     HORIZONTAL,
+    INERTIAL_NOISE,
     LOWER_STOP,
     STOP_ANGLE,
     BenchFriction,
+    InertialSensor,
+    InertialUnit,
     LinkParameters,
     LoadAngle,
 )
-from twin_gait.scenario.bench_joint.sensing import INERTIAL_NOISE, InertialSensor, InertialUnit
 
 __all__ = [
     "BENCH_ACTUATORS",

@@ -22,8 +22,7 @@ from twin_gait.parameters import (
 )
 from twin_gait.scenario.bench_joint.control import DutyControl, TorqueControl
 from twin_gait.scenario.bench_joint.drive import CatalogueEfficiency, DriveParameters, Torsion
-from twin_gait.scenario.bench_joint.link import HORIZONTAL, BenchFriction, LinkParameters
-from twin_gait.scenario.bench_joint.sensing import InertialUnit
+from twin_gait.scenario.bench_joint.link import HORIZONTAL, BenchFriction, InertialUnit, LinkParameters
 from twin_gait.scenario.bench_leg import HandParameters
 from twin_gait.vocabulary import JointName
 

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from twin_gait.configuration.interface import interface_document
+from twin_gait.configuration.device_sections import interface_document
 from twin_gait.configuration.people import people
 from twin_gait.files import write_atomically
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR
