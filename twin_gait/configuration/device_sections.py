@@ -1,4 +1,4 @@
-"""The device as YAML: drives, friction, battery, stops, orthosis; the controller; the interface to the wearer."""
+"""The device as YAML: drives, friction, battery, stops, orthosis, controller, interface to the wearer."""
 
 from __future__ import annotations
 

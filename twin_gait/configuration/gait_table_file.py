@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
@@ -48,6 +49,10 @@ class JointEntry(Section):
     """Impedance of a joint in a phase."""
 
     parameters: ClassVar = JointImpedance
+    renamed: ClassVar[Mapping[str, str | None]] = {
+        "equilibrium_deg": "equilibrium_angle",
+        "equilibrium_rad": "equilibrium_angle",
+    }
     stiffness_Nm_per_deg: Number | None = Field(default=None, ge=0, le=LARGEST)
     stiffness_Nm_per_rad: Number | None = Field(default=None, ge=0, le=LARGEST * _PER_DEGREE)
     damping_Nms_per_rad: Number | None = Field(default=None, ge=0, le=LARGEST * _PER_DEGREE)
