@@ -54,7 +54,7 @@ def normative_walk(name: str, *, height: float | None = None, strides: int = STR
     Args:
         name: ``koopman@1.5`` for the regression of Koopman et al. (2014) at a walking speed in km/h, or
             ``winter`` for the means of Winter (1991) at natural cadence.
-        height: Body height in [m] that the regression reckons with; that of the default wearer if None.
+        height: Body height in [m] of the regression; that of the default wearer if None.
         strides: How many.
 
     Returns:

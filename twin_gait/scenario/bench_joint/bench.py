@@ -59,7 +59,7 @@ class BenchJoint:
         sensors: Encoder and velocity estimates.
         inertial_unit: On the link, for the inertia compensation; None for the differentiated encoder.
         limits: Of torque and current.
-        hand: A hand on the link, or None.
+        hand: Imposed motion of the link, or None.
         start_angle: In [rad].
         start_velocity: In [rad] / [s].
         gravity: In [m] / [s²].
