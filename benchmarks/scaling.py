@@ -1,6 +1,6 @@
 """How the cost grows: forward dynamics with the number of joints, episodes with the size of a batch.
 
-Beside Pinocchio called from Python and MuJoCo, in one process and in turn. Takes about five minutes in full.
+Beside Pinocchio called from Python and MuJoCo, in one process and in turn. Takes about three minutes in full.
 """
 
 # %%

@@ -1,7 +1,7 @@
 """How fast an episode is simulated, beside MuJoCo and a plain Python script, and how accurately.
 
 All implementations run in one process and in turn, with the same integrator and step, so that their ratios
-carry over to other machines. Takes about ten minutes in full, on a machine that has nothing else to do.
+carry over to other machines. Takes about five minutes in full, on a machine that has nothing else to do.
 """
 
 # %%

@@ -1,4 +1,4 @@
-"""Insert numbers and tables of results into the pages beside this file.
+"""Insert numbers and tables of results into the pages beside this file and the README above.
 
 A page quotes the number ``fit.gain`` of ``examples/results/NAME/results.json`` (or ``benchmarks/results``) as
 
@@ -68,6 +68,11 @@ def with_results(page: str) -> str:
     return QUOTED.sub(current, page)
 
 
+def pages() -> list[Path]:
+    """The README and all pages."""
+    return [DOCS.parent / "README.md", *sorted(DOCS.glob("**/*.md"))]
+
+
 def main() -> int:
     """Bring the pages up to date, or name those that are not."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -76,11 +81,11 @@ def main() -> int:
     )
     check = parser.parse_args().check
     stale = []
-    for path in sorted(DOCS.glob("**/*.md")):
+    for path in pages():
         page = path.read_text(encoding="utf-8")
         current = with_results(page)
         if current != page:
-            stale.append(path.name)
+            stale.append(str(path.relative_to(DOCS.parent)))
             if not check:
                 path.write_text(current, encoding="utf-8")
     print(f"{'out of date' if check else 'brought up to date'}: {', '.join(stale) or 'none'}")

@@ -1,13 +1,17 @@
-"""Bench leg: how much torque a hand needs to move the knee, with more and more friction compensation.
+"""Bench leg: how much torque moves the knee along a path, with more and more friction compensation. Seconds.
 
-The leg hangs on a stand in transparent mode (no impedance, gravity switched off to leave friction alone).
-A hand leads the knee along a cosine path. The true friction is half of the compensator's model (s = 0.5),
-so the hand's torque falls with the gain G, and beyond G = s the joint would run on by itself.
+The leg hangs on a stand in transparent mode (no impedance, gravity switched off to leave friction alone), and
+the knee follows a cosine path that is imposed on it. The true friction is half of the compensator's model
+(s = 0.5), so the torque falls with the gain G, and beyond G = s the joint would run on by itself.
 """
 
+# %%
 import numpy as np
+from gallery import form_of
 
 from twin_gait import GaitPhase, load_experiment, simulate
+
+form = form_of("bench_leg")
 
 
 def settings(gain: float) -> list[str]:
@@ -23,16 +27,25 @@ def settings(gain: float) -> list[str]:
     ]
 
 
-def main() -> None:
-    print("   G   hand torque, RMS   work of the hand in one period")
-    for gain in (0.0, 0.2, 0.4):
-        log = simulate(load_experiment("bench_leg", settings(gain)).experiment).log
-        period = log[log["time_s"] >= 4.0]
-        torque = period["right_knee_patient_torque_Nm"].to_numpy()
-        power = torque * period["right_knee_velocity_rad_per_s"].to_numpy()
-        print(f"{gain:4.1f}   {np.sqrt((torque**2).mean()):10.2f} N m   {power.sum() * 1e-3:10.2f} J")
+# %% [markdown]
+# Torque, and work in one period once the motion is periodic.
 
+# %%
+rows = []
+for gain in (0.0, 0.2, 0.4):
+    log = simulate(load_experiment("bench_leg", settings(gain)).experiment).log
+    period = log[log["time_s"] >= 4.0]
+    torque = period["right_knee_patient_torque_Nm"].to_numpy()
+    power = torque * period["right_knee_velocity_rad_per_s"].to_numpy()
+    row = {
+        "G": gain,
+        "torque_rms_Nm": float(np.sqrt((torque**2).mean())),
+        "work_J": float(power.sum() * 1e-3),
+    }
+    print(row)
+    rows.append(row)
+form.keep({"rows": rows})
 
-if __name__ == "__main__":
-    main()
-    # Homework: let the hand go (scenario.hand.release_s=1) at G = 0.4 and G = 0.7. What does the knee do?
+# %% [markdown]
+# Homework: end the imposed motion (`scenario.hand.release_s=1`) at G = 0.4 and G = 0.7. What does the knee
+# do?

@@ -320,7 +320,7 @@ if __name__ == "__main__":
     effects = {blend: switch_effects(run) for blend, run in runs.items()}
     names = [{"law": law, "duration_ms": duration} for law, duration in blends]
     table = pd.DataFrame([{**name, **measures(run)} for name, run in zip(names, runs.values(), strict=True)])
-    save(draw(table, runs, effects), form.out / "blending.png")
+    save(draw(table, runs, effects), form.out / "blending.png", resolution=80)
     table.to_csv(form.out / "blending.csv", index=False)
 
     points = [dict(zip(VARIED, values, strict=True)) for values in itertools.product(*VARIED.values())]

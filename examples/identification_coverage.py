@@ -24,7 +24,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 from gallery import form_of
-from whatif.jobs import run_jobs
 
 from twin_gait import JointName
 from twin_gait.identification import (
@@ -39,7 +38,7 @@ from twin_gait.identification import (
 )
 from twin_gait.scenario import BENCH_ACTUATORS, BENCH_FRICTION
 from twin_gait.simulation import simulate_bench
-from twin_gait.studies import Campaign, Protocol, TwoWayProtocol, planned_tests
+from twin_gait.studies import Campaign, Protocol, TwoWayProtocol, planned_tests, run_jobs
 
 LAW = "rotational"
 PROCESSINGS = (Processing.ZERO_PHASE, Processing.THESIS)

@@ -30,7 +30,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from whatif.endings import Ending, classify
-from whatif.jobs import run_jobs
 
 from twin_gait import Experiment, GaitTable, JointName, Run, RunStatus, Side, load_experiment, simulate
 from twin_gait.checking import LinearLoop, friction_slope, linear_loops, spectral_radius, transition_matrix
@@ -39,6 +38,7 @@ from twin_gait.palette import BLACK, BLUE, GREY, VERMILLION
 from twin_gait.parameters import FrictionParameters
 from twin_gait.report import save
 from twin_gait.scenario import BenchLegScenario
+from twin_gait.studies import run_jobs
 
 STIFFNESSES = tuple(math.degrees(value) for value in (0.3, 1.0, 2.5, 6.0))  # [N m] / [rad]
 DAMPINGS = (0.0, 10.0, 30.0, 90.0)  # [N m s] / [rad]
@@ -294,7 +294,7 @@ def draw_mark(axes: Axes, result: Result) -> None:
 if __name__ == "__main__":
     form = form_of("loop_stability")
     results = run_jobs(cross_check, grid()[5::24] if form.quick else grid(), workers=form.workers)
-    save(draw(results, 6 if form.quick else 33), form.out / "loop_stability.png")
+    save(draw(results, 6 if form.quick else 33), form.out / "loop_stability.png", resolution=100)
     pd.DataFrame(map(row_of, results)).to_csv(form.out / "loop_stability.csv", index=False)
     pairs = [pair for result in results for pair in zip(result.radii, result.unstable, strict=True)]
     decided = [unstable for radius, unstable in pairs if abs(radius - 1.0) >= UNDECIDED]

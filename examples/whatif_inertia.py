@@ -28,10 +28,10 @@ from whatif.figures import (
     simulated_and_predicted,
 )
 from whatif.inertia import Setting, Source, limit_row, noise_row, stability_row
-from whatif.jobs import run_jobs
 
 from twin_gait.palette import BLACK
 from twin_gait.report import put_legend, save, style_panel
+from twin_gait.studies import run_jobs
 
 # %% [markdown]
 # ## Settings

@@ -24,7 +24,6 @@ from whatif.figures import (
     label_axes,
     simulated_and_predicted,
 )
-from whatif.jobs import run_jobs
 from whatif.temperature import (
     COULOMB_LOSS_PER_KELVIN,
     COULOMB_PER_LOAD,
@@ -38,6 +37,7 @@ from whatif.temperature import (
 
 from twin_gait.palette import BLACK, GREY
 from twin_gait.report import put_legend, save, style_panel
+from twin_gait.studies import run_jobs
 
 # %% [markdown]
 # ## Conditions

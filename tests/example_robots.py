@@ -1,9 +1,13 @@
 """Robots that are not ours."""
 
+import os
 from importlib import metadata
 from pathlib import Path
+from typing import NoReturn
 
 import pytest
+
+ROBOTS_VARIABLE = "TWIN_GAIT_REQUIRE_ROBOTS"
 
 
 def robot_urdf(name: str) -> Path:
@@ -11,11 +15,18 @@ def robot_urdf(name: str) -> Path:
     try:
         recorded = metadata.files("example-robot-data") or []
     except metadata.PackageNotFoundError:
-        pytest.skip("example-robot-data (400 MB) is not installed: pip install 'twin-gait[robots]'")
+        _lack("example-robot-data (400 MB) is not installed: pip install 'twin-gait[robots]'")
     for item in recorded:
         if str(item).endswith(f"/robots/{name}"):
             return Path(str(item.locate()))
-    pytest.skip(f"this version of example-robot-data has no {name}")
+    _lack(f"this version of example-robot-data has no {name}")
+
+
+def _lack(reason: str) -> NoReturn:
+    """Skip a test, or fail it where the robots are expected."""
+    if os.environ.get(ROBOTS_VARIABLE):
+        pytest.fail(f"{ROBOTS_VARIABLE} is set, but {reason}")
+    pytest.skip(reason)
 
 
 # One joint of each kind, off the axes; zero is out of the range of the first.

@@ -1,15 +1,28 @@
-"""What the README says runs."""
+"""What README, CONTRIBUTING and the pages say: code runs, commands parse, links lead somewhere."""
 
 from __future__ import annotations
 
 import re
+import shlex
 from pathlib import Path
 
 import pytest
 
 from twin_gait import load_experiment, simulate
+from twin_gait.cli.program import build_parser
 
-README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+ROOT = Path(__file__).parent.parent
+PAGES = {
+    str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
+    for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
+}
+README = PAGES["README.md"]
+# A fenced block, whose language may be left out.
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", flags=re.DOTALL | re.MULTILINE)
+
+
+def test_the_readme_is_short():
+    assert len(README.splitlines()) <= 150
 
 
 def test_the_fifteen_lines_run(tmp_path, monkeypatch):
@@ -21,33 +34,84 @@ def test_the_fifteen_lines_run(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("changes", [[], ["duration_s=6", "patient.mass_kg=80"]])
-def test_the_wearer_walks_with_its_controller(changes):
-    sessions = re.findall(r"```pycon\n(.*?)```", README, flags=re.DOTALL)
+def test_the_wearer_walks_with_the_controller_of_the_page(changes):
+    sessions = re.findall(r"```pycon\n(.*?)```", PAGES["docs/python.md"], flags=re.DOTALL)
     session = next(text for text in sessions if "def " in text)
     code = "".join(line[4:] + "\n" for line in session.splitlines())
     names = {"simulate": simulate, "experiment": load_experiment("treadmill", changes).experiment}
-    exec(compile(code, "README.md", "exec"), names)
+    exec(compile(code, "docs/python.md", "exec"), names)
     run = names["run"]
     assert run.status == "completed" and run.trip is None
     entries = [item.tick for item in run.switches if (item.side, item.target) == ("left", "early_stance")]
     assert len(entries) >= run.duration // 2.5  # a stride every two seconds or so
 
 
-def test_pictures_and_files_that_it_links_exist():
-    folder = Path(__file__).parent.parent
-    for target in re.findall(r"\]\(([^)#]+)\)", README):
-        if not target.startswith("http"):
-            assert (folder / target).is_file(), target
+@pytest.mark.parametrize("page", PAGES)
+def test_pictures_files_and_headings_that_are_linked_exist(page):
+    folder = (ROOT / page).parent
+    for target, anchor in re.findall(r"\]\(([^)#\s]*)(?:#([^)]+))?\)", PAGES[page]):
+        if target.startswith("http"):
+            continue
+        path = folder / target if target else ROOT / page
+        assert path.exists(), f"{page}: {target}"
+        if anchor:
+            headings = re.findall(r"^#+ (.*)$", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
+            known = {re.sub(r"[^\w\- ]", "", text.lower()).replace(" ", "-") for text in headings}
+            assert anchor in known, f"{page}: {target}#{anchor}"
 
 
-def test_commands_that_it_names_exist():
-    from twin_gait.cli.program import build_parser
-
-    known = next(
-        action.choices
-        for action in build_parser()._actions
-        if isinstance(getattr(action, "choices", None), dict)
+def test_the_mutations_that_the_readme_counts_are_those_of_the_test_kit():
+    found = re.findall(
+        r"^\| (all|equivalent|missed) \|(.*)\|$", PAGES["docs/test_kit.md"], flags=re.MULTILINE
     )
-    named = set(re.findall(r"`twin-gait (\w+)", README))
-    assert named <= set(known)
-    assert set(known) <= named
+    rows = {name: [int(number) for number in re.findall(r"\d+", cells)] for name, cells in found}
+    caught, made = sum(rows["all"][::2]), sum(rows["all"][1::2])
+    proved, missed = sum(rows["equivalent"]), sum(rows["missed"])
+    assert f"{caught} of {made} caught, {proved} proved equivalent, {missed} missed" in README
+
+
+def test_every_page_is_in_the_index():
+    index = PAGES["docs/README.md"]
+    linked = {f"docs/{name}" for name in re.findall(r"\]\(([\w.]+\.md)[)#]", index)} | {"docs/README.md"}
+    assert {page for page in PAGES if page.startswith("docs/")} == linked
+
+
+def known_commands() -> set[str]:
+    return {action.dest for group in build_parser().groups.values() for action in group}
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_that_are_named_exist(page):
+    assert set(re.findall(r"`twin-gait ([a-z]+)", PAGES[page])) <= known_commands()
+
+
+def test_the_readme_names_every_command():
+    assert set(re.findall(r"`twin-gait ([a-z]+)", README)) == known_commands()
+
+
+def command_lines() -> list[tuple[str, str]]:
+    """Commands in blocks, and those in the text that need nothing filled in."""
+    found = []
+    for page, text in PAGES.items():
+        for language, block in BLOCK.findall(text):
+            if language in ("", "sh"):
+                lines = block.replace("\\\n", " ").splitlines()
+                found += [(page, part.strip()) for line in lines for part in line.split("&&")]
+        found += [(page, line) for line in re.findall(r"`(twin-gait [^`]+)`", BLOCK.sub("", text))]
+    return [(page, line) for page, line in found if line.startswith("twin-gait ")]
+
+
+@pytest.mark.parametrize(("page", "line"), command_lines())
+def test_command_lines_parse(page, line, capsys):
+    words = shlex.split(re.sub(r"\s*>\s*\S+$", "", line.partition("#")[0]))[1:]
+    if words == ["COMMAND", "--help"]:
+        return
+    placeholders = any(mark in line for mark in ("[", "…", "|"))
+    # A command that is only named may lack what it needs; one with an option or in a block is whole.
+    if placeholders or len(words) == 1 or words[:2] == ["sessions", words[-1]]:
+        assert words[0] in known_commands() or words[0].startswith("--")
+        return
+    try:
+        build_parser().parse_args(words)
+    except SystemExit as leave:
+        assert leave.code == 0, f"{page}: {line}: {capsys.readouterr().err}"

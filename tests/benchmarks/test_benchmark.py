@@ -251,6 +251,7 @@ def test_a_peer_that_was_not_timed_is_a_goal_missed():
 # ---------------------------------------------------------------------- a case
 
 
+@pytest.mark.slow
 def test_a_case_tells_speed_and_accuracy():
     chosen = [OURS[name] for name in ("compiled", "compiled, log", "batch", "plain Python")]
     extent = Extent(rounds=1, evaluations=200, python_evaluations=40)

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 import yaml
 
-from twin_gait.checking.check import RULES, build_subject, check, counts, load_subject, report, rules
-from twin_gait.checking.finding import Finding, Severity, Subject
+from twin_gait.checking.check import RULES, build_case, check, counts, load_case, report, rules
+from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.signals import JOINT_RANGES, SignalSpace
 from twin_gait.configuration import load_experiment, packaged_gait_tables
 from twin_gait.configuration.documents import table_document
@@ -42,24 +42,24 @@ def sound() -> Mapping:
     return data
 
 
-def subject_of(data: Mapping) -> Subject:
-    return build_subject(gait_table_from_mapping(data, "table.yaml", "planted", draft=True), experiment())
+def case_of(data: Mapping) -> CheckCase:
+    return build_case(gait_table_from_mapping(data, "table.yaml", "planted", draft=True), experiment())
 
 
-OF_GUARDS = ("reachability", "ambiguity", "cascade", "conditions", "both_legs")
+OF_GUARDS = ("graph", "exits", "cascade")
 GUARD_RULES = [rule for rule in RULES if rule.__module__.rsplit(".", 1)[-1] in OF_GUARDS]
 
 
 def findings_of(data: Mapping, *names: str) -> list[Finding]:
     """What the rules of guards find, or those that are named."""
     chosen = [rule for rule in GUARD_RULES if not names or rule.__name__ in names]
-    return check(subject_of(data), chosen)
+    return check(case_of(data), chosen)
 
 
 @cache
 def checked(name: str) -> list[Finding]:
     """What all rules find in a shipped table."""
-    return check(load_subject(name))
+    return check(load_case(name))
 
 
 def entry(data: Mapping, cause: str, source: str | None = None) -> Mapping:
@@ -272,7 +272,7 @@ def test_every_finding_bears_the_name_of_its_rule() -> None:
     for rule in GUARD_RULES:
         data = copy.deepcopy(sound())
         planted_for[rule.__name__](data)
-        assert {item.rule for item in rule(subject_of(data))} == {rule.__name__}
+        assert {item.rule for item in rule(case_of(data))} == {rule.__name__}
 
 
 @pytest.mark.parametrize("name", packaged_gait_tables())
@@ -282,9 +282,9 @@ def test_shipped_tables_have_no_errors(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["treadmill", "treadmill_start_stop", "bench_leg"])
 def test_every_warning_of_the_tables_that_are_walked_in_is_waived(name: str) -> None:
-    subject = load_subject(name)
-    assert subject.experiment is not None
-    assert subject.experiment.name == name
+    case = load_case(name)
+    assert case.experiment is not None
+    assert case.experiment.name == name
     assert [item for item in checked(name) if item.severity == "warning" and not item.waived] == []
 
 
@@ -367,12 +367,12 @@ transitions:
 def test_machine_with_other_joints_and_four_phases_is_checked_by_itself(tmp_path: Path) -> None:
     path = tmp_path / "prosthesis.yaml"
     path.write_text(KNEE_AND_ANKLE, encoding="utf-8")
-    subject = load_subject(path)
-    assert subject.experiment is None
-    assert subject.limits == {name: JOINT_RANGES[name] for name in ("knee", "ankle")}
-    found = check(subject)
+    case = load_case(path)
+    assert case.experiment is None
+    assert case.limits == {name: JOINT_RANGES[name] for name in ("knee", "ankle")}
+    found = check(case)
     assert counts(found)["errors"] == 0
-    assert {item.phase for item in found if item.rule == "missing_time_out"} == set(subject.table.phases)
+    assert {item.phase for item in found if item.rule == "missing_time_out"} == set(case.table.phases)
     # It knows nothing of another leg, which then may swing too.
     assert [str(item.severity) for item in found if item.rule == "both_in_swing"][:1] == ["warning"]
 
@@ -380,7 +380,7 @@ def test_machine_with_other_joints_and_four_phases_is_checked_by_itself(tmp_path
 def test_machine_with_other_joints_shows_its_defects(tmp_path: Path) -> None:
     path = tmp_path / "prosthesis.yaml"
     path.write_text(KNEE_AND_ANKLE.replace("ankle.angle_deg > 5", "ankle.angle_deg > 45"), encoding="utf-8")
-    found = {(item.rule, item.phase) for item in check(load_subject(path))}
+    found = {(item.rule, item.phase) for item in check(load_case(path))}
     assert ("never_opens", "early_stance") in found
     assert ("unreachable_phase", "swing_extension") in found
 
@@ -388,7 +388,7 @@ def test_machine_with_other_joints_shows_its_defects(tmp_path: Path) -> None:
 def test_unknown_joint_turns_within_a_whole_turn(tmp_path: Path) -> None:
     path = tmp_path / "toe.yaml"
     path.write_text(KNEE_AND_ANKLE.replace("ankle", "toe"), encoding="utf-8")
-    assert SignalSpace(load_subject(path)).range("toe.angle_deg") == pytest.approx((-180.0, 180.0))
+    assert SignalSpace(load_case(path)).range("toe.angle_deg") == pytest.approx((-180.0, 180.0))
 
 
 def test_machine_without_a_phase_of_swing_says_that_it_cannot_look_for_it(tmp_path: Path) -> None:
@@ -397,7 +397,7 @@ def test_machine_without_a_phase_of_swing_says_that_it_cannot_look_for_it(tmp_pa
         KNEE_AND_ANKLE.replace("swing_flexion", "third").replace("swing_extension", "fourth"),
         encoding="utf-8",
     )
-    (found,) = (item for item in check(load_subject(path), GUARD_RULES) if item.rule == "both_in_swing")
+    (found,) = (item for item in check(load_case(path), GUARD_RULES) if item.rule == "both_in_swing")
     assert found.severity == "note"
 
 
@@ -405,7 +405,7 @@ def test_table_of_one_phase_is_no_trap() -> None:
     data = copy.deepcopy(yaml.safe_load(KNEE_AND_ANKLE))
     data |= {"phases": {"hold": data["phases"]["early_stance"]}, "transitions": [], "cycles": []}
     table = gait_table_from_mapping(data, "table.yaml", "hold", draft=True)
-    assert counts(check(build_subject(table), GUARD_RULES))["errors"] == 0
+    assert counts(check(build_case(table), GUARD_RULES))["errors"] == 0
 
 
 def test_winner_is_found_at_the_time_of_the_contest() -> None:
@@ -422,14 +422,14 @@ def test_experiment_that_cannot_drive_the_joints_is_refused(tmp_path: Path) -> N
     path = tmp_path / "prosthesis.yaml"
     path.write_text(KNEE_AND_ANKLE, encoding="utf-8")
     with pytest.raises(ParameterError, match="knee, ankle"):
-        load_subject(path, "treadmill")
+        load_case(path, "treadmill")
 
 
 def test_one_leg_cannot_swing_with_another() -> None:
     """On the bench there is no other leg: exits that read it never open."""
     data = copy.deepcopy(sound())
     table = gait_table_from_mapping(data, "table.yaml", "alone", draft=True)
-    bench = build_subject(table, load_experiment("bench_leg").experiment)
+    bench = build_case(table, load_experiment("bench_leg").experiment)
     found = check(
         bench, [rule for rule in RULES if rule.__name__ in ("both_in_swing", "deadlock", "never_opens")]
     )
@@ -439,7 +439,7 @@ def test_one_leg_cannot_swing_with_another() -> None:
 def test_table_is_scaled_to_the_experiment() -> None:
     slow = load_experiment("treadmill", ["scenario.belt_speed_km_per_h=0.9"]).experiment
     table = load_gait_table("treadmill")
-    scaled = build_subject(table, slow).table
+    scaled = build_case(table, slow).table
     assert scaled.transitions[0].guard != table.transitions[0].guard
     assert scaled.phases["early_stance"].joints["hip"] != table.phases["early_stance"].joints["hip"]
 
@@ -459,16 +459,16 @@ def test_draft_is_read_for_checks_only(tmp_path: Path) -> None:
 
 def test_table_that_is_not_there_is_one_line() -> None:
     with pytest.raises(TwinGaitError, match=r"nowhere.*bench_leg.*nor a file") as caught:
-        load_subject("nowhere")
+        load_case("nowhere")
     assert len(str(caught.value).splitlines()) == 1
 
 
 def test_report_names_table_experiment_counts_and_findings() -> None:
     data = copy.deepcopy(sound())
     add(data, FLEXION, "early_stance", "knee.angle_deg > 60")
-    subject = subject_of(data)
-    found = check(subject, [rule for rule in RULES if rule.__name__ in ("ambiguity", "undeclared_cycle")])
-    document = report(subject, found)
+    case = case_of(data)
+    found = check(case, [rule for rule in RULES if rule.__name__ in ("ambiguity", "undeclared_cycle")])
+    document = report(case, found)
     assert (document["schema_version"], document["table"], document["experiment"]) == (
         1,
         "treadmill",
@@ -480,8 +480,8 @@ def test_report_names_table_experiment_counts_and_findings() -> None:
     assert contending["rule"] == "ambiguity"
     assert contending["phase"] == FLEXION
     assert contending["transition"] == "swing_flexion → early_stance (planted)"
-    assert contending["witness"]["knee.angle_deg"] > 60
-    assert contending["witness"]["hip.angle_deg"] > 23.5
+    assert contending["counterexample"]["knee.angle_deg"] > 60
+    assert contending["counterexample"]["hip.angle_deg"] > 23.5
     assert "swing_flexion → swing_extension (clearance) wins" in contending["reason"]
 
 

@@ -1,4 +1,4 @@
-"""One planted defect per physical rule, closed forms, and the engine as witness."""
+"""One planted defect per physical rule, closed forms, and the engine as cross-check."""
 
 from __future__ import annotations
 
@@ -10,14 +10,20 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from twin_gait import load_experiment, simulate
-from twin_gait.checking import leaving, sense, serving, stability, torque_jumps
-from twin_gait.checking.balance import driving_torque, find_rest, left_over_friction, rest_posture
-from twin_gait.checking.check import build_subject
-from twin_gait.checking.finding import Finding, Severity, Subject
+from twin_gait.checking import leaving, sense, stability, torques
+from twin_gait.checking.check import build_case
+from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.hanging_leg import friction_torque, hanging_legs
-from twin_gait.checking.serving import release_speed
+from twin_gait.checking.postures import (
+    Postures,
+    driving_torque,
+    find_rest,
+    first_rests,
+    left_over_friction,
+    rest_posture,
+)
 from twin_gait.checking.signals import SignalSpace
-from twin_gait.checking.switch_postures import Postures, first_rests
+from twin_gait.checking.torques import release_speed
 from twin_gait.configuration import load_gait_table
 from twin_gait.gait import Blending, BlendingLaw, GaitTable, Transition
 from twin_gait.gait.guards import parse_guard
@@ -26,18 +32,18 @@ from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION
 from twin_gait.scenario import BenchLegScenario
 from twin_gait.vocabulary import Side
 
-RULES = (*leaving.RULES, *torque_jumps.RULES, *serving.RULES, *stability.RULES, *sense.RULES)
+RULES = (*leaving.RULES, *torques.RULES, *stability.RULES, *sense.RULES)
 
 
-def subject_of(preset: str, *settings: str) -> Subject:
+def case_of(preset: str, *settings: str) -> CheckCase:
     experiment = load_experiment(preset, settings).experiment
-    return build_subject(experiment.table, experiment)
+    return build_case(experiment.table, experiment)
 
 
-def with_table(preset: str, change) -> Subject:
+def with_table(preset: str, change) -> CheckCase:
     """A preset whose table a function has changed."""
     experiment = load_experiment(preset).experiment
-    return build_subject(change(experiment.table), experiment)
+    return build_case(change(experiment.table), experiment)
 
 
 def of_phase(findings: list[Finding], phase: str) -> list[Finding]:
@@ -49,13 +55,13 @@ def of_phase(findings: list[Finding], phase: str) -> list[Finding]:
 
 @pytest.mark.parametrize("preset", ["treadmill", "treadmill_40", "bench_leg"])
 def test_shipped_tables_have_no_physical_errors(preset):
-    subject = subject_of(preset)
-    errors = [item for rule in RULES for item in rule(subject) if item.severity is Severity.ERROR]
+    case = case_of(preset)
+    errors = [item for rule in RULES for item in rule(case) if item.severity is Severity.ERROR]
     assert errors == []
 
 
 def test_a_finding_is_named_after_its_rule_and_says_what_and_what_to_do():
-    broken = subject_of(
+    broken = case_of(
         "treadmill",
         "table.blending.duration_ms=0",
         "table.phases.swing_flexion.knee.equilibrium_deg=150",
@@ -72,13 +78,13 @@ def test_a_finding_is_named_after_its_rule_and_says_what_and_what_to_do():
 def test_a_table_without_a_leg_model_is_only_checked_for_sense():
     table = load_gait_table("osl_walking")
     for rule in RULES:
-        assert rule(build_subject(table)) == []
+        assert rule(build_case(table)) == []
     phase = table.phases["late_swing"]
     ankle = replace(phase.joints["ankle"], equilibrium_angle=2.0, stiffness=math.degrees(6.0))
     changed = {**table.phases, "late_swing": replace(phase, joints={**phase.joints, "ankle": ankle})}
-    subject = build_subject(replace(table, phases=changed))
+    case = build_case(replace(table, phases=changed))
     for rule in (sense.equilibrium_beyond_limits, sense.unusual_stiffness):
-        assert [item.phase for item in rule(subject)] == ["late_swing"]
+        assert [item.phase for item in rule(case)] == ["late_swing"]
 
 
 # ---------------------------------------------------------------------- can it leave?
@@ -86,9 +92,9 @@ def test_a_table_without_a_leg_model_is_only_checked_for_sense():
 
 def test_an_equilibrium_short_of_the_threshold_is_an_error_and_the_engine_waits_for_the_time_out():
     planted = "table.phases.swing_flexion.knee.equilibrium_deg=38"  # clearance needs 45
-    (finding,) = leaving.cannot_leave(subject_of("bench_leg", planted))
+    (finding,) = leaving.cannot_leave(case_of("bench_leg", planted))
     assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_flexion")
-    assert finding.witness["knee.angle_deg"] == pytest.approx(38.0, abs=0.1)
+    assert finding.counterexample["knee.angle_deg"] == pytest.approx(38.0, abs=0.1)
     run = simulate(load_experiment("bench_leg", [planted, "duration_s=4"]).experiment)
     assert {item.cause for item in run.switches if item.source == "swing_flexion"} == {"time_out"}
 
@@ -96,24 +102,24 @@ def test_an_equilibrium_short_of_the_threshold_is_an_error_and_the_engine_waits_
 def test_a_spring_too_soft_for_the_friction_is_an_error():
     rough = "plant.friction_ratio={hip: 1.0, knee: 1.0}"
     soft = "table.phases.swing_flexion.knee.stiffness_Nm_per_deg=0.05"
-    assert leaving.cannot_leave(subject_of("bench_leg", rough)) == []
-    (finding,) = leaving.cannot_leave(subject_of("bench_leg", rough, soft))
+    assert leaving.cannot_leave(case_of("bench_leg", rough)) == []
+    (finding,) = leaving.cannot_leave(case_of("bench_leg", rough, soft))
     assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_flexion")
 
 
 def test_gravity_without_compensation_keeps_a_leg_from_its_exit():
     worn = "patient={mass_kg: 90, height_m: 1.85, sex: male}"
     soft = "table.phases.swing_flexion.hip.stiffness_Nm_per_deg=1.5"
-    heavy = subject_of("bench_leg", worn, soft, "table.phases.swing_flexion.gravity_compensation=0")
-    assert leaving.cannot_leave(subject_of("bench_leg", worn, soft)) == []
+    heavy = case_of("bench_leg", worn, soft, "table.phases.swing_flexion.gravity_compensation=0")
+    assert leaving.cannot_leave(case_of("bench_leg", worn, soft)) == []
     (finding,) = of_phase(leaving.cannot_leave(heavy), "swing_flexion")
     assert finding.severity is Severity.ERROR
-    assert finding.witness["hip.angle_deg"] < 22.0  # what clearance asks for
+    assert finding.counterexample["hip.angle_deg"] < 22.0  # what clearance asks for
 
 
 def test_a_low_torque_limit_keeps_a_leg_from_its_exit():
     worn = "patient={mass_kg: 90, height_m: 1.85, sex: male}"
-    weak = subject_of("bench_leg", worn, "control.limits.torque_Nm=12")
+    weak = case_of("bench_leg", worn, "control.limits.torque_Nm=12")
     (finding,) = of_phase(leaving.cannot_leave(weak), "swing_flexion")
     assert finding.severity is Severity.ERROR
 
@@ -179,11 +185,11 @@ def test_a_swing_that_ends_by_landing_has_to_say_so():
 
 
 def test_an_exit_that_opens_only_on_the_way_is_a_warning():
-    assert leaving.leaves_in_motion_only(subject_of("bench_leg")) == []
+    assert leaving.leaves_in_motion_only(case_of("bench_leg")) == []
     passing = "table.phases.swing_extension.hip.equilibrium_deg=12"  # limb_extended needs 15
-    (finding,) = leaving.leaves_in_motion_only(subject_of("bench_leg", passing))
+    (finding,) = leaving.leaves_in_motion_only(case_of("bench_leg", passing))
     assert (finding.severity, finding.phase) == (Severity.WARNING, "swing_extension")
-    assert leaving.cannot_leave(subject_of("bench_leg", passing)) == []
+    assert leaving.cannot_leave(case_of("bench_leg", passing)) == []
 
 
 def holding(*settings: str):
@@ -197,7 +203,7 @@ def holding(*settings: str):
         cycles=(),
     )
     experiment = replace(experiment, table=table)
-    (leg,) = hanging_legs(build_subject(table, experiment))
+    (leg,) = hanging_legs(build_case(table, experiment))
     return experiment, leg
 
 
@@ -271,34 +277,34 @@ def clearance(findings: list[Finding]) -> list[Finding]:
 
 
 def test_a_jump_without_blending_beyond_the_limit_is_an_error():
-    (finding,) = clearance(torque_jumps.torque_jump(two_levels(0, BlendingLaw.NONE)))
+    (finding,) = clearance(torques.torque_jump(two_levels(0, BlendingLaw.NONE)))
     assert finding.severity is Severity.ERROR
     assert "150 Nm" in finding.reason  # 2.5 Nm/deg times 60 degrees, whatever the posture
     assert "150.0 Nm in a tick" in finding.reason
 
 
 def test_the_law_none_jumps_at_once_however_long_its_blend():
-    (finding,) = clearance(torque_jumps.torque_jump(two_levels(50, BlendingLaw.NONE)))
+    (finding,) = clearance(torques.torque_jump(two_levels(50, BlendingLaw.NONE)))
     assert finding.severity is Severity.ERROR
     assert "150.0 Nm in a tick" in finding.reason
 
 
 def test_the_jump_is_that_of_impedance_gravity_and_friction_compensation_together():
-    subject = subject_of(
+    case = case_of(
         "bench_leg",
         "patient={mass_kg: 70, height_m: 1.75, sex: male}",
         "table.phases.swing_extension.gravity_compensation=0.2",
         "table.phases.swing_extension.hip.friction_compensation_gain=0.55",
         "table.phases.swing_extension.hip.stiffness_Nm_per_deg=1.5",
     )
-    (leg,) = hanging_legs(subject)
-    (switch,) = [item for item in subject.table.transitions if item.cause == "clearance"]
+    (leg,) = hanging_legs(case)
+    (switch,) = [item for item in case.table.transitions if item.cause == "clearance"]
     angles, velocities = np.array([0.5, 0.9]), np.array([0.8, -0.4])
-    hip, _ = torque_jumps.largest_jumps(leg, switch, Postures(angles[None], velocities[None]))
+    hip, _ = torques.largest_jumps(leg, switch, Postures(angles[None], velocities[None]))
 
     def command(phase: str) -> float:
         k, b, zero, gain, *_, share = leg.problem.phase_rows[0][leg.phases.index(phase)]
-        weight = subject.experiment.build_control_model().gravity_torque(angles)[0]
+        weight = case.experiment.build_control_model().gravity_torque(angles)[0]
         friction = friction_torque(HIP_FRICTION, 0.8)
         return -(k * (0.5 - zero) + b * 0.8) + gain * friction + share * weight
 
@@ -308,39 +314,39 @@ def test_the_jump_is_that_of_impedance_gravity_and_friction_compensation_togethe
 
 
 def test_blending_turns_it_into_a_warning_with_the_step_of_the_law():
-    (linear,) = clearance(torque_jumps.torque_jump(two_levels(50, BlendingLaw.LINEAR)))
+    (linear,) = clearance(torques.torque_jump(two_levels(50, BlendingLaw.LINEAR)))
     assert linear.severity is Severity.WARNING
     assert f"{150.0 / 50.0:.1f} Nm in a tick" in linear.reason
-    (smooth,) = clearance(torque_jumps.torque_jump(two_levels(50, BlendingLaw.MINIMUM_JERK)))
+    (smooth,) = clearance(torques.torque_jump(two_levels(50, BlendingLaw.MINIMUM_JERK)))
     # The steepest tick of 10 s³ - 15 s⁴ + 6 s⁵ rises by 15/8 of the mean.
     assert f"{150.0 / 50.0 * 15.0 / 8.0:.1f} Nm in a tick" in smooth.reason
 
 
 def test_a_blend_of_an_hour_is_no_knock_and_takes_no_hour():
-    (slow,) = clearance(torque_jumps.torque_jump(two_levels(3_600_000, BlendingLaw.MINIMUM_JERK)))
+    (slow,) = clearance(torques.torque_jump(two_levels(3_600_000, BlendingLaw.MINIMUM_JERK)))
     assert "0.0 Nm in a tick" in slow.reason
 
 
 def test_a_small_jump_is_none_and_a_sudden_one_below_the_limit_is_a_knock():
-    assert clearance(torque_jumps.torque_jump(two_levels(50, BlendingLaw.LINEAR, apart=5.0))) == []
-    (knock,) = clearance(torque_jumps.torque_jump(two_levels(0, BlendingLaw.NONE, apart=10.0)))
+    assert clearance(torques.torque_jump(two_levels(50, BlendingLaw.LINEAR, apart=5.0))) == []
+    (knock,) = clearance(torques.torque_jump(two_levels(0, BlendingLaw.NONE, apart=10.0)))
     assert knock.severity is Severity.WARNING
     assert "25.0 Nm in a tick" in knock.reason
 
 
-def test_the_witness_of_a_jump_lies_in_its_guard():
-    (finding,) = clearance(torque_jumps.torque_jump(two_levels(50, BlendingLaw.LINEAR)))
-    assert finding.witness["hip.angle_deg"] > 22.0
-    assert finding.witness["knee.angle_deg"] > 45.0
+def test_the_counterexample_of_a_jump_lies_in_its_guard():
+    (finding,) = clearance(torques.torque_jump(two_levels(50, BlendingLaw.LINEAR)))
+    assert finding.counterexample["hip.angle_deg"] > 22.0
+    assert finding.counterexample["knee.angle_deg"] > 45.0
 
 
 @pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])
 def test_no_switch_of_a_run_jumps_further_than_found(preset):
     """The command at the posture of the switch, in the old and in the new phase, from the log."""
     run = simulate(load_experiment(preset, ["duration_s=8"]).experiment)
-    subject = subject_of(preset)
-    found = {item.transition: item for item in torque_jumps.torque_jump(subject)}
-    (leg,) = hanging_legs(subject)
+    case = case_of(preset)
+    found = {item.transition: item for item in torques.torque_jump(case)}
+    (leg,) = hanging_legs(case)
     phases = run.table.phase_names
     seen = 0
     for switch in run.switches[4:]:
@@ -374,37 +380,37 @@ def test_no_switch_of_a_run_jumps_further_than_found(preset):
 
 
 def test_a_phase_is_entered_where_its_guard_opens_first_not_by_its_time_out():
-    subject = subject_of("bench_leg")
-    (leg,) = hanging_legs(subject)
-    (rest,) = first_rests(SignalSpace(subject), leg, "swing_extension")
+    case = case_of("bench_leg")
+    (leg,) = hanging_legs(case)
+    (rest,) = first_rests(SignalSpace(case), leg, "swing_extension")
     # The thresholds of clearance, passed from below; the time-out would find the leg at 32 and 62 degrees.
     np.testing.assert_allclose(np.degrees(rest.start), [22.0, 45.0], atol=1e-4)
 
 
 def test_a_torque_limit_below_the_spring_is_a_warning():
-    (phase,) = of_phase(serving.stiffness_not_served(subject_of("bench_leg")), "swing_flexion")
+    (phase,) = of_phase(torques.stiffness_not_served(case_of("bench_leg")), "swing_flexion")
     assert "torque limit gives 60 Nm, 24° of its 2.5 Nm/deg" in phase.reason
     soft = [
         f"table.phases.{name}.{joint}.stiffness_Nm_per_deg=0.5"
         for name in ("swing_flexion", "swing_extension")
         for joint in ("hip", "knee")
     ]
-    assert serving.stiffness_not_served(subject_of("bench_leg", *soft)) == []
+    assert torques.stiffness_not_served(case_of("bench_leg", *soft)) == []
 
 
 def test_the_current_limit_is_named_where_it_binds():
     # 6 A at 0.0705 Nm/A and 1:100 are 42.3 Nm at the knee.
     (finding,) = of_phase(
-        serving.stiffness_not_served(subject_of("bench_leg", "control.limits.current_A=6")), "swing_extension"
+        torques.stiffness_not_served(case_of("bench_leg", "control.limits.current_A=6")), "swing_extension"
     )
     assert "current limit gives 42 Nm" in finding.reason
 
 
 def test_a_battery_too_weak_for_the_spring_s_speed_is_a_warning():
     low = "plant.battery.voltage_V=6"
-    (finding,) = of_phase(serving.stiffness_not_served(subject_of("bench_leg", low)), "swing_extension")
+    (finding,) = of_phase(torques.stiffness_not_served(case_of("bench_leg", low)), "swing_extension")
     assert "the voltage allows 49 deg/s" in finding.reason  # 6 V / 7.05 Vs/rad
-    assert "voltage" not in str(serving.stiffness_not_served(subject_of("bench_leg")))
+    assert "voltage" not in str(torques.stiffness_not_served(case_of("bench_leg")))
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 1.0, 2.5])
@@ -430,23 +436,23 @@ def test_full_compensation_without_a_damper_is_unstable():
         "table.phases.swing_extension.knee.friction_compensation_gain=1.0",
         "table.phases.swing_extension.knee.damping_Nms_per_rad=0",
     )
-    (finding,) = stability.unstable(subject_of("bench_leg", *planted))
+    (finding,) = stability.unstable(case_of("bench_leg", *planted))
     assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_extension")
     assert "about rest" in finding.reason
-    noted = stability.stability_margin(subject_of("bench_leg", *planted))
+    noted = stability.stability_margin(case_of("bench_leg", *planted))
     assert "swing_extension" not in [item.phase for item in noted]
     assert len(noted) == 4
 
 
 def test_a_light_damper_is_a_warning():
-    assert stability.effective_damping(subject_of("bench_leg")) == []
+    assert stability.effective_damping(case_of("bench_leg")) == []
     light = "table.phases.early_stance.hip.damping_ratio=0.3"
-    (finding,) = stability.effective_damping(subject_of("bench_leg", light))
+    (finding,) = stability.effective_damping(case_of("bench_leg", light))
     assert (finding.severity, finding.phase) == (Severity.WARNING, "early_stance")
 
 
 def test_the_margin_is_where_the_spectral_radius_passes_one():
-    (leg,) = hanging_legs(subject_of("bench_leg"))
+    (leg,) = hanging_legs(case_of("bench_leg"))
     loops = [leg.linear_loop(0, velocity) for velocity in stability.VELOCITIES]
     for joint in (0, 1):
         gain = stability.largest_gain(loops, joint)
@@ -461,7 +467,7 @@ def test_the_margin_is_where_the_spectral_radius_passes_one():
 
 
 def test_plus_and_minus_one_radian_per_second_give_the_same_loop():
-    (leg,) = hanging_legs(subject_of("treadmill"))
+    (leg,) = hanging_legs(case_of("treadmill"))
     forward, backward = leg.linear_loop(3, 1.0), leg.linear_loop(3, -1.0)
     np.testing.assert_allclose(
         stability.transition_matrix(forward), stability.transition_matrix(backward), atol=1e-9, rtol=0
@@ -486,9 +492,9 @@ def test_each_side_with_its_own_numbers_is_checked_by_itself():
 
 @pytest.mark.parametrize("gain", [0.1, 0.65])
 def test_a_gain_outside_what_was_usable_is_a_warning(gain):
-    assert sense.unusual_gain(subject_of("bench_leg")) == []
+    assert sense.unusual_gain(case_of("bench_leg")) == []
     (finding,) = sense.unusual_gain(
-        subject_of("bench_leg", f"table.phases.late_stance.hip.friction_compensation_gain={gain}")
+        case_of("bench_leg", f"table.phases.late_stance.hip.friction_compensation_gain={gain}")
     )
     assert (finding.severity, finding.phase) == (Severity.WARNING, "late_stance")
     assert f"hip G {gain:.2f}" in finding.reason
@@ -496,28 +502,26 @@ def test_a_gain_outside_what_was_usable_is_a_warning(gain):
 
 @pytest.mark.parametrize("angle", [-5.0, 130.0])
 def test_an_equilibrium_beyond_the_stops_is_a_warning(angle):
-    assert sense.equilibrium_beyond_limits(subject_of("bench_leg")) == []
+    assert sense.equilibrium_beyond_limits(case_of("bench_leg")) == []
     (finding,) = sense.equilibrium_beyond_limits(
-        subject_of("bench_leg", f"table.phases.swing_flexion.knee.equilibrium_deg={angle}")
+        case_of("bench_leg", f"table.phases.swing_flexion.knee.equilibrium_deg={angle}")
     )
     assert (finding.severity, finding.phase) == (Severity.WARNING, "swing_flexion")
     assert "-4.0 … 122.0°" in finding.reason
 
 
 def test_a_stiffness_outside_the_published_range_is_a_warning():
-    assert sense.unusual_stiffness(subject_of("bench_leg")) == []
+    assert sense.unusual_stiffness(case_of("bench_leg")) == []
     (finding,) = sense.unusual_stiffness(
-        subject_of("bench_leg", "table.phases.late_stance.knee.stiffness_Nm_per_deg=7")
+        case_of("bench_leg", "table.phases.late_stance.knee.stiffness_Nm_per_deg=7")
     )
     assert "knee k 7.00 Nm/deg is outside 0.00 … 6.27 Nm/deg" in finding.reason
 
 
 @pytest.mark.parametrize("entry", ["damping_ratio=1.5", "damping_Nms_per_rad=12"])
 def test_a_damping_ratio_outside_the_published_range_is_a_warning_however_it_is_given(entry):
-    assert sense.unusual_damping_ratio(subject_of("bench_leg")) == []
-    (finding,) = sense.unusual_damping_ratio(
-        subject_of("bench_leg", f"table.phases.early_stance.knee.{entry}")
-    )
+    assert sense.unusual_damping_ratio(case_of("bench_leg")) == []
+    (finding,) = sense.unusual_damping_ratio(case_of("bench_leg", f"table.phases.early_stance.knee.{entry}"))
     # b = 12 at k = 3 Nm/deg and the knee's 3.5 kg m²: ζ = 12 / (2 √(171.9 · 3.5)) = 0.24.
     assert "knee ζ 1.50" in finding.reason or "knee ζ 0.24" in finding.reason
 

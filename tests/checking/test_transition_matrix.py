@@ -8,9 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from loop_stability import UNDECIDED, Case, linear_run_is_unstable, predicted_radius
 from scipy.integrate import solve_ivp
 
-from twin_gait.checking.check import build_subject
+from twin_gait.checking.check import build_case
 from twin_gait.checking.hanging_leg import friction_slope, friction_torque, hanging_legs
 from twin_gait.checking.linear_loop import (
     RING,
@@ -26,12 +27,6 @@ from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.gait.table import TICK
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION
-from twin_gait.studies.loop_stability.loop_stability import (
-    UNDECIDED,
-    Case,
-    linear_run_grows,
-    predicted_radius,
-)
 
 MASS = np.array([[4.7, -0.4], [-0.4, 3.5]])
 GRAVITY = np.array([[30.0, 4.0], [4.0, 9.0]])  # slope of the weight's torques [N m] / [rad]
@@ -155,10 +150,10 @@ def test_fast_sampling_gives_the_damping_ratio_of_the_continuous_oscillator():
     assert found < ratio
 
 
-def test_a_growing_oscillation_has_a_negative_damping_ratio_and_a_free_joint_none():
-    growing = loop(gain=np.array([1.0, 1.0]), damping=np.zeros(2))
-    assert spectral_radius(transition_matrix(growing)) > 1.0
-    assert effective_damping_ratio(transition_matrix(growing), growing.frame) < 0.0
+def test_an_unstable_oscillation_has_a_negative_damping_ratio_and_a_free_joint_none():
+    unstable = loop(gain=np.array([1.0, 1.0]), damping=np.zeros(2))
+    assert spectral_radius(transition_matrix(unstable)) > 1.0
+    assert effective_damping_ratio(transition_matrix(unstable), unstable.frame) < 0.0
     off = {name: np.zeros(2) for name in ("stiffness", "damping", "gain")}
     free = loop(**off, feed_forward=np.zeros((2, 2)), motion=leg_motion(MASS, np.zeros((2, 2)), DAMPING))
     assert effective_damping_ratio(transition_matrix(free), free.frame) == 1.0
@@ -183,7 +178,7 @@ def test_friction_slope_is_the_derivative_of_equation_3_1(law, velocity):
 
 def test_the_loop_of_a_phase_takes_its_numbers_from_leg_and_table():
     experiment = load_experiment("bench_leg", ["plant.friction_ratio={hip: 0.5, knee: 0.7}"]).experiment
-    (leg,) = hanging_legs(build_subject(experiment.table, experiment))
+    (leg,) = hanging_legs(build_case(experiment.table, experiment))
     phase = leg.phases.index("swing_flexion")
     found = leg.linear_loop(phase, 0.0)
     model = experiment.build_world().model
@@ -204,7 +199,7 @@ def test_the_loop_of_a_phase_takes_its_numbers_from_leg_and_table():
     np.testing.assert_allclose(found.feed_forward @ (2.0 * step), weight, rtol=1e-4)
 
 
-# Slopes of friction at rest, and k, b and G on both sides of the limit: 6 that grow, 12 that decay.
+# Slopes of friction at rest, and k, b and G on both sides of the limit: 6 unstable, 12 stable.
 CASES = [
     Case(math.degrees(k), b, gain)
     for k, b, gain in itertools.product((1.0, 2.5, 6.0), (0.0, 30.0), (0.2, 0.4, 1.0))
@@ -214,15 +209,15 @@ CASES = [
 @pytest.mark.parametrize(
     "case", CASES, ids=lambda case: f"{case.stiffness:.0f}-{case.damping:g}-{case.gain:g}"
 )
-def test_the_spectral_radius_predicts_whether_the_engine_s_linear_run_grows(case):
+def test_the_spectral_radius_predicts_whether_the_engine_s_linear_run_is_unstable(case):
     radius = predicted_radius(case, 0.0)
     assert abs(radius - 1.0) >= UNDECIDED
-    assert linear_run_grows(case, 0.0) is (radius > 1.0)
+    assert linear_run_is_unstable(case, 0.0) is (radius > 1.0)
 
 
 def test_those_cases_lie_on_both_sides():
-    grows = [predicted_radius(case, 0.0) > 1.0 for case in CASES]
-    assert 4 <= sum(grows) <= len(CASES) - 4
+    unstable = [predicted_radius(case, 0.0) > 1.0 for case in CASES]
+    assert 4 <= sum(unstable) <= len(CASES) - 4
 
 
 @pytest.mark.parametrize("window", [1, 5, 10, 20])
@@ -233,5 +228,5 @@ def test_without_a_damper_the_stable_gain_is_true_over_modelled_friction_whateve
     gains = np.linspace(0.0, 1.0, 101)
     radii = [spectral_radius(transition_matrix(replace(item, gain=gain * np.ones(2)))) for gain in gains]
     limit = float(gains[np.argmax(np.array(radii) > 1.0)])
-    # The mode that grows is slow, so that the delay hardly counts.
+    # The unstable mode is slow, so that the delay hardly counts.
     assert limit == pytest.approx(0.5, abs=0.02)

@@ -65,7 +65,17 @@ def test_json_has_the_same_findings(stiff_knee: str, capsys: pytest.CaptureFixtu
     assert errors == {"never_opens", "trap", "unreachable_phase", "deadlock"}
     assert document["counts"]["errors"] == 4
     assert {item["rule"] for item in document["findings"]} <= set(rules())
-    keys = {"rule", "severity", "phase", "transition", "side", "reason", "suggestion", "witness", "waived"}
+    keys = {
+        "rule",
+        "severity",
+        "phase",
+        "transition",
+        "side",
+        "reason",
+        "suggestion",
+        "counterexample",
+        "waived",
+    }
     assert all(set(item) == keys for item in document["findings"])
 
 
@@ -112,7 +122,7 @@ def finding(**changes: object) -> Finding:
         "reason": "it is left in its first tick",
         "suggestion": "part the thresholds",
         "phase": "early_stance",
-        "witness": {"hip.angle_deg": -2.5, "other.phase": "late_stance"},
+        "counterexample": {"hip.angle_deg": -2.5, "other.phase": "late_stance"},
     }
     return Finding(**{**values, **changes})  # type: ignore[arg-type]
 
@@ -124,7 +134,7 @@ def test_waived_finding_shows_the_reason_of_the_table() -> None:
     ]
 
 
-def test_live_finding_shows_reason_witness_and_suggestion() -> None:
+def test_live_finding_shows_reason_counterexample_and_suggestion() -> None:
     assert list(draw([finding()])) == [
         "warning cascade: early_stance",
         "    it is left in its first tick",

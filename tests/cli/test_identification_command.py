@@ -147,7 +147,7 @@ def test_one_way_drops_are_warned_about(tmp_path, capsys):
         (("--units", "velocity"), "--units: expected QUANTITY=NAME"),
         (("--model", "gauss"), "model: no 'gauss'"),
         (("--seed", "-1"), "--seed: expected a whole number of 0 or more"),
-        (("--cutoff-hz", "0"), "cutoff: expected a number above 0"),
+        (("--cutoff-Hz", "0"), "cutoff: expected a number above 0"),
         (("--joint", "knee", "--lever-m", "-1"), "lever: expected a number above 0"),
         (("--joint", "knee", "--start-angle-deg", "up"), "--start-angle-deg: expected a number or as-logged"),
     ],

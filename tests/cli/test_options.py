@@ -15,6 +15,7 @@ import pytest
 from twin_gait.cli import main
 from twin_gait.cli.program import GROUPS, SHELLS, build_parser
 from twin_gait.cli.terminal import plain
+from twin_gait.live.session_records import SessionRecorder
 
 COMMANDS = {
     "run and look": ["simulate", "live", "view", "plot", "export", "sessions"],
@@ -71,7 +72,7 @@ def test_options_of_one_name_mean_the_same_everywhere():
             assert "--out" in flags, name
     different = {flag: found for flag, found in meanings.items() if len(found) > 1}
     # A shorthand of --set is a list where there is an experiment, and a number where there is none.
-    assert set(different) <= {"--duration", "--mass", "--speed"}, different
+    assert set(different) <= {"--duration", "--mass", "--seed", "--speed"}, different
 
 
 def test_every_command_of_an_experiment_checks_its_table():
@@ -188,7 +189,11 @@ def test_identify_answers_with_its_document(tmp_path, capsys):
 
 
 def test_sessions_are_a_list(tmp_path, capsys):
-    assert answered(capsys, "sessions", "--records", tmp_path / "none", "list") == []
+    records = tmp_path / "sessions"
+    recorder = SessionRecorder(records, user="Ann", experiment="treadmill", document={"duration_s": 600})
+    recorder.close("completed", 600000, {}, [])
+    (entry,) = answered(capsys, "sessions", "--records", records, "list")
+    assert (entry["user"], entry["experiment"], entry["status"]) == ("Ann", "treadmill", "completed")
 
 
 def test_numbers_that_are_not_finite_become_null():

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from cohorts.walkers import sizes_of
 
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
@@ -20,9 +21,7 @@ from twin_gait.configuration.people import people, person_document, person_text
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
 from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
 from twin_gait.studies.batch import overridden
-from twin_gait.studies.people import page as people_page
-from twin_gait.studies.people.cohort import SIZES, BodySizes, cohort, overrides
-from twin_gait.studies.people.trials import Trial, experiment_of, trial
+from twin_gait.studies.virtual_people import SIZES, BodySizes, cohort
 from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
 HIP, KNEE = JointName.HIP, JointName.KNEE
@@ -368,14 +367,12 @@ def test_cohort_shares_what_its_pattern_does():
 def test_sizes_of_a_cohort_are_changes_of_an_experiment():
     base = load_experiment("treadmill", ["patient=healthy"]).experiment
     drawn = cohort(4, 3, like=base.patient)
-    assert [overridden(base, item).patient for item in overrides(drawn)] == list(drawn)
+    assert [overridden(base, item).patient for item in map(sizes_of, drawn)] == list(drawn)
 
 
 def test_every_drawn_person_fits_the_device(crowd):
     for item in (min(crowd, key=lambda p: p.height), max(crowd, key=lambda p: p.height)):
-        load_experiment(
-            "treadmill", [f"{k}={v}" for k, v in overrides([item])[0].items()]
-        ).experiment.build_world()
+        load_experiment("treadmill", [f"{k}={v}" for k, v in sizes_of(item).items()]).experiment.build_world()
 
 
 @pytest.mark.parametrize(
@@ -399,39 +396,3 @@ def test_population_that_nobody_can_be_drawn_from_is_refused():
         cohort(1, 0, sizes=dict.fromkeys(Sex, giants))
     with pytest.raises(TwinGaitError, match="sizes: expected those of both sexes"):
         cohort(1, 0, sizes={Sex.MALE: SIZES[Sex.MALE]})
-
-
-# ---------------------------------------------------------------- the page
-
-
-@pytest.fixture(scope="module")
-def short() -> Trial:
-    return trial(experiment_of("healthy", 0.6, 0.3))
-
-
-def test_powers_of_a_trial_add_up_to_the_work_of_the_wearer(short):
-    """Against the work that the engine integrates; powers are sampled once a tick."""
-    run = simulate(experiment_of("healthy", 0.6, 0.3))
-    work = run.log["patient_work_J"].iloc[-1]
-    assert abs(work) > 0.1
-    assert sum(short.powers) * run.duration == pytest.approx(work, rel=0.02)
-    assert short.peaks[0] == max(run.log[f"{side}_hip_patient_torque_Nm"].abs().max() for side in Side)
-
-
-def test_page_tells_who_does_not_walk_and_why(short):
-    walking = short._replace(outcome="walked")
-    fallen = short._replace(outcome="fell", reason="pelvis below 0.5 m")
-    trials = {"healthy": [walking, walking], "stroke_left": [walking, fallen]}
-    text = people_page.page(trials, {})
-    assert "stroke_left at 40% support fell (pelvis below 0.5 m)" in text
-    assert "All of them walk" not in text
-    assert "All of them walk, at 60% and at 40% support." in people_page.page({"healthy": [walking] * 2}, {})
-
-
-def test_page_in_the_documentation_is_about_the_people_who_ship():
-    text = (Path(__file__).parents[2] / "docs" / "people.md").read_text(encoding="utf-8")
-    for name, description in people().items():
-        assert f"| `{name}` | {description} |" in text
-        assert f"\n| {name} | walked |" in text or f"- {name} at 60% support" in text
-    for size in map(people_page._size, Sex):
-        assert f"| {' | '.join(size)} |" in text

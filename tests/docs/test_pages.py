@@ -45,6 +45,19 @@ def test_a_page_gets_number_and_table(insert, tmp_path):
     assert insert.with_results(expected) == expected
 
 
+def test_the_readme_is_one_of_the_pages(insert, tmp_path, monkeypatch):
+    keep(tmp_path / "examples" / "results" / "fit", quick=False, gain=0.5)
+    stale = "G = <!-- value fit gain -->9<!-- / -->\n"
+    (tmp_path / "docs").mkdir()
+    paths = [tmp_path / "README.md", tmp_path / "docs" / "fit.md"]
+    for path in paths:
+        path.write_text(stale)
+    assert insert.pages() == paths
+    monkeypatch.setattr(sys, "argv", ["insert.py"])
+    assert insert.main() == 0
+    assert [path.read_text() for path in paths] == ["G = <!-- value fit gain -->0.5<!-- / -->\n"] * 2
+
+
 def test_results_of_the_quick_form_are_not_quoted(insert, tmp_path):
     keep(tmp_path / "benchmarks" / "results" / "engines", quick=True, ratio=2.0)
     with pytest.raises(ValueError, match="engines: its results are of the quick form"):

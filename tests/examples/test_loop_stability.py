@@ -1,4 +1,4 @@
-"""The study that sets prediction, linear run and true run side by side, and the page made of it."""
+"""Prediction, linear run and true run of the sampled loop, and the results that the page quotes."""
 
 from __future__ import annotations
 
@@ -8,38 +8,36 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-
-from twin_gait.studies.loop_stability import page as loop_stability_page
-from twin_gait.studies.loop_stability.loop_stability import (
+from loop_stability import (
     POSTURE,
     UNDECIDED,
     VELOCITIES,
     Case,
-    Ending,
-    LoopResult,
+    Result,
+    cross_check,
     grid,
     linear_experiment,
     predicted_radius,
+    row_of,
     true_ending,
     true_experiment,
-    witness_all,
 )
-from twin_gait.studies.loop_stability.page import draw, page, result_table
+from whatif.endings import Ending
 
-DOCS = Path(__file__).parents[2] / "docs"
+RESULTS = Path(__file__).parents[2] / "examples" / "results" / "loop_stability"
 CALM = Case(math.degrees(2.5), 30.0, 0.4)
 
 
-def result(radii: tuple[float, float], grows: tuple[bool, bool], case: Case = CALM) -> LoopResult:
-    return LoopResult(case, radii, grows, Ending.REST, 0.0)
+def result(radii: tuple[float, float], unstable: tuple[bool, bool], case: Case = CALM) -> Result:
+    return Result(case, radii, unstable, Ending.REST, 0.0)
 
 
 @pytest.mark.parametrize(
-    ("radius", "grows", "misses"),
+    ("radius", "unstable", "misses"),
     [(1.1, True, 0), (1.1, False, 1), (0.9, False, 0), (0.9, True, 1), (1.004, False, 0), (0.996, True, 0)],
 )
-def test_a_miss_is_a_clear_prediction_that_the_linear_run_contradicts(radius, grows, misses):
-    assert result((radius, 0.9), (grows, False)).misses() == misses
+def test_a_miss_is_a_clear_prediction_that_the_linear_run_contradicts(radius, unstable, misses):
+    assert result((radius, 0.9), (unstable, False)).misses() == misses
 
 
 def test_the_linear_leg_is_the_true_one_with_friction_replaced_by_its_slope():
@@ -73,29 +71,22 @@ def test_a_true_leg_rests_cycles_or_runs_away(case, ending):
     assert (amplitude > math.radians(0.5)) is (ending is not Ending.REST)
 
 
-def test_the_page_tells_what_was_found(monkeypatch):
-    monkeypatch.setattr(loop_stability_page, "_FINE", 6)  # a coarse ground is enough here
-    progress = []
-    results = witness_all([CALM], lambda done, total: progress.append((done, total)))
-    assert progress == [(1, 1)]
-    assert "**0 misses**" in page(results)
-    wrong = [*results, result((1.2, 0.9), (False, False))]
-    assert "**1 misses**" in page(wrong)
-    assert "| 30 | 0.4 |" in page(results)
-    assert len(draw(results).axes) == 5  # four panels and the colour bar
+def test_a_cross_check_has_all_three():
+    found = cross_check(CALM)
+    assert max(found.radii) < 1.0 and not any(found.unstable) and found.ending is Ending.REST
 
 
-def test_the_published_table_is_that_of_the_grid_and_of_this_matrix():
-    table = pd.read_csv(DOCS / "loop_stability.csv")
+def test_the_kept_table_is_that_of_the_grid_and_of_this_matrix():
+    table = pd.read_csv(RESULTS / "loop_stability.csv")
     cases = grid()
     assert len(table) == len(cases)
     for velocity in VELOCITIES:
         radii = table[f"spectral_radius_at_{velocity:g}_rad_per_s"]
         np.testing.assert_allclose(radii, [predicted_radius(case, velocity) for case in cases], atol=2e-5)
         clear = (radii - 1.0).abs() >= UNDECIDED
-        grows = table[f"linear_run_at_{velocity:g}_rad_per_s"] == "grows"
-        assert ((radii > 1.0) == grows)[clear].all()
-    assert list(result_table([result((0.9, 0.9), (False, False))]).columns) == list(table.columns)
+        unstable = table[f"linear_run_at_{velocity:g}_rad_per_s"] == "unstable"
+        assert ((radii > 1.0) == unstable)[clear].all()
+    assert list(row_of(result((0.9, 0.9), (False, False)))) == list(table.columns)
 
 
 def test_the_posture_is_far_from_the_stops():

@@ -1,4 +1,4 @@
-"""Friction map and temperature: rig, limits and gains against closed forms, the plant and energy."""
+"""Friction map and temperature: bench, limits and gains against closed forms, the plant and energy."""
 
 from __future__ import annotations
 
@@ -8,41 +8,36 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-
-from twin_gait.core.friction_models import REFERENCE_TEMPERATURE
-from twin_gait.parameters import FrictionParameters, SensorParameters
-from twin_gait.scenario.bench_joint import BenchFriction
-from twin_gait.scenario.bench_leg import HandParameters
-from twin_gait.simulation.bench_joint import simulate_bench
-from twin_gait.studies.loop_stability.loop_stability import Ending
-from twin_gait.studies.whatif.friction_joint import (
-    FILTERS,
-    PUSH,
-    Compensation,
-    Law,
-    Setting,
-    bench_of,
-    growth_at_rest,
-)
-from twin_gait.studies.whatif.friction_limits import linear_gain
-from twin_gait.studies.whatif.friction_map import GAINS, RATIOS, map_settings, push_row
-from twin_gait.studies.whatif.rig import (
+from whatif.bench import (
     HAND_AMPLITUDE,
     HAND_FREQUENCY,
     MODEL,
+    PUSH,
     controlled,
-    feeling,
     holding_torque,
+    imposed_motion,
+    knee,
     law_in,
     least_torque_ratio,
     mean_delay,
     push,
-    rig,
     torque_ratio,
     torques,
 )
-from twin_gait.studies.whatif.temperature import (
+from whatif.endings import Ending
+from whatif.friction import (
+    FILTERS,
+    Compensation,
+    Law,
+    Setting,
+    bench_of,
+    growth_rate_at_rest,
+    linear_gain,
+    map_row,
+)
+from whatif.temperature import (
     COULOMB_LOSS_PER_KELVIN,
+    REFERENCE_TEMPERATURE,
     Case,
     Condition,
     best_row,
@@ -53,6 +48,11 @@ from twin_gait.studies.whatif.temperature import (
     true_law,
     viscous_loss_per_kelvin,
 )
+from whatif_friction_map import GAINS, RATIOS, map_settings
+
+from twin_gait.parameters import FrictionParameters, SensorParameters
+from twin_gait.scenario import BenchFriction, HandParameters
+from twin_gait.simulation import simulate_bench
 
 NO_FRICTION = FrictionParameters(
     breakaway_torque=0.0, coulomb_friction=0.0, breakaway_velocity=1.0, viscous_friction=0.0
@@ -65,14 +65,14 @@ def table_friction(w: np.ndarray) -> np.ndarray:
     return np.asarray(bump + b * np.tanh(10 * w / c) + d * w)
 
 
-# ---------------------------------------------------------------------- rig
+# ---------------------------------------------------------------------- bench
 
 
 @pytest.mark.parametrize("decimation,window", FILTERS)
 def test_mean_delay_is_what_the_slow_velocity_lags_behind_a_steady_acceleration(
     decimation: int, window: int
 ) -> None:
-    bench = rig(
+    bench = knee(
         sensors=SensorParameters(ideal=True, decimation=decimation, window=window),
         friction=BenchFriction(law=NO_FRICTION),
         gravity=0.0,
@@ -97,7 +97,7 @@ def test_law_in_a_condition_is_the_friction_that_the_bench_feels(temperature: fl
         temperature=temperature,
     )
     # A light hand: the weight stays nearly level, where its torque does not change.
-    bench = rig(load, friction=friction, hand=HandParameters(amplitude=-0.02, frequency=4.0), duration=0.5)
+    bench = knee(load, friction=friction, hand=HandParameters(amplitude=-0.02, frequency=4.0), duration=0.5)
     run = simulate_bench(replace(bench, control=controlled(friction_compensation_gain=0.0)))
     velocity = run.column("motor_velocity_rad_per_s")
     loads = run.column("load_torque_Nm")
@@ -138,15 +138,15 @@ def test_linear_joint_without_a_spring_is_stable_up_to_g_equal_s_behind_any_filt
 @pytest.mark.parametrize("kept", [FILTERS[0], FILTERS[2]])
 @pytest.mark.parametrize("ratio", [0.55, 0.95])
 def test_pushed_joint_rests_below_s_and_not_above(kept: tuple[int, int], ratio: float) -> None:
-    rows = [push_row(Setting(gain=gain, ratio=ratio, filter=kept)) for gain in (ratio - 0.1, ratio + 0.1)]
-    assert rows[0]["ending"] == Ending.REST and rows[0]["growth_at_rest_per_s"] < 0.0
-    assert rows[1]["ending"] != Ending.REST and rows[1]["growth_at_rest_per_s"] > 0.0
+    rows = [map_row(Setting(gain=gain, ratio=ratio, filter=kept)) for gain in (ratio - 0.1, ratio + 0.1)]
+    assert rows[0]["ending"] == Ending.REST and rows[0]["growth_rate_at_rest_per_s"] < 0.0
+    assert rows[1]["ending"] != Ending.REST and rows[1]["growth_rate_at_rest_per_s"] > 0.0
 
 
 def test_late_torque_on_a_stiff_spring_raises_the_limit() -> None:
     stiff = Setting(spring=143.0, filter=FILTERS[3])
     assert linear_gain(stiff) > 1.1 * stiff.ratio
-    resting = push_row(stiff._replace(gain=1.1 * stiff.ratio))
+    resting = map_row(stiff._replace(gain=1.1 * stiff.ratio))
     assert resting["ending"] == Ending.REST
 
 
@@ -154,21 +154,21 @@ def test_late_torque_on_a_stiff_spring_raises_the_limit() -> None:
 def test_dip_moves_the_limit_to_the_least_ratio(law: Law, ends: str) -> None:
     """At G = s a joint without the dip rests, one with a deeper dip does not."""
     setting = Setting(law=law, gain=0.55, push=PUSH, filter=FILTERS[1])
-    assert (push_row(setting)["ending"] == Ending.REST) == (ends == "rest")
+    assert (map_row(setting)["ending"] == Ending.REST) == (ends == "rest")
 
 
 def test_dead_zone_keeps_rest_and_not_motion() -> None:
     zone = Setting(compensation=Compensation.DEAD_ZONE, gain=0.75)
-    small, large = push_row(zone._replace(push=0.04)), push_row(zone._replace(push=PUSH))
+    small, large = map_row(zone._replace(push=0.04)), map_row(zone._replace(push=PUSH))
     assert small["ending"] == Ending.REST and large["ending"] != Ending.REST
-    measured = push_row(Setting(gain=0.75, push=0.04))
+    measured = map_row(Setting(gain=0.75, push=0.04))
     assert measured["ending"] != Ending.REST
 
 
 def test_gain_is_nothing_to_a_standing_reference() -> None:
-    rows = [push_row(Setting(compensation=Compensation.REFERENCE, gain=gain)) for gain in (0.1, 1.3)]
+    rows = [map_row(Setting(compensation=Compensation.REFERENCE, gain=gain)) for gain in (0.1, 1.3)]
     assert rows[0]["amplitude_deg"] == rows[1]["amplitude_deg"]
-    assert rows[0]["growth_at_rest_per_s"] == rows[1]["growth_at_rest_per_s"] < 0.0
+    assert rows[0]["growth_rate_at_rest_per_s"] == rows[1]["growth_rate_at_rest_per_s"] < 0.0
 
 
 def test_growth_of_the_transition_matrix_is_that_of_the_simulated_joint() -> None:
@@ -188,7 +188,7 @@ def test_growth_of_the_transition_matrix_is_that_of_the_simulated_joint() -> Non
     )
     angle = simulate_bench(linear).column("link_angle_rad") - math.pi / 2
     early, late = (np.abs(angle[first : first + 4000]).max() for first in (4000, 12000))
-    assert_allclose(math.log(late / early) / 8.0, growth_at_rest(setting), rtol=0.05)
+    assert_allclose(math.log(late / early) / 8.0, growth_rate_at_rest(setting), rtol=0.05)
 
 
 def test_no_gain_of_the_map_is_one_of_its_ratios_and_quick_is_a_part_of_it() -> None:
@@ -197,7 +197,7 @@ def test_no_gain_of_the_map_is_one_of_its_ratios_and_quick_is_a_part_of_it() -> 
     assert set(quick) <= set(whole) and len(set(whole)) == len(whole) > 10 * len(quick)
 
 
-# ---------------------------------------------------------------------- the hand
+# ---------------------------------------------------------------------- imposed motion
 
 
 @pytest.mark.parametrize("gain", [0.0, 0.5, 1.0])
@@ -211,10 +211,10 @@ def test_work_of_the_hand_is_that_of_what_friction_is_left(gain: float) -> None:
     velocity = follows * math.pi * HAND_FREQUENCY * HAND_AMPLITUDE * np.sin(w * time)
     whole = np.trapezoid(table_friction(velocity) * velocity, time)
     expected = (setting.ratio - gain) * whole
-    felt = feeling(bench_of(setting))
-    assert_allclose(felt.work, expected, atol=0.01 * whole)
+    found = imposed_motion(bench_of(setting))
+    assert_allclose(found.work, expected, atol=0.01 * whole)
     left = abs(setting.ratio - gain) * np.sqrt(np.mean(table_friction(velocity) ** 2))
-    assert_allclose(felt.friction, left, atol=0.15)
+    assert_allclose(found.friction, left, atol=0.15)
 
 
 # ---------------------------------------------------------------------- temperature

@@ -1,4 +1,4 @@
-"""Inertia compensation: the tick map against closed forms, and the simulated bench against the tick map."""
+"""Inertia compensation: the matrix of a tick against closed forms, and the simulated bench against it."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import fsolve
-
-from twin_gait.simulation.bench_joint import simulate_bench
-from twin_gait.studies.whatif.inertia import (
-    largest_share,
-    linear_run_grows,
-    noise_row,
-    settings_by_delay,
-    stability_row,
-)
-from twin_gait.studies.whatif.inertia_joint import Setting, linear_bench, loop_of, sample_deviation
-from twin_gait.studies.whatif.inertia_map import (
+from whatif.inertia import (
     InertiaLoop,
+    Setting,
     Source,
-    TickMap,
-    felt_inertia,
-    growth,
+    TickMatrix,
+    apparent_inertia,
+    growth_rate,
+    largest_share,
+    linear_bench,
+    linear_run_is_unstable,
+    loop_of,
+    noise_row,
+    sample_deviation,
+    stability_row,
     torque_noise,
 )
+from whatif_inertia import settings_by_delay
+
+from twin_gait.simulation import simulate_bench
 
 FREE = InertiaLoop(
     source=Source.ACCELEROMETER,
@@ -42,9 +43,9 @@ FREE = InertiaLoop(
 @pytest.mark.parametrize("delay", [0, 1, 5, 20])
 def test_torque_of_a_free_joint_with_an_accelerometer_dies_as_a_power_of_the_share(delay: int) -> None:
     """τ(n) = α τ(n − 1 − d): eigenvalues of magnitude α^(1/(d + 1)), stable up to α = 1 for any delay."""
-    values = np.abs(np.linalg.eigvals(TickMap(replace(FREE, delay=delay)).matrix))
+    values = np.abs(np.linalg.eigvals(TickMatrix(replace(FREE, delay=delay)).matrix))
     assert np.isclose(values, 0.8 ** (1.0 / (delay + 1)), atol=1e-6).sum() == delay + 1
-    assert growth(replace(FREE, delay=delay, share=1.01)) > 1e-4
+    assert growth_rate(replace(FREE, delay=delay, share=1.01)) > 1e-4
 
 
 @pytest.mark.parametrize("source", list(Source))
@@ -54,13 +55,13 @@ def test_free_rigid_joint_is_stable_up_to_its_whole_inertia_behind_any_filter(
 ) -> None:
     loop = replace(FREE, source=source, time_constant=time_constant, delay=3)
     # A free joint keeps its angle and its velocity: modes at 1, which rounding moves.
-    assert growth(replace(loop, share=0.98)) < 1e-3
-    assert growth(replace(loop, share=1.02)) > 0.1
+    assert growth_rate(replace(loop, share=0.98)) < 1e-3
+    assert growth_rate(replace(loop, share=1.02)) > 0.1
 
 
 @pytest.mark.parametrize("delay", [20, 60])
 def test_share_of_a_held_joint_is_that_of_the_delay_margin(delay: int) -> None:
-    """Edge of growth in continuous time, from the torque balance.
+    """Edge of stability in continuous time, from the torque balance.
 
     The sample holds the hand's torque of the instant and the motor's of the tick before, and the answer is
     held for a tick: J s² q + (k + b s) q = τ, τ = α [e^{−(d + 1) T s} τ − e^{−(d + ½) T s} (k + b s) q].
@@ -90,7 +91,7 @@ def test_share_of_a_held_joint_is_that_of_the_delay_margin(delay: int) -> None:
     "source,time_constant,delay",
     [(Source.ENCODER, 0.005, 0), (Source.GYROSCOPE, 0.001, 3), (Source.ACCELEROMETER, 0.002, 2)],
 )
-def test_simulated_linear_joint_moves_as_the_tick_map_says(
+def test_simulated_linear_joint_moves_as_the_matrix_of_a_tick_says(
     source: Source, time_constant: float, delay: int, compliant: bool
 ) -> None:
     setting = Setting(source, time_constant, delay, share=0.7, compliant=compliant, noise=0.0)
@@ -99,7 +100,7 @@ def test_simulated_linear_joint_moves_as_the_tick_map_says(
     drive = replace(bench.drive, rate=10_000.0)
     bench = replace(bench, drive=drive, gravity=0.0, start_velocity=1e-3, duration=0.3)
     run = simulate_bench(replace(bench, control=replace(bench.control, target_torque=0.0)))
-    found = TickMap(loop_of(setting))
+    found = TickMatrix(loop_of(setting))
     state = np.zeros(len(found.matrix))
     joint = 5 if compliant else 3
     state[1 if not compliant else 2] = 1e-3
@@ -118,9 +119,9 @@ def test_simulated_linear_joint_moves_as_the_tick_map_says(
     assert_allclose(seen, angles, atol=1e-6 * np.abs(seen).max())
 
 
-def test_noise_of_the_tick_map_is_that_of_many_draws() -> None:
+def test_noise_of_the_linear_loop_is_that_of_many_draws() -> None:
     loop = loop_of(Setting(Source.GYROSCOPE, 0.005, 2, share=0.6))
-    found, rng = TickMap(loop), np.random.default_rng(4)
+    found, rng = TickMatrix(loop), np.random.default_rng(4)
     state = np.zeros((len(found.matrix), 400))
     for _ in range(1500):
         state = found.matrix @ state + 0.002 * np.outer(found.noise, rng.standard_normal(400))
@@ -130,11 +131,11 @@ def test_noise_of_the_tick_map_is_that_of_many_draws() -> None:
 
 
 @pytest.mark.parametrize("source", list(Source))
-def test_simulated_noise_and_felt_inertia_are_those_of_the_linear_loop(source: Source) -> None:
+def test_simulated_noise_and_apparent_inertia_are_those_of_the_linear_loop(source: Source) -> None:
     delay = 0 if source is Source.ENCODER else 2
     row = noise_row(Setting(source, 0.005, delay, share=0.5))
     assert_allclose(row["torque_noise_Nm"], row["linear_torque_noise_Nm"], rtol=0.06)
-    assert_allclose(row["felt_inertia_share"], row["closed_felt_inertia_share"], atol=1e-3)
+    assert_allclose(row["apparent_inertia"], row["closed_apparent_inertia"], atol=1e-3)
 
 
 def test_ten_times_coarser_encoder_makes_ten_times_the_noise() -> None:
@@ -142,16 +143,16 @@ def test_ten_times_coarser_encoder_makes_ten_times_the_noise() -> None:
     assert_allclose(coarse / fine, 10.0, rtol=1e-2)
 
 
-def test_slow_motion_feels_the_share_that_is_left() -> None:
+def test_slow_motion_has_the_apparent_inertia_that_is_left() -> None:
     for source in Source:
         loop = replace(FREE, source=source, share=0.4, time_constant=0.005, delay=2)
-        assert_allclose(felt_inertia(loop, 0.01), 0.6, atol=1e-4)
+        assert_allclose(apparent_inertia(loop, 0.01), 0.6, atol=1e-4)
 
 
-@pytest.mark.parametrize("share,grows", [(0.9, False), (1.1, True)])
-def test_linear_run_grows_where_the_eigenvalues_say(share: float, grows: bool) -> None:
+@pytest.mark.parametrize("share,unstable", [(0.9, False), (1.1, True)])
+def test_linear_run_is_unstable_where_the_eigenvalues_say(share: float, unstable: bool) -> None:
     setting = Setting(Source.GYROSCOPE, 0.001, 5, share=share)
-    assert (growth(loop_of(setting)) > 0.0) == linear_run_grows(setting) == grows
+    assert (growth_rate(loop_of(setting)) > 0.0) == linear_run_is_unstable(setting) == unstable
 
 
 def test_late_unit_on_the_link_of_a_compliant_gear_loses_what_the_encoder_keeps() -> None:
@@ -161,9 +162,9 @@ def test_late_unit_on_the_link_of_a_compliant_gear_loses_what_the_encoder_keeps(
     encoder = Setting(Source.ENCODER, 0.005, compliant=True, held=False)
     assert largest_share(unit) < 0.2
     assert largest_share(encoder) > 0.99 and largest_share(rigid) > 0.99
-    # The growing mode is that of the gear: √(K (1/J_m + 1/J_l)).
+    # The unstable mode is that of the gear: √(K (1/J_m + 1/J_l)).
     loop = replace(loop_of(unit), share=0.2)
-    values = np.linalg.eigvals(TickMap(loop).matrix)
+    values = np.linalg.eigvals(TickMatrix(loop).matrix)
     pulsation = abs(np.angle(values[np.argmax(np.abs(values))])) / 1e-3
     gear = math.sqrt(loop.gear_stiffness * (1 / loop.motor_inertia + 1 / loop.link_inertia))
     assert_allclose(pulsation, gear, rtol=0.05)

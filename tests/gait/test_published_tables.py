@@ -16,9 +16,9 @@ from twin_gait import load_experiment
 from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait import TICK, BlendingLaw, GaitStateMachine, GaitTable, LegSignals, PhaseSwitch
+from twin_gait.gait.documents import transition_table, truth_table
 from twin_gait.gait.guards import AllOf, AnyOf, parse_guard
 from twin_gait.report.state_diagram import state_diagram_svg
-from twin_gait.report.state_tables import transition_table, truth_table
 from twin_gait.vocabulary import GaitPhase, Side
 
 PUBLISHED = ("sup_2009", "osl_walking")

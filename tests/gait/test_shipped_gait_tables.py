@@ -16,15 +16,16 @@ import pytest
 from guard_solver import OTHER_TIME, OWN_TIME, Measurements, holds
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from kit_equivalence import NEVER_BOTH, reason
+from kit_mutants import mutants
 
 from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait import TICK, GaitStateMachine, GaitTable, compile_guards
 from twin_gait.gait.guards import WALK, Comparison, PhaseMembership, signal_names
-from twin_gait.testing import TransitionTest, mutants, transition_tests
+from twin_gait.testing import TransitionTest, transition_tests
 from twin_gait.testing.approval import approval_text, check_approved
-from twin_gait.testing.equivalence import NEVER_BOTH, reason
-from twin_gait.testing.leaving import decisive
+from twin_gait.testing.exits import decisive
 from twin_gait.vocabulary import GaitPhase, Side
 
 TABLES = packaged_gait_tables()

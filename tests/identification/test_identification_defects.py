@@ -29,8 +29,6 @@ from twin_gait.identification.bench import ProcessingOptions
 from twin_gait.identification.reading import read_log
 from twin_gait.identification.samples import FrictionTest
 from twin_gait.identification.signals import soft_stop
-from twin_gait.studies.coverage import Estimate, coverage_table, parameter_coverage, true_parameters
-from twin_gait.vocabulary import JointName
 
 TIME = 0.01 * np.arange(1000)
 VELOCITY = np.sin(0.7 * TIME) + 0.3 * np.sin(2.3 * TIME)
@@ -153,22 +151,6 @@ def test_a_soft_stop_is_found_and_a_mere_slowing_down_is_not(stiffness):
     )
     assert spring[~found].max() < 1.0
     assert not found[angle < touched - 0.02].any()
-
-
-def test_coverage_counts_intervals_that_hold_the_truth():
-    truth = np.array(list(true_parameters(JointName.KNEE).values()))
-    assert (truth > 0.0).all()
-    shifts = (-0.2, -0.1, 0.0, 0.3)
-    estimates = [
-        Estimate(truth + shift, np.stack([truth + shift - 0.15, truth + shift + 0.15], axis=1), ())
-        for shift in shifts
-    ]
-    found = parameter_coverage(JointName.KNEE, estimates)
-    for item, value in zip(found.values(), truth, strict=True):
-        assert item.covered == 0.5
-        assert_allclose(item.bias * value, np.mean(shifts), atol=1e-12)
-        assert_allclose((item.spread, item.half_width), (np.std(shifts, ddof=1), 0.15))
-    assert "50.0%" in coverage_table(found)
 
 
 def test_intervals_of_one_file_bear_draws_that_miss_the_slow_samples(tmp_path):

@@ -25,15 +25,14 @@ from table_builder import JOINTS, guard, impedance, phase, transition, two_phase
 
 from twin_gait.cli import tables as command
 from twin_gait.configuration import load_gait_table, packaged_gait_tables
-from twin_gait.core.guards import NO_TRANSITION
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait import TICK, Blending, GaitStateMachine, GaitTable, Scaling
+from twin_gait.gait.documents import transition_table, truth_table
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, all_signal_names, parse_guard
+from twin_gait.gait.truth_table import Held, PhaseLogic, Stay
 from twin_gait.report.diagram_layout import Rectangle, arrow_groups, arrows, ring
-from twin_gait.report.diagram_mermaid import state_diagram_mermaid
-from twin_gait.report.diagram_truth import Held, PhaseLogic, Stay
+from twin_gait.report.diagram_words import state_diagram_mermaid
 from twin_gait.report.state_diagram import phase_colours, state_diagram_svg
-from twin_gait.report.state_tables import transition_table, truth_table
 from twin_gait.vocabulary import Side
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -181,7 +180,7 @@ def test_state_machine_does_what_the_printed_truth_table_says(table: GaitTable) 
     assert len(reader.visited) > 0.6 * sum(len(item.rows) for item in reader.printed.values())
 
 
-def independent_outcome(table: GaitTable, logic: PhaseLogic, truth: dict[Any, bool]) -> int:
+def independent_outcome(table: GaitTable, logic: PhaseLogic, truth: dict[Any, bool]) -> int | None:
     """First exit that is due, by recursion over the guard's tree on truths."""
 
     def true(item: Guard) -> bool:
@@ -198,7 +197,7 @@ def independent_outcome(table: GaitTable, logic: PhaseLogic, truth: dict[Any, bo
         waits += [Stay(minimum)] if minimum else []
         if item.source == logic.phase and true(item.guard) and all(truth[wait] for wait in waits):
             return index
-    return NO_TRANSITION
+    return None
 
 
 @each_table
@@ -208,26 +207,29 @@ def test_every_possible_combination_is_in_exactly_one_row(table: GaitTable) -> N
         logic = PhaseLogic(table, name)
         rows = logic.rows()
         for truth in itertools.product((True, False), repeat=len(logic.conditions)):
-            fitting = [row for row in rows if all(truth[k] is value for k, value in row.truth.items())]
-            if not logic.possible(dict(enumerate(truth))):
+            known = dict(zip(logic.conditions, truth, strict=True))
+            fitting = [row for row in rows if row.truths.items() <= known.items()]
+            if not logic.possible(known):
                 continue
             assert len(fitting) == 1
-            known = dict(zip(logic.conditions, truth, strict=True))
-            assert fitting[0].transition == logic.outcome(truth) == independent_outcome(table, logic, known)
+            outcome = independent_outcome(table, logic, known)
+            assert fitting[0].transition == outcome
+            assert logic.outcome(known) == (outcome, True)
 
 
 def test_conditions_that_exclude_each_other_need_no_rows() -> None:
     """Beyond 20° is beyond 10° too, and the other leg is not in two phases at once."""
     table = nested_table()
     logic = PhaseLogic(table, "stance")
-    place = {str(item): k for k, item in enumerate(logic.conditions)}
+    place = {str(item): item for item in logic.conditions}
     near, far = place["hip.angle_deg > 10"], place["hip.angle_deg > 20"]
     assert not logic.possible({far: True, near: False})
     assert logic.possible({far: False, near: True})
     both = {place["other.phase in [stance]"]: True, place["other.phase in [swing]"]: True}
     assert not logic.possible(both)
     assert logic.possible(dict.fromkeys(both, False))  # a leg alone is in neither
-    late, later = (logic.conditions.index(Stay(ticks)) for ticks in (40, 300))
+    late, later = Stay(40), Stay(300)
+    assert {late, later} <= set(logic.conditions)
     assert not logic.possible({later: True, late: False})
 
 
@@ -235,9 +237,19 @@ def test_differences_are_recognised_in_either_order() -> None:
     forth = guard("hip.angle_deg - other.hip.angle_deg > 4")
     back = guard("other.hip.angle_deg - hip.angle_deg > -4")
     logic = PhaseLogic(two_phase_table(transition("stance", "swing", AnyOf(guards=(forth, back)))), "stance")
-    assert not logic.possible({0: True, 1: True})
-    assert logic.possible({0: False, 1: False})  # on the very threshold
-    assert logic.possible({0: True, 1: False})
+    assert not logic.possible({forth: True, back: True})
+    assert logic.possible({forth: False, back: False})  # on the very threshold
+    assert logic.possible({forth: True, back: False})
+
+
+def test_difference_is_held_against_its_two_signals() -> None:
+    """Below 3° and the other leg above 2° the difference cannot be beyond 4°."""
+    own, other = guard("hip.angle_deg < 3"), guard("other.hip.angle_deg > 2")
+    far = guard("hip.angle_deg - other.hip.angle_deg > 4")
+    table = two_phase_table(transition("stance", "swing", AnyOf(guards=(far, AllOf(guards=(own, other))))))
+    logic = PhaseLogic(table, "stance")
+    assert not logic.possible({own: True, other: True, far: True})
+    assert logic.possible({own: True, other: False, far: True})
 
 
 def test_a_time_on_its_threshold_is_possible() -> None:
@@ -249,10 +261,10 @@ def test_a_time_on_its_threshold_is_possible() -> None:
     )
     logic = PhaseLogic(two_phase_table(*exits), "stance")
     assert logic.conditions == (longer, shorter, Stay(50))
-    assert logic.possible({0: False, 1: False, 2: True})
-    assert not logic.possible({0: False, 1: False, 2: False})
-    assert not logic.possible({0: True, 2: False})
-    assert not logic.possible({1: True, 2: True})
+    assert logic.possible({longer: False, shorter: False, Stay(50): True})
+    assert not logic.possible({longer: False, shorter: False, Stay(50): False})
+    assert not logic.possible({longer: True, Stay(50): False})
+    assert not logic.possible({shorter: True, Stay(50): True})
 
 
 def test_phase_with_very_many_conditions_lists_its_exits_in_order() -> None:

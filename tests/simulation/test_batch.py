@@ -19,7 +19,6 @@ from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.studies import batch
 from twin_gait.studies.batch import BatchResult, overridden, simulate_batch
-from twin_gait.studies.people.outcome_map import Case, draw_map, experiment_of, map_outcomes
 
 FALLING = 4
 LOGS = (1, FALLING)
@@ -265,9 +264,6 @@ def test_the_engine_can_be_overridden(noisy, monkeypatch):
     short = replace(noisy, duration=0.02, engine=Engine.PINOCCHIO)
     simulate_batch(short, [{}, {"engine": "pinocchio"}])
     assert engines == [Engine.COMPILED, Engine.PINOCCHIO]
-    engines.clear()
-    map_outcomes(short, [Case(70.0, 1.75, 0.34, 0.5)], workers=1)
-    assert engines == [Engine.PINOCCHIO]
 
 
 def test_the_first_episode_compiles_here_for_all(noisy, monkeypatch):
@@ -280,25 +276,3 @@ def test_the_first_episode_compiles_here_for_all(noisy, monkeypatch):
     monkeypatch.setattr(batch, "simulate", note)
     simulate_batch(replace(noisy, duration=0.02), [{}, {}, {}], on_compile=print)
     assert told == [print, None, None]
-
-
-def test_a_map_tells_of_every_case_what_its_run_alone_does(walk):
-    walk = replace(walk, duration=9.0)
-    cases = [Case(75.0, 1.80, 0.38, 0.6), Case(95.0, 1.60, 0.30, 0.1)]
-    table = map_outcomes(walk, cases, workers=1)
-    for case, (_, row) in zip(cases, table.iterrows(), strict=True):
-        run = simulate(experiment_of(walk, case))
-        sides = summarise(run)["sides"].values()
-        assert row["outcome"] == run.verdict.outcome
-        assert row["duration_s"] == run.duration
-        assert row["strides"] == min(values["strides"] for values in sides)
-        assert row["further_contacts"] == sum(values["further_contacts"] for values in sides)
-        assert (row["mass_kg"], row["height_m"], row["speed_m_per_s"], row["support_share"]) == case
-    assert table["outcome"].tolist() == ["walked", "held"]
-    assert "support 60%: 100% walked" in draw_map(table)
-    assert "support 10%: 0% walked" in draw_map(table)
-
-
-def test_a_map_needs_a_walker():
-    with pytest.raises(ParameterError, match="expected a treadmill with a wearer"):
-        map_outcomes(load_experiment("bench_leg").experiment, [Case(75.0, 1.80, 0.38, 0.6)])

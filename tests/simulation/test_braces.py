@@ -30,7 +30,7 @@ from twin_gait.runs.summary import summarise
 from twin_gait.scenario import World, bracing
 from twin_gait.simulation.columns import BRACED_WORK_SOURCES
 from twin_gait.simulation.pinocchio.plant import PinocchioPlant
-from twin_gait.studies.compare.numbers import numbers_of
+from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side
 
 FINE = Integration(method=IntegrationMethod.RK4, step=0.1e-3)
@@ -340,7 +340,7 @@ def error_of(run, column):
 
 
 def test_the_gait_is_the_wearers_and_the_devices_can_be_had(walk):
-    summary, numbers = summarise(walk), numbers_of(walk)
+    summary, numbers = summarise(walk), run_measures(walk)
     wearers, devices = (error_of(walk, f"left_knee_{name}angle_rad") for name in ("wearer_", ""))
     assert abs(wearers - devices) > 0.1
     assert summary["sides"]["left"]["rmse_knee_by_contact_deg"] == pytest.approx(wearers, rel=1e-12)
@@ -372,7 +372,7 @@ def test_the_picture_of_the_angles_has_both(walk):
 
 def test_the_comparison_takes_the_torque_of_the_braces(walk):
     log = walk.log.assign(left_hip_brace_torque_Nm=7.0)
-    assert numbers_of(replace(walk, log=log))["left_hip_interaction_rms_Nm"] == pytest.approx(7.0)
+    assert run_measures(replace(walk, log=log))["left_hip_interaction_rms_Nm"] == pytest.approx(7.0)
 
 
 def test_the_picture_of_the_energy_has_the_work_of_the_braces(walk):

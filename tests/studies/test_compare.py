@@ -24,19 +24,27 @@ from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitErro
 from twin_gait.experiment import AssistanceParameters, ControlMode, Experiment
 from twin_gait.measures.reference import normative_angle
 from twin_gait.studies.compare.comparing import (
+    CONTROLLERS,
+    TWINCARE_SHARE,
     Comparison,
     ComparisonInterrupted,
     Interval,
     compare,
+    find_controllers,
     interval_of,
     varied,
 )
-from twin_gait.studies.compare.controllers import CONTROLLERS, TWINCARE_SHARE, find_controllers
-from twin_gait.studies.compare.measures_shown import SHOWN, Shown, text_of
-from twin_gait.studies.compare.numbers import numbers_of, winter_cycle
-from twin_gait.studies.compare.wearer_torque import voluntary_torque
-from twin_gait.studies.compare.words import paragraphs
-from twin_gait.studies.compare.writing import PAGE_FILE, RUNS_FILE, SUMMARY_FILE, write_comparison
+from twin_gait.studies.compare.measures import run_measures, voluntary_torque, winter_cycle
+from twin_gait.studies.compare.writing import (
+    PAGE_FILE,
+    RUNS_FILE,
+    SUMMARY_FILE,
+    Shown,
+    conclusions,
+    shown_measures,
+    text_of,
+    write_comparison,
+)
 from twin_gait.vocabulary import JointName, Side
 
 SEEDS = 3
@@ -74,7 +82,7 @@ def test_every_controller_changes_the_control_alone():
     assert set(shares.values()) == {TWINCARE_SHARE}
 
 
-def test_shares_of_the_experiment_are_kept_where_help_is_partial():
+def test_shares_of_the_experiment_are_kept_where_assistance_is_partial():
     base = walk("stroke_left", 1.0)
     own = AssistanceParameters(share={JointName.HIP: 0.6, JointName.KNEE: 0.9})
     base = replace(base, control=replace(base.control, assistance=own))
@@ -148,7 +156,7 @@ def test_effort_is_what_is_left_of_the_wearers_torque(stroke):
         assert found[JointName.KNEE][tick] == pytest.approx(rest, abs=1e-9)
 
 
-def test_wearer_without_effort_gives_none_though_his_tissue_does():
+def test_wearer_without_effort_gives_none_though_the_tissue_does():
     run = simulate(with_effort(walk("stroke_left", 2.0), 0.0))
     for side in Side:
         for joint in (JointName.HIP, JointName.KNEE):
@@ -159,7 +167,7 @@ def test_wearer_without_effort_gives_none_though_his_tissue_does():
 def test_numbers_agree_with_the_log_by_another_way(stroke):
     """Power from the energy that left the battery, currents over the counted strides, symmetry by hand."""
     run = stroke.runs["table"]
-    numbers = numbers_of(run)
+    numbers = run_measures(run)
     energy = float(run.log["battery_power_W"].sum()) * 1e-3
     assert numbers["battery_power_W"] == pytest.approx(energy / run.duration)
     assert numbers["battery_life_h"] == pytest.approx(92.2 / numbers["battery_power_W"])
@@ -180,10 +188,10 @@ def test_numbers_agree_with_the_log_by_another_way(stroke):
     assert numbers["wearer_work_share"] == pytest.approx(works["wearer"] / sum(works.values()))
 
 
-def test_help_in_full_and_in_part_is_what_was_set(stroke):
-    assert numbers_of(stroke.runs["table"])["help_share"] == pytest.approx(1.0, abs=1e-12)
-    partly = numbers_of(simulate(CONTROLLERS["twincare"].change(walk("stroke_left", 12.0))))
-    assert partly["help_share"] == pytest.approx(TWINCARE_SHARE, rel=1e-9)
+def test_assistance_in_full_and_in_part_is_what_was_set(stroke):
+    assert run_measures(stroke.runs["table"])["assistance_level"] == pytest.approx(1.0, abs=1e-12)
+    partly = run_measures(simulate(CONTROLLERS["twincare"].change(walk("stroke_left", 12.0))))
+    assert partly["assistance_level"] == pytest.approx(TWINCARE_SHARE, rel=1e-9)
 
 
 def test_natural_gait_is_that_of_the_published_table():
@@ -197,7 +205,7 @@ def test_natural_gait_is_that_of_the_published_table():
 
 
 def test_fall_has_no_gait_but_its_time(stroke):
-    numbers = numbers_of(stroke.runs["transparent"])
+    numbers = run_measures(stroke.runs["transparent"])
     assert set(numbers) == {"walked", "walked_s"}
     assert numbers["walked"] == 0.0 and 0.5 < numbers["walked_s"] < 5.0
     assert stroke.walked("transparent") == 0 and stroke.walked("table") == SEEDS
@@ -226,7 +234,7 @@ def test_hemiparesis_shows_asymmetry_and_a_healthy_walk_none(stroke):
     assert abs(sound.mean) + sound.half_width < 0.03
 
 
-def test_more_effort_less_help_at_the_hip_under_assist_as_needed():
+def test_more_effort_less_assistance_at_the_hip_under_assist_as_needed():
     """At the hip only: the effort of the knee, that of walking unsupported, makes its tracking worse."""
     found = [
         compare(
@@ -234,7 +242,7 @@ def test_more_effort_less_help_at_the_hip_under_assist_as_needed():
         )
         for effort in (0.0, 1.0)
     ]
-    none, full = (item.interval("assist_as_needed", "hip_help_share") for item in found)
+    none, full = (item.interval("assist_as_needed", "hip_assistance_level") for item in found)
     assert none.runs == full.runs == SEEDS
     assert full.mean + full.half_width < none.mean - none.half_width
     work = [item.interval("assist_as_needed", "wearer_work_share") for item in found]
@@ -248,7 +256,7 @@ def test_half_an_effort_leaves_position_tracking_as_it_is():
     ]
     none, half = (item.interval("position", "interaction_rms_Nm") for item in found)
     assert abs(none.mean - half.mean) < none.half_width + half.half_width
-    assert [item.interval("position", "help_share").mean for item in found] == [1.0, 1.0]
+    assert [item.interval("position", "assistance_level").mean for item in found] == [1.0, 1.0]
 
 
 # ---------------------------------------------------------------- words and folder
@@ -265,11 +273,11 @@ def test_half_an_effort_leaves_position_tracking_as_it_is():
     ],
 )
 def test_numbers_in_words(interval, factor, digits, text):
-    assert text_of(interval, Shown("", "", "", factor, digits, "")) == text
+    assert text_of(interval, Shown("", digits, "", factor)) == text
 
 
 def test_paragraphs_say_what_the_numbers_say(stroke):
-    text = " ".join(paragraphs(stroke))
+    text = " ".join(conclusions(stroke))
     assert text.startswith("Walked all 3 days: five-phase table and position tracking.")
     seconds = stroke.interval("transparent", "walked_s").mean
     assert f"Friction compensation only did not: on average it ended after {seconds:.1f} s." in text
@@ -311,7 +319,9 @@ def test_folder_holds_a_page_that_needs_nothing_else(stroke, tmp_path):
     assert page.sources and all(source.startswith("data:image/png;base64,") for source in page.sources)
     wide = [row for row in page.rows if len(row) == 4]
     assert wide[0][1:] == [item.title for item in stroke.controllers]
-    assert [row[0] for row in wide[1:]] == [item.label for item in SHOWN]
+    assert [row[0] for row in wide[1:]] == [
+        shown.label for rows in shown_measures().values() for shown in rows.values()
+    ]
     assert all(row[3] == "–" for row in wide[2:])  # who fell has no gait
     table = pd.read_csv(out / RUNS_FILE)
     assert len(table) == 3 * SEEDS

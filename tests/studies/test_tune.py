@@ -30,13 +30,13 @@ from twin_gait.parameters import Patient
 from twin_gait.simulation import RunStatus
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.studies.batch import overridden
-from twin_gait.studies.tune import screening, stages
-from twin_gait.studies.tune import settings as tune_settings
+from twin_gait.studies.tune import search as screening
+from twin_gait.studies.tune import stages
+from twin_gait.studies.tune import state as tune_settings
 from twin_gait.studies.tune.cases import NOMINAL, departures, robust_cases, search_cases
 from twin_gait.studies.tune.outcome import verdict
 from twin_gait.studies.tune.parts import FALL, PARTS, WORST, excess_cost, part_costs, walk_cost
 from twin_gait.studies.tune.search import Generation, Search
-from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.space import (
     Parameter,
     editable_document,
@@ -44,10 +44,9 @@ from twin_gait.studies.tune.space import (
     table_with,
     with_own_sides,
 )
-from twin_gait.studies.tune.state import STATE_FILE, open_state, write_state
+from twin_gait.studies.tune.state import STATE_FILE, Progress, Settings, open_state, write_state
 from twin_gait.studies.tune.tune import tune
-from twin_gait.studies.tune.tuning import Progress, nominal_cost, weighted_cost
-from twin_gait.studies.tune.walks import Ask, WalkResult
+from twin_gait.studies.tune.walks import Ask, WalkResult, nominal_cost, weighted_cost
 from twin_gait.vocabulary import Side
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from twin_gait.checking.check import check, counts, load_subject
+from twin_gait.checking.check import check, counts, load_case
 from twin_gait.cli import tune as command
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.configuration.documents import experiment_document
@@ -21,15 +21,14 @@ from twin_gait.experiment import Engine
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.reference import reference_curve
 from twin_gait.report import tune as pictures
-from twin_gait.report import tune_page
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.jobs import Workers
-from twin_gait.studies.tune import outcome, stages, writing
+from twin_gait.studies.tune import outcome, stages
 from twin_gait.studies.tune.cases import Case, departures
 from twin_gait.studies.tune.parts import FALL, PARTS, part_values
-from twin_gait.studies.tune.settings import Settings
 from twin_gait.studies.tune.space import editable_document
+from twin_gait.studies.tune.state import Settings
 from twin_gait.studies.tune.tune import tune
 from twin_gait.studies.tune.walks import Ask, quick_errors, walk_all
 from twin_gait.vocabulary import JointName, Side
@@ -142,7 +141,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert result.status is RunStatus.COMPLETED
         candidates = tuple(item for item in result.ranked if item.points is not None)
         result = replace(result, ranked=candidates or result.ranked)
-        written = writing.write_tuning(result, experiment, SETTINGS, directory, wearer="the default wearer")
+        written = outcome.write_tuning(result, experiment, SETTINGS, directory, wearer="the default wearer")
     assert written is not None
     return directory
 
@@ -172,7 +171,7 @@ def test_the_table_that_is_written_is_the_one_that_walked(folder: Path, told: di
 
 
 def test_the_table_passes_the_check(folder: Path, told: dict[str, Any]) -> None:
-    found = counts(check(load_subject(folder / "table.yaml", "treadmill")))
+    found = counts(check(load_case(folder / "table.yaml", "treadmill")))
     assert found["errors"] == 0
     assert {key: told["check"][key] for key in found} == found
 
@@ -205,7 +204,7 @@ class _Page(HTMLParser):
         self.text = ""
 
     def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
-        self.addresses += [value or "" for name, value in attributes if name in ("src", "href")]
+        self.addresses += [value or "" for name, value in attributes if name in ("src", "srcset", "href")]
 
     def handle_data(self, data: str) -> None:
         self.text += data
@@ -214,7 +213,7 @@ class _Page(HTMLParser):
 def test_the_report_is_one_file_that_names_every_part(folder: Path) -> None:
     page = _Page()
     page.feed((folder / "report.html").read_text(encoding="utf-8"))
-    assert len(page.addresses) == 4
+    assert len(page.addresses) == 8  # light and dark
     assert all(address.startswith("data:image/png;base64,") for address in page.addresses)
     for title in TITLES:
         assert title in page.text
@@ -225,13 +224,13 @@ def test_the_report_is_one_file_that_names_every_part(folder: Path) -> None:
 def test_the_summary_says_which_parts_were_traded(told: dict[str, Any]) -> None:
     parts = [{**part, "verdict": "traded"} for part in told["parts"][:1]]
     parts += [{**part, "verdict": "better"} for part in told["parts"][1:2]]
-    text = " ".join(tune_page.summary({**told, "found_better": True, "parts": parts}))
+    text = " ".join(pictures.summary({**told, "found_better": True, "parts": parts}))
     assert "Better: knee error" in text
     assert "Traded for it, so worse: hip error" in text
 
 
 def test_a_search_that_found_nothing_says_so(told: dict[str, Any]) -> None:
-    (text,) = tune_page.summary({**told, "found_better": False})
+    text, _ = pictures.summary({**told, "found_better": False})
     assert "table.yaml is that table" in text
 
 
@@ -245,7 +244,10 @@ def test_a_screening_is_drawn_and_told(told: dict[str, Any]) -> None:
     widths = [patch.get_width() for patch in axes.patches]  # type: ignore[attr-defined]
     assert widths == sorted(widths, reverse=True)
     assert len(widths) == pictures.MOST_EFFECTS
-    assert "15 of them" in tune_page.screening_words({**told, "screening": effects})
+    document = {**told, "screening": effects}
+    drawn = pictures.draw_figures(document, {"hip": {}, "knee": {}})
+    page = " ".join(pictures.page(document, drawn).split())
+    assert "15 of them make up" in page and "Least of all matter: " in page
 
 
 def test_falls_are_marked_where_no_error_can_be_drawn(told: dict[str, Any]) -> None:
@@ -253,7 +255,7 @@ def test_falls_are_marked_where_no_error_can_be_drawn(told: dict[str, Any]) -> N
     item = {"nominal": 70.0, "values": [50.0, 70.0, 90.0], "before": errors, "after": errors}
     lost = {**item, "after": {**errors, "knee_error_deg": [None, 8.0, 9.0]}}
     figure = pictures.draw_departures({"mass [kg]": item, "height [m]": lost})
-    assert pictures.draw_pictures({**told, "departures": {"mass [kg]": lost}}, {"hip": {}, "knee": {}})
+    assert pictures.draw_figures({**told, "departures": {"mass [kg]": lost}}, {"hip": {}, "knee": {}})
     crosses = [[line.get_xdata() for line in axes.lines if line.get_marker() == "x"] for axes in figure.axes]
     assert crosses == [[], [[50.0]]]
 

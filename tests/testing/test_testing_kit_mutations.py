@@ -10,13 +10,14 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from kit_equivalence import reason
+from kit_measure import MutationResult, is_caught, measure, mutation_table
+from kit_mutants import mutants
 from test_testing_kit import rich_table
 
 from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.files import write_atomically
-from twin_gait.testing import mutants, transition_tests
-from twin_gait.testing.equivalence import reason
-from twin_gait.testing.measure import MutationResult, is_caught, measure, mutation_table
+from twin_gait.testing import transition_tests
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "test_kit.md"
 BEGIN, END = "<!-- mutations: begin -->\n", "<!-- mutations: end -->\n"

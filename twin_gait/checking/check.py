@@ -9,20 +9,24 @@ from pathlib import Path
 from typing import Any
 
 from twin_gait.checking import (
-    ambiguity,
-    both_legs,
     cascade,
-    conditions,
+    exits,
+    graph,
     leaving,
-    reachability,
     sense,
-    serving,
     stability,
-    torque_jumps,
+    torques,
 )
-from twin_gait.checking.finding import Finding, Severity, Subject
+from twin_gait.checking.finding import (
+    CheckCase,
+    Finding,
+    Rule,
+    Severity,
+    unknown_rule,
+    unused_waiver,
+    waive,
+)
 from twin_gait.checking.signals import ANY_ANGLE, HIGHEST_VELOCITY, JOINT_RANGES
-from twin_gait.checking.waiving import unknown_rule, unused_waiver, waive
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
 from twin_gait.experiment import Experiment
@@ -31,23 +35,10 @@ from twin_gait.scenario.world import World
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.vocabulary import JointName
 
-Rule = Callable[[Subject], list[Finding]]
-
-_MODULES = (
-    reachability,
-    ambiguity,
-    cascade,
-    conditions,
-    both_legs,
-    leaving,
-    torque_jumps,
-    serving,
-    stability,
-    sense,
-)
+_MODULES = (graph, exits, cascade, leaving, torques, stability, sense)
 RULES: tuple[Rule, ...] = tuple(rule for module in _MODULES for rule in module.RULES)
 NOTES: tuple[Rule, ...] = (stability.stability_margin,)  # rules that find notes only
-REPORT_VERSION = 1
+REPORT_VERSION = 2
 
 
 def rules() -> dict[str, str]:
@@ -56,9 +47,9 @@ def rules() -> dict[str, str]:
     return {rule.__name__: (rule.__doc__ or "").splitlines()[0] for rule in everything}
 
 
-def load_subject(
+def load_case(
     source: str | Path | None, experiment: str | Path | None = None, settings: Sequence[str] = ()
-) -> Subject:
+) -> CheckCase:
     """Load a table and what it is checked against.
 
     Args:
@@ -69,23 +60,23 @@ def load_subject(
         settings: Laid over the experiment, as in :func:`~twin_gait.configuration.load_experiment`.
 
     Returns:
-        The subject; its table may be a draft.
+        The case; its table may be a draft.
 
     Raises:
         TwinGaitError: If a file has a mistake, or the experiment cannot drive the joints of the table.
     """
     if source is None:
         own = load_experiment(experiment or DEFAULT_PRESET, settings).experiment
-        return build_subject(own.table, own)
+        return build_case(own.table, own)
     table = load_gait_table(source, draft=True)
     if experiment is None:
         if table.joints != (JointName.HIP, JointName.KNEE):
-            return build_subject(table)
+            return build_case(table)
         experiment = table.name if table.name in presets() else DEFAULT_PRESET
-    return build_subject(table, load_experiment(experiment, settings).experiment)
+    return build_case(table, load_experiment(experiment, settings).experiment)
 
 
-def build_subject(table: GaitTable, experiment: Experiment | None = None) -> Subject:
+def build_case(table: GaitTable, experiment: Experiment | None = None) -> CheckCase:
     """Lay out what is checked.
 
     Args:
@@ -98,10 +89,10 @@ def build_subject(table: GaitTable, experiment: Experiment | None = None) -> Sub
     """
     if experiment is None:
         limits = {joint: JOINT_RANGES.get(joint, ANY_ANGLE) for joint in table.joints}
-        return Subject(table=table, experiment=None, limits=limits)
+        return CheckCase(table=table, experiment=None, limits=limits)
     driving = replace(experiment, table=table)
     world = driving.build_world()
-    return Subject(
+    return CheckCase(
         table=scaled_table(driving, world),
         experiment=driving,
         limits={joint: _angles(world, JointName(joint)) for joint in table.joints},
@@ -124,20 +115,20 @@ def _velocity(world: World, joint: JointName) -> float:
     return highest if math.isfinite(highest) and highest > 0.0 else HIGHEST_VELOCITY
 
 
-def check(subject: Subject, chosen: Sequence[Rule] = RULES) -> list[Finding]:
+def check(case: CheckCase, chosen: Sequence[Rule] = RULES) -> list[Finding]:
     """Check a table.
 
     Args:
-        subject: What is checked.
+        case: What is checked.
         chosen: The rules to apply.
 
     Returns:
         The findings, waived ones marked, the worst first and then in the order of the phases.
     """
-    found = [finding for rule in chosen for finding in rule(subject)]
+    found = [finding for rule in chosen for finding in rule(case)]
     known = rules()
-    found += [*unknown_rule(subject, known), *unused_waiver(subject, found, known)]
-    return sorted(waive(subject.table, found), key=lambda finding: _order(subject.table, finding))
+    found += [*unknown_rule(case, known), *unused_waiver(case, found, known)]
+    return sorted(waive(case.table, found), key=lambda finding: _order(case.table, finding))
 
 
 def check_before_run(experiment: Experiment) -> list[Finding]:
@@ -150,7 +141,7 @@ def check_before_run(experiment: Experiment) -> list[Finding]:
         Errors and warnings that nobody has waived.
     """
     chosen = [rule for rule in RULES if rule not in NOTES]
-    findings = check(build_subject(experiment.table, experiment), chosen)
+    findings = check(build_case(experiment.table, experiment), chosen)
     return [item for item in findings if item.severity is not Severity.NOTE and not item.waived]
 
 
@@ -171,12 +162,12 @@ def counts(findings: Sequence[Finding]) -> dict[str, int]:
     }
 
 
-def report(subject: Subject, findings: Sequence[Finding]) -> dict[str, Any]:
+def report(case: CheckCase, findings: Sequence[Finding]) -> dict[str, Any]:
     """Findings as a mapping for JSON; keys are only ever added within a schema version."""
     return {
         "schema_version": REPORT_VERSION,
-        "table": subject.table.name,
-        "experiment": None if subject.experiment is None else subject.experiment.name,
+        "table": case.table.name,
+        "experiment": None if case.experiment is None else case.experiment.name,
         "counts": counts(findings),
         "findings": [_document(finding) for finding in findings],
     }
@@ -191,6 +182,6 @@ def _document(finding: Finding) -> Mapping[str, Any]:
         "side": None if finding.side is None else str(finding.side),
         "reason": finding.reason,
         "suggestion": finding.suggestion,
-        "witness": dict(finding.witness),
+        "counterexample": dict(finding.counterexample),
         "waived": finding.waived or None,
     }

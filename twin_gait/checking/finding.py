@@ -1,18 +1,19 @@
-"""What a check finds, and what it looks at.
+"""What a check finds, what it looks at, and warnings that a table lives with.
 
-A rule is a function that takes a :class:`Subject` and returns its findings. Its name is the id of all
-its findings, the first line of its docstring says what is found, and its module lists it in ``RULES``.
+A rule is a function that takes a :class:`CheckCase` and returns its findings, one for each place. Its name
+is the id of all its findings, the first line of its docstring says what is found, and its module lists it in
+``RULES``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
 from twin_gait.experiment import Experiment
-from twin_gait.gait.table import GaitTable, Transition
+from twin_gait.gait.table import GaitTable, Transition, Waiver
 from twin_gait.vocabulary import Side
 
 
@@ -36,7 +37,7 @@ class Finding:
         phase: Phase it is about, if any.
         transition: Transition it is about, as ``source → target (cause)``, if any.
         side: Leg it is about where the sides differ.
-        witness: Signals by name in the units of the table that show it, if there is such a point.
+        counterexample: Signals by name in the units of the table that show it, if there is such a point.
         waived: Reason that the table gives for living with it; empty if it does not.
     """
 
@@ -47,12 +48,12 @@ class Finding:
     phase: str | None = None
     transition: str | None = None
     side: Side | None = None
-    witness: Mapping[str, float | str] = field(default_factory=dict)
+    counterexample: Mapping[str, float | str] = field(default_factory=dict)
     waived: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Subject:
+class CheckCase:
     """What is checked: a table and the leg, motor and wearer that it drives.
 
     Attributes:
@@ -74,7 +75,94 @@ class Subject:
         """Whether the table drives two legs, so that guards may read the other one."""
         return self.experiment is None or len(self.experiment.leg.legs) == 2
 
+    def once(self, key: Any, work: Callable[[], Any]) -> Any:
+        """What some work gives, done once for all rules."""
+        if key not in self.shared:
+            self.shared[key] = work()
+        return self.shared[key]
+
+
+Rule = Callable[[CheckCase], list[Finding]]
+
 
 def label(transition: Transition) -> str:
     """How findings name a transition."""
     return f"{transition.source} → {transition.target} ({transition.cause})"
+
+
+def about(
+    item: Transition,
+    rule: str,
+    severity: Severity,
+    reason: str,
+    suggestion: str,
+    counterexample: Mapping[str, float | str] | None = None,
+) -> Finding:
+    """A finding about a transition."""
+    return Finding(
+        rule=rule,
+        severity=severity,
+        reason=reason,
+        suggestion=suggestion,
+        phase=item.source,
+        transition=label(item),
+        counterexample=counterexample or {},
+    )
+
+
+# ---------------------------------------------------------------------- waivers
+
+
+def unknown_rule(case: CheckCase, rules: Collection[str]) -> list[Finding]:
+    """The table waives a rule that does not exist."""
+    return [
+        Finding(
+            rule="unknown_rule",
+            severity=Severity.ERROR,
+            reason=f"the table waives {waiver.rule!r}, which is no rule",
+            suggestion="correct the id under waive; twin-gait check --rules lists them",
+        )
+        for waiver in case.table.waivers
+        if waiver.rule not in rules
+    ]
+
+
+def unused_waiver(case: CheckCase, findings: Sequence[Finding], rules: Collection[str]) -> list[Finding]:
+    """The table waives something that is not found, or that cannot be waived."""
+    result = []
+    for waiver in case.table.waivers:
+        matching = [item for item in findings if _matches(case.table, waiver, item)]
+        if waiver.rule not in rules or any(item.severity is Severity.WARNING for item in matching):
+            continue
+        why = "nothing that it matches was found"
+        if matching:
+            why = f"only warnings can be waived, and it matches {matching[0].severity}s"
+        result.append(
+            Finding(
+                rule="unused_waiver",
+                severity=Severity.NOTE,
+                phase=waiver.phase,
+                reason=f"the waiver of {waiver.rule} has no effect: {why}",
+                suggestion="take it out of the table, or correct its phase or transition",
+            )
+        )
+    return result
+
+
+def waive(table: GaitTable, findings: Sequence[Finding]) -> list[Finding]:
+    """Mark the warnings that the table waives with its reason; errors and notes stay as they are."""
+    result = []
+    for finding in findings:
+        reasons = [item.reason for item in table.waivers if _matches(table, item, finding)]
+        live = finding.severity is not Severity.WARNING or not reasons
+        result.append(finding if live else replace(finding, waived=reasons[0]))
+    return result
+
+
+def _matches(table: GaitTable, waiver: Waiver, finding: Finding) -> bool:
+    names = {label(item) for item in table.transitions if item.cause == waiver.transition}
+    return (
+        waiver.rule == finding.rule
+        and waiver.phase in (None, finding.phase)
+        and (waiver.transition is None or finding.transition in names)
+    )

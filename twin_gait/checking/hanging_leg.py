@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin_gait.checking.finding import Subject
+from twin_gait.checking.finding import CheckCase
 from twin_gait.checking.linear_loop import LinearLoop, leg_motion
 from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
@@ -43,7 +43,7 @@ def friction_slope(law: FrictionParameters, velocity: float) -> float:
 
 @dataclass(frozen=True)
 class HangingLeg:
-    """One leg of a subject, its pelvis held and its ankle, if it has one, at zero.
+    """One leg of a case, its pelvis held and its ankle, if it has one, at zero.
 
     Attributes:
         problem: The experiment as arrays, table scaled and damping ratios resolved.
@@ -179,20 +179,19 @@ def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np
     return np.array(columns).T
 
 
-def hanging_legs(subject: Subject) -> list[HangingLeg]:
-    """Legs of a subject that have numbers of their own.
+def hanging_legs(case: CheckCase) -> list[HangingLeg]:
+    """Legs of a case that have numbers of their own.
 
     Args:
-        subject: What is checked.
+        case: What is checked.
 
     Returns:
         One leg where the table gives both sides the same numbers, else all; none without an experiment.
     """
-    if subject.experiment is None:
+    experiment = case.experiment
+    if experiment is None:
         return []
-    if hanging_legs not in subject.shared:
-        subject.shared[hanging_legs] = _hanging_legs(subject.experiment)
-    legs: list[HangingLeg] = subject.shared[hanging_legs]
+    legs: list[HangingLeg] = case.once(hanging_legs, lambda: _hanging_legs(experiment))
     return legs
 
 

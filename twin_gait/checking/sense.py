@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
-from twin_gait.checking.finding import Finding, Severity, Subject
+from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.hanging_leg import hanging_legs
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, STIFFNESS
 from twin_gait.core.impedance import damping_ratio_of
@@ -51,8 +51,8 @@ class _Entry(NamedTuple):
     parameters: PhaseParameters
 
 
-def _entries(subject: Subject) -> Iterator[_Entry]:
-    table = subject.table
+def _entries(case: CheckCase) -> Iterator[_Entry]:
+    table = case.table
     for phase, parameters in table.phases.items():
         yield _Entry(None, phase, parameters)
     for side, phases in table.side_phases.items():
@@ -70,11 +70,11 @@ def _out_of(value: float, published: PublishedRange, unit: str = "") -> str:
 
 
 def _find(
-    subject: Subject, rule: str, suggestion: str, look: Callable[[_Entry, str, JointImpedance], str]
+    case: CheckCase, rule: str, suggestion: str, look: Callable[[_Entry, str, JointImpedance], str]
 ) -> list[Finding]:
     """One warning for each phase, with what was seen of all its joints."""
     findings = []
-    for entry in _entries(subject):
+    for entry in _entries(case):
         seen = [look(entry, name, joint) for name, joint in entry.parameters.joints.items()]
         if any(seen):
             findings.append(
@@ -90,57 +90,37 @@ def _find(
     return findings
 
 
-def unusual_gain(subject: Subject) -> list[Finding]:
+def unusual_gain(case: CheckCase) -> list[Finding]:
     """A friction compensation gain lies outside 0.20 to 0.60, what was usable on the bench.
 
     The range is that of TWIN's joints; a table for joints of another device is left alone.
-
-    Args:
-        subject: What is checked.
-
-    Returns:
-        A warning for each such phase.
     """
-    if subject.experiment is None:
+    if case.experiment is None:
         return []
 
     def look(entry: _Entry, name: str, joint: JointImpedance) -> str:
         found = _out_of(joint.friction_compensation_gain, GAIN_RANGE)
         return f"{name} G {found}" if found else ""
 
-    return _find(subject, "unusual_gain", "take a gain from 0.20 to 0.60", look)
+    return _find(case, "unusual_gain", "take a gain from 0.20 to 0.60", look)
 
 
-def equilibrium_beyond_limits(subject: Subject) -> list[Finding]:
-    """An equilibrium angle lies outside the limits of its joint: the spring presses it into the stop.
-
-    Args:
-        subject: What is checked.
-
-    Returns:
-        A warning for each such phase.
-    """
+def equilibrium_beyond_limits(case: CheckCase) -> list[Finding]:
+    """An equilibrium angle lies outside the limits of its joint: the spring presses it into the stop."""
 
     def look(entry: _Entry, name: str, joint: JointImpedance) -> str:
-        low, high = (math.degrees(value) for value in subject.limits[name])
+        low, high = (math.degrees(value) for value in case.limits[name])
         angle = math.degrees(joint.equilibrium_angle)
         inside = low <= angle <= high
         return (
             "" if inside else f"{name} θ0 {angle:.1f}° is outside {low:.1f} … {high:.1f}°, the joint's limits"
         )
 
-    return _find(subject, "equilibrium_beyond_limits", "move the equilibrium inside the limits", look)
+    return _find(case, "equilibrium_beyond_limits", "move the equilibrium inside the limits", look)
 
 
-def unusual_stiffness(subject: Subject) -> list[Finding]:
-    """A stiffness lies outside the published ranges of its joint.
-
-    Args:
-        subject: What is checked.
-
-    Returns:
-        A warning for each such phase.
-    """
+def unusual_stiffness(case: CheckCase) -> list[Finding]:
+    """A stiffness lies outside the published ranges of its joint."""
 
     def look(entry: _Entry, name: str, joint: JointImpedance) -> str:
         if name not in STIFFNESS_RANGES:
@@ -149,22 +129,16 @@ def unusual_stiffness(subject: Subject) -> list[Finding]:
         return f"{name} k {found}" if found else ""
 
     suggestion = "compare with the source; a drive with more friction and inertia needs more stiffness"
-    return _find(subject, "unusual_stiffness", suggestion, look)
+    return _find(case, "unusual_stiffness", suggestion, look)
 
 
-def unusual_damping_ratio(subject: Subject) -> list[Finding]:
+def unusual_damping_ratio(case: CheckCase) -> list[Finding]:
     """A damping ratio, given or resulting from b, lies outside 0.4 to 0.8.
 
     Where the table gives b, ζ = b / (2 √(k I)) takes the inertia of the leg in the air; without a leg model
     or a spring it is left out.
-
-    Args:
-        subject: What is checked.
-
-    Returns:
-        A warning for each such phase.
     """
-    resolved = _resolved_ratios(subject)
+    resolved = _resolved_ratios(case)
 
     def look(entry: _Entry, name: str, joint: JointImpedance) -> str:
         ratio = joint.damping_ratio
@@ -173,13 +147,13 @@ def unusual_damping_ratio(subject: Subject) -> list[Finding]:
         found = "" if ratio is None else _out_of(ratio, DAMPING_RATIO_RANGE)
         return f"{name} ζ {found}" if found else ""
 
-    return _find(subject, "unusual_damping_ratio", "take a damping ratio from 0.4 to 0.8", look)
+    return _find(case, "unusual_damping_ratio", "take a damping ratio from 0.4 to 0.8", look)
 
 
-def _resolved_ratios(subject: Subject) -> dict[tuple[Side | None, str, str], float]:
+def _resolved_ratios(case: CheckCase) -> dict[tuple[Side | None, str, str], float]:
     """Damping ratio of every phase and joint with a spring, for both sides and for each of its own."""
     ratios: dict[tuple[Side | None, str, str], float] = {}
-    for leg in hanging_legs(subject):
+    for leg in hanging_legs(case):
         for phase, name in enumerate(leg.phases):
             inertia = leg.mass(leg.column(EQUILIBRIUM)[phase]).diagonal()
             for joint, k, b, mass in zip(
@@ -188,7 +162,7 @@ def _resolved_ratios(subject: Subject) -> dict[tuple[Side | None, str, str], flo
                 if k > 0.0:
                     ratio = damping_ratio_of(float(b), float(k), float(mass))
                     ratios[(leg.shown_side, name, joint)] = ratio
-                    if leg.shown_side is not None and name not in subject.table.side_phases.get(
+                    if leg.shown_side is not None and name not in case.table.side_phases.get(
                         leg.shown_side, {}
                     ):
                         ratios[(None, name, joint)] = ratio

@@ -1,32 +1,37 @@
-"""Ranges of the signals that a table reads, and points in them where guards are open."""
+"""Ranges of the signals that a table reads, and points in them where guards are open or closed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from twin_gait.checking.finding import Subject
-from twin_gait.checking.polyhedra import (
-    TIME,
-    Clause,
-    Inequality,
-    disjunctive_form,
-    find_point,
-    joined,
-)
+from twin_gait.checking.finding import CheckCase
 from twin_gait.core.guards import END_NODE, FIRST_NODE, NO_TRANSITION, guard_holds, next_transition
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import OTHER, WALK, all_signal_names, signal_scale
+from twin_gait.gait.feasibility import (
+    OTHER_TIME,
+    TIME,
+    ZERO,
+    Bound,
+    Way,
+    Wish,
+    atoms,
+    bound_of,
+    equal,
+    solutions,
+    translated,
+)
+from twin_gait.gait.guards import OTHER, WALK, Comparison, Guard, all_signal_names, signal_scale
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK, Transition
 
 OTHER_PHASE = "other.phase"
-OTHER_TIME = OTHER + TIME
 # Time in the phase just after a switch, at which the exits of the new phase are read first.
 ENTRY_TIME = "entry." + TIME
+_END = "end."  # of a debounce
 HIGHEST_LOAD = 2.0  # [body weight]: walking loads a foot with 1.2 at most, running with 2 to 3
 LONGEST_STAY = 3600.0  # [s], for a phase without a time-out
 
@@ -42,35 +47,43 @@ ANY_ANGLE = (-math.pi, math.pi)
 # [rad] / [s]: an assumption; the knee reaches 400 deg/s in the swing of a normal walk.
 HIGHEST_VELOCITY = 500.0 * _DEGREE
 
+Ranges = Mapping[str, tuple[float, float]]
+
 
 @dataclass(frozen=True)
 class Point:
-    """Signals by name in the units of the table, and the phase of the other leg."""
+    """Signals by name in the units of the table, and the phase of the other leg.
+
+    Attributes:
+        signals: Those that decide.
+        other: Phase of the other leg, or None without one.
+        phase_decides: Whether that phase decides too.
+    """
 
     signals: Mapping[str, float]
     other: str | None
+    phase_decides: bool = False
 
 
 class SignalSpace:
     """What both legs of a table can measure, inside their limits.
 
     Attributes:
-        subject: What is checked.
+        case: What is checked.
         table: Its table.
         others: Phases that the other leg can be in; only None without another leg.
     """
 
-    def __init__(self, subject: Subject) -> None:
+    def __init__(self, case: CheckCase) -> None:
         """Lay out the ranges and compile the guards."""
-        self.subject = subject
-        self.table = subject.table
-        self.others: frozenset[str | None] = (
-            frozenset(self.table.phase_names) if subject.has_other_leg else frozenset({None})
-        )
+        self.case = case
+        self.table = case.table
+        self.others = self.table.phase_names if case.has_other_leg else (None,)
         self.program = compile_guards(self.table)
         self.names = all_signal_names(self.table.joints)
         self._scales = {name: signal_scale(name) for name in self.names}
-        self._clauses = [disjunctive_form(item.guard, self.others) for item in self.table.transitions]
+        self._openings: dict[tuple[int, str | None], Point | None] = {}
+        self._firing: dict[int, bool] = {}
 
     # ------------------------------------------------------------------ the table
 
@@ -82,26 +95,9 @@ class SignalSpace:
         """A transition of the table."""
         return self.table.transitions[index]
 
-    def clauses(self, index: int) -> list[Clause]:
-        """Guard of a transition in disjunctive form."""
-        return self._clauses[index]
-
-    def closed(self, indices: Sequence[int]) -> list[Clause] | None:
-        """Clauses that keep exits closed.
-
-        Args:
-            indices: The exits.
-
-        Returns:
-            The clauses, or None if there are too many.
-        """
-        try:
-            parts = [
-                disjunctive_form(self.transition(index).guard, self.others, negated=True) for index in indices
-            ]
-            return joined(parts, self.others)
-        except GaitTableError:
-            return None
+    def wish(self, index: int, true: bool = True) -> Wish:
+        """The guard of a transition as something to be open, or closed."""
+        return Wish(self.transition(index).guard, true)
 
     def time_out(self, phase: str | None) -> float:
         """Time in [s] at which the first pure time-out ends a phase, an hour without one."""
@@ -118,55 +114,114 @@ class SignalSpace:
         earliest = max(1, self.table.phases[item.source].minimum_ticks, item.time_out_ticks or 0)
         return earliest * TICK, self.time_out(item.source)
 
-    # ------------------------------------------------------------------ ranges
+    # ------------------------------------------------------------------ points
 
     def range(self, name: str) -> tuple[float, float]:
         """Range of a measured signal in the units of the table; either leg's."""
         if name.rpartition(".")[2] == WALK:
             return 0.0, 1.0
-        # The variables of a program may have further words in front: other, entry, noisy, end.
+        # The unknowns of a search may have further words in front: other, entry, noisy, end.
         _, joint_or_foot, quantity = f".{name}".rsplit(".", 2)
         if quantity == "load_bw":
             return 0.0, HIGHEST_LOAD
         if quantity == "velocity_deg_per_s":
-            highest = self.subject.velocity_limits.get(joint_or_foot, HIGHEST_VELOCITY) / _DEGREE
+            highest = self.case.velocity_limits.get(joint_or_foot, HIGHEST_VELOCITY) / _DEGREE
             return -highest, highest
-        low, high = self.subject.limits[joint_or_foot]
+        low, high = self.case.limits[joint_or_foot]
         return low / _DEGREE, high / _DEGREE
 
     def find(
         self,
-        inequalities: Sequence[Inequality],
-        others: frozenset[str | None],
-        times: Mapping[str, tuple[float, float]],
-        holds: Callable[[Point], bool],
-    ) -> Point | None:
-        """Find signals inside the limits that fulfil inequalities.
+        wishes: Sequence[Wish],
+        ranges: Ranges,
+        holds: Callable[[Point], bool] = lambda point: True,
+        *,
+        other: str | None = None,
+        beside: Sequence[Bound] = (),
+    ) -> Iterator[Point]:
+        """Find signals inside the limits that open or close guards.
 
         Args:
-            inequalities: All of them have to hold.
-            others: Phases that the other leg may be in.
-            times: Range of each time in a phase in [s]; the other leg's follows from its phase, any
-                further one is free.
-            holds: What has to be true of the point by the evaluator of guards; also after rounding.
+            wishes: What has to be open or closed.
+            ranges: Range of each time in a phase in [s] (the other leg's follows from its phase, any further
+                one is free), and of signals that have a narrower one than the limits.
+            holds: What has to be true of a point by the evaluator of guards; also after rounding.
+            other: Phase of the other leg; None for any.
+            beside: Bounds that have to be kept in addition, times in [s].
 
-        Returns:
-            The point, rounded as far as it stays true, or None.
+        Yields:
+            A point for each way to do it, rounded as far as it stays true.
+
+        Raises:
+            GaitTableError: If the guards leave too many choices to try.
         """
-        names = {name for item in inequalities for name in item.signals}
-        candidates = [phase for phase in (*self.table.phase_names, None) if phase in others]
-        for other in candidates if OTHER_TIME in names else candidates[:1]:
-            ranges = {OTHER_TIME: (0.0, self.time_out(other)), **times}
-            bounds = {
-                name: ranges.get(name, (0.0, LONGEST_STAY)) if name.endswith(TIME) else self.range(name)
-                for name in names
-            }
-            found = find_point(inequalities, bounds)
-            if found is not None:
-                point = _rounded(Point(found, other), holds)
+        if any(low > high + 0.5 * TICK for name, (low, high) in ranges.items() if name.endswith(TIME)):
+            return
+        others = self.others if other is None else (other,)
+        read = {name for wish in wishes for atom in atoms(wish.guard) for name in _names(atom)}
+        timed = OTHER_TIME in read and OTHER_TIME not in ranges
+        for phases in [(phase,) for phase in others] if timed else [others]:
+            own = {OTHER_TIME: (0.0, self.time_out(phases[0])), **ranges}
+            for found in self._solutions(Way(phases, tuple(beside)), wishes, own):
+                decides = found.phase_decides or (OTHER_TIME in read and found.other is not None)
+                point = _rounded(replace(found, phase_decides=decides), holds)
                 if point is not None:
-                    return point
-        return None
+                    yield point
+
+    def possible(self, wishes: Sequence[Wish], ranges: Ranges, beside: Sequence[Bound] = ()) -> bool:
+        """Whether any signals do what :meth:`find` looks for; taken as given where it is too much to try."""
+        try:
+            return next(self.find(wishes, ranges, beside=beside), None) is not None
+        except GaitTableError:
+            return True
+
+    def _solutions(self, start: Way, wishes: Sequence[Wish], ranges: Ranges) -> Iterator[Point]:
+        def limits(names: Iterable[str]) -> list[Bound]:
+            found = []
+            for name in names:
+                free = (0.0, LONGEST_STAY) if name.endswith(TIME) else None
+                low, high = ranges.get(name) or free or self.range(name)
+                found += [Bound(ZERO, name, -low), Bound(name, ZERO, high)]
+            return [_in_ticks(item) for item in found]
+
+        def bounds_of(atom: Comparison, true: bool) -> list[Bound]:
+            bound = bound_of(atom, true)
+            return [_in_ticks(bound), *limits(bound.names)]
+
+        names = dict.fromkeys(name for item in start.bounds for name in item.names)
+        given = (*(_in_ticks(item) for item in start.bounds), *limits(names))
+        for way, values in solutions(start._replace(bounds=given), wishes, bounds_of):
+            signals = {name: value * TICK if name.endswith(TIME) else value for name, value in values.items()}
+            yield Point(signals, way.phases[0], way.phases != start.phases)
+
+    def openings(self, index: int, other: str | None = None) -> Iterator[Point]:
+        """Signals that open an exit, for each way to do it; see :meth:`opening`."""
+        window = {TIME: self.window(index)}
+        return self.find([self.wish(index)], window, lambda point: self.is_open(index, point), other=other)
+
+    def opening(self, index: int, other: str | None = None) -> Point | None:
+        """Signals that open an exit, not held back by time, while the other leg is in a phase, or in any."""
+        if (index, other) not in self._openings:
+            self._openings[index, other] = next(self.openings(index, other), None)
+        return self._openings[index, other]
+
+    def can_fire(self, index: int) -> bool:
+        """Whether an exit can be open for as long as its debounce asks, all signals free meanwhile."""
+        if index not in self._firing:
+            self._firing[index] = self._can_fire(index)
+        return self._firing[index]
+
+    def _can_fire(self, index: int) -> bool:
+        item = self.transition(index)
+        if item.debounce_ticks == 1:
+            return self.opening(index) is not None
+        earliest, latest = self.window(index)
+        stay = (item.debounce_ticks - 1) * TICK
+        # Both ends of the debounce in the guard: what lies between is too, as a choice of bounds is convex.
+        # The other leg may have gone on meanwhile.
+        last = Wish(translated(item.guard, lambda name: _END + name, lambda membership: True))
+        times = {TIME: (TICK, latest), _END + TIME: (max(earliest, TICK + stay), latest)}
+        return self.possible([self.wish(index), last], times, equal(_END + TIME, TIME, stay))
 
     # ------------------------------------------------------------------ evaluation
 
@@ -177,31 +232,17 @@ class SignalSpace:
             values[len(values) // 2 :] = np.nan
         return values
 
+    def _phase_number(self, phase: str | None) -> int:
+        return -1 if phase is None else self.table.phase_index(phase)
+
     def is_open(self, index: int, point: Point) -> bool:
         """Whether the guard of a transition is open at a point."""
-        row = self.program.transitions[index]
-        other = -1 if point.other is None else self.table.phase_index(point.other)
-        return guard_holds(
-            self.program.nodes,
-            int(row[FIRST_NODE]),
-            int(row[END_NODE]),
-            self.program.comparisons,
-            self.array(point),
-            other,
-        )
+        program, other = self.program, self._phase_number(point.other)
+        first, end = program.transitions[index, [FIRST_NODE, END_NODE]].tolist()
+        return guard_holds(program.nodes, first, end, program.comparisons, self.array(point), other)
 
     def winner(self, phase: str, point: Point, time: float) -> int | None:
-        """Transition that a leg takes at a point when the debounce of all its exits is over.
-
-        Args:
-            phase: Phase of the leg.
-            point: Its signals.
-            time: In the phase in [s].
-
-        Returns:
-            Index of the transition, or None.
-        """
-        debounce = np.array([item.debounce_ticks - 1 for item in self.table.transitions], dtype=np.int64)
+        """Transition that a leg takes after a time in [s] in a phase, the debounce of all exits over."""
         index = next_transition(
             self.table.phase_index(phase),
             round(time / TICK),
@@ -210,31 +251,41 @@ class SignalSpace:
             self.program.nodes,
             self.program.comparisons,
             self.array(point),
-            -1 if point.other is None else self.table.phase_index(point.other),
-            debounce,
+            self._phase_number(point.other),
+            np.array([item.debounce_ticks - 1 for item in self.table.transitions], dtype=np.int64),
         )
         return None if index == NO_TRANSITION else index
 
-    def witness(self, point: Point, clauses: Sequence[Clause]) -> dict[str, float | str]:
-        """Signals of a point that clauses read, for a finding; the rest may have any value."""
-        names = {name for clause in clauses for item in clause.inequalities for name in item.signals}
+    def counterexample(self, point: Point) -> dict[str, float | str]:
+        """Signals of a point that decide, for a finding; the rest may have any value."""
         found: dict[str, float | str] = {
-            name: point.signals[name] for name in self.names if name in names and name in point.signals
+            name: point.signals[name] for name in self.names if name in point.signals
         }
-        reads_phase = any(clause.others != self.others for clause in clauses)
-        if point.other is not None and (reads_phase or OTHER_TIME in names):
+        if point.other is not None and point.phase_decides:
             found[OTHER_PHASE] = point.other
         return found
 
 
-def at_entry(name: str) -> str:
-    """Name of a signal as the exits of a phase read it in the tick after the switch to it."""
-    return ENTRY_TIME if name == TIME else name
+def signal_space(case: CheckCase) -> SignalSpace:
+    """The signals of a case, laid out once for all rules."""
+    space: SignalSpace = case.once(SignalSpace, lambda: SignalSpace(case))
+    return space
+
+
+def _names(atom: Guard) -> tuple[str, ...]:
+    return (atom.signal, atom.minus or atom.signal) if isinstance(atom, Comparison) else ()
+
+
+def _in_ticks(bound: Bound) -> Bound:
+    """A bound on times in [s] as one on whole ticks; any other as it is."""
+    if not any(name.endswith(TIME) for name in bound.names):
+        return bound
+    return replace(bound, limit=bound.limit / TICK, room=bound.room / TICK, whole=True)
 
 
 def entered(point: Point) -> Point:
     """A point as the exits of a phase read it in the tick after the switch to it."""
-    return Point({**point.signals, TIME: TICK}, point.other)
+    return replace(point, signals={**point.signals, TIME: TICK})
 
 
 def swapped(name: str) -> str:
@@ -252,7 +303,7 @@ def _rounded(point: Point, holds: Callable[[Point], bool]) -> Point | None:
             name: round(value, max(decimals, 3) if name.endswith(TIME) else decimals) + 0.0
             for name, value in point.signals.items()
         }
-        rounded = Point(signals, point.other)
+        rounded = replace(point, signals=signals)
         if holds(rounded):
             return rounded
     return point if holds(point) else None

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.finding import Finding, Severity, Subject
+from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.hanging_leg import HangingLeg, hanging_legs
 from twin_gait.checking.linear_loop import (
     LinearLoop,
@@ -35,8 +35,8 @@ class _Phase(NamedTuple):
     loops: list[LinearLoop]
 
 
-def _phases(subject: Subject) -> Iterator[_Phase]:
-    for leg in hanging_legs(subject):
+def _phases(case: CheckCase) -> Iterator[_Phase]:
+    for leg in hanging_legs(case):
         for index, name in enumerate(leg.phases):
             yield _Phase(leg, name, [leg.linear_loop(index, velocity) for velocity in VELOCITIES])
 
@@ -45,21 +45,15 @@ def _about(velocity: float) -> str:
     return f"±{velocity:g} rad/s" if velocity else "rest"
 
 
-def unstable(subject: Subject) -> list[Finding]:
+def unstable(case: CheckCase) -> list[Finding]:
     """The sampled loop of hip and knee grows from a small disturbance in a phase.
 
     The spectral radius of the closed-loop transition matrix is above 1 at rest or at
     ±1 rad/s. The leg is in the air with its pelvis held, at the equilibrium angles of the phase and under
     the plant's stated friction; ground and belt are not in it.
-
-    Args:
-        subject: What is checked.
-
-    Returns:
-        An error for each such phase.
     """
     findings = []
-    for leg, phase, loops in _phases(subject):
+    for leg, phase, loops in _phases(case):
         radii = [spectral_radius(transition_matrix(loop)) for loop in loops]
         worst = int(np.argmax(radii))
         if radii[worst] <= 1.0 + NEUTRAL:
@@ -80,17 +74,10 @@ def unstable(subject: Subject) -> list[Finding]:
     return findings
 
 
-def effective_damping(subject: Subject) -> list[Finding]:
-    """A phase oscillates: damping ratio below 0.5 with delays and friction compensation counted in.
-
-    Args:
-        subject: What is checked.
-
-    Returns:
-        A warning for each such phase; those that :func:`unstable` finds are left out.
-    """
+def effective_damping(case: CheckCase) -> list[Finding]:
+    """A phase oscillates: damping ratio below 0.5 with delays and friction compensation counted in."""
     findings = []
-    for leg, phase, loops in _phases(subject):
+    for leg, phase, loops in _phases(case):
         maps = [transition_matrix(loop) for loop in loops]
         ratios = [effective_damping_ratio(matrix, loops[0].frame) for matrix in maps]
         worst = int(np.argmin(ratios))
@@ -113,17 +100,10 @@ def effective_damping(subject: Subject) -> list[Finding]:
     return findings
 
 
-def stability_margin(subject: Subject) -> list[Finding]:
-    """Distance of a stable phase from growing: spectral radius, largest b and G of each joint.
-
-    Args:
-        subject: What is checked.
-
-    Returns:
-        A note for each phase that is stable.
-    """
+def stability_margin(case: CheckCase) -> list[Finding]:
+    """Distance of a stable phase from growing: spectral radius, largest b and G of each joint."""
     findings = []
-    for leg, phase, loops in _phases(subject):
+    for leg, phase, loops in _phases(case):
         maps = [transition_matrix(loop) for loop in loops]
         radius = max(spectral_radius(matrix) for matrix in maps)
         ratio = min(effective_damping_ratio(matrix, loops[0].frame) for matrix in maps)

@@ -8,15 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli import options
-from twin_gait.cli.terminal import (
-    DONE,
-    FAILED,
-    interrupted,
-    note_compilation,
-    progress_bar,
-    stop_on_interrupt,
-)
+from twin_gait.cli import options, terminal
+from twin_gait.cli.terminal import DONE, FAILED
 
 if TYPE_CHECKING:
     from twin_gait.scenario.bench_joint import BenchJoint, DutyControl, TorqueControl
@@ -176,21 +169,16 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
         raise RunDirectoryError(f"{arguments.out}: exists; choose another --out")
     for campaign in campaigns:
         folder = arguments.out / str(campaign.protocol) if both else arguments.out
-        with (
-            stop_on_interrupt() as should_stop,
-            progress_bar(str(campaign.protocol), "test") as progress,
-        ):
-            result = run_campaign(
-                campaign, folder, progress=progress, should_stop=should_stop, on_compile=note_compilation
-            )
+        with terminal.watched(str(campaign.protocol), "test") as watch:
+            result = run_campaign(campaign, folder, **watch)
         print("\n".join(report_campaign(result)))
         if result.status is RunStatus.INTERRUPTED:
-            return interrupted("the logs so far are kept")
+            return terminal.interrupted("the logs so far are kept")
     return DONE
 
 
 def report_campaign(result: CampaignResult) -> Iterator[str]:
-    """What came out, in a few lines."""
+    """Results in a few lines."""
     tests = result.tests
     yield f"{result.status}: {len(tests)} synthetic logs in {result.directory}"
     if not tests:
@@ -228,14 +216,8 @@ def run_test_command(arguments: argparse.Namespace) -> int:
         start_angle=math.radians(arguments.start_angle_deg),
         duration=arguments.duration,
     )
-    with stop_on_interrupt() as should_stop, progress_bar("simulating", "tick") as progress:
-        run = simulate_bench(
-            test,
-            seed=arguments.seed,
-            progress=progress,
-            should_stop=should_stop,
-            on_compile=note_compilation,
-        )
+    with terminal.watched("simulating", "tick") as watch:
+        run = simulate_bench(test, seed=arguments.seed, **watch)
     header = {
         "joint": arguments.joint,
         "controller": arguments.controller,
@@ -246,7 +228,7 @@ def run_test_command(arguments: argparse.Namespace) -> int:
     write_atomically(out, log_text(run, header, truth=True))
     print("\n".join(report_test(run, out)))
     if run.status is RunStatus.INTERRUPTED:
-        return interrupted("the log so far is kept")
+        return terminal.interrupted("the log so far is kept")
     return FAILED if run.status is RunStatus.DIVERGED else DONE
 
 

@@ -41,7 +41,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Check and print what was found."""
-    from twin_gait.checking.check import check, counts, load_subject, report, rules
+    from twin_gait.checking.check import check, counts, load_case, report, rules
 
     if arguments.rules:
         width = max(map(len, rules()))
@@ -49,11 +49,11 @@ def run(arguments: argparse.Namespace) -> int:
         return DONE
     if arguments.table is None and arguments.experiment is None:
         raise ParameterError("check: expected a gait table or --experiment; --rules lists the rules")
-    subject = load_subject(arguments.table, arguments.experiment, arguments.settings)
-    findings = check(subject)
-    against = "by itself" if subject.experiment is None else f"against {subject.experiment.name}"
-    last = f"{subject.table.name}, {against}: {counted(counts(findings))}"
-    answer(arguments, [*draw(findings), last], lambda: report(subject, findings))
+    case = load_case(arguments.table, arguments.experiment, arguments.settings)
+    findings = check(case)
+    against = "by itself" if case.experiment is None else f"against {case.experiment.name}"
+    last = f"{case.table.name}, {against}: {counted(counts(findings))}"
+    answer(arguments, [*draw(findings), last], lambda: report(case, findings))
     return FAILED if counts(findings)["errors"] else DONE
 
 
@@ -65,8 +65,8 @@ def draw(findings: Sequence[Finding]) -> Iterator[str]:
             yield from _wrapped(finding.waived)
             continue
         yield from _wrapped(finding.reason)
-        if finding.witness:
-            yield from _wrapped(f"at {', '.join(_signal(*item) for item in finding.witness.items())}")
+        if finding.counterexample:
+            yield from _wrapped(f"at {', '.join(_signal(*item) for item in finding.counterexample.items())}")
         if finding.severity != "note":
             yield from _wrapped(f"→ {finding.suggestion}")
 

@@ -7,15 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from twin_gait.cli import options
-from twin_gait.cli.terminal import (
-    DONE,
-    INTERRUPTED,
-    answer,
-    note_compilation,
-    progress_bar,
-    stop_on_interrupt,
-)
+from twin_gait.cli import options, terminal
+from twin_gait.cli.terminal import DONE, INTERRUPTED
 
 # [s] of each run: assistance that adapts from stride to stride takes some twenty of them to settle.
 DURATION = 60.0
@@ -55,10 +48,19 @@ def run(arguments: argparse.Namespace) -> int:
     import textwrap
 
     from twin_gait.runs.folders import check_target
-    from twin_gait.studies.compare.comparing import ComparisonInterrupted, compare
-    from twin_gait.studies.compare.controllers import CONTROLLERS, find_controllers
-    from twin_gait.studies.compare.words import paragraphs
-    from twin_gait.studies.compare.writing import COMPARISON, PAGE_FILE, summary_text, write_comparison
+    from twin_gait.studies.compare.comparing import (
+        CONTROLLERS,
+        ComparisonInterrupted,
+        compare,
+        find_controllers,
+    )
+    from twin_gait.studies.compare.writing import (
+        COMPARISON,
+        PAGE_FILE,
+        conclusions,
+        summary_text,
+        write_comparison,
+    )
 
     names = list(CONTROLLERS)
     if arguments.controllers is not None:
@@ -70,21 +72,14 @@ def run(arguments: argparse.Namespace) -> int:
     check_target(out, COMPARISON, force=arguments.force)
     experiment = options.experiment_of(arguments, f"duration_s={DURATION:g}").experiment
     try:
-        with stop_on_interrupt() as should_stop, progress_bar("compare", "run") as progress:
-            comparison = compare(
-                experiment,
-                controllers,
-                seeds=arguments.seeds,
-                progress=progress,
-                should_stop=should_stop,
-                on_compile=note_compilation,
-            )
+        with terminal.watched("compare", "run") as watch:
+            comparison = compare(experiment, controllers, seeds=arguments.seeds, **watch)
     except ComparisonInterrupted as error:
         print(f"twin-gait: {error}", file=sys.stderr)
         return INTERRUPTED
     write_comparison(comparison, who, out, force=arguments.force)
-    text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in paragraphs(comparison))
-    answer(
+    text = "\n\n".join(textwrap.fill(text, _WIDTH) for text in conclusions(comparison))
+    terminal.answer(
         arguments,
         [text, "", str(out / PAGE_FILE)],
         lambda: {**json.loads(summary_text(comparison, who)), "directory": out},

@@ -102,11 +102,11 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.runs.folders import check_target
     from twin_gait.vocabulary import JointName
 
-    options = make_options(arguments)
+    chosen = make_options(arguments)
     check_target(arguments.out, IDENTIFICATION, force=arguments.force)
     paths = list(_files(arguments.logs))
     with progress_bar("identifying", "step") as progress:
-        result = identify_logs(paths, options, progress)
+        result = identify_logs(paths, chosen, progress)
     joint = None if arguments.joint is None else JointName(arguments.joint)
     document = write_identification(
         result, arguments.out, joint, force=arguments.force, pictures=not arguments.no_pictures
@@ -131,11 +131,7 @@ def _why_no_file(document: Mapping[str, Any]) -> str:
 
 
 def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
-    """Turn arguments into options.
-
-    Raises:
-        ParameterError: If one cannot be read or is out of range.
-    """
+    """Turn arguments into options."""
     from twin_gait.identification import (
         CurrentSource,
         FitOptions,
@@ -147,7 +143,7 @@ def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
     )
     from twin_gait.parameters import require
 
-    require(arguments.seed >= 0, "--seed", "a whole options.number of 0 or more", arguments.seed)
+    require(arguments.seed >= 0, "--seed", "a whole number of 0 or more", arguments.seed)
     processing = options.given(
         processing=None if arguments.processing is None else Processing(arguments.processing),
         cutoff=arguments.cutoff_Hz,
@@ -184,9 +180,7 @@ def _bench(arguments: argparse.Namespace) -> Any:
     if arguments.start_angle_deg == "as-logged":
         stated["start_angle"] = None
     elif arguments.start_angle_deg is not None:
-        degrees = options.number(
-            "--start-angle-deg", arguments.start_angle_deg, "a options.number or as-logged"
-        )
+        degrees = options.number("--start-angle-deg", arguments.start_angle_deg, "a number or as-logged")
         stated["start_angle"] = math.radians(degrees)
     return BenchSetup(
         actuator=KNEE_ACTUATOR if arguments.joint == "knee" else HIP_ACTUATOR,
@@ -207,7 +201,7 @@ def _pairs(flag: str, text: str) -> dict[Any, str]:
 
 
 def _files(paths: list[Path]) -> Iterator[Path]:
-    """Files as options.given, and those of folders by name."""
+    """Files as given, and those of folders by name."""
     from twin_gait.exceptions import ParameterError
 
     for path in paths:

@@ -43,9 +43,12 @@ def add_no_pictures(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-pictures", action="store_true", help="leave out figures and animations")
 
 
-def add_seed(parser: argparse.ArgumentParser) -> None:
-    """Add ``--seed``."""
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of every random draw (0)")
+def add_seed(parser: argparse.ArgumentParser, *, of_experiment: bool = False) -> None:
+    """Add ``--seed``, of the command's own draws or of the experiment, where it is a shorter ``--set``."""
+    kind: dict[str, Any] = {"type": int, "default": 0}
+    if of_experiment:
+        kind = {"type": lambda text: f"seed={int(text)}", "action": "append", "dest": "settings"}
+    parser.add_argument("--seed", metavar="N", help="of every random draw (0)", **kind)
 
 
 def add_page(parser: argparse.ArgumentParser) -> None:
@@ -65,16 +68,15 @@ def check_port(port: int) -> None:
 # ---------------------------------------------------------------------- an experiment and changes to it
 
 
-def add_experiment(parser: argparse.ArgumentParser, *, seconds: str = "that of the experiment") -> None:
+def add_experiment(parser: argparse.ArgumentParser, *, seconds: str | None) -> None:
     """Add the experiment, all that changes it, and ``--unchecked``; :func:`experiment_of` reads them.
 
-    Args:
-        parser: Of the command.
-        seconds: How long a run lasts without ``--duration``, for the help.
+    ``seconds`` says how long a run lasts without ``--duration``; None leaves that option out.
     """
     parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
     add_settings(parser)
-    _add_shorthand(parser, "--duration", "S", "duration_s", f"simulated time in s ({seconds})")
+    if seconds is not None:
+        _add_shorthand(parser, "--duration", "S", "duration_s", f"simulated time in s ({seconds})")
     add_unchecked(parser)
 
 
@@ -122,18 +124,7 @@ def add_unchecked(parser: argparse.ArgumentParser) -> None:
 
 
 def experiment_of(arguments: argparse.Namespace, *defaults: str) -> LoadedExperiment:
-    """The experiment that the user asked for, its gait table checked.
-
-    Args:
-        arguments: Of the command.
-        defaults: Settings that those of the user replace.
-
-    Returns:
-        The experiment.
-
-    Raises:
-        TwinGaitError: If it has a mistake, or its table an error and ``--unchecked`` is not given.
-    """
+    """The experiment that the user asked for, its gait table checked."""
     from twin_gait.configuration import load_experiment
 
     loaded = load_experiment(arguments.experiment, [*defaults, *arguments.settings])
@@ -144,16 +135,7 @@ def experiment_of(arguments: argparse.Namespace, *defaults: str) -> LoadedExperi
 
 
 def check_table(experiment: Experiment, source: str | None = None, settings: Sequence[str] = ()) -> None:
-    """Stop at errors of the gait table, and say on one line how many warnings there are.
-
-    Args:
-        experiment: What is going to run.
-        source: How the user named it; None if 'twin-gait check' could not be told.
-        settings: What they laid over it.
-
-    Raises:
-        GaitTableError: If there is an error.
-    """
+    """Stop at errors of the gait table, and say on one line how many warnings there are."""
     import shlex
 
     from twin_gait.checking.check import check_before_run, counts
@@ -201,11 +183,7 @@ def add_runner(parser: argparse.ArgumentParser) -> None:
 
 
 def workers_of(arguments: argparse.Namespace) -> int:
-    """How many processes the user wants.
-
-    Raises:
-        ParameterError: If there are fewer than 1, or there is a scheduler too.
-    """
+    """How many processes the user wants."""
     if arguments.workers is None:
         return PROCESSORS
     if getattr(arguments, "scheduler", None) is not None:
@@ -216,12 +194,7 @@ def workers_of(arguments: argparse.Namespace) -> int:
 
 
 def runner_of(arguments: argparse.Namespace) -> Workers:
-    """The processes of this machine, or the cluster, that the user asked for; a context that ends them.
-
-    Raises:
-        ParameterError: If there are fewer than 1, or there is no scheduler at the address.
-        MissingOptionalDependency: If a cluster is asked for and dask.distributed is not installed.
-    """
+    """The processes of this machine, or the cluster, that the user asked for; a context that ends them."""
     from twin_gait.studies.jobs import Workers
 
     return Workers(workers_of(arguments), arguments.scheduler)
@@ -231,16 +204,7 @@ def runner_of(arguments: argparse.Namespace) -> Workers:
 
 
 def check_file(flag: str, path: Path, *, force: bool) -> None:
-    """Refuse a file that cannot be written, before any work is done for it.
-
-    Args:
-        flag: By which the user named it.
-        path: The file.
-        force: Whether an existing file may be replaced.
-
-    Raises:
-        RunDirectoryError: If it exists, is a directory, or would lie in none.
-    """
+    """Refuse a file that cannot be written, before any work is done for it."""
     if path.is_dir():
         raise RunDirectoryError(f"{flag} {path}: is a directory; name a file")
     if path.exists() and not force:
@@ -250,11 +214,7 @@ def check_file(flag: str, path: Path, *, force: bool) -> None:
 
 
 def pairs(flag: str, text: str, allowed: list[str] | None = None) -> dict[str, str]:
-    """Read ``a=b,c=d``.
-
-    Raises:
-        ParameterError: If it is no such text, has a key twice, or one that is not allowed.
-    """
+    """Read ``a=b,c=d``."""
     found: dict[str, str] = {}
     for part in filter(None, (item.strip() for item in text.split(","))):
         key, separator, value = (item.strip() for item in part.partition("="))
@@ -269,11 +229,7 @@ def pairs(flag: str, text: str, allowed: list[str] | None = None) -> dict[str, s
 
 
 def number(flag: str, text: str, expected: str = "a number") -> float:
-    """Read a finite number.
-
-    Raises:
-        ParameterError: If it is none, with what was expected.
-    """
+    """Read a finite number."""
     import math
 
     try:

@@ -12,7 +12,7 @@ from twin_gait.cli.terminal import DONE, answer, progress_bar
 if TYPE_CHECKING:
     from twin_gait.replay.request import ReplayRequest
 
-FOUND = "found"  # --mirror without a options.number: the stride time is found in the angles
+FOUND = "found"  # --mirror without a number: the stride time is found in the angles
 
 
 def add_parser(commands: Any) -> None:
@@ -76,11 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def make_request(arguments: argparse.Namespace) -> ReplayRequest:
-    """Turn arguments into a request.
-
-    Raises:
-        ParameterError: If one cannot be read.
-    """
+    """Turn arguments into a request."""
     import math
 
     from twin_gait.conventions import find_convention

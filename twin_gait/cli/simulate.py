@@ -10,18 +10,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli import options
-from twin_gait.cli.terminal import (
-    DONE,
-    FAILED,
-    INTERRUPTED,
-    answer,
-    clear_line,
-    note_compilation,
-    note_step,
-    progress_bar,
-    stop_on_interrupt,
-)
+from twin_gait.cli import options, terminal
+from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 
 if TYPE_CHECKING:
     from twin_gait.simulation import Run
@@ -35,7 +25,8 @@ def add_parser(commands: Any) -> None:
         description="Simulate a preset or an experiment file and write a run directory.",
     )
     add = parser.add_argument
-    options.add_experiment(parser)
+    options.add_experiment(parser, seconds="that of the experiment")
+    options.add_seed(parser, of_experiment=True)
     options.add_out(parser, "DIR", "run directory (runs/<time>-<name>)")
     add(
         "--engine",
@@ -79,16 +70,14 @@ def run(arguments: argparse.Namespace) -> int:
     loaded = options.experiment_of(arguments)
     out = arguments.out or default_folder(loaded.experiment.name)
     with (
-        stop_on_interrupt() as should_stop,
+        terminal.stop_on_interrupt() as should_stop,
         staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
     ):
-        with progress_bar("simulating", "tick") as progress:
-            result = simulate(
-                loaded.experiment, progress=progress, should_stop=should_stop, on_compile=note_compilation
-            )
+        with terminal.watched("simulating", "tick", should_stop) as watch:
+            result = simulate(loaded.experiment, **watch)
         accuracy = None
         if arguments.accuracy and result.status is RunStatus.COMPLETED:
-            with progress_bar("a tenth of the step", "tick") as progress:
+            with terminal.progress_bar("a tenth of the step", "tick") as progress:
                 accuracy = step_error(result, progress=progress, should_stop=should_stop)
         summary = write_run(
             result,
@@ -96,13 +85,13 @@ def run(arguments: argparse.Namespace) -> int:
             document=loaded.document,
             pictures=not arguments.no_pictures,
             accuracy=accuracy,
-            on_step=note_step,
+            on_step=terminal.note_step,
         )
-    clear_line()
+    terminal.clear_line()
     lines = list(report(result, summary, out))
     if arguments.accuracy and accuracy is None:
         lines.append(f"  no accuracy: the run {result.status}, and only completed ones are run again")
-    answer(arguments, lines, lambda: {**summary, "directory": out})
+    terminal.answer(arguments, lines, lambda: {**summary, "directory": out})
     if result.status is RunStatus.INTERRUPTED:
         return INTERRUPTED
     if arguments.view:
@@ -121,7 +110,7 @@ def default_folder(name: str) -> Path:
 
 
 def report(result: Run, summary: dict[str, Any], out: Path) -> Iterator[str]:
-    """What came out, in a few lines."""
+    """Results in a few lines."""
     from twin_gait.simulation import RunStatus
 
     pace = summary["realtime_factor"]

@@ -8,16 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli import options
-from twin_gait.cli.terminal import (
-    DONE,
-    FAILED,
-    answer,
-    interrupted,
-    note_compilation,
-    progress_bar,
-    stop_on_interrupt,
-)
+from twin_gait.cli import options, terminal
+from twin_gait.cli.terminal import DONE, FAILED
 
 if TYPE_CHECKING:
     from twin_gait.studies.sweep.sweep import SweepResult
@@ -63,9 +55,8 @@ def run(arguments: argparse.Namespace) -> int:
     try:
         with (
             options.runner_of(arguments) as workers,
-            stop_on_interrupt() as should_stop,
-            progress_bar("checking", "episode") as checking,
-            progress_bar("sweeping", "episode") as progress,
+            terminal.progress_bar("checking", "episode") as checking,
+            terminal.watched("sweeping", "episode") as watch,
         ):
             result = run_sweep(
                 sweep,
@@ -74,20 +65,18 @@ def run(arguments: argparse.Namespace) -> int:
                 chunk_seconds=arguments.chunk_seconds,
                 pictures=not arguments.no_pictures,
                 checking=checking,
-                progress=progress,
-                should_stop=should_stop,
-                on_compile=note_compilation,
+                **watch,
             )
     except WorkersLost as error:
         print(f"twin-gait: {error}; what is done is kept, and {again}", file=sys.stderr)
         return FAILED
     document = {"status": str(result.status), **result.summary, "directory": result.directory}
-    answer(arguments, report(result), lambda: document)
-    return interrupted(again) if result.status is RunStatus.INTERRUPTED else DONE
+    terminal.answer(arguments, report(result), lambda: document)
+    return terminal.interrupted(again) if result.status is RunStatus.INTERRUPTED else DONE
 
 
 def report(result: SweepResult) -> Iterator[str]:
-    """What came out, in a few lines."""
+    """Results in a few lines."""
     summary, last = result.summary, result.summary["last_call"]
     yield f"{result.status}: {summary['finished']} of {summary['episodes']} episodes"
     if result.resumed:

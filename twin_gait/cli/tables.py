@@ -128,9 +128,9 @@ def _write_diagrams(table: GaitTable, folder: Path, formats: list[str], *, force
 
 
 def _writers() -> dict[str, Callable[[GaitTable], str]]:
-    from twin_gait.report.diagram_mermaid import state_diagram_mermaid
+    from twin_gait.gait.documents import transition_table, truth_table
+    from twin_gait.report.diagram_words import state_diagram_mermaid
     from twin_gait.report.state_diagram import state_diagram_svg
-    from twin_gait.report.state_tables import transition_table, truth_table
 
     return {
         "svg": state_diagram_svg,

@@ -9,7 +9,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
 
 
 def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Callable[[], Any]) -> None:
-    """Print what came out: lines for a reader or, with ``--json``, one document for a program.
+    """Print the result: lines for a reader or, with ``--json``, one document for a program.
 
     Args:
         arguments: Of the command.
@@ -53,7 +53,7 @@ def write_on_any_terminal() -> None:
 
 
 def note_abandoned(out: Path | None) -> None:
-    """Offer to remove what killed runs have left beside this one, whose folder is in runs without ``out``."""
+    """Offer to remove what killed runs have left in the folder of ``out``, or in runs without it."""
     from twin_gait.runs.folders import abandoned
 
     parent = Path("runs") if out is None else out.expanduser().absolute().parent
@@ -96,6 +96,14 @@ def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
             bar.update(done - bar.n)
 
         yield update
+
+
+@contextmanager
+def watched(title: str, unit: str, should_stop: Callable[[], bool] | None = None) -> Iterator[dict[str, Any]]:
+    """Progress bar, request to stop and word on compiling, as what takes its time takes them."""
+    stopping = stop_on_interrupt() if should_stop is None else nullcontext(should_stop)
+    with stopping as asked, progress_bar(title, unit) as progress:
+        yield {"progress": progress, "should_stop": asked, "on_compile": note_compilation}
 
 
 def interrupted(hint: str) -> int:

@@ -8,22 +8,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin_gait.cli import options
-from twin_gait.cli.terminal import (
-    DONE,
-    FAILED,
-    answer,
-    clear_line,
-    interrupted,
-    note_compilation,
-    note_line,
-    progress_bar,
-    stop_on_interrupt,
-)
+from twin_gait.cli import options, terminal
+from twin_gait.cli.terminal import DONE, FAILED
 
 if TYPE_CHECKING:
     from twin_gait.experiment import Experiment
-    from twin_gait.studies.tune.tuning import Progress
+    from twin_gait.studies.tune.state import Progress
 
 
 def add_parser(commands: Any) -> None:
@@ -38,7 +28,7 @@ def add_parser(commands: Any) -> None:
         ),
     )
     add = parser.add_argument
-    options.add_experiment(parser)
+    options.add_experiment(parser, seconds=None)
     options.add_out(parser, "DIR", "folder of the tuning", required=True)
     add("--resume", action="store_true", help="go on with a tuning that was stopped")
     add("--reference", metavar="koopman@SPEED", help="healthy gait at a speed in km/h (that of the belt)")
@@ -59,9 +49,9 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.exceptions import ParameterError
     from twin_gait.simulation import RunStatus
     from twin_gait.studies import WorkersLost
-    from twin_gait.studies.tune.settings import Settings
+    from twin_gait.studies.tune.outcome import write_tuning
+    from twin_gait.studies.tune.state import Settings
     from twin_gait.studies.tune.tune import tune
-    from twin_gait.studies.tune.writing import write_tuning
 
     options.workers_of(arguments)
     if arguments.resume and arguments.force:
@@ -80,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
     again = f"the same command with --resume goes on from there: {arguments.out}"
     folder = None
     try:
-        with options.runner_of(arguments) as workers, stop_on_interrupt() as should_stop:
+        with options.runner_of(arguments) as workers, terminal.stop_on_interrupt() as should_stop:
             tuning = tune(
                 experiment,
                 arguments.out,
@@ -90,11 +80,11 @@ def run(arguments: argparse.Namespace) -> int:
                 force=arguments.force,
                 progress=_note,
                 should_stop=should_stop,
-                on_compile=note_compilation,
+                on_compile=terminal.note_compilation,
             )
-            clear_line()
+            terminal.clear_line()
             if tuning.status is RunStatus.COMPLETED:
-                with progress_bar("departures", "walk") as progress:
+                with terminal.progress_bar("departures", "walk") as progress:
                     folder = write_tuning(
                         tuning,
                         experiment,
@@ -109,8 +99,8 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"twin-gait: {error}; what is done is kept, and {again}", file=sys.stderr)
         return FAILED
     if folder is None:
-        return interrupted(again)
-    answer(
+        return terminal.interrupted(again)
+    terminal.answer(
         arguments,
         report(folder.outcome, folder.directory),
         lambda: {**folder.outcome, "directory": folder.directory},
@@ -119,10 +109,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def report(outcome: dict[str, Any], directory: Path) -> Iterator[str]:
-    """What came out, in a few lines."""
-    from twin_gait.report.tune_page import convergence_words, summary
+    """Results in a few lines."""
+    from twin_gait.report.tune import summary
 
-    yield from (*summary(outcome), convergence_words(outcome), f"  {directory}")
+    yield from (*summary(outcome), f"  {directory}")
 
 
 def _reference_speed(text: str | None) -> float | None:
@@ -155,4 +145,4 @@ def _note(step: Progress) -> None:
     hip, knee = (step.best_values.get(f"{joint}_error_deg") for joint in ("hip", "knee"))
     if hip is not None and knee is not None:
         line += f", hip {hip:.1f}°, knee {knee:.1f}°"
-    note_line(line)
+    terminal.note_line(line)

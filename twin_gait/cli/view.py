@@ -104,11 +104,7 @@ def _show_urdf(urdf: Path, arguments: argparse.Namespace) -> int:
 
 
 def picture_size(text: str | None) -> PictureSize:
-    """Read a size such as ``1600x1000``; None stands for the default.
-
-    Raises:
-        ParameterError: If it is no such text or out of range.
-    """
+    """Read a size such as ``1600x1000``; None stands for the default."""
     import re
 
     from twin_gait.viewer.picture import DEFAULT_SIZE, LARGEST, SMALLEST, PictureSize

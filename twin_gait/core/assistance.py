@@ -27,7 +27,7 @@ def adapted_assistance(
 
         \alpha_{n+1} = f\,\alpha_n + g\,\max(0, e_n - e_0), \qquad \alpha_{min} \le \alpha \le 1
 
-    Assistance is forgotten by the factor f and comes back where tracking is worse than the allowance, after
+    Assistance decays by the factor f and comes back where tracking is worse than the allowance, after
     J. L. Emken, J. E. Bobrow, D. J. Reinkensmeyer: Robotic movement training as an optimization problem,
     IEEE ICORR (2005) 307-312.
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.check import build_subject
+from twin_gait.checking.check import build_case
 from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
@@ -86,8 +86,8 @@ class Panel:
         """Find the ranges of all controls."""
         self.preset: Settings = first_settings(experiment)
         self.problem: Problem = build_problem(experiment)
-        subject = build_subject(experiment.table, experiment)
-        self._angles = {JointName(name): limits for name, limits in subject.limits.items()}
+        case = build_case(experiment.table, experiment)
+        self._angles = {JointName(name): limits for name, limits in case.limits.items()}
         self._places = tuple(places(experiment.table, self.problem.sides))
         self._inertias = _inertias(self.problem)
         self._torque = experiment.control.limits.torque

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from twin_gait.checking.check import Rule, build_subject
-from twin_gait.checking.finding import Finding, Severity, Subject
+from twin_gait.checking.check import build_case
+from twin_gait.checking.finding import CheckCase, Finding, Rule, Severity, waive
 from twin_gait.checking.leaving import cannot_leave
 from twin_gait.checking.sense import (
     equilibrium_beyond_limits,
@@ -14,10 +14,8 @@ from twin_gait.checking.sense import (
     unusual_gain,
     unusual_stiffness,
 )
-from twin_gait.checking.serving import stiffness_not_served
 from twin_gait.checking.stability import effective_damping, unstable
-from twin_gait.checking.torque_jumps import torque_jump
-from twin_gait.checking.waiving import waive
+from twin_gait.checking.torques import stiffness_not_served, torque_jump
 from twin_gait.live.settings import Mode, Settings
 
 # Rules that k, b, θ0 and G can break, quick ones first; an error of one of them refuses a change. The phases
@@ -42,11 +40,11 @@ class Verdict(NamedTuple):
     """What the check says of some settings.
 
     Attributes:
-        subject: What was checked.
+        case: What was checked.
         errors: Findings that refuse them.
     """
 
-    subject: Subject
+    case: CheckCase
     errors: tuple[Finding, ...]
 
     @property
@@ -65,14 +63,14 @@ def judge(settings: Settings, known: frozenset[Place] = frozenset()) -> Verdict:
     Returns:
         The verdict; it stops at the first rule with an error that is not known.
     """
-    subject = build_subject(settings.driving.table, settings.driving)
+    case = build_case(settings.driving.table, settings.driving)
     errors: list[Finding] = []
     for rule in GATE if settings.mode is Mode.WALK else GATE_OF_MONITOR:
-        found = [item for item in rule(subject) if item.severity is Severity.ERROR]
+        found = [item for item in rule(case) if item.severity is Severity.ERROR]
         errors += found
         if any(place_of(item) not in known for item in found):
             break
-    return Verdict(subject, tuple(errors))
+    return Verdict(case, tuple(errors))
 
 
 def refusal(verdict: Verdict, known: frozenset[Place]) -> str:
@@ -95,15 +93,15 @@ def warnings(settings: Settings) -> dict[Place, str]:
     Returns:
         One sentence by rule and place.
     """
-    subject = build_subject(settings.driving.table, settings.driving)
+    case = build_case(settings.driving.table, settings.driving)
     found: list[Finding] = []
     for rule in TOLD if settings.mode is Mode.WALK else TOLD_OF_MONITOR:
-        found += rule(subject)
-    return {place_of(item): described(item) for item in _live(subject, found)}
+        found += rule(case)
+    return {place_of(item): described(item) for item in _live(case, found)}
 
 
-def _live(subject: Subject, found: Sequence[Finding]) -> list[Finding]:
-    marked = waive(subject.table, found)
+def _live(case: CheckCase, found: Sequence[Finding]) -> list[Finding]:
+    marked = waive(case.table, found)
     return [item for item in marked if item.severity is Severity.WARNING and not item.waived]
 
 

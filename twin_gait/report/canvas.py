@@ -146,6 +146,14 @@ def readable(name: str) -> str:
     return name.replace("_", " ")
 
 
+def amount(value: float | None, unit: str = "") -> str:
+    """A number with its unit and as many places as a person reads; a dash for None."""
+    if value is None:
+        return "–"
+    places = 0 if abs(value) >= 100.0 else 1 if abs(value) >= 10.0 else 2
+    return f"{value:.{places}f} {unit}".strip()
+
+
 def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist] = ()) -> None:
     """Put one legend under all panels, where it covers nothing: rows of lines, rows of phases.
 

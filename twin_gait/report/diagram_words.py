@@ -1,11 +1,14 @@
-"""Readable words for phases, guards and numbers of a gait table, shared by its drawing and its tables."""
+"""Words for the guards and numbers of a gait table in its drawing, and the drawing in Mermaid."""
 
 from __future__ import annotations
 
+import re
 import textwrap
+from collections.abc import Sequence
 
+from twin_gait.gait.documents import number
 from twin_gait.gait.guards import OTHER, WALK, AllOf, AnyOf, Guard, PhaseMembership
-from twin_gait.gait.table import TICK, JointImpedance, Transition
+from twin_gait.gait.table import TICK, GaitTable, JointImpedance, Transition
 
 # By the ending of a signal's name: what follows the joint, and the unit.
 _QUANTITIES = {
@@ -27,19 +30,6 @@ def readable(name: str) -> str:
         For example ``early stance``, on one line.
     """
     return " ".join(name.replace("_", " ").split()) or name
-
-
-def number(value: float, digits: int = 10) -> str:
-    """Write a number without noise in its last digits.
-
-    Args:
-        value: The number.
-        digits: Significant digits; ten keep what a file gives and drop what a conversion of units adds.
-
-    Returns:
-        The text, with a true minus sign.
-    """
-    return f"{value:.{digits}g}".replace("-", "−")
 
 
 def duration(ticks: int) -> str:
@@ -119,3 +109,34 @@ def condition_lines(transition: Transition, width: int) -> list[str]:
     if transition.time_out_ticks is not None:
         lines.append(f"after {duration(transition.time_out_ticks)}")
     return [part for line in lines for part in textwrap.wrap(line, width)]
+
+
+def state_diagram_mermaid(table: GaitTable) -> str:
+    """Write the state diagram in Mermaid's ``stateDiagram-v2``.
+
+    Args:
+        table: The gait table.
+
+    Returns:
+        Mermaid text, ending with a line break.
+    """
+    names = _mermaid_names(table.phase_names)
+    lines = ["stateDiagram-v2", f"    [*] --> {names[table.phase_names[0]]}"]
+    lines += [f'    state "{_mermaid(readable(phase))}" as {name}' for phase, name in names.items()]
+    for item in table.transitions:
+        conditions = " ".join(condition_lines(item, 10**6))
+        label = _mermaid(f"{readable(item.cause)} [{conditions}]")
+        lines.append(f"    {names[item.source]} --> {names[item.target]}: {label}")
+    return "\n".join(lines) + "\n"
+
+
+def _mermaid_names(phases: Sequence[str]) -> dict[str, str]:
+    """Identifiers: the phases' own names, unless one might be a word of Mermaid's."""
+    if all(re.fullmatch(r"[A-Za-z]+(_[A-Za-z0-9]+)+", phase) for phase in phases):
+        return {phase: phase for phase in phases}
+    return {phase: f"phase_{position}" for position, phase in enumerate(phases, start=1)}
+
+
+def _mermaid(text: str) -> str:
+    """Text with what Mermaid or HTML would read as syntax in Mermaid's entity codes."""
+    return "".join(char if char.isalnum() or char in " _.,°/−ζθ()[]-+" else f"#{ord(char)};" for char in text)

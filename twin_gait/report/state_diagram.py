@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from xml.sax.saxutils import escape
 
+from twin_gait.gait.documents import number
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters
 from twin_gait.palette import phase_colour
 from twin_gait.report.diagram_layout import (
@@ -18,7 +19,7 @@ from twin_gait.report.diagram_layout import (
     bounds,
     lay_out,
 )
-from twin_gait.report.diagram_words import condition_lines, damping_words, duration, number, readable
+from twin_gait.report.diagram_words import condition_lines, damping_words, duration, readable
 
 LINE, SMALL_LINE = 17.0, 16.0  # [px] from line to line of labels and in boxes
 _LABEL_CHARACTERS = 32

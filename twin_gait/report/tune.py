@@ -1,4 +1,4 @@
-"""Pictures of a tuning: gait before and after, named parts, what matters, convergence, departures."""
+"""Pictures and page of a tuning: gait before and after, parts, what matters, convergence, departures."""
 
 from __future__ import annotations
 
@@ -11,20 +11,67 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from twin_gait.measures.strides import PERCENT
 from twin_gait.palette import BLACK, BLUE, GREY, JOINT_COLOURS, REFERENCE_COLOUR, VERMILLION
-from twin_gait.report.canvas import picture_bytes, put_legend, readable, style_panel
+from twin_gait.report.canvas import SCREEN_WIDTH, amount, put_legend, readable, style_panel
+from twin_gait.report.pages import paragraphs, picture_of, render
+from twin_gait.report.panels import draw_cycle_curve, flexion
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
-_SIDE_LINES: dict[str, Any] = {str(Side.LEFT): "-", str(Side.RIGHT): "--"}
 MOST_EFFECTS = 30  # bars that fit a figure; the table of the report has all
+_SIDE_LINES = {Side.LEFT: "-", Side.RIGHT: "--"}
+_WORDS = {
+    ".stiffness_Nm_per_deg": ", stiffness",
+    ".equilibrium_deg": ", equilibrium angle",
+    ".damping_ratio": ", damping ratio",
+    ".damping_Nms_per_rad": ", damping",
+    ".friction_compensation_gain": ", friction compensation",
+    "blending.duration_ms": "duration of the blend",
+    ".angle_deg": " angle",
+}
 
 Curves = Mapping[str, Mapping[str, np.ndarray]]
 Outcome = Mapping[str, Any]
 
 
-def draw_pictures(outcome: Outcome, curves: Curves) -> dict[str, bytes]:
+def page(outcome: Outcome, figures: Mapping[str, Figure]) -> str:
+    """The report as one page that needs no other file.
+
+    Args:
+        outcome: Content of ``tune.json``.
+        figures: From :func:`draw_figures`; they are dark afterwards.
+
+    Returns:
+        HTML.
+    """
+    content = {
+        **_content(outcome),
+        "title": f"A gait table tuned to {outcome['wearer']}",
+        "summary": paragraphs("tune.txt", _content(outcome)),
+        "pictures": {name: picture_of(figure) for name, figure in figures.items()},
+    }
+    return render("tune.html", content)
+
+
+def summary(outcome: Outcome) -> list[str]:
+    """What the tuning found and what the search took, in paragraphs."""
+    content = _content(outcome)
+    return [*paragraphs("tune.txt", content), *paragraphs("tune_search.txt", content)]
+
+
+def _content(outcome: Outcome) -> dict[str, Any]:
+    known = {name: value for name, value in outcome.items() if name != "version"}
+    return {**known, "amount": amount, "name_of": name_of}
+
+
+def name_of(name: str) -> str:
+    """A parameter such as ``early_stance.hip.stiffness_Nm_per_deg`` in words, without the unit."""
+    for key, word in _WORDS.items():
+        name = name.replace(key, word)
+    return readable(name.replace(".", " "))
+
+
+def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
     """Draw all figures.
 
     Args:
@@ -32,7 +79,7 @@ def draw_pictures(outcome: Outcome, curves: Curves) -> dict[str, bytes]:
         curves: Mean cycles in [deg] by joint; see :func:`draw_gait`.
 
     Returns:
-        PNG by name.
+        By name.
     """
     figures = {
         "gait": draw_gait(curves),
@@ -42,7 +89,12 @@ def draw_pictures(outcome: Outcome, curves: Curves) -> dict[str, bytes]:
     }
     if outcome["screening"]:
         figures["screening"] = draw_screening(outcome["screening"])
-    return {name: picture_bytes(figure) for name, figure in figures.items()}
+    return figures
+
+
+def _figure(height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=(SCREEN_WIDTH, height), layout="constrained")
+    return figure, list(figure.subplots(rows, columns, squeeze=False).flat)
 
 
 def draw_gait(curves: Curves) -> Figure:
@@ -54,43 +106,29 @@ def draw_gait(curves: Curves) -> Figure:
     Returns:
         The figure.
     """
-    figure = Figure(figsize=(11.0, 4.2), layout="constrained")
-    for place, joint in enumerate(MOTOR_JOINTS):
-        axes = figure.add_subplot(1, 2, place + 1)
+    figure, panels = _figure(4.2, columns=2)
+    styles: dict[str, dict[str, Any]] = {"reference": {"color": REFERENCE_COLOUR, "linewidth": 2.2}}
+    for which, colour in (("before", BEFORE_COLOUR), ("after", AFTER_COLOUR)):
+        for side, line in _SIDE_LINES.items():
+            styles[f"{which} {side}"] = {"color": colour, "linewidth": 1.5, "linestyle": line}
+    for axes, joint in zip(panels, MOTOR_JOINTS, strict=True):
         for name, curve in curves[str(joint)].items():
-            axes.plot(PERCENT, curve, **_line(name))
-        style_panel(axes, f"{joint}, mean stride", "flexion [°]")
-        axes.set_xlabel("share of the stride, from foot contact [%]")
-        axes.set_xlim(PERCENT[0], PERCENT[-1])
-    names = ["reference", *(f"{which} {side}" for which in ("before", "after") for side in Side)]
-    put_legend(figure, [Line2D([], [], label=_label(name), **_line(name)) for name in names])
+            draw_cycle_curve(axes, curve, **styles[name])
+        style_panel(axes, f"{joint}, mean stride from foot contact", flexion(joint))
+    labels = {name: name if name == "reference" else f"{name} leg" for name in styles}
+    put_legend(figure, [Line2D([], [], label=labels[name], **style) for name, style in styles.items()])
     return figure
 
 
 def draw_parts(parts: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw every part as a share of its goal, before and after.
-
-    Args:
-        parts: Of the outcome.
-
-    Returns:
-        The figure.
-    """
-    figure = Figure(figsize=(11.0, 4.6), layout="constrained")
-    axes = figure.add_subplot()
+    """Draw every part as a share of its goal, before and after."""
+    figure, (axes,) = _figure(4.6)
     rows = np.arange(len(parts))[::-1]
     for shift, which, colour in ((0.2, "before", BEFORE_COLOUR), (-0.2, "after", AFTER_COLOUR)):
         shares = [100.0 * part[which] / part["goal"] if part[which] is not None else 0.0 for part in parts]
-        axes.barh(rows + shift, shares, height=0.36, color=colour, label=which)
-        for row, share, part in zip(rows, shares, parts, strict=True):
-            axes.annotate(
-                amount(part[which], part["unit"]),
-                (share, row + shift),
-                xytext=(3, 0),
-                textcoords="offset points",
-                va="center",
-                fontsize=8,
-            )
+        bars = axes.barh(rows + shift, shares, height=0.36, color=colour, label=which)
+        labels = [amount(part[which], part["unit"]) for part in parts]
+        axes.bar_label(bars, labels, padding=3, fontsize=8)
     axes.axvline(100.0, color=BLACK, linewidth=0.9, linestyle=":")
     axes.set_yticks(rows, [part["title"] for part in parts])
     for label, part in zip(axes.get_yticklabels(), parts, strict=True):
@@ -103,17 +141,9 @@ def draw_parts(parts: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def draw_screening(effects: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw what matters: mean elementary effects with their intervals.
-
-    Args:
-        effects: Of the outcome; the largest are shown.
-
-    Returns:
-        The figure.
-    """
+    """Draw what matters: the largest mean elementary effects with their intervals."""
     ranked = sorted(effects, key=lambda item: -item["mu_star"])[:MOST_EFFECTS]
-    figure = Figure(figsize=(11.0, 1.4 + 0.23 * len(ranked)), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = _figure(1.4 + 0.23 * len(ranked))
     rows = np.arange(len(ranked))[::-1]
     axes.barh(
         rows,
@@ -141,17 +171,10 @@ def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -
     Returns:
         The figure.
     """
-    figure = Figure(figsize=(11.0, 3.4), layout="constrained")
-    axes = figure.add_subplot()
+    figure, (axes,) = _figure(3.4)
     best, median = convergence["best"], np.minimum(convergence["median"], worst)
-    axes.plot(
-        range(1, len(median) + 1),
-        median,
-        "o",
-        color=BEFORE_COLOUR,
-        markersize=4,
-        label="median of a generation's better half",
-    )
+    label = "median of a generation's better half"
+    axes.plot(range(1, len(median) + 1), median, "o", color=BEFORE_COLOUR, markersize=4, label=label)
     axes.step(range(len(best)), best, where="post", color=AFTER_COLOUR, label="best so far")
     axes.plot(0, best[0], "s", color=BLACK, markersize=5, label="table before")
     axes.set_ylim(bottom=0.0)
@@ -163,17 +186,9 @@ def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -
 
 
 def draw_departures(departures: Mapping[str, Mapping[str, Any]]) -> Figure:
-    """Draw the errors over each quantity that departs; a cross marks a fall or a walk without strides.
-
-    Args:
-        departures: Of the outcome.
-
-    Returns:
-        The figure.
-    """
-    figure = Figure(figsize=(11.0, 6.4), layout="constrained")
-    for place, (name, item) in enumerate(departures.items()):
-        axes = figure.add_subplot(2, 3, place + 1)
+    """Draw the errors over each quantity that departs; a cross marks a fall or a walk without strides."""
+    figure, panels = _figure(6.4, 2, 3)
+    for axes, (name, item) in zip(panels, departures.items(), strict=False):
         for which, line in (("before", "--"), ("after", "-")):
             for joint in MOTOR_JOINTS:
                 _draw_degradation(axes, item, which, joint, line)
@@ -181,79 +196,33 @@ def draw_departures(departures: Mapping[str, Mapping[str, Any]]) -> Figure:
         style_panel(axes, "", "error [°]")
         axes.set_xlabel(name)
         axes.set_ylim(bottom=0.0)
+    for axes in panels[len(departures) :]:
+        axes.remove()
     joints = [Line2D([], [], color=JOINT_COLOURS[joint], label=str(joint)) for joint in MOTOR_JOINTS]
-    lines = [
-        Line2D([], [], color=GREY, linestyle="--", marker="o", markersize=3, label="before"),
-        Line2D([], [], color=GREY, linestyle="-", marker="o", markersize=3, label="after"),
-        Line2D([], [], color=BLACK, linestyle="none", marker="x", label="falls, or hardly walks (after)"),
-        Line2D([], [], color=GREY, linestyle="none", marker="x", label="the same before"),
-        Line2D([], [], color=BLACK, linestyle=":", label="tuned for"),
-    ]
-    put_legend(figure, [*joints, *lines[:2]], lines[2:])
+    dots: dict[str, Any] = {"color": GREY, "marker": "o", "markersize": 3}
+    cross: dict[str, Any] = {"linestyle": "none", "marker": "x"}
+    put_legend(
+        figure,
+        [
+            *joints,
+            Line2D([], [], linestyle="--", label="before", **dots),
+            Line2D([], [], linestyle="-", label="after", **dots),
+        ],
+        [
+            Line2D([], [], color=BLACK, label="falls, or hardly walks (after)", **cross),
+            Line2D([], [], color=GREY, label="the same before", **cross),
+            Line2D([], [], color=BLACK, linestyle=":", label="tuned for"),
+        ],
+    )
     return figure
 
 
-def name_of(name: str) -> str:
-    """A parameter's name in words.
-
-    Args:
-        name: Such as ``early_stance.hip.stiffness_Nm_per_deg``.
-
-    Returns:
-        Words without the unit.
-    """
-    for key, word in (
-        (".stiffness_Nm_per_deg", ", stiffness"),
-        (".equilibrium_deg", ", equilibrium angle"),
-        (".damping_ratio", ", damping ratio"),
-        (".damping_Nms_per_rad", ", damping"),
-        (".friction_compensation_gain", ", friction compensation"),
-        ("blending.duration_ms", "duration of the blend"),
-        (".angle_deg", " angle"),
-    ):
-        name = name.replace(key, word)
-    return readable(name.replace(".", " "))
-
-
-# ---------------------------------------------------------------------- drawing
-
-
-def _line(name: str) -> dict[str, Any]:
-    if name == "reference":
-        return {"color": REFERENCE_COLOUR, "linewidth": 2.2, "linestyle": "-"}
-    which, side = name.split()
-    colour = BEFORE_COLOUR if which == "before" else AFTER_COLOUR
-    return {"color": colour, "linewidth": 1.5, "linestyle": _SIDE_LINES[side]}
-
-
-def _label(name: str) -> str:
-    return name if name == "reference" else f"{name} leg"
-
-
 def _draw_degradation(axes: Axes, item: Mapping[str, Any], which: str, joint: JointName, line: str) -> None:
-    values = item["values"]
-    errors = [np.nan if error is None else error for error in item[which][f"{joint}_error_deg"]]
+    errors = np.array(item[which][f"{joint}_error_deg"], dtype=float)
     style: dict[str, Any] = {"linestyle": line, "linewidth": 1.4, "marker": "o", "markersize": 3}
-    axes.plot(values, errors, color=JOINT_COLOURS[joint], **style)
-    lost = [value for value, error in zip(values, errors, strict=True) if np.isnan(error)]
+    axes.plot(item["values"], errors, color=JOINT_COLOURS[joint], **style)
+    lost = np.array(item["values"])[np.isnan(errors)].tolist()
     if joint is MOTOR_JOINTS[-1] and lost:
         height, colour = (0.06, BLACK) if which == "after" else (0.13, GREY)
-        axes.plot(
-            lost, [height] * len(lost), "x", color=colour, transform=axes.get_xaxis_transform(), clip_on=False
-        )
-
-
-def amount(value: float | None, unit: str) -> str:
-    """Write a number with its unit and as many places as a person reads.
-
-    Args:
-        value: The number; a dash stands for None.
-        unit: Its unit, or nothing.
-
-    Returns:
-        Text.
-    """
-    if value is None:
-        return "–"
-    text = f"{value:.0f}" if abs(value) >= 100.0 else f"{value:.1f}" if abs(value) >= 10.0 else f"{value:.2f}"
-    return f"{text} {unit}".strip()
+        place = axes.get_xaxis_transform()
+        axes.plot(lost, [height] * len(lost), "x", color=colour, transform=place, clip_on=False)

@@ -48,7 +48,7 @@ POWER_COLUMNS = ("bus_voltage_V", "battery_power_W")
 WORK_SOURCES = ("motor", "friction", "stop", "spring", "contact", "patient")
 # One more where braces bind the wearer to the device.
 BRACED_WORK_SOURCES = (*WORK_SOURCES, "brace")
-# Where there are braces, of every joint: the wearer's motion, and what the device does on him.
+# Where there are braces, of every joint: the wearer's motion, and the torque of the device on them.
 BRACE_COLUMNS = ("wearer_angle_rad", "wearer_velocity_rad_per_s", "brace_torque_Nm")
 PELVIS_BRACE_COLUMNS = ("wearer_pelvis_height_m", "wearer_pelvis_velocity_m_per_s", "pelvis_brace_force_N")
 # Of the monitor: 0 watching, 1 hold; the code of :class:`twin_gait.control.TripCause`, 0 without a trip.

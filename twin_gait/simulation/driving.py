@@ -37,7 +37,7 @@ KNEE_LOWEST, KNEE_HIGHEST = math.radians(8.0), math.radians(55.0)
 
 
 class Path(NamedTuple):
-    """The walk that is followed, or against which tracking is judged.
+    """The walk that is followed, or against which the tracking error is measured.
 
     Attributes:
         angles: Hip and knee over the cycle from foot contact in [rad], shape
@@ -52,10 +52,10 @@ class Path(NamedTuple):
 
 
 def reference_path(experiment: Experiment, sides: tuple[Side, ...]) -> Path:
-    """The walk of an experiment: to follow in position tracking, otherwise to judge tracking by.
+    """The reference walk of an experiment, for position tracking or for the tracking error.
 
-    Judged is by healthy walking at the belt's speed and the wearer's height (Koopman et al. 2014); followed
-    is :func:`device_walk` of it.
+    The error is measured against healthy walking at the belt's speed and the wearer's height (Koopman et al.
+    2014); :func:`device_walk` of it is followed.
 
     Args:
         experiment: The experiment.

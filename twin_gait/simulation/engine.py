@@ -14,12 +14,12 @@ from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName
 
-# A joint that turns faster than this has left physics: the run has diverged.
+# A joint that turns faster than this is no longer physical: the run has diverged.
 DIVERGED_VELOCITY = 1e3  # [rad] / [s]
 
 
 class EngineResult(NamedTuple):
-    """What an engine hands back.
+    """Result of an engine.
 
     Attributes:
         rows: Log numbers, shape ``(n_ticks, n_columns)``.

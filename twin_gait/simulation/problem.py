@@ -55,7 +55,7 @@ class Problem:
         resolution: Encoder resolution in [rad], shape ``(n_joints,)``.
         fast_gain: Gain of the fast velocity filter.
         wearer: What the wearer does at the joints.
-        path: The walk to follow, or against which tracking is judged; None where nothing asks for it.
+        path: The walk to follow, or against which the tracking error is measured; None if neither is.
     """
 
     experiment: Experiment

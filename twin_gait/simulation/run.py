@@ -30,7 +30,7 @@ _PUBLIC = "twin_gait"
 
 
 class RunStatus(StrEnum):
-    """How the integration ended; what came of the wearer is :attr:`Run.verdict`."""
+    """How the integration ended; the outcome of the gait is :attr:`Run.verdict`."""
 
     COMPLETED = "completed"
     FELL = "fell"
@@ -114,7 +114,7 @@ class Run:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """What came of the wearer, in one word and one line; see :mod:`twin_gait.measures.outcome`."""
+        """Outcome of the gait in one word and one line; see :mod:`twin_gait.measures.outcome`."""
         if self.status is RunStatus.DIVERGED:
             return Verdict(Outcome.DIVERGED, self.reason)
         if self.status is RunStatus.FELL:
@@ -139,7 +139,7 @@ class Run:
 
     @property
     def events(self) -> tuple[RunEvent, ...]:
-        """Faults that struck, trip, fall and divergence in the order of time."""
+        """Injected faults, trip, fall and divergence in the order of time."""
         end = (len(self.log) - 1) * TICK
         return run_events(self.experiment.faults, self.trip, self.status, end)
 

@@ -2,7 +2,7 @@
 
 :func:`twin_gait.simulation.simulate` runs an experiment from start to end. Here the caller holds the clock:
 they advance the walk by some ticks, look at the rows of the log, change the parameters of the phases, the
-belt or the support, push the leg or break something, and go on. Without a change the rows are those of
+belt or the support, push the leg or inject a fault, and go on. Without a change the rows are those of
 ``simulate``, bit for bit.
 """
 
@@ -152,8 +152,8 @@ class SteppedRun:
 
     @property
     def events(self) -> tuple[RunEvent, ...]:
-        """Faults that struck, trip, fall and divergence so far, in the order of time."""
-        faults = (*self.problem.experiment.faults, *self._struck)
+        """Injected faults, trip, fall and divergence so far, in the order of time."""
+        faults = (*self.problem.experiment.faults, *self._injected)
         return run_events(faults, self.trip, self.status, max(self.tick - 1, 0) * TICK)
 
     @property
@@ -382,7 +382,7 @@ class SteppedRun:
         return None if world.model.pelvis_index is None else world.model.pelvis_index + world.wearer_shift
 
     def push(self, joint: int, torque: float, ticks: int) -> None:
-        """Push a joint from outside, as a hand does, with a torque that is held.
+        """Push a joint from outside with a constant torque.
 
         Args:
             joint: Position in ``problem.joints``.
@@ -393,7 +393,7 @@ class SteppedRun:
         self._push_ends[joint] = self.tick + ticks
 
     def inject(self, fault: Fault) -> None:
-        """Let something break in the next tick, whatever time the fault has.
+        """Inject a fault in the next tick, whatever time it has.
 
         Args:
             fault: Kind, place and magnitude.
@@ -404,14 +404,14 @@ class SteppedRun:
         spare = np.flatnonzero(self._inputs.faults[:, START_TICK] == NEVER)
         if len(spare) == 0:
             raise ParameterError(f"fault {fault}: at most {MOST_FAULTS} in one walk; restart it")
-        struck = replace(fault, time=0.0)
+        injected = replace(fault, time=0.0)
         arrays = fault_arrays(
-            replace(self.problem, experiment=replace(self.problem.experiment, faults=(struck,)))
+            replace(self.problem, experiment=replace(self.problem.experiment, faults=(injected,)))
         )
         self._inputs.faults[spare[0]] = arrays.faults[0]
         self._inputs.faults[spare[0], START_TICK] = self.tick
         self._inputs.magnitudes[spare[0]] = arrays.magnitudes[0]
-        self._struck.append(replace(fault, time=self.tick * TICK))
+        self._injected.append(replace(fault, time=self.tick * TICK))
         self._note_first_fault()
 
     def _note_first_fault(self) -> None:
@@ -420,7 +420,7 @@ class SteppedRun:
     def _forget_faults(self) -> None:
         """Leave the faults of the experiment alone; all others have not happened yet."""
         self._inputs.faults[len(self.problem.experiment.faults) :, START_TICK] = NEVER
-        self._struck: list[Fault] = []
+        self._injected: list[Fault] = []
         self._note_first_fault()
 
     # ------------------------------------------------------------------ steps by hand

@@ -31,10 +31,10 @@ _SAMPLES = 51  # of the cycle in a phase
 
 
 class WearerArrays(NamedTuple):
-    """A wearer as :mod:`twin_gait.core.wearer` reads him.
+    """A wearer as :mod:`twin_gait.core.wearer` reads them.
 
     Attributes:
-        acts: Whether any torque comes from him.
+        acts: Whether the wearer gives any torque.
         conditions: Shape ``(n_joints, CONDITION_COLUMNS)``.
         moments: Normative moment in [N m] by joint, phase and hip angle, shape
             ``(n_joints, n_phases, POSTURES)``.
@@ -63,7 +63,7 @@ def wearer_arrays(
         The arrays.
 
     Raises:
-        ParameterError: If he makes an effort, and the table has other phases than the five.
+        ParameterError: If the wearer makes an effort, and the table has other phases than the five.
     """
     patient = experiment.patient
     count, phases = len(joints), len(table.phase_names)
@@ -105,8 +105,8 @@ def _moments(experiment: Experiment, patient: Patient, table: GaitTable, joint: 
     """Normative moment by phase and hip angle: that of the instant of the phase with the nearest hip angle.
 
     On a treadmill the legs carry what the support leaves, and stance moments shrink with it; a leg on its
-    stand carries nothing. Who stands still leaves that to the device; in his first swing he acts as in the
-    initial swing of any stride.
+    stand carries nothing. A wearer who stands still leaves that to the device; in the first swing they act as
+    in the initial swing of any stride.
     """
     scenario = experiment.scenario
     speed, carried = SLOWEST, 0.0

@@ -6,13 +6,12 @@ import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from twin_gait.gait.feasibility import Wish
 from twin_gait.gait.table import GaitTable
-from twin_gait.testing import edges, phases, refusals, timing
-from twin_gait.testing.driver import MachineFactory, machine_of, play
-from twin_gait.testing.leaving import Exit, Scenario, decisive
-from twin_gait.testing.priority import priority
-from twin_gait.testing.solver import Wish
-from twin_gait.testing.witness import exits, is_pure_time_out
+from twin_gait.testing import edges, timing
+from twin_gait.testing.driver import MachineFactory, Refusal, machine_of, play
+from twin_gait.testing.exits import Exit, Scenario, comfortable, decisive, fires, scenario, yields
+from twin_gait.testing.reference import exits, is_pure_time_out
 
 Check = Callable[[MachineFactory], None]
 
@@ -104,11 +103,10 @@ def _scenarios(leave: Exit) -> Iterator[Scenario | str]:
             yield from edges.edges(leave, entry)
             yield from edges.groups(leave, entry)
         yield from timing.debounce(leave)
-        yield from timing.minimum_duration(leave)
         yield from timing.waiting(leave)
         yield from timing.from_entry(leave)
     for index in exits(leave.table, leave.phase):
-        second = priority(leave, Exit(leave.table, index)) if index > leave.index else None
+        second = edges.priority(leave, Exit(leave.table, index)) if index > leave.index else None
         if second is not None:
             yield second
 
@@ -120,21 +118,19 @@ def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
     away = (phase for phase in table.phase_names if phase != leave.phase)
     for item in itertools.chain(
         timing.clock(leave, last),
-        phases.again(leave),
-        *(phases.elsewhere(leave, phase) for phase in away),
+        timing.again(leave),
+        *(timing.elsewhere(leave, phase) for phase in away),
     ):
         yield _playing(table, item)
-    comfortable = edges.comfortable(leave, [Wish(leave.item.guard)], edges.fires) or last
-    for steps in refusals.without_other_leg(leave, comfortable):
-        yield _playing(table, edges.scenario(leave, "holds without another leg", steps))
-    refusal = refusals.Refusal(table, leave.phase, comfortable)
-    spoilt = len(comfortable) * len(table.joints)
+    steps = comfortable(leave, [Wish(leave.item.guard)], fires) or last
+    alone = tuple(step._replace(vector=step.vector._replace(other_phase=None)) for step in steps)
+    if yields(leave, alone):
+        yield _playing(table, scenario(leave, "holds without another leg", alone))
+    refusal = Refusal(table, leave.phase, steps)
+    spoilt = len(steps) * len(table.joints)
     yield "refuses signals that are NaN or infinite", refusal.broken_signals, 12 * spoilt
     yield "refuses missing signals", refusal.missing_signals, 5 * spoilt
 
 
-def _playing(table: GaitTable, scenario: Scenario) -> Shown:
-    def check(factory: MachineFactory) -> None:
-        play(table, scenario, factory)
-
-    return scenario.what, check, len(scenario.steps)
+def _playing(table: GaitTable, item: Scenario) -> Shown:
+    return item.what, lambda factory: play(table, item, factory), len(item.steps)

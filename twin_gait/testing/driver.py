@@ -1,17 +1,22 @@
-"""Drive a machine under test through the steps of a scenario and compare."""
+"""Drive a machine under test: through a scenario, and with measurements that it has to refuse."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
-from twin_gait.gait.guards import OTHER, WALK
+from twin_gait.exceptions import MeasurementError
+from twin_gait.gait.feasibility import OTHER_TIME, TIME
+from twin_gait.gait.guards import OTHER, WALK, signal_names
 from twin_gait.gait.machine import GaitStateMachine, LegSignals, PhaseSwitch
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import GaitTable
-from twin_gait.testing.leaving import Scenario
-from twin_gait.testing.witness import OTHER_TIME, Vector, to_si
+from twin_gait.testing.exits import Scenario
+from twin_gait.testing.reference import Steps, Vector, to_si
 from twin_gait.vocabulary import Side
+
+_BROKEN = (math.nan, math.inf, -math.inf)
 
 
 class Machine(Protocol):
@@ -38,96 +43,120 @@ MachineFactory = Callable[[str], Machine]  # from the phase that the leg has ent
 
 
 def machine_of(table: GaitTable) -> MachineFactory:
-    """The package's own machine for a table.
-
-    Args:
-        table: The gait table.
-
-    Returns:
-        A function from the initial phase to a machine; the guards are compiled once.
-    """
+    """The package's own machine for a table; the guards are compiled once."""
     program = compile_guards(table)
-
-    def build(phase: str) -> GaitStateMachine:
-        return GaitStateMachine(table, Side.LEFT, initial_phase=phase, program=program)
-
-    return build
+    return lambda phase: GaitStateMachine(table, Side.LEFT, initial_phase=phase, program=program)
 
 
-def signals_of(table: GaitTable, vector: Vector, prefix: str = "") -> LegSignals:
-    """Signals of one leg in SI units.
+class _Legs(NamedTuple):
+    """What a machine is given in a tick, in SI units."""
 
-    Args:
-        table: The gait table, for its joints.
-        vector: Measurements in the units of the table; what is not named is 0.
-        prefix: ``other.`` for the other leg.
-
-    Returns:
-        The signals.
-    """
-
-    def value(name: str) -> float:
-        return to_si(name, vector.signals.get(prefix + name, 0.0))
-
-    return LegSignals(
-        angles=tuple(value(f"{joint}.angle_deg") for joint in table.joints),
-        velocities=tuple(value(f"{joint}.velocity_deg_per_s") for joint in table.joints),
-        foot_load=value("foot.load_bw"),
-        walk=value(WALK),
-    )
+    own: LegSignals
+    other: LegSignals | None
+    other_phase: str | None
+    other_time: float
 
 
-def other_time(vector: Vector) -> float:
-    """Time of the other leg in its phase in [s]."""
-    return vector.signals.get(OTHER_TIME, 0.0)
+def _legs(table: GaitTable, vector: Vector) -> _Legs:
+    """Signals of both legs; what a vector does not name is 0."""
+
+    def leg(prefix: str) -> LegSignals:
+        def value(name: str) -> float:
+            return to_si(name, vector.signals.get(prefix + name, 0.0))
+
+        return LegSignals(
+            angles=tuple(value(f"{joint}.angle_deg") for joint in table.joints),
+            velocities=tuple(value(f"{joint}.velocity_deg_per_s") for joint in table.joints),
+            foot_load=value("foot.load_bw"),
+            walk=value(WALK),
+        )
+
+    other = None if vector.other_phase is None else leg(OTHER)
+    return _Legs(leg(""), other, vector.other_phase, vector.signals.get(OTHER_TIME, 0.0))
 
 
 def play(table: GaitTable, scenario: Scenario, factory: MachineFactory) -> None:
     """Drive a machine through a scenario.
 
-    Args:
-        table: The gait table that the scenario was made for.
-        scenario: Steps and expected switches.
-        factory: Builds the machine.
-
     Raises:
         AssertionError: At the first tick in which the machine does something else.
     """
-    machine = factory(scenario.phase)
-    expected_phase = scenario.phase
-    sides: dict[int, tuple[LegSignals, LegSignals | None]] = {}
-    for step, index in zip(scenario.steps, scenario.expected, strict=True):
-        vector = step.vector
-        if id(vector) not in sides:
-            other = None if vector.other_phase is None else signals_of(table, vector, OTHER)
-            sides[id(vector)] = signals_of(table, vector), other
-        switch = machine.step(step.tick, *sides[id(vector)], vector.other_phase, other_time(vector))
-        source = expected_phase
+    machine, phase = factory(scenario.phase), scenario.phase
+    legs: dict[int, _Legs] = {}
+    for (tick, vector), index in zip(scenario.steps, scenario.expected, strict=True):
+        if id(vector) not in legs:
+            legs[id(vector)] = _legs(table, vector)
+        switch = machine.step(tick, *legs[id(vector)])
+        wanted = None
         if index is not None:
-            expected_phase = table.transitions[index].target
-        wanted = _words(table, index)
-        cause = None if index is None else table.transitions[index].cause
-        got = "stays" if switch is None else f"goes to {switch.target} ({switch.cause})"
-        right = _fits(switch, step.tick, source, expected_phase, cause) and machine.phase == expected_phase
-        assert right, (
-            f"tick {step.tick} in {source}: expected that the leg {wanted}, the machine {got}"
+            item = table.transitions[index]
+            wanted = (tick, phase, item.target, item.cause)
+        got = None if switch is None else (switch.tick, switch.source, switch.target, switch.cause)
+        source, phase = phase, phase if wanted is None else wanted[2]
+        assert got == wanted and machine.phase == phase, (
+            f"tick {tick} in {source}: expected that the leg {_words(wanted)}, the machine {_words(got)}"
             f"; measured {_measured(vector)}"
         )
 
 
-def _fits(switch: PhaseSwitch | None, tick: int, source: str, target: str, cause: str | None) -> bool:
-    if switch is None or cause is None:
-        return switch is None and cause is None
-    return (switch.tick, switch.source, switch.target, switch.cause) == (tick, source, target, cause)
-
-
-def _words(table: GaitTable, index: int | None) -> str:
-    if index is None:
-        return "stays"
-    return f"goes to {table.transitions[index].target} ({table.transitions[index].cause})"
+def _words(switch: tuple[int, str, str, str] | None) -> str:
+    return "stays" if switch is None else f"goes to {switch[2]} ({switch[3]})"
 
 
 def _measured(vector: Vector) -> str:
     values = [f"{name} = {value:.12g}" for name, value in vector.signals.items()]
     other = "no other leg" if vector.other_phase is None else f"other leg in {vector.other_phase}"
     return ", ".join([*values, other])
+
+
+class Refusal(NamedTuple):
+    """A machine that is about to take an exit is given one bad measurement instead.
+
+    Attributes:
+        table: The gait table.
+        phase: Phase that the leg has entered at tick 0.
+        steps: Good steps that take the exit; the last one is spoilt.
+    """
+
+    table: GaitTable
+    phase: str
+    steps: Steps
+
+    def broken_signals(self, factory: MachineFactory) -> None:
+        """Each signal in turn is NaN or infinite; raises AssertionError if that is accepted."""
+        vector = self.steps[-1].vector
+        own = [name for name in signal_names(self.table.joints) if name != TIME]
+        others = own if vector.other_phase is not None else []
+        for name in [*own, *(OTHER + name for name in others), WALK]:
+            for value in _BROKEN:
+                spoilt = vector._replace(signals={**vector.signals, name: value})
+                self._refuses(factory, _legs(self.table, spoilt), f"{name} = {value}")
+
+    def missing_signals(self, factory: MachineFactory) -> None:
+        """A joint or a whole leg is missing; raises AssertionError if that is accepted."""
+        legs = _legs(self.table, self.steps[-1].vector)
+        for text, bad in _without_joint(legs.own):
+            self._refuses(factory, legs._replace(own=bad), f"this leg: {text}")
+        if legs.other is None:
+            return
+        for text, bad in _without_joint(legs.other):
+            self._refuses(factory, legs._replace(other=bad), f"the other leg: {text}")
+        self._refuses(factory, legs._replace(other=None), "the other leg has a phase but no signals")
+
+    def _refuses(self, factory: MachineFactory, legs: _Legs, text: str) -> None:
+        machine = factory(self.phase)
+        for tick, vector in self.steps[:-1]:
+            machine.step(tick, *_legs(self.table, vector))
+        try:
+            machine.step(self.steps[-1].tick, *legs)
+        except MeasurementError:
+            assert machine.phase == self.phase, f"{text}: refused, but the phase is now {machine.phase}"
+            return
+        raise AssertionError(f"{text}: expected a MeasurementError, the machine accepted it")
+
+
+def _without_joint(leg: LegSignals) -> list[tuple[str, LegSignals]]:
+    return [
+        ("an angle is missing", leg._replace(angles=leg.angles[:-1])),
+        ("a velocity is missing", leg._replace(velocities=leg.velocities[:-1])),
+    ]

@@ -1,78 +1,61 @@
-"""Scenarios at the thresholds of a guard: just past, just below, exactly on."""
+"""Scenarios at the thresholds of a guard: just past, just below, on them; and of two exits due at once."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
+from twin_gait.gait.feasibility import TIME, ZERO, Bound, Phases, Wish, equal
 from twin_gait.gait.guards import AnyOf, Comparison, PhaseMembership
-from twin_gait.testing.bounds import ZERO, Bound, equal
-from twin_gait.testing.leaving import LONGEST_RUN, Decisive, Exit, Scenario, constant, turning_tick
-from twin_gait.testing.solver import Window, Wish, reads_only_own_time, reads_own_time
-from twin_gait.testing.witness import OWN_TIME, Step, Vector, outcomes, own_time, to_si
+from twin_gait.gait.table import TICK
+from twin_gait.testing.exits import (
+    LONGEST_RUN,
+    Accept,
+    Decisive,
+    Exit,
+    Scenario,
+    Window,
+    comfortable,
+    constant,
+    find,
+    fires,
+    reads_only_own_time,
+    reads_own_time,
+    scenario,
+    shown,
+    stays,
+    turning_tick,
+    yields,
+)
+from twin_gait.testing.reference import Step, Steps, Vector, is_pure_time_out, to_si
 
 MARGIN = 1e-9  # distance from a threshold, relative to it or to 1, in the unit of the table
 
-Steps = tuple[Step, ...]
-Accept = Callable[[Exit, Steps], bool]
-
-
-def fires(leave: Exit, steps: Steps) -> bool:
-    """Whether a leg takes the exit in the last of some steps and none before."""
-    return outcomes(leave.table, leave.phase, steps) == [None] * (len(steps) - 1) + [leave.index]
-
-
-def stays(leave: Exit, steps: Steps) -> bool:
-    """Whether a leg takes no exit."""
-    return outcomes(leave.table, leave.phase, steps) == [None] * len(steps)
-
-
-def yields(leave: Exit, steps: Steps) -> bool:
-    """Whether a leg does not take the exit, but perhaps a rival that is open too."""
-    return leave.index not in outcomes(leave.table, leave.phase, steps)
-
-
-def scenario(leave: Exit, what: str, steps: Steps) -> Scenario:
-    """Scenario with what the rules of the table demand."""
-    return Scenario(what, leave.phase, steps, tuple(outcomes(leave.table, leave.phase, steps)))
-
 
 def edges(leave: Exit, entry: Decisive) -> Iterator[Scenario | str]:
-    """Scenarios about one condition of a guard.
-
-    Args:
-        leave: The exit.
-        entry: The condition.
-
-    Yields:
-        Scenarios, or the name of one that no measurements can show.
-    """
+    """Scenarios about one condition of a guard, or the name of one that no measurements can show."""
     if leave.debounce > LONGEST_RUN:
         return
     if isinstance(entry.atom, PhaseMembership):
-        yield from _memberships(leave, entry)
+        yield from _memberships(leave, entry, entry.atom)
         return
-    past = _edge(leave, entry, MARGIN, fires)
-    yield _or_name(leave, f"fires just past {entry.atom}", past)
-    yield _or_name(leave, f"holds just below {entry.atom}", _below(leave, entry, past))
+    past = _edge(leave, entry, entry.atom, MARGIN, fires)
+    yield shown(leave, f"fires just past {entry.atom}", past)
+    yield shown(leave, f"holds just below {entry.atom}", _below(leave, entry, entry.atom, past))
     if not reads_own_time(entry.atom):
-        on = _on(leave, entry, past)
+        on = _on(leave, entry, entry.atom, past)
         if on is not None:
             yield scenario(leave, f"holds on the threshold of {entry.atom}", on)
 
 
-def _or_name(leave: Exit, what: str, steps: Steps | None) -> Scenario | str:
-    return what if steps is None else scenario(leave, what, steps)
-
-
-def _below(leave: Exit, entry: Decisive, past: Steps | None) -> Steps | None:
+def _below(leave: Exit, entry: Decisive, atom: Comparison, past: Steps | None) -> Steps | None:
     """The same measurements with that one signal moved, or others if a rival opens there."""
-    assert isinstance(entry.atom, Comparison)
-    if past is not None and not reads_own_time(entry.atom):
-        moved = _moved(past, entry.atom, -_distance(entry.atom, MARGIN) * 2.0)
+    if past is not None and not reads_own_time(atom):
+        present = past[0].vector.signals.get(atom.signal, 0.0)
+        moved = _placed(past, atom.signal, present - _distance(atom, MARGIN) * 2.0)
         if stays(leave, moved):
             return moved
-    return _edge(leave, entry, -MARGIN, stays) or _edge(leave, entry, -MARGIN, yields)
+    return _edge(leave, entry, atom, -MARGIN, stays) or _edge(leave, entry, atom, -MARGIN, yields)
 
 
 def _distance(atom: Comparison, margin: float) -> float:
@@ -81,22 +64,19 @@ def _distance(atom: Comparison, margin: float) -> float:
     return sign * margin * max(1.0, abs(atom.threshold))
 
 
-def _moved(steps: Steps, atom: Comparison, change: float) -> Steps:
-    signals = dict(steps[0].vector.signals)
-    signals[atom.signal] = signals.get(atom.signal, 0.0) + change
-    vector = replace(steps[0].vector, signals=signals)
-    return tuple(replace(step, vector=vector) for step in steps)
+def _placed(steps: Steps, signal: str, value: float) -> Steps:
+    vector = steps[0].vector._replace(signals={**steps[0].vector.signals, signal: value})
+    return tuple(step._replace(vector=vector) for step in steps)
 
 
-def _edge(leave: Exit, entry: Decisive, margin: float, accept: Accept) -> Steps | None:
+def _edge(leave: Exit, entry: Decisive, atom: Comparison, margin: float, accept: Accept) -> Steps | None:
     """Steps, one debounce long, with a condition by a margin inside (or outside, if negative)."""
-    assert isinstance(entry.atom, Comparison)
-    own = reads_only_own_time(entry.atom)
-    for start in _turns(leave, entry.atom, margin > 0.0) if own else leave.starts(leave.debounce):
+    own = reads_only_own_time(atom)
+    for start in _turns(leave, atom, margin > 0.0) if own else leave.starts(leave.debounce):
         window = Window(start, start + leave.debounce - 1)
-        pinned = [] if own else _pinned(entry.atom, margin, window)
+        pinned = [] if own else _pinned(atom, margin, window)
         for vector in leave.look(entry.wishes, window, pinned):
-            steps = constant(vector, start, int(window.last))
+            steps = constant(vector, *window)
             if accept(leave, steps):
                 return steps
     return None
@@ -114,93 +94,154 @@ def _turns(leave: Exit, atom: Comparison, inside: bool) -> list[int]:
 
 def _pinned(atom: Comparison, margin: float, window: Window) -> list[Bound]:
     """Bounds that put a difference to its edge, at the tick that is the nearest to it."""
-    ends, shift = [], 0.0
-    for name, sign in ((atom.signal, 1.0), (atom.minus, -1.0)):
-        if name == OWN_TIME:
-            early = (sign > 0.0) is ((atom.operator == ">") is (margin > 0.0))
-            shift += sign * own_time(window.first if early else int(window.last))
-            name = ZERO
-        ends.append(ZERO if name is None else name)
-    return equal(ends[0], ends[1], atom.threshold - shift + _distance(atom, margin))
+    late = (atom.operator == ">") is (margin > 0.0)
+    tick = window.first if late is (atom.signal == TIME) else window.last
+    pins = equal(atom.signal, atom.minus or ZERO, atom.threshold + _distance(atom, margin))
+    return [item.at(TIME, tick * TICK) for item in pins]
 
 
-def _on(leave: Exit, entry: Decisive, past: Steps | None) -> Steps | None:
+def _on(leave: Exit, entry: Decisive, atom: Comparison, past: Steps | None) -> Steps | None:
     """Steps exactly on a threshold; of a difference one signal is zero, so that no digit is lost."""
-    atom = entry.atom
-    assert isinstance(atom, Comparison)
     if past is not None and atom.minus is None:
         exact = _placed(past, atom.signal, atom.threshold)
         if stays(leave, exact):
             return exact
-    zeros = [None] if atom.minus is None else [atom.signal, atom.minus]
-    for start in leave.starts(leave.debounce):
-        window = Window(start, start + leave.debounce - 1)
-        for zero in zeros:
-            pinned = equal(atom.signal, atom.minus or ZERO, atom.threshold)
-            pinned += [] if zero is None else equal(zero, ZERO, 0.0)
-            for vector in leave.look(entry.wishes, window, pinned):
-                steps = constant(vector, start, int(window.last))
-                if _is_on(atom, vector) and yields(leave, steps):
-                    return steps
-    return None
+
+    def on(leave: Exit, steps: Steps) -> bool:
+        signals = steps[0].vector.signals
+        minus = 0.0 if atom.minus is None else to_si(atom.minus, signals[atom.minus])
+        exact = to_si(atom.signal, signals[atom.signal]) - minus == to_si(atom.signal, atom.threshold)
+        return exact and yields(leave, steps)
+
+    pins = equal(atom.signal, atom.minus or ZERO, atom.threshold)
+    ends = [] if atom.minus is None else [atom.signal, atom.minus]
+    zeros = [equal(name, ZERO, 0.0) for name in ends] or [[]]
+    found = (comfortable(leave, entry.wishes, on, pinned=[*pins, *zero]) for zero in zeros)
+    return next((steps for steps in found if steps is not None), None)
 
 
-def _placed(steps: Steps, signal: str, value: float) -> Steps:
-    vector = replace(steps[0].vector, signals={**steps[0].vector.signals, signal: value})
-    return tuple(replace(step, vector=vector) for step in steps)
-
-
-def _is_on(atom: Comparison, vector: Vector) -> bool:
-    minus = 0.0 if atom.minus is None else to_si(atom.minus, vector.signals[atom.minus])
-    return to_si(atom.signal, vector.signals[atom.signal]) - minus == to_si(atom.signal, atom.threshold)
-
-
-def _memberships(leave: Exit, entry: Decisive) -> Iterator[Scenario | str]:
-    assert isinstance(entry.atom, PhaseMembership)
+def _memberships(leave: Exit, entry: Decisive, atom: PhaseMembership) -> Iterator[Scenario | str]:
     for phase in leave.table.phase_names:
-        inside = phase in entry.atom.phases
+        inside = phase in atom.phases
         what = f"{'fires' if inside else 'holds'} while the other leg is in {phase}"
-        accepts: tuple[Accept, ...] = (fires,) if inside else (stays, yields)
-        here = Wish(PhaseMembership(phases=(phase,)))
-        found = (comfortable(leave, [*entry.wishes, here], accept) for accept in accepts)
-        yield _or_name(leave, what, next((steps for steps in found if steps is not None), None))
-
-
-def comfortable(leave: Exit, wishes: list[Wish], accept: Accept) -> Steps | None:
-    """Steps, one debounce long, that fulfil the wishes with room.
-
-    Args:
-        leave: The exit.
-        wishes: What has to be open or closed.
-        accept: :func:`fires`, :func:`stays` or :func:`yields`.
-
-    Returns:
-        The steps, or None if there are none.
-    """
-    for start in leave.starts(leave.debounce):
-        window = Window(start, start + leave.debounce - 1)
-        for vector in leave.look(wishes, window):
-            steps = constant(vector, start, int(window.last))
-            if accept(leave, steps):
-                return steps
-    return None
+        wishes = [*entry.wishes, Wish(PhaseMembership(phases=(phase,)))]
+        yield shown(leave, what, comfortable(leave, wishes, *((fires,) if inside else (stays, yields))))
 
 
 def groups(leave: Exit, entry: Decisive) -> Iterator[Scenario | str]:
-    """One condition of an ``all`` missing, or one condition of an ``any`` alone, far from thresholds.
-
-    Args:
-        leave: The exit.
-        entry: The condition.
-
-    Yields:
-        A scenario, or its name if no measurements can show it; nothing for a condition by itself.
-    """
+    """One condition of an ``all`` missing, or one condition of an ``any`` alone, far from thresholds."""
     if entry.group is None or leave.debounce > LONGEST_RUN:
         return
     alone = isinstance(entry.group, AnyOf)
     what = f"any: fires by {entry.atom} alone" if alone else f"all: holds while only {entry.atom} is missing"
     wishes = [*entry.wishes, Wish(entry.atom, alone)]
-    accepts: tuple[Accept, ...] = (fires,) if alone else (stays, yields)
-    found = (comfortable(leave, wishes, accept) for accept in accepts)
-    yield _or_name(leave, what, next((steps for steps in found if steps is not None), None))
+    yield shown(leave, what, comfortable(leave, wishes, *((fires,) if alone else (stays, yields))))
+
+
+# ---------------------------------------------------------------------- two exits due in the same tick
+
+
+def priority(first: Exit, second: Exit) -> Scenario | None:
+    """Both exits due at once, and no sooner: the one listed first is taken; None if they never are."""
+    items = list(first.table.transitions)
+    items[first.index], items[second.index] = items[second.index], items[first.index]
+    swapped = Exit(replace(first.table, transitions=tuple(items)), first.index)
+    for steps in (steps for pair in _pairs(first, second) for steps in _candidates(pair)):
+        # In each other's place the other one is taken.
+        if fires(first, steps) and fires(swapped, steps):
+            what = f"priority: wins over {second.item.target} ({second.item.cause}) when both are due"
+            return scenario(first, what, steps)
+    return None
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Two exits of a phase, and what the others have to be."""
+
+    first: Exit
+    second: Exit
+    rest: tuple[Wish, ...]
+    phases: Phases
+
+    def look(self, first: int, last: int, wishes: Sequence[Wish]) -> Vector | None:
+        """Measurements over a window of ticks."""
+        if not 1 <= first <= last <= self.first.latest:
+            return None
+        return find(self.phases, [*wishes, *self.rest], Window(first, last))
+
+
+def _pairs(first: Exit, second: Exit) -> Iterator[_Pair]:
+    """All exits beside the two are closed; if they cannot be, those listed above the second, the first."""
+    others = [item for item in first.rivals if item.index != second.index]
+    for below in (len(first.table.transitions), second.index, first.index):
+        rest = tuple(Wish(item.item.guard, False) for item in others if item.index < below)
+        yield _Pair(first, second, rest, first.table.phase_names)
+    yield _Pair(first, second, tuple(Wish(item.item.guard, False) for item in others), (None,))
+
+
+def _candidates(pair: _Pair) -> Iterator[Steps]:
+    first, second = pair.first, pair.second
+    if max(first.debounce, second.debounce) > LONGEST_RUN:
+        return
+    pure = [item for item in (first, second) if is_pure_time_out(item.item)]
+    if len(pure) == 2:
+        yield from _both_time_outs(pair)
+    elif pure:
+        yield from _with_time_out(pair, second if pure[0] is first else first, pure[0])
+    else:
+        yield from _both_gated(pair)
+        yield from _staggered(pair)
+
+
+def _run(first: int, vectors: Sequence[Vector]) -> Steps:
+    return tuple(Step(first + place, vector) for place, vector in enumerate(vectors))
+
+
+def _both_time_outs(pair: _Pair) -> Iterator[Steps]:
+    if pair.first.latest > LONGEST_RUN:
+        return
+    due = int(pair.first.latest)
+    vector = pair.look(1, due, [])
+    if vector is not None:
+        yield constant(vector, 1, due)
+
+
+def _with_time_out(pair: _Pair, guarded: Exit, pure: Exit) -> Iterator[Steps]:
+    """The guard opens so that its debounce ends with the time-out."""
+    due = int(pure.latest)
+    start = due - guarded.debounce + 1
+    opened = pair.look(start, due, [Wish(guarded.item.guard)])
+    if opened is None:
+        return
+    lead = min(start - 1, pure.debounce)
+    before = pair.look(start - lead, start - 1, [Wish(guarded.item.guard, False)]) if lead else opened
+    if before is not None:
+        yield _run(start - lead, [before] * lead + [opened] * guarded.debounce)
+    yield constant(opened, start, due)
+
+
+def _both_gated(pair: _Pair) -> Iterator[Steps]:
+    """Both guards are open before, and at least one waits for the tick in which both are due."""
+    due = max(pair.first.gate, pair.second.gate)
+    debounce = max(pair.first.debounce, pair.second.debounce)
+    for start in (max(1, due - debounce - 1), due - debounce + 1):
+        opened = pair.look(start, due, [Wish(pair.first.item.guard), Wish(pair.second.item.guard)])
+        if opened is not None:
+            yield constant(opened, start, due)
+
+
+def _staggered(pair: _Pair) -> Iterator[Steps]:
+    """The guard with the longer debounce opens earlier, so that both debounces end together."""
+    first, second = pair.first, pair.second
+    slow, fast = (first, second) if first.debounce >= second.debounce else (second, first)
+    lead = slow.debounce - fast.debounce
+    gate = max(1, max(first.gate, second.gate) - slow.debounce + 1)
+    for start in slow.starts(slow.debounce, gate=gate):
+        last = start + slow.debounce - 1
+        opened = pair.look(start + lead, last, [Wish(first.item.guard), Wish(second.item.guard)])
+        if opened is None:
+            continue
+        only_slow = [Wish(slow.item.guard), Wish(fast.item.guard, False)]
+        before = pair.look(start, start + lead - 1, only_slow) if lead else opened
+        if before is not None:
+            yield _run(start, [before] * lead + [opened] * fast.debounce)

@@ -4,27 +4,6 @@ What is offered here is imported when it is first asked for: a finished page nee
 pandas.
 """
 
-from __future__ import annotations
+import lazy_loader
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from twin_gait.viewer.animation import write_animation
-    from twin_gait.viewer.session import LiveViewer, show_run, view_urdf
-
-__all__ = ["LiveViewer", "show_run", "view_urdf", "write_animation"]
-
-_HOMES = {
-    "LiveViewer": "session",
-    "show_run": "session",
-    "view_urdf": "session",
-    "write_animation": "animation",
-}
-
-
-def __getattr__(name: str) -> Any:
-    """Import what is asked for."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

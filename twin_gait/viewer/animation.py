@@ -17,10 +17,9 @@ from twin_gait.measures.outcome import RunEvent
 from twin_gait.palette import phase_colour
 from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
-from twin_gait.viewer.commands import Track, rgb, set_animation
+from twin_gait.viewer.commands import Recorder, Track, rgb, set_animation
 from twin_gait.viewer.motion import FRAMES_PER_SECOND, LegMotion, Motion, held_rows, read_motion
 from twin_gait.viewer.page import leg_entry, packed, packed_json, page_data, recorded_page
-from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.surroundings import Belt

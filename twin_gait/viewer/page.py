@@ -1,9 +1,8 @@
-"""The page: hand-written HTML, style and scripts around meshcat's bundle and the data of runs."""
+"""The page: a template with style and scripts around meshcat's bundle and the data of runs."""
 
 from __future__ import annotations
 
 import base64
-import html
 import json
 import re
 import zlib
@@ -12,6 +11,8 @@ from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from twin_gait.exceptions import ViewerError
 from twin_gait.measures.outcome import RunEvent
@@ -26,7 +27,7 @@ from twin_gait.palette import (
     TORQUE_COLOURS,
     phase_colour,
 )
-from twin_gait.viewer.legend import FULL_TORQUE, METRES_PER_NEWTON
+from twin_gait.viewer.commands import FULL_TORQUE, METRES_PER_NEWTON
 from twin_gait.vocabulary import Side
 
 if TYPE_CHECKING:
@@ -221,10 +222,10 @@ def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") 
     notice = "\n\n".join(path.read_text(encoding="utf-8") for path in licences if path.is_file())
     return _fill(
         policy=RECORDED_POLICY,
-        title=html.escape(" | ".join(run["title"] for run in runs)),
-        notice=f"<!-- The viewer in this page is meshcat:\n{notice.replace('--', '- -')}\n-->",
+        title=" | ".join(run["title"] for run in runs),
+        notice=notice.replace("--", "- -"),
         data=embedded_json({"mode": mode, "runs": list(runs)}),
-        bundle=f'<script type="text/plain" id="bundle">{bundle}</script>',
+        packed_bundle=bundle,
     )
 
 
@@ -243,12 +244,11 @@ def live_page(*, style: str = "", panel: str = "", script: str = "", socket: str
     return _fill(
         policy=LIVE_POLICY,
         title="twin_gait",
-        notice="",
         data=embedded_json({"mode": "live", "socket": socket}),
-        bundle=f"<script>{_inside_script(_bundle())}</script>",
+        bundle=_inside_script(_bundle()),
         more_style=style,
         panel=panel,
-        extra=f"<script>{_inside_script(script)}</script>" if script else "",
+        more_script=_inside_script(script),
     )
 
 
@@ -294,15 +294,19 @@ def embedded_json(data: Mapping[str, Any]) -> str:
     return text.replace("<", "\\u003c")
 
 
-def _fill(*, more_style: str = "", panel: str = "", extra: str = "", **parts: str) -> str:
-    template = (PAGE_FOLDER / "page.html").read_text(encoding="utf-8")
-    style = (PAGE_FOLDER / "page.css").read_text(encoding="utf-8")
-    style = style.replace("{{alarm}}", EVENT_COLOUR).replace("{{alarm_on_dark}}", EVENT_ON_DARK)
-    parts["style"] = style + more_style
+def _fill(**content: str) -> str:
+    """Fill the template; what is no plain text in it is marked so there."""
+    pages = Environment(
+        loader=FileSystemLoader(PAGE_FOLDER),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
     scripts = [(PAGE_FOLDER / name).read_text(encoding="utf-8") for name in SCRIPTS]
-    parts |= {"script": _inside_script("\n".join(scripts)), "panel": panel, "extra": extra}
-    # One pass: what is filled in is never looked at again.
-    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], template)
+    return pages.get_template("page.html").render(
+        script=_inside_script("\n".join(scripts)), alarm=EVENT_COLOUR, alarm_on_dark=EVENT_ON_DARK, **content
+    )
 
 
 def _inside_script(text: str) -> str:

@@ -9,9 +9,9 @@ from typing import Any
 import pinocchio as pin
 
 from twin_gait.leg_model.urdf import build_model, find_urdf
+from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.page import packed, page_data, recorded_page
-from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.staging import build_urdf_scene
 
 # A range wider than this is no limit: continuous joints, and files that leave the limits out.

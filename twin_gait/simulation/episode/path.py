@@ -1,4 +1,4 @@
-"""The walk that is followed, or against which the help of the device is judged."""
+"""The reference walk: path of position tracking, or measure of the tracking error."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def follow(episode: Episode, tick: int) -> None:
             state.lead[leg * per_leg + number] = state.blended[leg, column + DAMPING] * change / spacing
 
 
-def judge(episode: Episode, tick: int) -> None:
-    """Sum up how far the joints are from the path, and adapt the help when a stride is over."""
+def track(episode: Episode, tick: int) -> None:
+    """Sum up the tracking error, and adapt the assistance level at the end of a stride."""
     inputs, state = episode.inputs, episode.state
     per_leg = inputs.integers[JOINTS_PER_LEG]
     for leg in range(inputs.integers[N_LEGS]):
@@ -51,7 +51,7 @@ def judge(episode: Episode, tick: int) -> None:
 
 
 def _end_stride(episode: Episode, leg: int, tick: int) -> None:
-    """Adapt the help of one leg to the errors of the stride that ends with this foot contact."""
+    """Adapt the assistance level of one leg to the errors of the stride that has ended."""
     inputs, state = episode.inputs, episode.state
     per_leg = inputs.integers[JOINTS_PER_LEG]
     duration = tick - state.stride_start[leg]

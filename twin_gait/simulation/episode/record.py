@@ -96,7 +96,7 @@ def record(episode: Episode, tick: int, battery_power: float, rows: Array) -> No
 
 
 def _record_braces(episode: Episode, row: int, place: int, rows: Array) -> None:
-    """Write the wearer's own motion and what the device does on him."""
+    """Write the wearer's own motion and the torque of the device on them."""
     inputs, state = episode.inputs, episode.state
     for number in range(inputs.braced.shape[0]):
         index = inputs.braced[number]

@@ -7,7 +7,7 @@ import numpy as np
 from twin_gait.simulation.episode.monitor import watch
 from twin_gait.simulation.episode.motion import integrate
 from twin_gait.simulation.episode.motors import control, feed_forward, supply
-from twin_gait.simulation.episode.path import follow, judge
+from twin_gait.simulation.episode.path import follow, track
 from twin_gait.simulation.episode.phases import decide
 from twin_gait.simulation.episode.record import record
 from twin_gait.simulation.episode.sensors import measure
@@ -56,7 +56,7 @@ def run_ticks(episode: Episode, first: int, end: int, rows: Array) -> int:
             if inputs.integers[FOLLOWS] != 0:
                 follow(episode, tick)
             if inputs.integers[ADAPTS] != 0:
-                judge(episode, tick)
+                track(episode, tick)
         feed_forward(episode)
         battery_power = 0.0
         for joint in range(inputs.coordinates.shape[0]):

@@ -55,7 +55,7 @@ def push(episode: Episode, tick: int) -> None:
 
 
 def _wear(episode: Episode, tick: int, joint: int, passive: float, hip: float) -> None:
-    """Add the wearer's torque on one joint; his effort comes late."""
+    """Add the wearer's torque on one joint; the effort comes with a delay."""
     inputs, state = episode.inputs, episode.state
     ring = state.efforts.shape[0]
     phase = state.phase[joint // inputs.integers[JOINTS_PER_LEG]]
@@ -68,9 +68,9 @@ def _wear(episode: Episode, tick: int, joint: int, passive: float, hip: float) -
     effort = state.efforts[(tick + 1) % ring, joint]
     effort *= 1.0 + inputs.effort_noise[tick % inputs.effort_noise.shape[0], joint]
     index = inputs.coordinates[joint] + inputs.integers[WEARER_SHIFT]
-    catch = spastic_torque(
+    reflex = spastic_torque(
         state.v[index],
         inputs.conditions[joint, STRETCH_REFLEX_THRESHOLD],
         inputs.conditions[joint, STRETCH_REFLEX_GAIN],
     )
-    state.external[index] += inputs.conditions[joint, PASSIVE_SHARE] * passive + catch + effort
+    state.external[index] += inputs.conditions[joint, PASSIVE_SHARE] * passive + reflex + effort

@@ -173,7 +173,7 @@ class PinocchioEngine:
             if self.problem.experiment.control.mode is ControlMode.POSITION:
                 self._path.follow(tick, self._blended)
             if self.problem.experiment.control.assistance.adaptive:
-                self._path.judge(tick, list(self.machines.values()), self._sensors.measured)
+                self._path.track(tick, list(self.machines.values()), self._sensors.measured)
         feed_forward = self._feed_forward()
         battery_power = 0.0
         for number, joint in enumerate(self.problem.joints):
@@ -287,7 +287,7 @@ class PinocchioEngine:
         else:
             parts = self._walking_torques(tick, number, joint, measurement, setpoint, feed_forward)
             if safety.enabled:
-                monitor.judge_command(tick, number, sum(parts))
+                monitor.check_command(tick, number, sum(parts))
         if monitor.trip is not None:
             setpoint = JointSetpoint(0.0, safety.hold_damping, float(monitor.hold_angle[number]), 0.0)
             gravity = support * feed_forward[number, 0] if support != 0.0 else 0.0
@@ -355,8 +355,8 @@ class PinocchioEngine:
         )
         target_current, current, torque = drive_motor(command, *rest)
         expected = current
-        struck = tick >= self._faults.first_tick
-        fault = drive_fault(number, tick, self._faults.faults) if struck else NO_FAULT
+        faulty = tick >= self._faults.first_tick
+        fault = drive_fault(number, tick, self._faults.faults) if faulty else NO_FAULT
         if self._monitor.drive_off[number]:
             target_current = expected = current = torque = 0.0
         elif fault != NO_FAULT:

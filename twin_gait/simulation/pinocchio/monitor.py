@@ -112,7 +112,7 @@ class MonitorOfLegs:
             if self._load_streaks[leg] >= longest:
                 self._note(tick, LOAD_TRIP, len(self.problem.joints) + leg)
 
-    def judge_command(self, tick: int, number: int, command: float) -> None:
+    def check_command(self, tick: int, number: int, command: float) -> None:
         """Trip on a command that no controller of this device gives.
 
         Args:
@@ -130,7 +130,7 @@ class MonitorOfLegs:
     def remember(
         self, number: int, command: float, current: float, expected: float, velocity: float, resistance: float
     ) -> None:
-        """Keep of a drive what the next tick is judged by.
+        """Keep of a drive what the next tick is checked against.
 
         Args:
             number: Of the joint.

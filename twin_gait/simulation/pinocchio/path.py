@@ -1,4 +1,4 @@
-"""The walk of the Pinocchio engine: to follow in position tracking, or to judge the device's help by."""
+"""The reference walk in the Pinocchio engine, for position tracking or the tracking error."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from twin_gait.simulation.problem import Problem
 
 
 class PathOfLegs:
-    """Moves the joints along the path and adapts the help to how far they stray from it.
+    """Moves the joints along the path and adapts the assistance level to the tracking error.
 
     Attributes:
         assistance: Share of the impedance that each joint is given, shape ``(n_joints,)``.
@@ -55,8 +55,8 @@ class PathOfLegs:
                 blended[leg, column + EQUILIBRIUM] = start + share * change
                 self.lead[leg * per_leg + number] = blended[leg, column + DAMPING] * change / spacing
 
-    def judge(self, tick: int, machines: Sequence[GaitStateMachine], measured: np.ndarray) -> None:
-        """Sum up how far the joints are from the path, and adapt the help when a stride is over.
+    def track(self, tick: int, machines: Sequence[GaitStateMachine], measured: np.ndarray) -> None:
+        """Sum up the tracking error, and adapt the assistance level at the end of a stride.
 
         Args:
             tick: Of the episode.
@@ -77,7 +77,7 @@ class PathOfLegs:
             self._tracking[rows] += np.abs(measured[rows, 0] - wanted)
 
     def _end_stride(self, leg: int, tick: int) -> None:
-        """Adapt the help of one leg to the errors of the stride that ends with this foot contact."""
+        """Adapt the assistance level of one leg to the errors of the stride that has ended."""
         settings, per_leg = self.problem.experiment.control.assistance, self.problem.joints_per_leg
         duration = tick - self._stride_start[leg]
         for joint in range(leg * per_leg, (leg + 1) * per_leg):

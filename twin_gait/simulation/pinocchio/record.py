@@ -102,7 +102,7 @@ class RowOfTick:
             self._write_braces(row, plant)
 
     def _write_braces(self, row: np.ndarray, plant: PinocchioPlant) -> None:
-        """Write the wearer's own motion and what the device does on him."""
+        """Write the wearer's own motion and the torque of the device on them."""
         model, layout = self.problem.world.model, self.layout
         for side, leg in model.legs.items():
             for joint, _ in leg.items():

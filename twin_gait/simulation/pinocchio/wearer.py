@@ -24,7 +24,7 @@ from twin_gait.vocabulary import JointName
 
 
 class WearerOfJoints:
-    """Passive moments, spasticity and an effort that comes late."""
+    """Passive moments, spasticity and an effort with a delay."""
 
     def __init__(self, problem: Problem) -> None:
         """Begin without an effort.
@@ -36,7 +36,7 @@ class WearerOfJoints:
         self._efforts = np.zeros((problem.wearer.delay + 1, len(problem.joints)))
 
     def act(self, tick: int, plant: PinocchioPlant, phases: Sequence[int]) -> None:
-        """Give the plant his torques of a tick.
+        """Give the plant the torques of the wearer in a tick.
 
         Args:
             tick: Of the episode.
@@ -71,7 +71,7 @@ class WearerOfJoints:
         noise = arrays.noise[tick % len(arrays.noise), joint]
         effort = self._efforts[(tick + 1) % ring, joint] * (1.0 + noise)
         index = self.problem.joints[joint].coordinate + self.problem.world.wearer_shift
-        catch = spastic_torque(
+        reflex = spastic_torque(
             float(plant.v[index]), condition[STRETCH_REFLEX_THRESHOLD], condition[STRETCH_REFLEX_GAIN]
         )
-        plant.wearer[index] = condition[PASSIVE_SHARE] * passive + catch + effort
+        plant.wearer[index] = condition[PASSIVE_SHARE] * passive + reflex + effort

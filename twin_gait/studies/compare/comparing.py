@@ -1,4 +1,4 @@
-"""Run every controller for every variation of the wearer's day, and put the numbers side by side."""
+"""Run every controller on every day of a wearer, and put the measures side by side."""
 
 from __future__ import annotations
 
@@ -12,17 +12,118 @@ import pandas as pd
 from scipy.stats import t as student
 
 from twin_gait.exceptions import ParameterError, TwinGaitError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment import AssistanceParameters, ControlMode, Experiment
 from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation import Run, simulate
-from twin_gait.studies.compare.controllers import Controller
-from twin_gait.studies.compare.numbers import Numbers, numbers_of
+from twin_gait.studies.compare.measures import Measures, run_measures
+from twin_gait.vocabulary import JointName
 
 # By how much a day differs from the nominal one, either way, evenly distributed (assumptions): clothes and
 # luggage, warm or cold gears, a belt that is not quite what its display says, a good or a bad day.
 MASS_SPREAD, FRICTION_SPREAD, SPEED_SPREAD, EFFORT_SPREAD = 0.03, 0.2, 0.03, 0.1
 CONFIDENCE = 0.95
+# TwinCare gives each joint a share of the table's impedance; four fifths is an assumption. An experiment that
+# sets shares of its own keeps them.
+TWINCARE_SHARE = 0.8
+
+
+@dataclass(frozen=True)
+class Controller:
+    """One way to drive the legs.
+
+    Attributes:
+        name: On the command line and in tables.
+        title: In a report.
+        explanation: What it does, in plain words.
+        mode: Law between angle and torque.
+        adaptive: Whether the assistance adapts from stride to stride.
+        partial: Whether a fixed share of the table acts.
+    """
+
+    name: str
+    title: str
+    explanation: str
+    mode: ControlMode
+    adaptive: bool = False
+    partial: bool = False
+
+    def change(self, experiment: Experiment) -> Experiment:
+        """The same experiment with this controller."""
+        assistance = AssistanceParameters()
+        if self.adaptive or self.partial:
+            assistance = replace(experiment.control.assistance, adaptive=self.adaptive)
+        if self.partial and assistance.is_full:
+            shares = {JointName.HIP: TWINCARE_SHARE, JointName.KNEE: TWINCARE_SHARE}
+            assistance = replace(assistance, share=shares)
+        return replace(experiment, control=replace(experiment.control, mode=self.mode, assistance=assistance))
+
+
+_IMPEDANCE = ControlMode.IMPEDANCE
+_CONTROLLERS = (
+    Controller("table", "five-phase table", "spring and damper of the gait table", _IMPEDANCE),
+    Controller(
+        "position",
+        "position tracking",
+        "a stiff spring that follows a predetermined path",
+        ControlMode.POSITION,
+    ),
+    Controller(
+        "assist_as_needed",
+        "assist as needed",
+        "the table; from stride to stride as much of it as the tracking error asks for",
+        _IMPEDANCE,
+        adaptive=True,
+    ),
+    Controller(
+        "twincare",
+        "partial assistance",
+        "the table, a fixed share of it per joint",
+        _IMPEDANCE,
+        partial=True,
+    ),
+    Controller(
+        "transparent",
+        "friction compensation only",
+        "no spring; the gear's friction and the leg's weight in swing are carried",
+        ControlMode.TRANSPARENT,
+    ),
+    Controller(
+        "gravity",
+        "gravity compensation",
+        "no spring; friction and the leg's whole weight are carried",
+        ControlMode.GRAVITY,
+    ),
+    Controller(
+        "constant",
+        "constant impedance",
+        "one spring for the whole stride, the mean of the table's",
+        ControlMode.CONSTANT,
+    ),
+)
+CONTROLLERS = {item.name: item for item in _CONTROLLERS}
+
+
+def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
+    """Look controllers up.
+
+    Args:
+        names: For example ``table`` and ``position``.
+
+    Returns:
+        The controllers in the same order.
+
+    Raises:
+        ParameterError: If there is none of a name, or one is named twice.
+    """
+    if not names:
+        raise ParameterError(f"controllers: expected some of {', '.join(CONTROLLERS)}")
+    for place, name in enumerate(names):
+        if name not in CONTROLLERS:
+            raise ParameterError(f"controllers: no {name!r}; there are {', '.join(CONTROLLERS)}")
+        if name in names[:place]:
+            raise ParameterError(f"controllers: {name} is named twice; leave one out")
+    return tuple(CONTROLLERS[name] for name in names)
 
 
 class ComparisonInterrupted(TwinGaitError):
@@ -52,7 +153,7 @@ class Comparison:
         controllers: In order.
         seeds: Days that each was run on; the first is the nominal one.
         table: One row per run: ``controller``, ``seed`` and the numbers of
-            :func:`~twin_gait.studies.compare.numbers.numbers_of`.
+            :func:`~twin_gait.studies.compare.measures.run_measures`.
         runs: Of the nominal day, by the name of the controller.
     """
 
@@ -63,34 +164,29 @@ class Comparison:
     runs: dict[str, Run]
 
     def interval(self, controller: str, number: str) -> Interval:
-        """Mean of a number over the runs of a controller that have it.
-
-        Args:
-            controller: Name of the controller.
-            number: Name of the number.
-
-        Returns:
-            The mean with its interval.
-        """
-        if number not in self.table:
-            return Interval(math.nan, math.nan, 0)
-        values = self.table.loc[self.table["controller"] == controller, number].to_numpy(dtype=float)
-        return interval_of(values)
+        """Mean of a measure over the runs of a controller that have it."""
+        values = self.table.loc[self.table["controller"] == controller].get(number)
+        return interval_of(np.zeros(0) if values is None else values.to_numpy(dtype=float))
 
     def walked(self, controller: str) -> int:
         """Runs of a controller without a fall or a trip."""
         return int(self.table.loc[self.table["controller"] == controller, "walked"].sum())
 
+    def means(self) -> list[Measures]:
+        """``NAME`` and ``NAME_half_width`` of every measure, one mapping per controller."""
+        names = [str(name) for name in self.table.columns.drop(["controller", "seed", "status", "trip"])]
+        return [
+            {
+                f"{name}{end}": value
+                for name in names
+                for end, value in zip(("", "_half_width"), self.interval(item.name, name), strict=False)
+            }
+            for item in self.controllers
+        ]
+
 
 def interval_of(values: np.ndarray) -> Interval:
-    """Mean with the confidence interval of Student's t distribution.
-
-    Args:
-        values: Shape ``(n,)``; NaN does not count.
-
-    Returns:
-        The interval.
-    """
+    """Mean with the confidence interval of Student's t distribution; NaN does not count."""
     known = values[~np.isnan(values)]
     if len(known) == 0:
         return Interval(math.nan, math.nan, 0)
@@ -111,9 +207,7 @@ def compare(
     should_stop: Callable[[], bool] | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> Comparison:
-    """Run every controller on every day.
-
-    All controllers meet the same days.
+    """Run every controller on every day; all controllers meet the same days.
 
     Args:
         experiment: On the treadmill, with a wearer.
@@ -141,7 +235,7 @@ def compare(
             run = simulate(controller.change(day), on_compile=on_compile)
             if seed == 0:
                 nominal[controller.name] = run
-            rows.append({"controller": controller.name, "seed": seed, **_ending(run), **numbers_of(run)})
+            rows.append({"controller": controller.name, "seed": seed, **_ending(run), **run_measures(run)})
             if progress is not None:
                 progress(len(rows), len(days) * len(controllers))
     return Comparison(experiment, tuple(controllers), seeds, pd.DataFrame(rows), nominal)
@@ -177,16 +271,16 @@ def varied(experiment: Experiment, seed: int) -> Experiment:
     if seed == 0:
         return experiment
     assert isinstance(scenario, TreadmillScenario) and patient is not None  # the caller has checked
-    draw = np.random.default_rng((experiment.seed, seed)).uniform(-1.0, 1.0, size=4)
+    draw = np.random.default_rng((experiment.seed, seed)).uniform(-1.0, 1.0, size=4).tolist()
     friction = {
         joint: (1.0 + FRICTION_SPREAD * draw[1]) * item for joint, item in plant.friction_ratio.items()
     }
     return replace(
         experiment,
         seed=experiment.seed + seed,
-        patient=_on_another_day(patient, float(draw[0]), float(draw[3])),
-        plant=replace(plant, friction_ratio={joint: float(item) for joint, item in friction.items()}),
-        scenario=replace(scenario, belt_speed=float((1.0 + SPEED_SPREAD * draw[2]) * scenario.belt_speed)),
+        patient=_on_another_day(patient, draw[0], draw[3]),
+        plant=replace(plant, friction_ratio=friction),
+        scenario=replace(scenario, belt_speed=(1.0 + SPEED_SPREAD * draw[2]) * scenario.belt_speed),
     )
 
 
@@ -199,24 +293,3 @@ def _on_another_day(patient: Patient, weight: float, form: float) -> Patient:
         mass=min(HEAVIEST_WEARER, (1.0 + MASS_SPREAD * weight) * patient.mass),
         conditions={place: condition(item) for place, item in patient.conditions.items()},
     )
-
-
-def summary_rows(comparison: Comparison) -> list[Numbers]:
-    """Means and intervals of every number, one row per controller, in the order of the controllers.
-
-    Args:
-        comparison: The comparison.
-
-    Returns:
-        ``NAME`` and ``NAME_half_width`` of every number.
-    """
-    named = {"controller", "seed", "status", "trip"}
-    names = [name for name in comparison.table if name not in named]
-    rows: list[Numbers] = []
-    for controller in comparison.controllers:
-        row: Numbers = {}
-        for name in names:
-            found = comparison.interval(controller.name, str(name))
-            row |= {str(name): found.mean, f"{name}_half_width": found.half_width}
-        rows.append(row)
-    return rows

@@ -4,32 +4,69 @@ from __future__ import annotations
 
 import json
 import math
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+import yaml
 from matplotlib.figure import Figure
 
-from twin_gait import __version__
 from twin_gait.files import finite_or_none, write_atomically
 from twin_gait.measures.strides import normalise_strides
 from twin_gait.report.canvas import picture_bytes
-from twin_gait.report.compare import COLOURS, Walked, comparison_page, draw_comparison
+from twin_gait.report.compare import Drawn, draw_comparison
+from twin_gait.report.pages import paragraphs, picture_of, render
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import belt_speed_of, describe
 from twin_gait.runs.summary import versions
 from twin_gait.simulation.run import Run
-from twin_gait.studies.compare.comparing import Comparison, summary_rows
-from twin_gait.studies.compare.controllers import CONTROLLERS
-from twin_gait.studies.compare.measures_shown import table_rows
-from twin_gait.studies.compare.words import paragraphs
+from twin_gait.studies.compare.comparing import CONTROLLERS, Comparison, Controller, Interval
 from twin_gait.vocabulary import MOTOR_JOINTS, Side
 
 PAGE_FILE = "compare.html"
 COMPARISON = FolderKind("a comparison", PAGE_FILE)
 PICTURE_FILE, RUNS_FILE, SUMMARY_FILE = "compare.png", "runs.csv", "compare.json"
-_BARS = {"device torque, RMS [N m]": ("interaction_rms_Nm", 1.0), "battery [W]": ("battery_power_W", 1.0)}
+HOT = 1.0  # RMS current over the continuous one
+UNEVEN = 0.05  # of a symmetry index; less is not called asymmetry
+_BARS = {"device torque, RMS [N m]": "interaction_rms_Nm", "battery [W]": "battery_power_W"}
+
+
+class Shown(NamedTuple):
+    """A measure as a report shows it.
+
+    Attributes:
+        label: What it is, with its unit.
+        digits: After the point.
+        meaning: In plain words.
+        factor: From the number to what is shown.
+    """
+
+    label: str
+    digits: int
+    meaning: str
+    factor: float = 1.0
+
+
+@cache
+def shown_measures() -> dict[str, dict[str, Shown]]:
+    """Measures that a report shows, by group and name."""
+    text = Path(__file__).with_name("measures.yaml").read_text(encoding="utf-8")
+    groups = yaml.safe_load(text)
+    return {group: {name: Shown(**row) for name, row in rows.items()} for group, rows in groups.items()}
+
+
+def text_of(found: Interval, shown: Shown) -> str:
+    """A number as the table shows it: ``12.3 ± 0.4``; a dash where there is none."""
+    if math.isnan(found.mean):
+        return "–"
+    if math.isinf(found.mean):
+        return "∞"
+    numbers = [shown.factor * value for value in (found.mean, found.half_width) if not math.isnan(value)]
+    # No minus before a zero.
+    texts = [f"{round(value, shown.digits) + 0.0:.{shown.digits}f}" for value in numbers]
+    return " ± ".join(texts).replace("-", "−")
 
 
 def write_comparison(comparison: Comparison, who: str, target: Path, *, force: bool = False) -> None:
@@ -45,16 +82,16 @@ def write_comparison(comparison: Comparison, who: str, target: Path, *, force: b
         RunDirectoryError: If it exists, or cannot be written.
     """
     with staged_directory(target, COMPARISON, force=force) as staging:
-        light, dark = (picture_bytes(figure_of(comparison, dark=dark), "none") for dark in (False, True))
-        write_atomically(staging / PICTURE_FILE, picture_bytes(figure_of(comparison), "white"))
-        write_atomically(staging / PAGE_FILE, page_of(comparison, who, (light, dark)))
+        figure = figure_of(comparison)
+        write_atomically(staging / PICTURE_FILE, picture_bytes(figure))
+        write_atomically(staging / PAGE_FILE, page_of(comparison, who, figure))
         table = comparison.table.to_csv(index=False, lineterminator="\n")
         write_atomically(staging / RUNS_FILE, table)
         write_atomically(staging / SUMMARY_FILE, summary_text(comparison, who))
 
 
 def subtitle_of(comparison: Comparison, who: str) -> str:
-    """Who walks, how fast, how long and how often, in one line."""
+    """The wearer, the walk, and how long and how often, in one line."""
     experiment = comparison.experiment
     days = f"{comparison.seeds} days" if comparison.seeds > 1 else "one run"
     walk = describe(experiment.patient, belt_speed_of(experiment))
@@ -62,54 +99,85 @@ def subtitle_of(comparison: Comparison, who: str) -> str:
     return f"{who}, {walk}, {experiment.duration:g} s, {days}{often}"
 
 
-def page_of(comparison: Comparison, who: str, pictures: tuple[bytes, bytes]) -> str:
-    """The report as HTML.
+def conclusions(comparison: Comparison) -> list[str]:
+    """What the measures say, as a few paragraphs."""
+    names = {name: shown for rows in shown_measures().values() for name, shown in rows.items()}
+    walked = {item.name: comparison.walked(item.name) for item in comparison.controllers}
+    walking = [item for item in comparison.controllers if walked[item.name]]
 
-    Args:
-        comparison: The comparison.
-        who: Name of the wearer.
-        pictures: PNG for a light and for a dark page.
+    def mean(controller: Controller, number: str) -> float:
+        return comparison.interval(controller.name, number).mean
 
-    Returns:
-        The page.
-    """
-    return comparison_page(
-        title="Controllers compared",
-        subtitle=subtitle_of(comparison, who),
-        text=paragraphs(comparison),
-        controllers=[(item.title, item.explanation) for item in comparison.controllers],
-        rows=table_rows(comparison),
-        pictures=pictures,
-        version=__version__,
-    )
+    def extremes(number: str) -> tuple[Controller, Controller]:
+        ordered = sorted(walking, key=lambda item: mean(item, number))
+        return ordered[0], ordered[-1]
+
+    content = {
+        "controllers": comparison.controllers,
+        "seeds": comparison.seeds,
+        "walked": {name: count for name, count in walked.items() if count},
+        "walked_always": [name for name, count in walked.items() if count == comparison.seeds],
+        "uneven": UNEVEN,
+        "hot_share": HOT,
+        "mean": mean,
+        "extremes": extremes,
+        "shown": lambda item, number: text_of(comparison.interval(item.name, number), names[number]),
+        "label": lambda number: names[number].label,
+    }
+    return paragraphs("compare.txt", content)
 
 
-def figure_of(comparison: Comparison, *, dark: bool = False) -> Figure:
-    """The figure of the nominal day.
+def page_of(comparison: Comparison, who: str, figure: Figure) -> str:
+    """The report as HTML."""
+    measures = {
+        group: [
+            {
+                **shown._asdict(),
+                "texts": [
+                    text_of(comparison.interval(item.name, name), shown) for item in comparison.controllers
+                ],
+            }
+            for name, shown in rows.items()
+        ]
+        for group, rows in shown_measures().items()
+    }
+    # Labels that mean the same share their explanation.
+    meanings: dict[str, list[str]] = {}
+    rows = [(row["meaning"], row["label"]) for group in measures.values() for row in group]
+    for meaning, label in [*((item.explanation, item.title) for item in comparison.controllers), *rows]:
+        meanings.setdefault(str(meaning), []).append(str(label))
+    content = {
+        "title": "Controllers compared",
+        "subtitle": subtitle_of(comparison, who),
+        "text": conclusions(comparison),
+        "controllers": comparison.controllers,
+        "measures": measures,
+        "meanings": meanings,
+        "figure": picture_of(figure),
+    }
+    return render("compare.html", content)
 
-    Args:
-        comparison: The comparison.
-        dark: For a dark page.
 
-    Returns:
-        The figure.
-    """
+def figure_of(comparison: Comparison) -> Figure:
+    """The figure of the nominal day: cycles beside the reference, and bars."""
     reference: dict[str, np.ndarray] = {}
     for joint in MOTOR_JOINTS:
         healthy = reference_cycle(comparison.experiment, joint)
         if healthy is not None:
             reference |= {f"{side} {joint}": np.degrees(healthy) for side in Side}
-    walked = [
-        Walked(
+    nominal = comparison.table[comparison.table["seed"] == 0].set_index("controller")
+    bars = nominal.reindex(columns=list(_BARS.values())).dropna().to_dict("index")
+    drawn = [
+        Drawn(
             item.title,
-            COLOURS[list(CONTROLLERS).index(item.name)],
+            list(CONTROLLERS).index(item.name),
             _cycles(comparison.runs[item.name]),
-            _bars(comparison, item.name),
+            {label: float(bars[item.name][number]) for label, number in _BARS.items()},
         )
         for item in comparison.controllers
-        if _nominal(comparison, item.name, "interaction_rms_Nm") is not None
+        if item.name in bars
     ]
-    return draw_comparison(walked, reference, dark=dark)
+    return draw_comparison(drawn, reference)
 
 
 def _cycles(run: Run) -> dict[str, np.ndarray]:
@@ -122,39 +190,15 @@ def _cycles(run: Run) -> dict[str, np.ndarray]:
     return cycles
 
 
-def _bars(comparison: Comparison, name: str) -> dict[str, float]:
-    return {
-        label: factor * (_nominal(comparison, name, number) or 0.0)
-        for label, (number, factor) in _BARS.items()
-    }
-
-
-def _nominal(comparison: Comparison, name: str, number: str) -> float | None:
-    """A number of the nominal day, or None where the run has none."""
-    if number not in comparison.table:
-        return None
-    rows = comparison.table[(comparison.table["controller"] == name) & (comparison.table["seed"] == 0)]
-    value = float(rows[number].iloc[0])
-    return None if math.isnan(value) else value
-
-
 def summary_text(comparison: Comparison, who: str) -> str:
-    """Means, intervals and paragraphs as JSON.
-
-    Args:
-        comparison: The comparison.
-        who: Name of the wearer.
-
-    Returns:
-        The text; null where a number is not defined.
-    """
-    rows = zip(comparison.controllers, summary_rows(comparison), strict=True)
+    """Means, intervals and paragraphs as JSON; null where a number is not defined."""
+    rows = zip(comparison.controllers, comparison.means(), strict=True)
     document: dict[str, Any] = {
         "patient": who,
         "subtitle": subtitle_of(comparison, who),
         "seeds": comparison.seeds,
         "versions": versions(),
-        "paragraphs": paragraphs(comparison),
+        "paragraphs": conclusions(comparison),
         "controllers": {
             item.name: {
                 "walked": comparison.walked(item.name),

@@ -1,4 +1,4 @@
-"""Whom and what a table is tried on besides the person that it is tuned for."""
+"""Wearers, plants and sensors that a table is tried on besides those that it is tuned for."""
 
 from __future__ import annotations
 
@@ -29,14 +29,7 @@ class Case(NamedTuple):
 
 
 class Departure(NamedTuple):
-    """One quantity that departs from its nominal value.
-
-    Attributes:
-        name: In words, with its unit.
-        nominal: Where it is nominal.
-        values: Places that are tried, ascending, the nominal one among them.
-        cases: One for each.
-    """
+    """One quantity that departs from its nominal value; values ascend, the nominal one among them."""
 
     name: str
     nominal: float
@@ -58,36 +51,19 @@ def check_walker(experiment: Experiment) -> tuple[TreadmillScenario, Patient]:
 
 
 def search_cases(experiment: Experiment) -> tuple[Case, ...]:
-    """What every candidate walks: as it is, and two corners of the robust set.
-
-    Args:
-        experiment: What the table is tuned for.
-
-    Returns:
-        The nominal case first.
-    """
+    """What every candidate walks: as it is (first), and two corners of the robust set."""
     return (
         Case(NOMINAL, {}),
         Case(
             "heavy, rough, empty battery",
             {**_mass(experiment, 1.1), **_friction(HIGH_FRICTION), **_voltage(LOW_VOLTAGE), **_noise()},
         ),
-        Case(
-            "light, smooth",
-            {**_mass(experiment, 0.9), **_friction(LOW_FRICTION)},
-        ),
+        Case("light, smooth", {**_mass(experiment, 0.9), **_friction(LOW_FRICTION)}),
     )
 
 
 def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
-    """The robust set, which the best candidates walk.
-
-    Args:
-        experiment: What the table is tuned for.
-
-    Returns:
-        The nominal case first.
-    """
+    """The robust set, which the best candidates walk; the nominal case first."""
     return (
         Case(NOMINAL, {}),
         Case("mass −10 %", _mass(experiment, 0.9)),
@@ -107,14 +83,7 @@ def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
 
 
 def departures(experiment: Experiment) -> tuple[Departure, ...]:
-    """How the world may depart from the one that a table is tuned for, one quantity at a time.
-
-    Args:
-        experiment: What the table is tuned for.
-
-    Returns:
-        Mass, height, friction ratio, load-dependent friction, support and belt speed.
-    """
+    """How the world may depart from the one that a table is tuned for, one quantity at a time."""
     scenario, patient = check_walker(experiment)
     masses = [patient.mass * factor for factor in (0.7, 0.85, 1.0, 1.15, 1.3)]
     masses = sorted({min(HEAVIEST_WEARER, mass) for mass in masses})
@@ -133,10 +102,7 @@ def departures(experiment: Experiment) -> tuple[Departure, ...]:
         _departure("friction over motor torque", load, loads, _load_friction),
         _departure("supported share of weight", share, shares, lambda x: {"scenario.support.share": x}),
         _departure(
-            "belt speed [m/s]",
-            scenario.belt_speed,
-            speeds,
-            lambda x: {"scenario.belt_speed_m_per_s": x},
+            "belt speed [m/s]", scenario.belt_speed, speeds, lambda x: {"scenario.belt_speed_m_per_s": x}
         ),
     )
 

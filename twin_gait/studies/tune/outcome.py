@@ -1,99 +1,119 @@
-"""What a tuning came to, as one mapping of plain values: the content of ``tune.json``."""
+"""The folder of a tuning: ``table.yaml``, ``tune.json``, ``report.html`` and the figures."""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from twin_gait import __version__
-from twin_gait.checking.check import build_subject, check, counts
-from twin_gait.checking.finding import Finding, Severity
-from twin_gait.configuration.documents import experiment_document
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.exceptions import ParameterError
+from twin_gait.checking.check import counts
+from twin_gait.configuration.documents import dump_yaml, experiment_document
+from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
+from twin_gait.files import write_atomically
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_curve
 from twin_gait.measures.strides import PERCENT, normalise_strides
-from twin_gait.simulation import Run, simulate
+from twin_gait.report.canvas import picture_bytes
+from twin_gait.report.tune import draw_figures, page
+from twin_gait.simulation import simulate
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import check_walker, departures
 from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, PARTS, WORST, part_costs
-from twin_gait.studies.tune.search import better_half
-from twin_gait.studies.tune.settings import Settings
-from twin_gait.studies.tune.space import Parameter
-from twin_gait.studies.tune.tuning import Finalist, Tuning, best_so_far
+from twin_gait.studies.tune.search import best_so_far, better_half
+from twin_gait.studies.tune.state import Finalist, Settings, Tuning
+from twin_gait.studies.tune.tune import Chosen, choose, final_table
 from twin_gait.studies.tune.walks import Ask, WalkResult, experiment_of, walk_all
 from twin_gait.vocabulary import MOTOR_JOINTS
 
+TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
 OUTCOME_VERSION = 1
 # A part that changes by less than this share of its goal counts as unchanged.
 SAME = 0.05
 
 
-class Chosen(NamedTuple):
-    """The table that is written.
+class TuningFolder(NamedTuple):
+    """What was written.
 
     Attributes:
-        finalist: It.
-        findings: Of the whole check.
-        refused: Finalists before it that the check found errors in.
+        directory: Where.
+        outcome: Content of ``tune.json``.
     """
 
-    finalist: Finalist
-    findings: tuple[Finding, ...]
-    refused: int
+    directory: Path
+    outcome: dict[str, Any]
 
 
-def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
-    """Take the best finalist whose table passes every error rule of the check.
+def write_tuning(
+    tuning: Tuning,
+    experiment: Experiment,
+    settings: Settings,
+    directory: Path,
+    *,
+    wearer: str,
+    workers: Workers | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> TuningFolder | None:
+    """Choose the table, see how it degrades, and write everything beside the state.
 
     Args:
         tuning: Completed.
         experiment: What it was tuned for.
+        settings: How.
+        directory: The folder of :func:`twin_gait.studies.tune.tune.tune`.
+        wearer: For whom, in words.
+        workers: Who walks; the calling process if None.
+        progress: Called with walks done and in all.
+        should_stop: Asked before each walk.
 
     Returns:
-        The table with what the check says.
+        What was written; None if it was stopped before.
 
     Raises:
-        ParameterError: If none passes, not even the table that the search began with.
+        ParameterError: If no table passes the check.
+        RunDirectoryError: If something cannot be written.
     """
-    for refused, finalist in enumerate(tuning.ranked):
-        driven = experiment_of(experiment_document(experiment), finalist.table, {})
-        findings = check(build_subject(driven.table, driven))
-        if not any(item.severity is Severity.ERROR for item in findings):
-            return Chosen(finalist, tuple(findings), refused)
-    raise ParameterError(
-        f"table {experiment.table.name}: no candidate passes twin-gait check, nor does the table itself; "
-        "mend its errors first"
+    directory = directory.expanduser().absolute()
+    assert tuning.before is not None  # a completed tuning has it
+    chosen = choose(tuning, experiment)
+    table = final_table(chosen, experiment, wearer, tuning.began_with)
+    start = tuning.before.table
+    departed = walk_departures(
+        start,
+        table,
+        experiment,
+        settings,
+        workers or Workers(),
+        progress=progress,
+        should_stop=should_stop,
     )
+    if departed is None:
+        return None
+    result = outcome(tuning, chosen, experiment, settings, wearer, departed)
+    _write(directory, table, result, gait_curves(start, table, experiment, settings))
+    return TuningFolder(directory, result)
 
 
-def final_table(chosen: Chosen, experiment: Experiment, wearer: str, began_with: str) -> dict[str, Any]:
-    """Document of the table, with a name and a description of its own.
-
-    Args:
-        chosen: The table.
-        experiment: What it was tuned for.
-        wearer: For whom, in words.
-        began_with: Name of the table that the search began with.
-
-    Returns:
-        The mapping, which every command takes.
-    """
-    start = experiment.table.name
-    origin = (
-        f"The table {start} as it was: the search found nothing better for {wearer}."
-        if chosen.finalist.points is None
-        else f"Tuned by twin-gait tune from the table {began_with} for {wearer}. Found in simulation; "
-        "nothing here was measured on a person."
-    )
-    document = {**chosen.finalist.table, "name": f"{start}_tuned", "description": origin}
-    gait_table_from_mapping(document, "the tuned table", start)
-    return document
+def _write(
+    directory: Path, table: dict[str, Any], result: dict[str, Any], curves: dict[str, dict[str, np.ndarray]]
+) -> None:
+    folder, figures = directory / FIGURES_FOLDER, draw_figures(result, curves)
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as error:
+        raise RunDirectoryError(f"{folder}: cannot be written ({error.strerror})") from error
+    for name, figure in figures.items():
+        write_atomically(folder / f"{name}.png", picture_bytes(figure))
+    write_atomically(directory / REPORT_FILE, page(result, figures))
+    write_atomically(directory / TABLE_FILE, dump_yaml(table))
+    # The last one: where it is, the folder is whole.
+    write_atomically(directory / OUTCOME_FILE, json.dumps(result, indent=2, allow_nan=False) + "\n")
 
 
 def outcome(
@@ -104,19 +124,7 @@ def outcome(
     wearer: str,
     departed: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """Everything that came out, ready for JSON.
-
-    Args:
-        tuning: Completed.
-        chosen: The table.
-        experiment: What it was tuned for.
-        settings: How.
-        wearer: For whom, in words.
-        departed: From :func:`walk_departures`.
-
-    Returns:
-        Plain values.
-    """
+    """Content of ``tune.json``; ``departed`` is from :func:`walk_departures`."""
     before = tuning.before
     assert before is not None and tuning.state.start_cost is not None  # a completed tuning has both
     after = chosen.finalist
@@ -146,7 +154,11 @@ def outcome(
         "screening": [asdict(effect) for effect in tuning.effects],
         "convergence": {
             "best": curve.tolist(),
-            "median": [_median_of_leaders(item.costs) for item in tuning.state.generations],
+            # Of those that have walked all cases; the others' costs only say that they are worse.
+            "median": [
+                float(np.median([item.costs[place] for place in better_half(item.costs)]))
+                for item in tuning.state.generations
+            ],
         },
         "check": {**counts(chosen.findings), "refused_before_it": chosen.refused},
         "effort": _effort(tuning, settings),
@@ -166,8 +178,8 @@ def walk_departures(
     """How two tables degrade as the world departs from what one of them was tuned for.
 
     Args:
-        before: Document of the one.
-        after: Document of the other.
+        before: Document of the table that the search began with.
+        after: Document of the tuned one.
         experiment: What it was tuned for.
         settings: How.
         workers: Who walks.
@@ -213,12 +225,6 @@ def gait_curves(
 ) -> dict[str, dict[str, np.ndarray]]:
     """Mean cycles of both legs before and after, and the reference.
 
-    Args:
-        before: Document of the table that the search began with.
-        after: Document of the tuned one.
-        experiment: What it was tuned for.
-        settings: How.
-
     Returns:
         By joint: ``reference``, and those of each side such as ``before left``, in [deg] at ``PERCENT``;
         a walk without a counted stride has no curve.
@@ -233,18 +239,13 @@ def gait_curves(
     }
     document = {**experiment_document(experiment), "seed": settings.seed}
     for name, table in (("before", before), ("after", after)):
-        walked = replace(experiment_of(document, table, {}), duration=settings.robust_duration)
-        _add_cycles(curves, name, simulate(walked))
+        run = simulate(replace(experiment_of(document, table, {}), duration=settings.robust_duration))
+        for record in run.leg_records():
+            for joint in MOTOR_JOINTS:
+                cycles = normalise_strides(record.angles[joint], record.strides())
+                if len(cycles):
+                    curves[str(joint)][f"{name} {record.side}"] = np.degrees(cycles.mean(axis=0))
     return curves
-
-
-def _add_cycles(curves: dict[str, dict[str, np.ndarray]], name: str, run: Run) -> None:
-    for side in run.sides:
-        record = run.leg_record(side)
-        for joint in MOTOR_JOINTS:
-            cycles = normalise_strides(record.angles[joint], record.strides())
-            if len(cycles):
-                curves[str(joint)][f"{name} {side}"] = np.degrees(cycles.mean(axis=0))
 
 
 def _reference_words(settings: Settings, experiment: Experiment) -> str:
@@ -255,35 +256,23 @@ def _reference_words(settings: Settings, experiment: Experiment) -> str:
 
 
 def _parts(before: WalkResult, after: WalkResult) -> list[dict[str, Any]]:
-    """Named parts side by side, each with what became of it."""
-    costs = {"before": part_costs(before.values), "after": part_costs(after.values)}
-    rows = []
-    for part in PARTS:
-        first, second = before.values[part.name], after.values[part.name]
-        rows.append(
-            {
-                **asdict(part),
-                "before": first,
-                "after": second,
-                "cost_before": costs["before"][part.name],
-                "cost_after": costs["after"][part.name],
-                "verdict": verdict(first, second, part.goal),
-            }
-        )
-    return rows
+    """Named parts side by side, each with its verdict."""
+    costs = part_costs(before.values), part_costs(after.values)
+    return [
+        {
+            **asdict(part),
+            "before": (first := before.values[part.name]),
+            "after": (second := after.values[part.name]),
+            "cost_before": costs[0][part.name],
+            "cost_after": costs[1][part.name],
+            "verdict": verdict(first, second, part.goal),
+        }
+        for part in PARTS
+    ]
 
 
 def verdict(before: float | None, after: float | None, goal: float) -> str:
-    """What became of a part: ``better``, ``traded`` (worse), ``same`` or ``not defined``.
-
-    Args:
-        before: Value before.
-        after: Value after; the smaller the better.
-        goal: Its goal; changes below ``SAME`` of it do not count.
-
-    Returns:
-        One of these words.
-    """
+    """Whether a part is ``better``, ``traded`` (worse), the ``same`` or ``not defined``; less is better."""
     if before is None or after is None:
         return "not defined"
     if math.isclose(before, after, rel_tol=0.0, abs_tol=SAME * goal):
@@ -292,10 +281,10 @@ def verdict(before: float | None, after: float | None, goal: float) -> str:
 
 
 def _robust(before: Finalist, after: Finalist) -> list[dict[str, Any]]:
-    rows = []
-    for (name, first), (_, second) in zip(before.walks, after.walks, strict=True):
-        rows.append({"case": name, "before": _walk(first), "after": _walk(second)})
-    return rows
+    pairs = zip(before.walks, after.walks, strict=True)
+    return [
+        {"case": name, "before": _walk(first), "after": _walk(second)} for (name, first), (_, second) in pairs
+    ]
 
 
 def _walk(walk: WalkResult) -> dict[str, Any]:
@@ -313,29 +302,21 @@ def _degradation(walks: Sequence[WalkResult]) -> dict[str, list[Any]]:
     }
 
 
-def _median_of_leaders(costs: Sequence[float]) -> float:
-    """Median of those that have walked all cases; the others' costs only say that they are worse."""
-    return float(np.median([costs[place] for place in better_half(costs)]))
-
-
 def _parameters(tuning: Tuning, chosen: Finalist) -> list[dict[str, Any]]:
-    searched = {item.name: place for place, item in enumerate(tuning.searched)}
-    return [_parameter(item, searched.get(item.name), chosen) for item in tuning.parameters]
-
-
-def _parameter(item: Parameter, place: int | None, chosen: Finalist) -> dict[str, Any]:
-    tuned = item.start
-    if place is not None and chosen.points is not None:
-        tuned = item.value(chosen.points[place])
-    return {
-        "name": item.name,
-        "unit": item.unit,
-        "start": item.start,
-        "tuned": tuned,
-        "lower": item.lower,
-        "upper": item.upper,
-        "searched": place is not None,
-    }
+    points = dict(zip((item.name for item in tuning.searched), chosen.points or (), strict=False))
+    searched = {item.name for item in tuning.searched}
+    return [
+        {
+            "name": item.name,
+            "unit": item.unit,
+            "start": item.start,
+            "tuned": item.value(points[item.name]) if item.name in points else item.start,
+            "lower": item.lower,
+            "upper": item.upper,
+            "searched": item.name in searched,
+        }
+        for item in tuning.parameters
+    ]
 
 
 def _effort(tuning: Tuning, settings: Settings) -> dict[str, Any]:

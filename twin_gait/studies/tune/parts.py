@@ -1,4 +1,4 @@
-r"""What a walk is judged by: named parts, each with a goal and a weight, all from the numbers of the summary.
+r"""What a walk is rated by: named parts, each with a goal and a weight, all from the numbers of the summary.
 
 Every part is the smaller the better, and the larger of the two legs counts. A walk costs
 
@@ -38,7 +38,7 @@ AIM = 0.9  # share of a goal beyond which the excess counts: a little better tha
 NEEDED_CLEARANCE = 15.0  # [mm]; how far the toe stays below it is a part
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Part:
     """One part of the objective.
 
@@ -59,26 +59,19 @@ class Part:
     excess: float = 0.0
 
 
+_TOE = f"toe lower than {NEEDED_CLEARANCE:g} mm in swing by"
 # Goals of the errors and of saturation are those that the tool is held to; 60 N m is the motors' limit.
-PARTS: tuple[Part, ...] = (
-    Part(name="hip_error_deg", title="hip error", unit="°", goal=4.0, weight=1.0, excess=HELD_TO),
-    Part(name="knee_error_deg", title="knee error", unit="°", goal=8.0, weight=1.0, excess=HELD_TO),
-    Part(name="stride_variation_pct", title="stride variation", unit="%", goal=2.0, weight=0.25),
-    Part(
-        name="second_contacts_per_stride", title="second contacts", unit="per stride", goal=0.25, weight=0.25
-    ),
-    Part(name="scuffs_per_stride", title="toe scuffs", unit="per stride", goal=0.25, weight=0.25),
-    Part(name="saturated_pct", title="time at a motor limit", unit="%", goal=4.0, weight=0.5),
-    Part(name="torque_change_Nm", title="torque change over a blend", unit="N m", goal=60.0, weight=0.25),
-    Part(name="torque_jump_Nm", title="torque jump in 1 ms", unit="N m", goal=6.0, weight=0.25),
-    Part(
-        name="clearance_lack_mm",
-        title=f"toe lower than {NEEDED_CLEARANCE:g} mm in swing by",
-        unit="mm",
-        goal=5.0,
-        weight=0.25,
-    ),
-    Part(name="asymmetry_pct", title="difference of the legs", unit="%", goal=10.0, weight=0.25),
+PARTS = (
+    Part("hip_error_deg", "hip error", "°", goal=4.0, weight=1.0, excess=HELD_TO),
+    Part("knee_error_deg", "knee error", "°", goal=8.0, weight=1.0, excess=HELD_TO),
+    Part("stride_variation_pct", "stride variation", "%", goal=2.0, weight=0.25),
+    Part("second_contacts_per_stride", "second contacts", "per stride", goal=0.25, weight=0.25),
+    Part("scuffs_per_stride", "toe scuffs", "per stride", goal=0.25, weight=0.25),
+    Part("saturated_pct", "time at a motor limit", "%", goal=4.0, weight=0.5),
+    Part("torque_change_Nm", "torque change over a blend", "N m", goal=60.0, weight=0.25),
+    Part("torque_jump_Nm", "torque jump in 1 ms", "N m", goal=6.0, weight=0.25),
+    Part("clearance_lack_mm", _TOE, "mm", goal=5.0, weight=0.25),
+    Part("asymmetry_pct", "difference of the legs", "%", goal=10.0, weight=0.25),
 )
 
 
@@ -92,25 +85,25 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
     Returns:
         Value by name of the part; None where the walk has too few strides for it.
     """
-    summary = summarise(run)
-    sides = list(summary["sides"].values())
+    sides = list(summarise(run)["sides"].values())
     joints = [joint for side in sides for joint in side["joints"].values()]
-    values = {
+    # Contacts of a foot that has just landed; further contacts in swing are scuffs.
+    bounces = [(side["further_contacts"] - side["scuffs"], side["strides"]) for side in sides]
+    return {
         "hip_error_deg": _error(run, sides, JointName.HIP, reference_speed),
         "knee_error_deg": _error(run, sides, JointName.KNEE, reference_speed),
-        "stride_variation_pct": _scaled(_largest(side["stride_time_variation"] for side in sides), 100.0),
-        "second_contacts_per_stride": _per_stride([_bounces(side) for side in sides]),
+        "stride_variation_pct": _percent(_largest(side["stride_time_variation"] for side in sides)),
+        "second_contacts_per_stride": _per_stride(bounces),
         "scuffs_per_stride": _per_stride([(side["scuffs"], side["strides"]) for side in sides]),
-        "saturated_pct": _scaled(_largest(joint["saturated_share"] for joint in joints), 100.0),
+        "saturated_pct": _percent(_largest(joint["saturated_share"] for joint in joints)),
         "torque_change_Nm": _largest(joint["switch_torque_change_Nm"] for joint in joints),
         "torque_jump_Nm": _largest(joint["switch_torque_jump_Nm"] for joint in joints),
         "clearance_lack_mm": _clearance_lack(sides),
-        "asymmetry_pct": _scaled(_asymmetry(sides), 100.0),
+        "asymmetry_pct": _percent(_asymmetry(sides)),
     }
-    return {part.name: values[part.name] for part in PARTS}
 
 
-class Judgement(NamedTuple):
+class Rating(NamedTuple):
     """What a walk is worth.
 
     Attributes:
@@ -126,34 +119,29 @@ class Judgement(NamedTuple):
     lasted: float
 
 
-def judge(run: Run, reference_speed: float | None = None) -> Judgement:
-    """Judge a walk.
+def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
+    """Rate a walk as tuning does: its cost, and the parts that it is the sum of.
 
     Args:
         run: A walk on the treadmill.
-        reference_speed: As in :func:`part_values`.
+        reference_speed: Speed of the reference walk in [m] / [s]; None for that of the belt.
 
     Returns:
-        Cost, and what it is made of.
+        Cost (0 or more, 30 for the worst walk and more for a fall), values of the parts such as
+        ``hip_error_deg``, whether it fell, and the share of the time that it lasted.
     """
     values = part_values(run, reference_speed)
     fell = run.verdict.outcome in (Outcome.FELL, Outcome.DIVERGED, Outcome.HELD)
     end = run.duration if run.trip is None else run.trip.time
     lasted = min(1.0, end / run.experiment.duration)
-    return Judgement(walk_cost(values, lasted, fell), values, fell, lasted)
+    return Rating(walk_cost(values, lasted, fell), values, fell, lasted)
 
 
 def walk_cost(values: Mapping[str, float | None], lasted: float, fell: bool) -> float:
-    """Cost of a walk.
+    """Cost of a walk with these values that lasted for a share of the time.
 
-    Args:
-        values: From :func:`part_values`.
-        lasted: Share of the time that it lasted.
-        fell: Whether it ended in a fall or diverged.
-
-    Returns:
-        Cost, 0 or more. A walk whose errors are not defined because it hardly made a stride costs ``WORST``,
-        any other part that is not defined its weight.
+    A walk whose errors are not defined because it hardly made a stride costs ``WORST``, any other part that
+    is not defined its weight.
     """
     if fell:
         return WORST + (FALL - WORST) * (1.0 - lasted)
@@ -176,12 +164,7 @@ def excess_cost(values: Mapping[str, float | None]) -> float:
     r"""What missed goals cost on top, in the walk that a table is tuned for.
 
     :math:`\sum_i e_i \max(0, x_i / g_i - 0.9)^2`, where e is not 0 for the two errors only.
-
-    Args:
-        values: From :func:`part_values`; empty for a table that did not walk.
-
-    Returns:
-        Cost, 0 or more; nothing for what is not defined.
+    What is not defined costs nothing, nor does a table that did not walk and has no values.
     """
     total = 0.0
     for part in PARTS:
@@ -199,8 +182,8 @@ def _largest(values: Iterable[float | None]) -> float | None:
     return max(float(value) for value in listed if value is not None)
 
 
-def _scaled(value: float | None, factor: float) -> float | None:
-    return None if value is None else factor * value
+def _percent(share: float | None) -> float | None:
+    return None if share is None else 100.0 * share
 
 
 def _error(
@@ -219,11 +202,6 @@ def _error(
         error = math.degrees(root_mean_square_error(cycles, reference)) if len(cycles) else math.nan
         errors.append(error if math.isfinite(error) else None)
     return _largest(errors)
-
-
-def _bounces(side: Mapping[str, Any]) -> tuple[int, int]:
-    """Contacts of a foot that has just landed, and strides; further contacts in swing are scuffs."""
-    return side["further_contacts"] - side["scuffs"], side["strides"]
 
 
 def _per_stride(counted: Iterable[tuple[int, int]]) -> float | None:

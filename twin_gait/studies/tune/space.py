@@ -82,12 +82,6 @@ def editable_document(table: GaitTable) -> dict[str, Any]:
     """Document of a table in the units that people type, without waivers.
 
     What was waived for one table has not been looked at for the next, so a tuned table does not inherit it.
-
-    Args:
-        table: The table.
-
-    Returns:
-        The mapping.
     """
     document = table_document(replace(table, waivers=()))
     for phases in (document["phases"], *document.get("sides", {}).values()):
@@ -98,14 +92,7 @@ def editable_document(table: GaitTable) -> dict[str, Any]:
 
 
 def with_own_sides(table: GaitTable) -> GaitTable:
-    """The same table with every phase written for each side, so that a search can tell the legs apart.
-
-    Args:
-        table: The table.
-
-    Returns:
-        A table that walks alike.
-    """
+    """The same table with every phase written for each side, so that a search can tell the legs apart."""
     return replace(table, side_phases={side: table.phases_of(side) for side in Side})
 
 
@@ -114,13 +101,7 @@ def parameters_of(
 ) -> tuple[Parameter, ...]:
     """Numbers of a table that can be tuned: k, θ0, damping, G of every phase and joint, and more if asked.
 
-    Args:
-        table: Where the search begins.
-        thresholds: Whether angle thresholds of the transitions count.
-        blending: Whether the duration of the blend counts.
-
-    Returns:
-        The parameters, in the order of the table.
+    The more are angle thresholds of the transitions and the duration of the blend, in the order of the table.
     """
     document = editable_document(table)
     sides = document.get("sides", {})
@@ -145,19 +126,7 @@ def parameters_of(
 def table_with(
     document: Mapping[str, Any], parameters: Sequence[Parameter], coordinates: Sequence[float] | np.ndarray
 ) -> dict[str, Any]:
-    """Put other numbers into a table.
-
-    Args:
-        document: From :func:`editable_document`.
-        parameters: What changes.
-        coordinates: From 0 to 1, one per parameter.
-
-    Returns:
-        A new document; what does not change is as it was.
-
-    Raises:
-        ParameterError: If there are more or fewer coordinates than parameters.
-    """
+    """Put other numbers (coordinates from 0 to 1) into a copy of a document of :func:`editable_document`."""
     if len(parameters) != len(coordinates):
         raise ParameterError(f"expected {len(parameters)} coordinates, got {len(coordinates)}")
     changed = copy.deepcopy(dict(document))

@@ -19,9 +19,15 @@ from twin_gait.simulation import RunStatus
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import NOMINAL, Case, robust_cases, search_cases
 from twin_gait.studies.tune.parts import FALL
-from twin_gait.studies.tune.screening import Effect, effects, plan
-from twin_gait.studies.tune.search import Generation, Search, better_half
-from twin_gait.studies.tune.settings import Settings
+from twin_gait.studies.tune.search import (
+    Effect,
+    Generation,
+    Search,
+    best_so_far,
+    better_half,
+    effects,
+    plan,
+)
 from twin_gait.studies.tune.space import (
     Parameter,
     editable_document,
@@ -29,16 +35,16 @@ from twin_gait.studies.tune.space import (
     table_with,
     with_own_sides,
 )
-from twin_gait.studies.tune.state import State, write_state
-from twin_gait.studies.tune.tuning import (
-    Finalist,
-    Progress,
-    Tuning,
-    best_so_far,
+from twin_gait.studies.tune.state import Finalist, Progress, Settings, State, Tuning, write_state
+from twin_gait.studies.tune.walks import (
+    Ask,
+    Walk,
+    WalkResult,
     nominal_cost,
+    run_walk,
+    walk_all,
     weighted_cost,
 )
-from twin_gait.studies.tune.walks import Ask, Walk, WalkResult, run_walk, walk_all
 
 # Share of the minutes for screening and search; the robust set, the departures and the report take the rest.
 SEARCH_SHARE = 0.85
@@ -53,13 +59,9 @@ class Stopped(Exception):  # not an error: somebody asked for it
 
 
 def start_tables(table: GaitTable) -> tuple[GaitTable, ...]:
-    """Tables that a search can begin with.
+    """Tables that a search can begin with: this one first.
 
-    Args:
-        table: The one that is to be bettered.
-
-    Returns:
-        It, and where it is one of ``START_TABLES`` the others of those; the sides told apart if it does.
+    Where it is one of ``START_TABLES``, the others of those follow, with sides told apart if it does so.
     """
     shipped = {name: load_gait_table(name) for name in START_TABLES}
     plain = replace(table, side_phases={}) if table.side_phases else table
@@ -82,17 +84,7 @@ class Stages:
         progress: Callable[[Progress], None] | None,
         should_stop: Callable[[], bool] | None,
     ) -> None:
-        """Begin; nothing is walked.
-
-        Args:
-            experiment: What the table is tuned for.
-            settings: How.
-            workers: Who walks.
-            state: What is known already; every stage goes on from there.
-            directory: Where the state is kept.
-            progress: Called after every step.
-            should_stop: Asked before each walk.
-        """
+        """Begin; nothing is walked. The arguments are those of :func:`twin_gait.studies.tune.tune.tune`."""
         self._settings, self._workers, self._state = settings, workers, state
         self._directory, self._should_stop = directory, should_stop
         self._progress = progress or (lambda step: None)
@@ -113,12 +105,6 @@ class Stages:
 
     def everything(self, on_compile: Callable[[], None] | None) -> Tuning:
         """Run all stages.
-
-        Args:
-            on_compile: Called if the engine has to be compiled.
-
-        Returns:
-            What they came to.
 
         Raises:
             Stopped: If somebody asked for it.
@@ -145,16 +131,8 @@ class Stages:
         before: Finalist | None,
         ranked: tuple[Finalist, ...],
     ) -> Tuning:
-        return Tuning(
-            status=status,
-            parameters=self._parameters,
-            searched=searched,
-            effects=self._effects,
-            state=self._state,
-            before=before,
-            ranked=ranked,
-            began_with=str(self._origin["name"]),
-        )
+        name = str(self._origin["name"])
+        return Tuning(status, self._parameters, searched, self._effects, self._state, before, ranked, name)
 
     def keep(self) -> None:
         """Write the state."""
@@ -217,8 +195,7 @@ class Stages:
     def _raced(self, tables: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[float]:
         """Cost of a population, of which the worse half of the nominal walks does not walk the corners.
 
-        The optimiser looks at the order of the costs and learns from the better half; each of the others
-        costs more than all of those.
+        The optimiser learns from the better half, by the order of the costs; each of the others costs more.
         """
         first, *corners = cases
         duration = self._settings.search_duration
@@ -316,14 +293,7 @@ def leaders(generations: Sequence[Generation], count: int) -> list[tuple[float, 
     """The cheapest candidate of each of so many stretches of the search, the latest stretch first.
 
     The cheapest of all lie side by side in the last generations, and what one of them cannot walk none of
-    them can.
-
-    Args:
-        generations: All of them.
-        count: Stretches.
-
-    Returns:
-        Cost and coordinates; none of a stretch in which all fell.
+    them can. Cost and coordinates; none of a stretch in which all fell.
     """
     found = []
     for stretch in np.array_split(np.arange(len(generations)), count)[::-1]:

@@ -1,22 +1,116 @@
-"""What a tuning keeps on disk while it runs: one JSON file, replaced after every step, nothing pickled."""
+"""Settings, state and result of a tuning.
+
+The state is kept on disk while it runs: one JSON file, replaced after every step, nothing pickled.
+"""
 
 from __future__ import annotations
 
 import json
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from twin_gait.exceptions import RunDirectoryError
+from twin_gait.configuration.documents import content_hash, experiment_document
+from twin_gait.exceptions import MissingOptionalDependency, ParameterError, RunDirectoryError
+from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
+from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_covers
 from twin_gait.runs.folders import FolderKind, check_target
-from twin_gait.studies.tune.search import Generation
+from twin_gait.simulation import RunStatus
+from twin_gait.studies.jobs import sources_hash
+from twin_gait.studies.tune.parts import AIM, FALL, NEEDED_CLEARANCE, PARTS, WORST
+from twin_gait.studies.tune.search import (
+    FEWEST,
+    FIRST_STEP,
+    KEPT_SHARE,
+    LEVELS,
+    POPULATION,
+    REACH,
+    TRAJECTORIES,
+    Effect,
+    Generation,
+)
+from twin_gait.studies.tune.space import Parameter
+from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, WalkResult, weighted_cost
 
 STATE_FILE = "state.json"
 TUNING = FolderKind("a tuning", STATE_FILE)
 SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """How a table is tuned.
+
+    Attributes:
+        reference_speed: Speed of the reference walk in [m] / [s]; None for the belt's.
+        minutes: Time for everything; generations under way are finished.
+        generations: Of the search; None until the time is over. With a number the result does not depend on
+            the machine's speed.
+        seed: Of screening, search and sensor noise.
+        screening: Whether the search is narrowed to the numbers that matter.
+        thresholds: Whether angle thresholds count.
+        blending: Whether the duration of the blend counts.
+        per_side: Whether each leg gets numbers of its own (hemiparesis).
+        population: Candidates of a generation.
+        trajectories: Of the screening.
+        search_duration: Length of a walk in screening and search in [s].
+        robust_duration: Length of a walk of the robust set in [s].
+    """
+
+    reference_speed: float | None = None
+    minutes: float = 10.0
+    generations: int | None = None
+    seed: int = 0
+    screening: bool = True
+    thresholds: bool = True
+    blending: bool = True
+    per_side: bool = False
+    population: int = POPULATION
+    trajectories: int = TRAJECTORIES
+    search_duration: float = 14.0
+    robust_duration: float = 20.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        if not 0.0 < self.minutes < float("inf"):
+            raise ParameterError(f"minutes: expected a number above 0, got {self.minutes}")
+        if self.generations is not None and self.generations < 1:
+            raise ParameterError(f"generations: expected 1 or more, got {self.generations}")
+        if self.seed < 0:
+            raise ParameterError(f"seed: expected a whole number of 0 or more, got {self.seed}")
+        if self.population < 4:
+            raise ParameterError(f"population: expected 4 or more, got {self.population}")
+        speed = self.reference_speed
+        if speed is not None and not reference_covers(speed):
+            raise ParameterError(
+                f"reference: Koopman's curves cover 0.5 to 5 km/h, got {speed * KILOMETRES_PER_HOUR:g}"
+            )
+
+
+def identity(experiment: Experiment, settings: Settings) -> dict[str, Any]:
+    """What makes a tuning this one: a kept state of another cannot be gone on with."""
+    chosen = asdict(settings)
+    del chosen["minutes"], chosen["generations"]
+    return {
+        "experiment": content_hash(experiment_document(experiment)),
+        **chosen,
+        "parts": {part.name: [part.goal, part.weight, part.excess] for part in PARTS},
+        "costs": [WORST, FALL, AIM, NEEDED_CLEARANCE, NOMINAL_WEIGHT],
+        "steps": [FIRST_STEP, REACH, LEVELS, KEPT_SHARE, FEWEST],
+        "sources": sources_hash(),
+        "versions": {name: _version(name) for name in ("cma", "SALib", "numpy")},
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError as error:
+        raise MissingOptionalDependency(package, "tune", "twin-gait tune") from error
 
 
 @dataclass
@@ -38,6 +132,80 @@ class State:
     generations: list[Generation] = field(default_factory=list)
 
 
+class Progress(NamedTuple):
+    """Where a tuning stands.
+
+    Attributes:
+        stage: ``compiling``, ``screening``, ``search``, ``robust set`` or ``departures``.
+        done: Of this stage: walks, or generations.
+        total: In all, or None while only the time ends it.
+        elapsed: In [s].
+        start_cost: Of the table that it began with.
+        best_cost: Of the best candidate so far.
+        best_values: Parts of its nominal walk; empty if it was found before the tuning was resumed.
+    """
+
+    stage: str
+    done: int
+    total: int | None
+    elapsed: float
+    start_cost: float
+    best_cost: float
+    best_values: Mapping[str, float | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Finalist:
+    """A table that walked the robust set.
+
+    Attributes:
+        table: Its document.
+        points: Coordinates of what was searched for; None for the table that it began with.
+        search_cost: In the search.
+        walks: Name of the case and result, nominal first.
+    """
+
+    table: dict[str, Any]
+    points: tuple[float, ...] | None
+    search_cost: float
+    walks: tuple[tuple[str, WalkResult], ...]
+
+    @property
+    def falls(self) -> int:
+        """Cases in which it fell."""
+        return sum(walk.fell for _, walk in self.walks)
+
+    @property
+    def cost(self) -> float:
+        """Cost over the robust set; the nominal case weighs as much as in the search."""
+        return weighted_cost([walk for _, walk in self.walks])
+
+
+@dataclass(frozen=True, eq=False)
+class Tuning:
+    """Result of a tuning.
+
+    Attributes:
+        status: ``COMPLETED``, or ``INTERRUPTED``: then only the state is kept.
+        parameters: All numbers that could be changed.
+        searched: Those that the search changed.
+        effects: From the screening; empty without.
+        state: With all generations.
+        before: The table that was to be bettered.
+        ranked: All finalists, the best first; ``before`` is one of them.
+        began_with: Name of the table that the search began with, see :func:`start_tables`.
+    """
+
+    status: RunStatus
+    parameters: tuple[Parameter, ...]
+    searched: tuple[Parameter, ...]
+    effects: tuple[Effect, ...]
+    state: State
+    before: Finalist | None
+    ranked: tuple[Finalist, ...]
+    began_with: str
+
+
 def open_state(directory: Path, identity: Mapping[str, Any], *, resume: bool, force: bool) -> State:
     """Begin a tuning's folder, or read how far it has come.
 
@@ -57,7 +225,7 @@ def open_state(directory: Path, identity: Mapping[str, Any], *, resume: bool, fo
     file = directory / STATE_FILE
     if resume and not force:
         return _read(file, plain)
-    check_place(directory, force=force)
+    _check_place(directory, force=force)
     try:
         if directory.exists():
             shutil.rmtree(directory)
@@ -69,12 +237,8 @@ def open_state(directory: Path, identity: Mapping[str, Any], *, resume: bool, fo
     return State(plain)
 
 
-def check_place(directory: Path, *, force: bool) -> None:
-    """Refuse a folder that holds something, unless it is a tuning that may be replaced.
-
-    Raises:
-        RunDirectoryError: If it may not be used.
-    """
+def _check_place(directory: Path, *, force: bool) -> None:
+    """Refuse a folder that holds something, unless it is a tuning that may be replaced."""
     if not directory.exists() or (directory.is_dir() and not any(directory.iterdir())):
         return
     if not force:
@@ -85,11 +249,7 @@ def check_place(directory: Path, *, force: bool) -> None:
 
 
 def write_state(state: State, directory: Path) -> None:
-    """Keep the state.
-
-    Raises:
-        RunDirectoryError: If it cannot be written.
-    """
+    """Keep the state."""
     document = {
         "schema_version": SCHEMA_VERSION,
         "identity": state.identity,

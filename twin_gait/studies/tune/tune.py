@@ -1,19 +1,34 @@
-"""Tune a gait table to a wearer: screening, search, robust set, and what came out."""
+"""Tune a gait table to a wearer: screening, search, robust set, and the choice of the table."""
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
+from twin_gait.checking.check import build_case, check
+from twin_gait.checking.finding import Finding, Severity
+from twin_gait.configuration.documents import experiment_document
+from twin_gait.configuration.gait_table_file import gait_table_from_mapping
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
+from twin_gait.gait.table import GaitTable
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import check_walker
-from twin_gait.studies.tune.settings import Settings, identity
 from twin_gait.studies.tune.space import with_own_sides
 from twin_gait.studies.tune.stages import Stages, Stopped
-from twin_gait.studies.tune.state import open_state, write_state
-from twin_gait.studies.tune.tuning import Progress, Tuning
+from twin_gait.studies.tune.state import (
+    Finalist,
+    Progress,
+    Settings,
+    Tuning,
+    identity,
+    open_state,
+    write_state,
+)
+from twin_gait.studies.tune.walks import experiment_of
 
 
 def tune(
@@ -46,7 +61,7 @@ def tune(
         on_compile: Called if the engine has to be compiled, which takes 10 to 20 s.
 
     Returns:
-        What it came to.
+        The candidates and how they walked.
 
     Raises:
         MissingOptionalDependency: If cma or SALib is not installed.
@@ -61,7 +76,7 @@ def tune(
     directory = directory.expanduser().absolute()
     own = identity(experiment, settings)
     state = open_state(directory, own, resume=resume, force=force)
-    # One that came to nothing leaves a folder that can be resumed.
+    # One that is stopped at once leaves a folder that can be resumed.
     write_state(state, directory)
     work = Stages(experiment, settings, workers or Workers(), state, directory, progress, should_stop)
     try:
@@ -69,3 +84,97 @@ def tune(
     except Stopped:
         work.keep()
         return work.unfinished()
+
+
+def tuned_table(
+    experiment: Experiment,
+    *,
+    minutes: float = 10.0,
+    generations: int | None = None,
+    seed: int = 0,
+    screening: bool = True,
+    workers: Workers | None = None,
+) -> GaitTable:
+    """The gait table that a tuning finds, without folder and report (``twin-gait tune`` writes both).
+
+    Args:
+        experiment: A treadmill with a wearer, and the table that is to be bettered.
+        minutes: Time for everything, unless ``generations`` are given.
+        generations: Of the search; with a number the result does not depend on the machine's speed.
+        seed: Of screening, search and sensor noise.
+        screening: Whether the search is narrowed to the numbers that matter.
+        workers: Who walks; the calling process if None.
+
+    Returns:
+        The best table that passes ``twin-gait check``.
+
+    Raises:
+        MissingOptionalDependency: If cma or SALib is not installed.
+        ParameterError: If there is nothing to tune, or no table passes the check.
+    """
+    settings = Settings(minutes=minutes, generations=generations, seed=seed, screening=screening)
+    with tempfile.TemporaryDirectory() as folder:
+        chosen = choose(tune(experiment, Path(folder) / "tuning", settings, workers=workers), experiment)
+    return experiment_of(experiment_document(experiment), chosen.finalist.table, {}).table
+
+
+class Chosen(NamedTuple):
+    """The table that is written.
+
+    Attributes:
+        finalist: It.
+        findings: Of the whole check.
+        refused: Finalists before it that the check found errors in.
+    """
+
+    finalist: Finalist
+    findings: tuple[Finding, ...]
+    refused: int
+
+
+def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
+    """Take the best finalist whose table passes every error rule of the check.
+
+    Args:
+        tuning: Completed.
+        experiment: What it was tuned for.
+
+    Returns:
+        The table with what the check says.
+
+    Raises:
+        ParameterError: If none passes, not even the table that the search began with.
+    """
+    for refused, finalist in enumerate(tuning.ranked):
+        driven = experiment_of(experiment_document(experiment), finalist.table, {})
+        findings = check(build_case(driven.table, driven))
+        if not any(item.severity is Severity.ERROR for item in findings):
+            return Chosen(finalist, tuple(findings), refused)
+    raise ParameterError(
+        f"table {experiment.table.name}: no candidate passes twin-gait check, nor does the table itself; "
+        "mend its errors first"
+    )
+
+
+def final_table(chosen: Chosen, experiment: Experiment, wearer: str, began_with: str) -> dict[str, Any]:
+    """Document of the table, with a name and a description of its own.
+
+    Args:
+        chosen: The table.
+        experiment: What it was tuned for.
+        wearer: For whom, in words.
+        began_with: Name of the table that the search began with.
+
+    Returns:
+        The mapping, which every command takes.
+    """
+    start = experiment.table.name
+    origin = (
+        f"The table {start} as it was: the search found nothing better for {wearer}."
+        if chosen.finalist.points is None
+        else f"Tuned by twin-gait tune from the table {began_with} for {wearer}. Found in simulation; "
+        "nothing here was measured on a person."
+    )
+    document = {**chosen.finalist.table, "name": f"{start}_tuned", "description": origin}
+    gait_table_from_mapping(document, "the tuned table", start)
+    return document

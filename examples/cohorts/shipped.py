@@ -1,0 +1,78 @@
+"""The people who ship on the shipped walk, and the default wearer in braces of other stiffness."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from twin_gait import Experiment, JointName, Run, Side, load_experiment, simulate, summarise
+from twin_gait.parameters import BraceParameters
+
+MASS_ALONE, PASSIVE_ALONE = "mass alone", "passive moments alone"
+PLAIN = {MASS_ALONE: (), PASSIVE_ALONE: ("patient.both={hip: {passive: 1}, knee: {passive: 1}}",)}
+JOINTS = (JointName.HIP, JointName.KNEE)
+SUPPORTS = (0.6, 0.4)
+
+
+def experiment_of(name: str, support: float, duration: float) -> Experiment:
+    """The shipped walk with a person that ships, ``mass alone`` or ``passive moments alone`` as wearer."""
+    settings = [f"scenario.support.share={support}", f"duration_s={duration}"]
+    return load_experiment("treadmill", [*settings, *PLAIN.get(name, (f"patient={name}",))]).experiment
+
+
+def wearer_peak(run: Run, joint: JointName) -> float:
+    """Highest torque of the wearer at either joint in [N m]."""
+    return max(float(run.log[f"{side}_{joint}_patient_torque_Nm"].abs().max()) for side in Side)
+
+
+def wearer_power(run: Run, joint: JointName) -> float:
+    """Mean power of the wearer's torques at both joints in [W]; the wearer is one body with the device."""
+    names = [f"{side}_{joint}" for side in Side]
+    torques = run.log[[f"{name}_patient_torque_Nm" for name in names]].to_numpy()
+    velocities = run.log[[f"{name}_velocity_rad_per_s" for name in names]].to_numpy()
+    return float((torques * velocities).sum(axis=1).mean())
+
+
+def person_row(name: str, duration: float) -> dict[str, Any]:
+    """Walks of one person at both supports; all numbers are of the first."""
+    runs = [simulate(experiment_of(name, support, duration)) for support in SUPPORTS]
+    sides = list(summarise(runs[0])["sides"].values())
+    further = [sum(side[key] for side in sides) for key in ("further_contacts", "scuffs")]
+    return {
+        "who": name,
+        **{
+            f"{support:.0%} support": str(run.verdict.outcome)
+            for support, run in zip(SUPPORTS, runs, strict=True)
+        },
+        "stride [s]": pair([side["stride_time_mean_s"] for side in sides], ".2f"),
+        "swing [%]": pair([side["swing_share"] for side in sides], ".1f", 100.0),
+        "knee RMSE [°]": pair([side["rmse_knee_by_contact_deg"] for side in sides], ".1f"),
+        "further contacts, scuffs": pair(further, "d", 1),
+        "peak of the wearer's torque, hip, knee [Nm]": pair([wearer_peak(runs[0], j) for j in JOINTS], ".0f"),
+        "their mean power, hips, knees [W]": pair([wearer_power(runs[0], j) for j in JOINTS], ".1f"),
+    }
+
+
+def brace_row(factor: float, duration: float) -> dict[str, Any]:
+    """Walk of the default wearer in braces by a factor stiffer than the default ones."""
+    alone = experiment_of(MASS_ALONE, SUPPORTS[0], duration)
+    run = simulate(replace(alone, interface=BraceParameters().stiffened(factor)))
+    summary = summarise(run)
+    braces = summary["interaction"]
+
+    def largest(key: str) -> list[float]:
+        return [max(braces[f"{side}_{joint}"][key] for side in Side) for joint in JOINTS]
+
+    return {
+        "times as stiff": f"{factor:g}",
+        "the walk": str(run.verdict.outcome),
+        "stride [s]": pair([side["stride_time_mean_s"] for side in summary["sides"].values()], ".2f"),
+        "RMS torque, hip, knee [Nm]": pair(largest("torque_rms_Nm"), ".1f"),
+        "most relative motion, hip, knee [°]": pair(largest("motion_peak_deg"), ".1f"),
+        "at the pelvis [mm]": f"{braces['pelvis']['motion_peak_mm']:.0f}",
+    }
+
+
+def pair(values: list[float | None], form: str, factor: float = 1.0) -> str:
+    """Two numbers as a table shows them."""
+    return ", ".join("–" if value is None else format(factor * value, form) for value in values)

@@ -1,0 +1,45 @@
+"""A table tuned to each walker of a cohort."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from cohorts.walkers import DURATION, SUPPORT
+
+from twin_gait import Experiment, load_experiment, simulate, summarise
+from twin_gait.studies import overridden, tuned_table
+
+
+class Job(NamedTuple):
+    """Somebody for whom the shipped table is tuned.
+
+    Attributes:
+        number: Of the walker, the seed of the search.
+        walker: Changes of the experiment.
+        generations: Of the search.
+    """
+
+    number: int
+    walker: Mapping[str, Any]
+    generations: int
+
+
+def experiment_of(walker: Mapping[str, Any]) -> Experiment:
+    """A minute on the treadmill."""
+    settings = [f"scenario.support.share={SUPPORT}", f"duration_s={DURATION}"]
+    return overridden(load_experiment("treadmill", settings).experiment, walker)
+
+
+def tuned_walk(job: Job) -> dict[str, Any]:
+    """Tune, walk a minute, and give outcome and errors under the names of a batch's table."""
+    experiment = experiment_of(job.walker)
+    table = tuned_table(experiment, generations=job.generations, screening=False, seed=job.number)
+    run = simulate(replace(experiment, table=table))
+    errors = {
+        f"{side}_rmse_{joint}_by_contact_deg": values[f"rmse_{joint}_by_contact_deg"]
+        for side, values in summarise(run)["sides"].items()
+        for joint in ("hip", "knee")
+    }
+    return {"outcome": str(run.verdict.outcome), "duration_s": run.duration, **errors}

@@ -1,0 +1,79 @@
+"""A thousand seeded faults on the default walk: outcomes, detection times, and what must hold in all runs.
+
+Faults of encoders, motors, controller, load sensors and supply, drawn over kind, joint, time and magnitude;
+every log is checked against the bounds of the safety monitor by other means than the monitor's own. Three
+minutes on two cores; page: docs/faults.md.
+"""
+
+# %% [markdown]
+# `twin-gait faults --set table=my_table.yaml` makes the table of outcomes for a gait table of your own, and
+# `twin-gait simulate --fault encoder_freeze:left_knee@4.2s` injects a single fault.
+
+# %%
+from dataclasses import asdict
+from functools import partial
+
+import pandas as pd
+from gallery import form_of
+from injected_faults.audit import audited_row, stated_reaction
+from injected_faults.figure import draw_campaign
+
+from twin_gait import load_experiment, simulate
+from twin_gait.control import TripCause
+from twin_gait.report import save
+from twin_gait.studies import draw_faults, outcome_table, run_jobs
+
+RUNS, SEED, DURATION = 1000, 0, 8.0
+EXAMPLE = "encoder_freeze:left_knee@4.2s"
+
+
+# %%
+def fall_rows(table: pd.DataFrame) -> list[dict]:
+    """Which faults ended in a fall, and when they were noticed."""
+    return [
+        {
+            "fault": row.fault,
+            "noticed": f"{row.cause} after {row.detection_s:.3f} s" if row.cause else "no trip",
+        }
+        for row in table[table["outcome"] == "fell"].itertuples()
+    ]
+
+
+def what_held(table: pd.DataFrame) -> dict:
+    """In how many runs that which must hold did."""
+    tripped = table[table["cause"] != ""]
+    return {
+        "runs": len(table),
+        "within_limits": int(table["within_limits"].sum()),
+        "no_empty_value": int((table["null_values"] == 0).sum()),
+        "trips": len(tripped),
+        "hold_kept": int(tripped["hold_kept"].sum()),
+        "in_time": int(tripped["in_time"].sum()),
+        "fastest_joint_rad_per_s": float(tripped["speed_after_rad_per_s"].max()),
+        "fastest_sinking_m_per_s": float(tripped["sinking_m_per_s"].max()),
+    }
+
+
+# %%
+if __name__ == "__main__":
+    form = form_of("fault_campaign")
+    experiment = load_experiment("treadmill", [f"duration_s={3.0 if form.quick else DURATION}"]).experiment
+    faults = draw_faults(experiment, 10 if form.quick else RUNS, SEED)
+    table = pd.DataFrame(run_jobs(partial(audited_row, experiment), faults, workers=form.workers))
+    outcomes = outcome_table(table)
+    print(outcomes.to_string(index=False))
+    table.to_csv(form.out / "faults.csv", index=False, lineterminator="\n", float_format="%.6g")
+
+    example = load_experiment("treadmill", [f"duration_s={DURATION}", f"faults=['{EXAMPLE}']"]).experiment
+    save(draw_campaign(table, simulate(example)), form.out / "faults.png")
+    safety, limits = experiment.control.safety, experiment.control.limits
+    form.keep(
+        {
+            "outcomes": outcomes.to_dict("records"),
+            "falls": fall_rows(table),
+            "held": what_held(table),
+            "limits": {"torque_Nm": limits.torque, "current_A": limits.current},
+            "safety": asdict(safety),
+            "reaction_ms": {str(cause): 1e3 * stated_reaction(cause, safety) for cause in TripCause},
+        }
+    )

@@ -1,0 +1,33 @@
+"""Do the people who ship walk with the shipped table, and in what braces?
+
+Each of them walks half a minute at two supports, and the default wearer walks in braces from a third to ten
+times as stiff as the default ones. One minute; page: docs/people.md.
+"""
+
+# %% [markdown]
+# `twin-gait presets` lists the people; `--set patient=stroke_left` puts one on.
+
+# %%
+from functools import partial
+
+import pandas as pd
+from cohorts.shipped import MASS_ALONE, PASSIVE_ALONE, brace_row, person_row
+from gallery import form_of
+
+from twin_gait.configuration import people
+from twin_gait.studies import Workers, run_jobs
+
+BRACE_FACTORS = (0.3, 0.5, 1.0, 3.0, 10.0)
+
+# %%
+if __name__ == "__main__":
+    form = form_of("shipped_people")
+    who = [MASS_ALONE, "stroke_left"] if form.quick else [MASS_ALONE, PASSIVE_ALONE, *people()]
+    factors = (1.0,) if form.quick else BRACE_FACTORS
+    long, short = (5.0, 5.0) if form.quick else (30.0, 20.0)
+    with Workers(form.workers) as workers:
+        walks = run_jobs(partial(person_row, duration=long), who, workers=workers)
+        braces = run_jobs(partial(brace_row, duration=short), factors, workers=workers)
+    print(pd.DataFrame(walks).to_string(index=False))
+    print(pd.DataFrame(braces).to_string(index=False))
+    form.keep({"people": walks, "braces": braces})

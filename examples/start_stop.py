@@ -1,0 +1,26 @@
+"""From standing to walking and back: for whom and how fast `treadmill_start_stop` works.
+
+One thing is changed at a time, and the command to stand comes at moments spread evenly over a stride of the
+steady walk. Two minutes on two cores; page: docs/start_stop.md.
+"""
+
+# %% [markdown]
+# A trial counts if nothing fell, the safety monitor did not trip, and 4 s after the command to stand both
+# legs are in `stand` with more than 50 N under either foot.
+
+# %%
+from cohorts.standing import ROWS, ending, line_of, trials_of
+from gallery import form_of
+
+from twin_gait.studies import Workers, run_jobs
+
+# %%
+if __name__ == "__main__":
+    form = form_of("start_stop")
+    rows = [ROWS[0]._replace(moments=2)] if form.quick else ROWS
+    lines = []
+    with Workers(form.workers) as workers:
+        for row in rows:
+            lines.append(line_of(row, run_jobs(ending, trials_of(row), workers=workers)))
+            print(*lines[-1].values(), sep=" | ", flush=True)
+    form.keep({"trials": lines})

@@ -1,0 +1,117 @@
+"""Numbers of the thesis beside ours: what claims.yaml states, and a verdict on each."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from gallery import Form
+from matplotlib.figure import Figure
+
+from twin_gait.report import save
+
+RESOLUTION = 75  # of figures in dots per inch
+CLAIMS = Path(__file__).with_name("claims.yaml")
+IN_BAND, OUT_OF_BAND, CALIBRATED = "in band", "OUT OF BAND", "calibrated"
+CONTRADICTED = "in band; the thesis's number is not"
+
+Numbers = Mapping[str, Any]
+
+
+def claims_of(script: str) -> dict[str, list[dict[str, Any]]]:
+    """Claims that a script answers, by figure."""
+    return yaml.safe_load(CLAIMS.read_text(encoding="utf-8"))[script]
+
+
+def number_of(entry: float | str | None, numbers: Numbers) -> float | None:
+    """A number as the claim states it, or the computed one that it names."""
+    return numbers[entry] if isinstance(entry, str) else entry
+
+
+def verdict_of(claim: Mapping[str, Any], numbers: Numbers) -> str:
+    """Whether a predicted number is in its band, ends included; a calibrated one is not judged."""
+    if "band" not in claim:
+        return CALIBRATED
+    low, high = (number_of(end, numbers) for end in claim["band"])
+    low, high = (-math.inf if low is None else low), (math.inf if high is None else high)
+    ours, thesis = numbers[claim["ours"]], number_of(claim.get("thesis"), numbers)
+    if not (math.isfinite(ours) and low <= ours <= high):
+        return OUT_OF_BAND
+    return IN_BAND if thesis is None or low <= thesis <= high else CONTRADICTED
+
+
+def number_text(value: float | None, unit: str = "1") -> str:
+    """Four digits and the unit, with a true minus sign; a dash for no number."""
+    if value is None:
+        return "–"
+    return f"{value:.4g}".replace("-", "−") + ("" if unit == "1" else f" {unit}")
+
+
+def band_text(claim: Mapping[str, Any], numbers: Numbers) -> str:
+    """A band in words, for example ``at least 1``."""
+    low, high = (number_of(end, numbers) for end in claim.get("band", (None, None)))
+    if low is None and high is None:
+        return "–"
+    if low is None:
+        return f"at most {number_text(high)}"
+    return f"at least {number_text(low)}" if high is None else f"{number_text(low)} … {number_text(high)}"
+
+
+def label_of(figure: str) -> str:
+    """``fig-3.2`` of the key ``fig_3_2``, in which a page could not have a dot."""
+    kind, _, number = figure.partition("_")
+    return f"{kind}-{number.replace('_', '.')}"
+
+
+def rows_of(script: str, found: Mapping[str, Numbers]) -> Iterator[dict[str, str]]:
+    """A row for each claim on the figures that were made."""
+    for figure, claims in claims_of(script).items():
+        for claim in claims if figure in found else ():
+            numbers, unit = found[figure], claim.get("unit", "1")
+            yield {
+                "figure": label_of(figure),
+                "claim": claim["claim"],
+                "thesis": number_text(number_of(claim.get("thesis"), numbers), unit),
+                "ours": number_text(numbers[claim["ours"]], unit),
+                "band": band_text(claim, numbers),
+                "verdict": verdict_of(claim, numbers),
+            }
+
+
+@dataclass
+class Answers:
+    """Numbers and figures of a script, as it makes them.
+
+    Attributes:
+        script: Its name, as in claims.yaml.
+        form: Where its results go.
+        found: Numbers by figure.
+    """
+
+    script: str
+    form: Form
+    found: dict[str, Numbers] = field(default_factory=dict)
+
+    def add(self, figure: str, numbers: Numbers, picture: Figure | None = None) -> None:
+        """Keep the numbers that answer the claims on a figure, and the figure drawn again."""
+        self.found[figure] = dict(numbers)
+        if picture is not None:
+            save(picture, self.form.out / f"{figure}.png", resolution=RESOLUTION)
+
+    def conclude(self) -> None:
+        """Write results.json with the table of claims; exit with 1 if a predicted number left its band."""
+        rows = list(rows_of(self.script, self.found))
+        judged = [row for row in rows if row["verdict"] != CALIBRATED]
+        failed = [row for row in judged if row["verdict"] == OUT_OF_BAND]
+        held = len(judged) - len(failed)
+        self.form.keep({"predicted": len(judged), "in_band": held, "claims": rows, **self.found})
+        print(f"{held} of {len(judged)} predicted numbers in their bands; see {self.form.out}")
+        for row in failed:
+            print("out of band:", ", ".join(f"{name} {text}" for name, text in row.items()))
+        if failed:
+            sys.exit(1)

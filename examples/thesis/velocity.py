@@ -1,0 +1,151 @@
+"""Delay of the velocity filter: half a second as printed, or what ten samples at 100 Hz come to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from thesis.bench import (
+    GAINS,
+    HAND_VELOCITIES,
+    KNEE,
+    SEED,
+    SHORT_REACH,
+    last_period,
+    moved_by_hand,
+    torque_control,
+)
+from thesis.friction import DEVIATIONS, FACTOR, PERIOD, WINDOW
+
+from twin_gait.gait import TICK
+from twin_gait.identification import decimate, moving_average
+from twin_gait.simulation import BenchRun, simulate_bench
+from twin_gait.studies import Campaign, planned_tests
+
+# ---------------------------------------------------------------------- of a fall, figure 3.1
+
+
+@dataclass(frozen=True, eq=False)
+class FilteredFall:
+    """Velocity of a fall until the stop in [rad] / [s]: logged, decimated, averaged; and the true one."""
+
+    raw: np.ndarray
+    slow: np.ndarray
+    late: np.ndarray
+    true: np.ndarray
+
+    @property
+    def delay(self) -> float:
+        """By which the average lags behind, in [s]."""
+        return delay_of(self.slow, self.late)
+
+
+def filtered_fall(name: str = "knee_2kg_5.log", seed: int = SEED) -> FilteredFall:
+    """A fall of the knee's campaign, by default neither the slowest nor the fastest."""
+    plans = planned_tests(Campaign(joint=KNEE, seed=seed))
+    plan = next(item for item in plans if item.name == name)
+    run = simulate_bench(plan.test, seed=plan.noise_seed, variation=plan.variation)
+    raw, angle = _before_stop(run), run.column("motor_angle_rad")
+    true = np.diff(angle, prepend=angle[:1])[: len(raw)] / TICK
+    slow = decimate(raw, FACTOR)
+    return FilteredFall(raw, slow, _averaged(slow), decimate(true, FACTOR))
+
+
+def _before_stop(run: BenchRun) -> np.ndarray:
+    reached = run.column("link_angle_rad") >= run.test.link.upper_stop
+    end = int(np.argmax(reached)) if reached.any() else len(reached)
+    return run.column("velocity_rad_per_s")[:end]
+
+
+def _averaged(values: np.ndarray) -> np.ndarray:
+    """Moving average of a joint that is at rest before the log begins."""
+    return moving_average(np.concatenate([np.zeros(WINDOW), values]), WINDOW)[WINDOW:]
+
+
+def delay_of(signal: np.ndarray, late: np.ndarray) -> float:
+    """Delay in [s] by the way that a late velocity lags behind, over the speed in the end.
+
+    It holds however the joint is shaken on its way, as long as it moves evenly in the end; samples are a
+    decimated period apart, and at rest in the beginning.
+    """
+    return float(np.sum(signal - late)) * PERIOD / float(late[-1])
+
+
+def fall_numbers(fall: FilteredFall) -> dict[str, float]:
+    """Delay of the average, and the noise that it leaves."""
+    closed, number = 1.0 / math.sqrt(WINDOW), len(fall.slow)
+    # Of the averages only one in a window is independent.
+    margin = DEVIATIONS * closed * math.sqrt(0.5 / number + 0.5 * WINDOW / number)
+    before, after = fall.slow - fall.true, fall.late - _averaged(fall.true)
+    return {
+        "delay": fall.delay,
+        "delay_ms": 1e3 * fall.delay,
+        "noise": float(after.std() / before.std()),
+        "noise_low": closed - margin,
+        "noise_high": closed + margin,
+    }
+
+
+# ---------------------------------------------------------------------- of the firmware and of a log
+
+
+def delay_between(signal: np.ndarray, late: np.ndarray, longest: int = 200) -> float:
+    """Lag in samples, up to ``longest``, at which the cross-correlation of two periodic signals is largest.
+
+    Between the samples too: the top of the parabola through the three largest values.
+    """
+    lags = np.arange(longest + 1)
+    correlation = np.array([float(np.dot(signal, np.roll(late, -lag))) for lag in lags])
+    top = int(np.clip(np.argmax(correlation), 1, longest - 1))
+    before, here, after = correlation[top - 1 : top + 2]
+    return float(top + 0.5 * (before - after) / (before - 2.0 * here + after))
+
+
+def closed_delay(window: int, decimation: int) -> float:
+    r"""Mean delay of the firmware's filter in [s].
+
+    The mean of :math:`n` samples :math:`D` ticks apart is late by :math:`(n-1)D/2`, the difference over
+    :math:`D` ticks by :math:`D/2`, and the value is held until the next one, :math:`(D-1)/2` in the mean.
+    """
+    return 0.5 * TICK * ((window - 1) * decimation + decimation + decimation - 1)
+
+
+def log_filter(velocity: np.ndarray, window: int, decimation: int) -> np.ndarray:
+    """The post-processing of a log at 1 kHz (thesis 2.3.1), each sample held until the next one."""
+    slow = moving_average(decimate(velocity, decimation), window)
+    return np.repeat(slow, decimation)[: len(velocity)]
+
+
+@dataclass(frozen=True, eq=False)
+class FilterDelay:
+    """Filters of firmware and log in a test: velocities in [rad] / [s], and their delays in [s]."""
+
+    run: BenchRun
+    slow: np.ndarray
+    held: np.ndarray
+    firmware: float
+    log: float
+
+
+def filter_delay(seed: int = SEED) -> FilterDelay:
+    """Measure both delays with the hand that turns most sharply, where a lag shows best."""
+    hand = moved_by_hand(torque_control(GAINS[0]), reach=SHORT_REACH, fastest=HAND_VELOCITIES[1])
+    run = simulate_bench(hand, seed=seed)
+    rows, sensors = last_period(run), run.test.sensors
+    slow = run.column("velocity_slow_rad_per_s")
+    held = log_filter(run.column("velocity_rad_per_s"), sensors.window, sensors.decimation)
+    true = run.column("motor_velocity_rad_per_s")[rows]
+    return FilterDelay(run, slow, held, *(delay_between(true, late[rows]) * TICK for late in (slow, held)))
+
+
+def delay_numbers(found: FilterDelay) -> dict[str, float]:
+    """Both delays, and what the definition of the filter says."""
+    sensors = found.run.test.sensors
+    return {
+        "firmware": found.firmware,
+        "log": found.log,
+        "firmware_ms": 1e3 * found.firmware,
+        "log_ms": 1e3 * found.log,
+        "closed_ms": 1e3 * closed_delay(sensors.window, sensors.decimation),
+    }

@@ -1,0 +1,74 @@
+"""The thesis's identification of friction again: figures 3.1 to 3.4 and table 3.1.
+
+Two campaigns per joint are simulated on the bench with the friction of table 3.1, the falls of the thesis and
+motor-driven tests in both directions, and identified as the thesis does it and without delay. What each
+claim states, and why its band is as wide as it is, stands in thesis/claims.yaml; what they come to in
+docs/reproduction.md. 35 s on one core, ``--quick`` figure 3.1 alone; exits with 1 if a predicted number
+leaves its band.
+"""
+
+# %%
+from gallery import form_of
+from thesis import friction_figures as figures
+from thesis import velocity
+from thesis.claims import Answers
+from thesis.friction import (
+    DRIVEN,
+    FALLS,
+    HIP,
+    JOINTS,
+    KNEE,
+    LATE,
+    PROMPT,
+    TREATMENTS,
+    comparison_numbers,
+    fit_campaign,
+    fit_numbers,
+    table_numbers,
+)
+
+from twin_gait.studies import TwoWayProtocol
+
+form = form_of("thesis_friction")
+answers = Answers("thesis_friction", form)
+
+# %% [markdown]
+# ## Figure 3.1: what the thesis's post-processing makes of a velocity
+
+# %%
+fall = velocity.filtered_fall()
+answers.add("fig_3_1", velocity.fall_numbers(fall), figures.draw_velocities(fall))
+
+# %% [markdown]
+# ## Figures 3.2 and 3.3: equation (3.1) fitted to the falls of knee and hip
+
+# %%
+for figure, joint in () if form.quick else (("fig_3_2", KNEE), ("fig_3_3", HIP)):
+    late, prompt = (fit_campaign(joint, FALLS, processing, forward=True) for processing in (LATE, PROMPT))
+    numbers = fit_numbers(joint, late, prompt, fit_campaign(joint, DRIVEN, LATE))
+    answers.add(figure, numbers, figures.draw_fits(joint, late, prompt))
+
+# %% [markdown]
+# ## Figure 3.4: the laws of both joints from motor-driven tests
+
+# %%
+if not form.quick:
+    driven = {joint: fit_campaign(joint, DRIVEN, PROMPT) for joint in JOINTS}
+    picture = figures.draw_comparison(driven, TwoWayProtocol().highest_speed)
+    answers.add("fig_3_4", comparison_numbers(driven), picture)
+
+# %% [markdown]
+# ## Table 3.1: parameters by campaign and processing
+
+# %%
+if not form.quick:
+    fits = {
+        (joint, place): fit_campaign(joint, protocol, processing)
+        for joint in JOINTS
+        for place, (protocol, processing, *_) in enumerate(TREATMENTS)
+    }
+    as_printed = fit_campaign(KNEE, DRIVEN, PROMPT, mass_as_printed=True)
+    answers.add("table_3_1", table_numbers(fits, as_printed), figures.draw_table(fits))
+
+# %%
+answers.conclude()

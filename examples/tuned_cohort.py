@@ -1,0 +1,32 @@
+"""Tables tuned one by one: what a short search gains on the scaled table, for thirty virtual people.
+
+Each person of a cohort gets a table found by a short search (12 generations; a whole tuning has some hundred)
+and walks a minute with it, beside the shipped table as its scaling law adapts it. An hour of one core for all
+thirty; page: docs/cohort.md.
+"""
+
+# %% [markdown]
+# `twin-gait tune` does the same for one person, with screening and a report.
+
+# %%
+import pandas as pd
+from cohorts.tuned import Job, experiment_of, tuned_walk
+from cohorts.walkers import cohort_row, walkers
+from gallery import form_of
+
+from twin_gait import __version__, simulate_batch
+from twin_gait.studies import Workers, run_jobs
+
+SEED, PEOPLE, GENERATIONS = 11, 30, 12
+
+# %%
+if __name__ == "__main__":
+    form = form_of("tuned_cohort")
+    who = walkers(1 if form.quick else PEOPLE, SEED)
+    jobs = [Job(number, walker, 1 if form.quick else GENERATIONS) for number, walker in enumerate(who)]
+    with Workers(form.workers) as workers:
+        plain = simulate_batch(experiment_of({}), who, workers=workers).table
+        tuned = pd.DataFrame(run_jobs(tuned_walk, jobs, workers=workers))
+    rows = [cohort_row("treadmill, scaled", SEED, plain), cohort_row("tuned", SEED, tuned)]
+    print(pd.DataFrame(rows).to_string(index=False))
+    form.keep({"version": __version__, "generations": GENERATIONS, "people": len(who), "tunings": rows})

@@ -1,0 +1,54 @@
+"""Coverage: campaigns simulated and identified, and how their intervals are counted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from identification_coverage import (
+    QUICK_TWO_WAY,
+    Estimate,
+    coverage,
+    estimates,
+    true_parameters,
+    usual_warnings,
+)
+from numpy.testing import assert_allclose
+
+from twin_gait import JointName
+from twin_gait.identification import Processing
+
+
+@pytest.mark.slow
+def test_zero_phase_is_near_the_truth_and_another_seed_is_another_campaign():
+    truth = np.array(list(true_parameters(JointName.KNEE).values()))
+    first, second = (estimates(QUICK_TWO_WAY, (JointName.KNEE, seed)) for seed in (0, 1))
+    for found in (first, second):
+        estimate = found[Processing.ZERO_PHASE]
+        # Four standard deviations of short campaigns; the intervals are four of them wide.
+        assert (np.abs(estimate.values - truth) < 2.0 * np.ptp(estimate.intervals, axis=1) / 2.0).all()
+        assert any("the thesis's processing" in text for text in found[Processing.THESIS].warnings)
+    assert (first[Processing.ZERO_PHASE].values != second[Processing.ZERO_PHASE].values).all()
+
+
+def test_coverage_counts_intervals_that_hold_the_truth():
+    truth = np.array(list(true_parameters(JointName.KNEE).values()))
+    assert (truth > 0.0).all()
+    shifts = (-0.2, -0.1, 0.0, 0.3)
+    found = coverage(
+        JointName.KNEE,
+        [
+            Estimate(truth + shift, np.stack([truth + shift - 0.15, truth + shift + 0.15], axis=1), ())
+            for shift in shifts
+        ],
+    )
+    assert (found["covered"] == 0.5).all()
+    assert_allclose(found["bias"] * truth, np.mean(shifts), atol=1e-12)
+    assert_allclose(found["spread"], np.std(shifts, ddof=1))
+    assert_allclose(found["half_width"], 0.15)
+
+
+def test_warnings_are_counted_without_their_numbers():
+    values, intervals = np.zeros(4), np.zeros((4, 2))
+    texts = (("one direction only: 3.1 % of them", "no fast samples: 0.0 %"), ("one direction only: 2.0 %",))
+    found = usual_warnings([Estimate(values, intervals, warnings) for warnings in texts])
+    assert found == {"one direction only": 1.0, "no fast samples": 0.5}

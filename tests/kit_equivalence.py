@@ -1,0 +1,239 @@
+"""Why a mutant that no test notices behaves like the machine itself: a reason, proved each time.
+
+"Never" here means that no choice of bounds that opens or closes some guards
+(:mod:`twin_gait.gait.feasibility`) has a solution, for any measurements, with the other leg in any phase or
+not there. :func:`feasible` decides that for strict bounds exactly, without the hair's breadth of the package.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from kit_mutants import Mutant
+
+from twin_gait.gait.feasibility import OTHER_TIME, TIME, ZERO, Bound, Way, Wish, bound_of, ways
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
+from twin_gait.gait.table import TICK, GaitTable, Transition
+from twin_gait.testing.exits import Exit, decisive, reads_only_own_time, reads_own_time, turning_tick
+from twin_gait.testing.reference import Vector, exits, holds, is_pure_time_out
+
+SAME = "nothing has changed: zero is zero in every unit"
+ONE_CONDITION = "a list of one condition: all and any are the same"
+SAME_GUARD = "no measurements tell the two guards apart"
+SHADOWED = "where the guards differ, an exit listed above is taken"
+DEAD = "the exit can never be taken"
+LONG_OPEN = "a time-out is open from the entry on: the debounce is over before it"
+OTHER_WAIT = "the exit waits as long for something else"
+NO_EXIT_SOONER = "no exit can be taken in the ticks that it changes"
+NEVER_BOTH = "the two, and those between them, are never due in one tick with different outcomes"
+
+
+class Window(NamedTuple):
+    """Ticks in the phase; free asks for one moment in between, found by the solver, instead of both ends."""
+
+    first: int
+    last: float
+    free: bool = False
+
+
+def feasible(bounds: Sequence[Bound]) -> bool:
+    """Whether any numbers keep all bounds, however narrow the room for them: no cycle contradicts itself."""
+    names = list(dict.fromkeys([ZERO, *(name for item in bounds for name in (item.upper, item.lower))]))
+    # Of two equal limits the strict one is the shorter path: it comes first in the order of pairs.
+    open_end = (math.inf, 1)
+    paths = {a: {b: (0.0, 1) if a == b else open_end for b in names} for a in names}
+    for item in bounds:
+        limit = (item.limit, 0 if item.strict else 1)
+        paths[item.upper][item.lower] = min(paths[item.upper][item.lower], limit)
+    for middle in names:
+        for row in paths.values():
+            reach, loose = row[middle]
+            for end, (length, also_loose) in paths[middle].items():
+                row[end] = min(row[end], (reach + length, loose & also_loose))
+        if any(paths[name][name] < (0.0, 1) for name in names):
+            return False
+    return True
+
+
+def reason(table: GaitTable, mutant: Mutant) -> str | None:
+    """Prove that a mutant is equivalent.
+
+    Args:
+        table: The gait table.
+        mutant: A mutant of it.
+
+    Returns:
+        The reason, or None if there is no proof.
+    """
+    if (mutant.table.transitions, mutant.table.phases) == (table.transitions, table.phases):
+        return SAME
+    if mutant.kind == "order":
+        return NEVER_BOTH if _order_is_free(table, *mutant.transitions) else None
+    if mutant.kind == "minimum duration":
+        return NO_EXIT_SOONER if _minimum_duration_is_free(table, mutant) else None
+    (index,) = mutant.transitions
+    return _entry_reason(table, mutant.table, index)
+
+
+def _entry_reason(table: GaitTable, changed: GaitTable, index: int) -> str | None:
+    after = Exit(changed, index)
+    if index >= len(table.transitions):  # one exit more
+        return DEAD if is_dead(after) else None
+    before = Exit(table, index)
+    if is_dead(before) and is_dead(after):
+        return DEAD
+    if (before.phase, before.item.target) != (after.phase, after.item.target):
+        return None
+    if before.item.guard != after.item.guard:
+        return _guard_reason(before, after.item.guard)
+    return _wait_reason(before, after.item)
+
+
+def is_dead(leave: Exit) -> bool:
+    """Whether an exit can never be taken.
+
+    Its guard never opens in time, its time-out is too late, or whenever it opens an exit that is listed
+    above and waits for nothing is open too.
+
+    Args:
+        leave: The exit.
+
+    Returns:
+        True if that is proved.
+    """
+    due = max(leave.gate, leave.debounce)
+    if any((tick, index) < (due, leave.index) for tick, index in _sure_exits(leave)):
+        return True
+    above = [item for item in leave.rivals if item.index < leave.index and _acts_at_once(item)]
+    shut = [Wish(item.item.guard, False) for item in above]
+    guards = [leave.item.guard, *(item.guard for item in shut)]
+    windows = _windows(leave, guards)
+    return not any(possible(leave.table, [Wish(leave.item.guard), *shut], window) for window in windows)
+
+
+def _sure_exits(leave: Exit) -> list[tuple[int, int]]:
+    """Ticks at which other exits, whose guard is never closed, leave the phase, with their index."""
+    others = [Exit(leave.table, index) for index in exits(leave.table, leave.phase) if index != leave.index]
+    always = Window(1, math.inf, free=True)
+    return [
+        (max(item.gate, item.debounce), item.index)
+        for item in others
+        if not possible(leave.table, [Wish(item.item.guard, False)], always)
+    ]
+
+
+def possible(table: GaitTable, wishes: Sequence[Wish], window: Window) -> bool:
+    """Whether some measurements fulfil all wishes, with the other leg in any phase or not there."""
+    if window.first > window.last:
+        return False
+    ends = sorted({window.first, window.last})
+    start = [Bound(ZERO, OTHER_TIME, 0.0)]
+    if window.free:
+        start += [Bound(ZERO, TIME, -window.first * TICK), Bound(TIME, ZERO, window.last * TICK)]
+
+    def bounds_of(atom: Comparison, true: bool) -> list[Bound] | None:
+        if window.free or not reads_own_time(atom):
+            return [bound_of(atom, true)]
+        if reads_only_own_time(atom):
+            return [] if all(holds(atom, Vector({}, None), int(tick)) is true for tick in ends) else None
+        return [bound_of(atom, true).at(TIME, tick * TICK) for tick in ends]
+
+    return any(
+        next(ways(Way(phases, tuple(start)), wishes, bounds_of, feasible), None) is not None
+        for phases in (table.phase_names, (None,))
+    )
+
+
+def _guard_reason(before: Exit, after: Guard) -> str | None:
+    guard = before.item.guard
+    if _flat(guard) == _flat(after):
+        return ONE_CONDITION
+    if not _differ(before, guard, after, []):
+        return SAME_GUARD
+    above = [item for item in before.rivals if item.index < before.index and _acts_at_once(item)]
+    if before.debounce == 1 and not _differ(before, guard, after, above):
+        return SHADOWED
+    return None
+
+
+def _acts_at_once(leave: Exit) -> bool:
+    return leave.debounce == 1 and leave.item.time_out_ticks is None
+
+
+def _flat(guard: Guard) -> Guard:
+    """The guard without lists of one condition."""
+    if not isinstance(guard, (AllOf, AnyOf)):
+        return guard
+    inner = tuple(_flat(item) for item in guard.guards)
+    return inner[0] if len(inner) == 1 else type(guard)(guards=inner)
+
+
+def _differ(leave: Exit, guard: Guard, other: Guard, closed: Sequence[Exit]) -> bool:
+    """Whether two guards differ for some measurements at which some exits are closed."""
+    shut = [Wish(item.item.guard, False) for item in closed]
+    return any(
+        possible(leave.table, [Wish(guard, one), Wish(other, not one), *shut], window)
+        for window in _windows(leave, [guard, other, *(item.guard for item in shut)])
+        for one in (True, False)
+    )
+
+
+def _windows(leave: Exit, guards: Sequence[Guard]) -> list[Window]:
+    """Moments that stand for all: about each threshold in time, or any moment if one is a difference."""
+    atoms = [entry.atom for guard in guards for entry in decisive(guard)]
+    times = [atom for atom in atoms if isinstance(atom, Comparison) and reads_own_time(atom)]
+    if not all(reads_only_own_time(atom) for atom in times):
+        return [Window(1, leave.latest, free=True)]
+    turns = {turning_tick(atom) for atom in times}
+    ticks = {1, *turns, *(turn - 1 for turn in turns)}
+    return [Window(tick, tick) for tick in sorted(ticks) if 1 <= tick <= leave.latest]
+
+
+def _wait_reason(before: Exit, after: Transition) -> str | None:
+    """Debounce or time-out has changed, the guard has not."""
+    item = before.item
+    waits = [max(entry.time_out_ticks or 0, entry.debounce_ticks) for entry in (item, after)]
+    if waits[0] == waits[1] and is_pure_time_out(item):
+        return LONG_OPEN
+    if item.debounce_ticks == after.debounce_ticks:
+        gates = [max(wait, before.minimum, 1) for wait in waits]
+        return OTHER_WAIT if gates[0] == gates[1] else None
+    return None
+
+
+def _minimum_duration_is_free(table: GaitTable, mutant: Mutant) -> bool:
+    """Whether no exit can be due in a tick that one minimum duration allows and the other does not."""
+    ticks = sorted(item.phases[mutant.phase].minimum_ticks for item in (table, mutant.table))
+    for index in exits(table, mutant.phase):
+        item = table.transitions[index]
+        first = max(1, ticks[0], item.time_out_ticks or 0, item.debounce_ticks)
+        if possible(table, [Wish(item.guard)], Window(first, ticks[1] - 1, free=True)):
+            return False
+    return True
+
+
+def _order_is_free(table: GaitTable, first: int, second: int) -> bool:
+    """Whether the order of two exits, and of those between them, never matters."""
+    phase = table.transitions[first].source
+    between = [index for index in exits(table, phase) if first <= index <= second]
+    pairs = {(first, index) for index in between[1:]} | {(index, second) for index in between[:-1]}
+    return all(_pair_is_free(Exit(table, one), Exit(table, two)) for one, two in pairs)
+
+
+def _pair_is_free(one: Exit, two: Exit) -> bool:
+    if (one.item.target, one.item.cause) == (two.item.target, two.item.cause):
+        return True
+    if is_dead(one) or is_dead(two):
+        return True
+    due = [
+        max(item.item.time_out_ticks or 0, item.debounce) if is_pure_time_out(item.item) else None
+        for item in (one, two)
+    ]
+    known = [tick for tick in due if tick is not None]
+    if len(known) == 2:
+        return known[0] != known[1]
+    both = [Wish(one.item.guard), Wish(two.item.guard)]
+    window = Window(known[0], known[0]) if known else Window(1, one.latest, free=True)
+    return not possible(one.table, both, window)

@@ -1,0 +1,22 @@
+from .configuration import load_experiment as load_experiment
+from .configuration import load_gait_table as load_gait_table
+from .configuration import presets as presets
+from .exceptions import TwinGaitError as TwinGaitError
+from .experiment import Experiment as Experiment
+from .gait import GaitStateMachine as GaitStateMachine
+from .gait import GaitTable as GaitTable
+from .leg_model import LegModel as LegModel
+from .parameters import Patient as Patient
+from .runs.public import load_run as load_run
+from .runs.public import plot_run as plot_run
+from .runs.public import save_run as save_run
+from .runs.summary import summarise as summarise
+from .simulation import Run as Run
+from .simulation import RunStatus as RunStatus
+from .simulation import simulate as simulate
+from .studies.batch import simulate_batch as simulate_batch
+from .vocabulary import GaitPhase as GaitPhase
+from .vocabulary import JointName as JointName
+from .vocabulary import Side as Side
+
+__version__: str

@@ -1,0 +1,228 @@
+"""Exits of a phase: open at once, never open, behind another; and conditions that decide nothing."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+
+from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label
+from twin_gait.checking.signals import Point, SignalSpace, signal_space
+from twin_gait.gait.feasibility import OTHER_TIME, TIME, Wish, atoms
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
+from twin_gait.gait.table import TICK, Transition
+
+# ---------------------------------------------------------------------- exits that contend
+
+
+def ambiguity(case: CheckCase) -> list[Finding]:
+    """Two exits of a phase with different targets can be open at once; time-outs are exempt."""
+    space = signal_space(case)
+    findings = []
+    for phase in space.table.phase_names:
+        guarded = [index for index in space.exits(phase) if not space.transition(index).is_time_out]
+        for first, second in itertools.combinations(guarded, 2):
+            if space.transition(first).target != space.transition(second).target:
+                findings += _open_at_once(space, first, second)
+    return findings
+
+
+def _open_at_once(space: SignalSpace, first: int, second: int) -> list[Finding]:
+    earliest = max(space.window(first)[0], space.window(second)[0])
+
+    def holds(point: Point) -> bool:
+        return space.is_open(first, point) and space.is_open(second, point)
+
+    times = {TIME: (earliest, space.window(first)[1])}
+    point = next(space.find([space.wish(first), space.wish(second)], times, holds), None)
+    if point is None:
+        return []
+    one, other = space.transition(first), space.transition(second)
+    winner = space.winner(one.source, point, point.signals.get(TIME, earliest))
+    wins = label(one if winner is None else space.transition(winner))
+    waits = ""
+    if one.debounce_ticks != other.debounce_ticks:
+        waits = (
+            f"; debounce {one.debounce_ticks} and {other.debounce_ticks} ms, so the order of opening counts"
+        )
+    return [
+        about(
+            other,
+            "ambiguity",
+            Severity.WARNING,
+            f"{label(one)} and {label(other)} can be open at once; when both are due {wins} wins{waits}",
+            "let a condition of one exclude the other, or waive it if the order is meant",
+            space.counterexample(point),
+        )
+    ]
+
+
+def never_opens(case: CheckCase) -> list[Finding]:
+    """The guard of an exit contradicts itself inside the limits of the signals and the time-out."""
+    space = signal_space(case)
+    return [
+        about(
+            item,
+            "never_opens",
+            Severity.ERROR,
+            f"no signals inside the limits open {item.guard} {_in_time(space, index)}",
+            "correct the thresholds, or take the transition out",
+        )
+        for index, item in enumerate(space.table.transitions)
+        if not item.is_time_out and space.opening(index) is None
+    ]
+
+
+def _in_time(space: SignalSpace, index: int) -> str:
+    earliest, latest = space.window(index)
+    return f"from {earliest:g} to {latest:g} s in the phase"
+
+
+def debounce_beyond_time_out(case: CheckCase) -> list[Finding]:
+    """The debounce of an exit is longer than the time for which its guard can stay open."""
+    space = signal_space(case)
+    return [
+        about(
+            item,
+            "debounce_beyond_time_out",
+            Severity.ERROR,
+            f"the debounce of {item.debounce_ticks} ms cannot be over {_in_time(space, index)}",
+            "shorten the debounce, or let the time-out come later",
+        )
+        for index, item in enumerate(space.table.transitions)
+        if space.opening(index) is not None and not space.can_fire(index)
+    ]
+
+
+def shadowed_exit(case: CheckCase) -> list[Finding]:
+    """An exit never wins, because exits listed earlier are due whenever it is."""
+    space = signal_space(case)
+    findings = []
+    for index, item in enumerate(space.table.transitions):
+        before = [other for other in space.exits(item.source) if _is_due_before(space, other, index)]
+        possible = item.is_time_out or space.opening(index) is not None
+        if before and possible and not _wins_somewhere(space, index, before):
+            names = ", ".join(label(space.transition(other)) for other in before)
+            reason = f"{label(item)} never wins: {names} is due whenever it is, and comes first"
+            findings.append(
+                about(item, "shadowed_exit", Severity.WARNING, reason, "list it earlier, or take it out")
+            )
+    return findings
+
+
+def _is_due_before(space: SignalSpace, other: int, index: int) -> bool:
+    """Whether another exit, while open, is due no later than this one and wins against it."""
+    first, item = space.transition(other), space.transition(index)
+    if first.is_time_out and item.is_time_out:
+        return (first.time_out_ticks or 0, other) < (item.time_out_ticks or 0, index)
+    no_later = (first.time_out_ticks or 0) <= (item.time_out_ticks or 0)
+    return other < index and first.debounce_ticks <= item.debounce_ticks and no_later
+
+
+def _wins_somewhere(space: SignalSpace, index: int, before: list[int]) -> bool:
+    """Whether the exit can be open while those before it are closed."""
+    if any(space.transition(other).is_time_out for other in before):
+        return False
+    # Exits that debounce may take turns in being open, so that none of them is ever due.
+    quick = [other for other in before if space.transition(other).debounce_ticks == 1]
+    slow = [[other] for other in before if space.transition(other).debounce_ticks > 1]
+
+    def open_behind(group: list[int]) -> bool:
+        wishes = [space.wish(index), *(space.wish(other, False) for other in group)]
+        return space.possible(wishes, {TIME: space.window(index)})
+
+    return all(open_behind(group) for group in [quick, *slow])
+
+
+# ---------------------------------------------------------------------- conditions that decide nothing
+
+
+def threshold_beyond_limits(case: CheckCase) -> list[Finding]:
+    """A threshold lies outside what its signal can measure: the condition is always or never true."""
+    space = signal_space(case)
+    findings = []
+    for item in space.table.transitions:
+        for atom in dict.fromkeys(atoms(item.guard)):
+            if not isinstance(atom, Comparison):
+                continue
+            low, high = _range_of(space, item, atom)
+            # At the very end of the range that the condition excludes it still decides.
+            end = low if atom.operator == ">" else high
+            if low < atom.threshold < high or atom.threshold == end:
+                continue
+            truth = "always" if (atom.threshold <= low) == (atom.operator == ">") else "never"
+            reason = f"{atom} is {truth} true: the left side lies in {low:.4g} … {high:.4g}"
+            suggestion = "move the threshold inside the range, or take the condition out"
+            findings.append(about(item, "threshold_beyond_limits", Severity.WARNING, reason, suggestion))
+    return findings
+
+
+def _range_of(space: SignalSpace, item: Transition, atom: Comparison) -> tuple[float, float]:
+    """Least and largest left side of a comparison in the units of the table."""
+
+    def one(name: str) -> tuple[float, float]:
+        if name == TIME:
+            return TICK, space.time_out(item.source)
+        if name == OTHER_TIME:
+            return 0.0, max(space.time_out(phase) for phase in space.others)
+        return space.range(name)
+
+    (low, high), (least, most) = one(atom.signal), (0.0, 0.0) if atom.minus is None else one(atom.minus)
+    return (0.0, 0.0) if atom.minus == atom.signal else (low - most, high - least)
+
+
+def redundant_condition(case: CheckCase) -> list[Finding]:
+    """A condition follows from those beside it, or opens nothing that they do not open."""
+    space = signal_space(case)
+    findings = []
+    for index, item in enumerate(space.table.transitions):
+        for group in _groups(item.guard):
+            says = "is true whenever" if isinstance(group, AllOf) else "is true only when"
+            for member, rest in _superfluous(space, index, group):
+                reason = f"{member} {says} {type(group)(guards=rest)} is, so it decides nothing"
+                suggestion = "take it out, or correct its threshold"
+                findings.append(about(item, "redundant_condition", Severity.WARNING, reason, suggestion))
+    return findings
+
+
+def _groups(guard: Guard) -> Iterator[AllOf | AnyOf]:
+    """Every ``all`` and ``any`` inside a guard."""
+    if isinstance(guard, (AllOf, AnyOf)):
+        yield guard
+        for inner in guard.guards:
+            yield from _groups(inner)
+
+
+def _superfluous(
+    space: SignalSpace, index: int, group: AllOf | AnyOf
+) -> Iterator[tuple[Guard, tuple[Guard, ...]]]:
+    """Members of a group that could be taken out one after the other, with those that remain."""
+
+    def possible(true: Sequence[Guard], false: Sequence[Guard] = ()) -> bool:
+        wishes = [*(Wish(guard) for guard in true), *(Wish(guard, False) for guard in false)]
+        return space.possible(wishes, {TIME: (TICK, space.window(index)[1])})
+
+    kept = list(group.guards)
+    for member in reversed(group.guards):
+        rest = [guard for guard in kept if guard is not member]
+        if not rest or not possible([member]):
+            continue
+        if isinstance(group, AllOf):
+            # Alone it must decide something, and the rest must be possible: other rules report the rest.
+            if not possible([], [member]) or not possible(rest):
+                continue
+            decides = possible(rest, [member])
+        else:
+            decides = possible([member], rest)
+        if not decides:
+            kept = rest
+            yield member, tuple(rest)
+
+
+RULES = (
+    ambiguity,
+    never_opens,
+    debounce_beyond_time_out,
+    shadowed_exit,
+    threshold_beyond_limits,
+    redundant_condition,
+)

@@ -1,0 +1,348 @@
+"""The graph of phases: what one leg reaches and leaves again, and what two legs get into together."""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from twin_gait.checking.finding import CheckCase, Finding, Severity, label
+from twin_gait.checking.signals import OTHER_PHASE, Point, signal_space, swapped
+from twin_gait.gait.feasibility import OTHER_TIME, TIME, Wish, translated
+from twin_gait.gait.guards import OTHER
+from twin_gait.gait.table import GaitTable, Transition
+from twin_gait.scenario.treadmill import TreadmillScenario
+from twin_gait.vocabulary import GaitPhase
+
+Pair = tuple[str, str]
+
+
+# ---------------------------------------------------------------------- one leg
+
+
+def firing(case: CheckCase) -> list[Transition]:
+    """Transitions of a table that can fire inside the limits, in its order."""
+    space = signal_space(case)
+    return [item for index, item in enumerate(space.table.transitions) if space.can_fire(index)]
+
+
+def path(transitions: Sequence[Transition], start: str, goal: str | None = None) -> dict[str, str | None]:
+    """Search breadth first along transitions, from a phase to another or to all.
+
+    Returns:
+        For each phase that is found the phase before it, None for the start.
+    """
+    before: dict[str, str | None] = {start: None}
+    waiting = deque([start])
+    while waiting and goal not in before:
+        phase = waiting.popleft()
+        for item in transitions:
+            if item.source == phase and item.target not in before:
+                before[item.target] = phase
+                waiting.append(item.target)
+    return before
+
+
+def unreachable_phase(case: CheckCase) -> list[Finding]:
+    """No chain of transitions that can fire reaches a phase."""
+    first = case.table.phase_names[0]
+    reached = set(path(firing(case), first))
+    return [
+        Finding(
+            rule="unreachable_phase",
+            severity=Severity.ERROR,
+            phase=phase,
+            reason=f"no chain of transitions that can fire leads from {first} to {phase}",
+            suggestion="add or correct a transition into it, or take the phase out",
+        )
+        for phase in case.table.phases
+        if phase not in reached
+    ]
+
+
+def trap(case: CheckCase) -> list[Finding]:
+    """A phase, or a group of phases, can be entered and never left."""
+    table = case.table
+    transitions = firing(case)
+    reached = {phase: set(path(transitions, phase)) for phase in table.phases}
+    # What a phase reaches and nothing beyond leads back to: a group without a way out.
+    stuck = [group for group in reached.values() if all(reached[phase] == group for phase in group)]
+    groups = {tuple(phase for phase in table.phase_names if phase in group) for group in stuck}
+    return [
+        Finding(
+            rule="trap",
+            severity=Severity.ERROR,
+            phase=names[0],
+            reason=f"{', '.join(names)} can be entered but not left",
+            suggestion="add a transition that leads back, or declare it under cycles if it is meant",
+        )
+        for names in sorted(groups, key=lambda names: table.phase_names.index(names[0]))
+        if len(table.phases) > 1 and not any(set(cycle) <= set(names) for cycle in meant_cycles(table))
+    ]
+
+
+def missing_time_out(case: CheckCase) -> list[Finding]:
+    """A phase has no time-out: if its exits stay shut, the leg stays in it for ever."""
+    leaving = {
+        phase: [item for item in case.table.transitions if item.source == phase]
+        for phase in case.table.phases
+    }
+    return [
+        Finding(
+            rule="missing_time_out",
+            severity=Severity.WARNING,
+            phase=phase,
+            reason=f"{phase} has no time-out: if none of its exits opens, the leg stays in it for ever",
+            suggestion=f"add a transition from {phase} with after_s alone, or waive it if the leg is to wait",
+        )
+        for phase, items in leaving.items()
+        if items and not any(item.is_time_out for item in items)
+    ]
+
+
+def meant_cycles(table: GaitTable) -> tuple[tuple[str, ...], ...]:
+    """Cycles that the table declares, or its phases in their order."""
+    return table.cycles or (table.phase_names,)
+
+
+def _edges(cycle: Sequence[str]) -> Iterator[Pair]:
+    return zip(cycle, (*cycle[1:], cycle[0]), strict=True)
+
+
+def undeclared_cycle(case: CheckCase) -> list[Finding]:
+    """Phases can be passed in a cycle that is not meant, or a declared cycle lacks a transition.
+
+    Meant are the ``cycles`` of the table; without them its phases in their order.
+    """
+    table = case.table
+    transitions = firing(case)
+    listed = {(item.source, item.target) for item in transitions}
+    findings = [
+        Finding(
+            rule="undeclared_cycle",
+            severity=Severity.ERROR,
+            phase=source,
+            reason=f"the declared cycle {' → '.join(cycle)} lacks a transition from {source} to {target}",
+            suggestion="add the transition, or correct the cycle under cycles",
+        )
+        for cycle in table.cycles
+        for source, target in _edges(cycle)
+        if (source, target) not in listed
+    ]
+    meant = {edge for cycle in meant_cycles(table) for edge in _edges(cycle)}
+    for item in transitions:
+        before = path(transitions, item.target, item.source)
+        if (item.source, item.target) in meant or item.source not in before:
+            continue
+        findings.append(
+            Finding(
+                rule="undeclared_cycle",
+                severity=Severity.ERROR,
+                phase=item.source,
+                transition=label(item),
+                reason=f"the cycle {_chain(item, before)} is not one that is meant",
+                suggestion="take the transition out, or declare the cycle under cycles",
+            )
+        )
+    return findings
+
+
+def _chain(closing: Transition, before: dict[str, str | None]) -> str:
+    """Phases of a cycle, from the source of the transition that closes it back to that source."""
+    phases = [closing.source]
+    while (previous := before[phases[0]]) is not None:
+        phases.insert(0, previous)
+    return " → ".join([closing.source, *phases])
+
+
+# ---------------------------------------------------------------------- two legs
+
+
+class Step(NamedTuple):
+    """How a pair of phases is entered.
+
+    Attributes:
+        before: The pair before.
+        taken: Transitions that are taken in one tick, of the first leg or of both.
+        counterexample: Signals of the first leg and the other that open them.
+    """
+
+    before: Pair
+    taken: tuple[int, ...]
+    counterexample: dict[str, float | str]
+
+
+def is_swing(phase: str) -> bool:
+    """Whether the foot is meant to be in the air in a phase, by its name."""
+    if phase in set(GaitPhase):
+        return not GaitPhase(phase).is_stance
+    return "swing" in phase.lower()
+
+
+def starting_pairs(case: CheckCase) -> list[Pair]:
+    """Pairs of phases that two legs can start in.
+
+    Those of a treadmill; else one leg in the first phase of the table and the other in any stance.
+    """
+    table = case.table
+    scenario = None if case.experiment is None else case.experiment.scenario
+    if isinstance(scenario, TreadmillScenario) and set(scenario.initial_phases) <= set(table.phases):
+        return [scenario.initial_phases]
+    first = table.phase_names[0]
+    return [(first, phase) for phase in table.phases if not is_swing(phase)] or [(first, first)]
+
+
+class TwoLegs:
+    """Pairs of phases that two legs reach with free signals; the order of the legs does not matter.
+
+    Both legs read one snapshot, ``other.phase`` is that before the tick, and each takes at most one
+    transition in a tick.
+
+    Attributes:
+        space: Signals of the table.
+        entered: How each pair is entered first; None for the pairs that the legs start in.
+    """
+
+    def __init__(self, case: CheckCase) -> None:
+        """Search all pairs breadth first."""
+        self.space = signal_space(case)
+        self.entered: dict[Pair, Step | None] = dict.fromkeys(map(_sorted, starting_pairs(case)))
+        waiting = deque(self.entered)
+        while waiting:
+            for pair, step in self._steps(waiting.popleft()):
+                self.entered[pair] = step
+                waiting.append(pair)
+
+    def _steps(self, pair: Pair) -> Iterator[tuple[Pair, Step]]:
+        """Pairs that are entered from a pair and have not been before."""
+        for own, other in (pair, pair[::-1]):
+            for index in self.space.exits(own):
+                target = _sorted((self.space.transition(index).target, other))
+                found = None if target in self.entered else self.can_leave(index, other)
+                if found is not None:
+                    yield target, Step((own, other), (index,), found)
+        for first, second in itertools.product(*map(self.space.exits, pair)):
+            target = _sorted((self.space.transition(first).target, self.space.transition(second).target))
+            found = None if target in self.entered else self._together(first, second)
+            if found is not None:
+                yield target, Step(pair, (first, second), found)
+
+    def can_leave(self, index: int, other: str) -> dict[str, float | str] | None:
+        """Signals that open a transition while the other leg is in a phase; None if there are none."""
+        found = self.space.opening(index, other) if self.space.can_fire(index) else None
+        return None if found is None else {**self.space.counterexample(found), OTHER_PHASE: other}
+
+    def lifts_in_swing(self, index: int) -> Step | None:
+        """How a transition can be taken while the other leg swings; None if it cannot."""
+        source = self.space.transition(index).source
+        for other in filter(is_swing, self.space.table.phase_names):
+            found = self.can_leave(index, other) if _sorted((source, other)) in self.entered else None
+            if found is not None:
+                return Step((source, other), (index,), found)
+        return None
+
+    def lifts_together(self, index: int, others: Sequence[int]) -> Step | None:
+        """How a transition can be taken in the tick in which the other leg takes one of some."""
+        for second in others:
+            pair = self.space.transition(index).source, self.space.transition(second).source
+            found = self._together(index, second) if _sorted(pair) in self.entered else None
+            if found is not None:
+                return Step(pair, (index, second), found)
+        return None
+
+    def _together(self, first: int, second: int) -> dict[str, float | str] | None:
+        """Signals that open a transition of either leg in the same tick."""
+        own, other = self.space.transition(first).source, self.space.transition(second).source
+        if self.can_leave(first, other) is None or self.can_leave(second, own) is None:
+            return None
+
+        def holds(point: Point) -> bool:
+            mirrored = Point({swapped(name): value for name, value in point.signals.items()}, own)
+            return self.space.is_open(first, point) and self.space.is_open(second, mirrored)
+
+        theirs = translated(self.space.transition(second).guard, swapped, lambda item: own in item.phases)
+        times = {TIME: self.space.window(first), OTHER_TIME: self.space.window(second)}
+        wishes = [self.space.wish(first), Wish(theirs)]
+        point = next(self.space.find(wishes, times, holds, other=other), None)
+        return None if point is None else {**self.space.counterexample(point), OTHER_PHASE: other}
+
+
+def _sorted(pair: Pair) -> Pair:
+    return min(pair), max(pair)
+
+
+def two_legs(case: CheckCase) -> TwoLegs:
+    """The pairs of phases of a case, searched once for all rules."""
+    legs: TwoLegs = case.once(TwoLegs, lambda: TwoLegs(case))
+    return legs
+
+
+def both_in_swing(case: CheckCase) -> list[Finding]:
+    """Both legs can be in swing at once under free signals.
+
+    An error if the experiment has two legs or a guard reads the other leg; a warning if the table knows
+    nothing of another leg and may be meant for one; a note if no phase is swing by its name, so that
+    there is nothing to look for. A finding for each transition out of stance that can begin it.
+    """
+    if not case.has_other_leg:
+        return []
+    if not any(map(is_swing, case.table.phases)):
+        return [
+            Finding(
+                rule="both_in_swing",
+                severity=Severity.NOTE,
+                reason="no phase is swing by its name, so whether both legs can swing at once is not known",
+                suggestion="let the names of the phases of swing contain the word",
+            )
+        ]
+    legs = two_legs(case)
+    lifting = [
+        index
+        for index, item in enumerate(case.table.transitions)
+        if not is_swing(item.source) and is_swing(item.target)
+    ]
+    steps = (legs.lifts_in_swing(index) or legs.lifts_together(index, lifting) for index in lifting)
+    return [_both_lifted(case, step) for step in steps if step is not None]
+
+
+def _both_lifted(case: CheckCase, step: Step) -> Finding:
+    taken = [case.table.transitions[index] for index in step.taken]
+    own, other = step.before
+    sure = case.experiment is not None or any(OTHER in str(item.guard) for item in case.table.transitions)
+    names = " and ".join(dict.fromkeys(label(item) for item in taken))
+    together = " in the same tick" if len(taken) > 1 else ""
+    return Finding(
+        rule="both_in_swing",
+        severity=Severity.ERROR if sure else Severity.WARNING,
+        phase=own,
+        transition=label(taken[0]),
+        reason=f"with one leg in {own} and the other in {other}, {names} can bring both into swing{together}",
+        suggestion="add other.phase in [phases of stance] to it, and let one leg be ahead",
+        counterexample=step.counterexample,
+    )
+
+
+def deadlock(case: CheckCase) -> list[Finding]:
+    """Two legs can reach a pair of phases in which neither can ever go on, whatever is measured."""
+    if not case.has_other_leg or len(case.table.phases) == 1:
+        return []
+    legs = two_legs(case)
+    return [
+        Finding(
+            rule="deadlock",
+            severity=Severity.ERROR,
+            phase=first,
+            reason=f"with one leg in {first} and the other in {second} no signals ever let either go on",
+            suggestion=f"let {first} or {second} be left in this case too, or give one a time-out",
+        )
+        for first, second in legs.entered
+        if not any(
+            legs.can_leave(index, other) is not None
+            for own, other in ((first, second), (second, first))
+            for index in legs.space.exits(own)
+        )
+    ]
+
+
+RULES = (unreachable_phase, trap, missing_time_out, undeclared_cycle, both_in_swing, deadlock)

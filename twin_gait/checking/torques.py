@@ -1,0 +1,294 @@
+"""What a phase asks of the motors: a jump at the switch, and stiffness that the limits cannot serve."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from twin_gait.checking.finding import CheckCase, Finding, Severity, label
+from twin_gait.checking.hanging_leg import HangingLeg, friction_torque, hanging_legs
+from twin_gait.checking.postures import Postures, command_at_rest, first_rests, postures
+from twin_gait.checking.signals import signal_space
+from twin_gait.core.blending import blend, blend_share
+from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
+from twin_gait.core.impedance import damping_ratio_of, impedance_torque
+from twin_gait.gait.table import TICK, Transition
+
+# A step of a quarter of the limit within a millisecond is felt as a knock (an assumption).
+KNOCK = 0.25
+_MOST_TICKS = 500
+
+
+class Jump(NamedTuple):
+    """Largest change of the commanded torque of one joint over the postures of a switch.
+
+    Attributes:
+        joint: Position of the joint.
+        whole: Change from the old phase to the new one, without blending, in [N m].
+        tick: Largest change in one tick with blending, the posture held, in [N m].
+        angles: Posture of the larger of the two, measured against its bound, in [rad], shape ``(n_joints,)``.
+        velocities: Its velocities in [rad] / [s], shape ``(n_joints,)``.
+    """
+
+    joint: int
+    whole: float
+    tick: float
+    angles: np.ndarray
+    velocities: np.ndarray
+
+
+def _blend(leg: HangingLeg) -> tuple[np.ndarray, np.ndarray]:
+    """Ticks of a blend, from the one before the switch on, and the share of the new phase in each."""
+    blending = leg.problem.table.blending
+    length = blending.duration_ticks
+    # Long blends are sampled: their steps are small and change slowly.
+    ticks = np.unique(np.linspace(0.0, length, min(length, _MOST_TICKS) + 1).round())
+    shares = [blend_share(tick / length if length else 1.0, blending.law.code) for tick in ticks.tolist()]
+    return np.array([-1.0, *ticks]), np.array([0.0, *shares])
+
+
+def _commands(leg: HangingLeg, old: int, new: int, joint: int, samples: Postures) -> np.ndarray:
+    """Commanded torque of a joint through a blend, postures held, in [N m], ``(n_samples, n_ticks)``."""
+    law = leg.problem.experiment.control.friction_model[leg.joints[joint]]
+    gravity = np.array([leg.reckoned_gravity(posture)[joint] for posture in samples.angles])
+    angles, velocities = samples.angles[:, joint], samples.velocities[:, joint]
+    friction = np.array([friction_torque(law, velocity) for velocity in velocities.tolist()])
+    columns = [leg.column(which)[:, joint] for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
+    commands = []
+    for share in _blend(leg)[1].tolist():
+        k, b, zero, gain = (blend(column[old], column[new], share) for column in columns)
+        carried = blend(leg.gravity_shares[old], leg.gravity_shares[new], share)
+        # The law is linear: arrays of postures pass as numbers do.
+        impedance = np.asarray(impedance_torque(angles, velocities, k, b, zero))  # type: ignore[arg-type]
+        commands.append(impedance + gain * friction + carried * gravity)
+    return np.array(commands).T
+
+
+def largest_jumps(leg: HangingLeg, transition: Transition, samples: Postures) -> list[Jump]:
+    """Largest change of the commanded torque (impedance, gravity, friction compensation) of each joint.
+
+    Args:
+        leg: The leg.
+        transition: The switch.
+        samples: From :func:`postures`.
+
+    Returns:
+        One jump per joint.
+    """
+    table = leg.problem.table
+    old, new = table.phase_index(transition.source), table.phase_index(transition.target)
+    jumps = []
+    for joint, limit in enumerate(leg.torque_limits().tolist()):
+        commands = _commands(leg, old, new, joint, samples)
+        whole = np.abs(commands[:, -1] - commands[:, 0])
+        tick = np.abs(np.diff(commands, axis=1) / np.diff(_blend(leg)[0])).max(axis=1)
+        worst = int(np.argmax(np.maximum(whole / limit, tick / (KNOCK * limit))))
+        angles, velocities = samples.angles[worst], samples.velocities[worst]
+        jumps.append(Jump(joint, float(whole.max()), float(tick.max()), angles, velocities))
+    return jumps
+
+
+def torque_jump(case: CheckCase) -> list[Finding]:
+    """A switch changes the commanded torque by more than the limit, or too much of it in one tick.
+
+    Over the postures of the guard that lie on the way through the phase that is left. A warning if the whole
+    change, before blending, exceeds the torque limit, or its largest step in a tick, after blending, a
+    quarter of the limit; an error if a single step exceeds the limit.
+    """
+    space = signal_space(case)
+    findings = []
+    for leg in hanging_legs(case):
+        for index, item in enumerate(space.table.transitions):
+            jumps = [
+                jump
+                for rest in first_rests(space, leg, item.source)
+                if (samples := postures(space, index, leg, rest)) is not None
+                for jump in largest_jumps(leg, item, samples)
+            ]
+            findings += _too_large(leg, item, jumps)
+    return findings
+
+
+def _too_large(leg: HangingLeg, item: Transition, jumps: list[Jump]) -> list[Finding]:
+    limits = leg.torque_limits()
+    worst = max(
+        jumps,
+        key=lambda jump: max(jump.whole, jump.tick / KNOCK) / limits[jump.joint],
+        default=None,
+    )
+    if worst is None:
+        return []
+    limit = float(limits[worst.joint])
+    if worst.whole <= limit and worst.tick <= KNOCK * limit:
+        return []
+    blending = leg.problem.table.blending
+    return [
+        Finding(
+            rule="torque_jump",
+            severity=Severity.ERROR if worst.tick > limit else Severity.WARNING,
+            phase=item.source,
+            transition=label(item),
+            side=leg.shown_side,
+            reason=(
+                f"the commanded {leg.joints[worst.joint]} torque changes by up to {worst.whole:.0f} Nm, with "
+                f"a blend of {1e3 * TICK * blending.duration_ticks:g} ms by up to {worst.tick:.1f} Nm in a "
+                f"tick; the limit is {limit:.0f} Nm"
+            ),
+            suggestion="bring stiffness and equilibrium of the two phases closer, or blend for longer",
+            counterexample=_posture_of(leg, worst),
+        )
+    ]
+
+
+def _posture_of(leg: HangingLeg, jump: Jump) -> dict[str, float | str]:
+    found: dict[str, float | str] = {}
+    for joint, angle, velocity in zip(
+        leg.joints, jump.angles.tolist(), jump.velocities.tolist(), strict=True
+    ):
+        found[f"{joint}.angle_deg"] = round(math.degrees(angle), 2)
+        found[f"{joint}.velocity_deg_per_s"] = round(math.degrees(velocity), 1)
+    return found
+
+
+# ---------------------------------------------------------------------- what a spring asks for
+
+
+class Demand(NamedTuple):
+    """What a spring asks of a motor when a phase is entered.
+
+    Attributes:
+        joint: Position of the joint.
+        torque: Commanded at rest at the entry in [N m].
+        speed: Largest speed on the way if the spring were served in full, in [rad] / [s].
+        angles: Posture of entry in [rad], shape ``(n_joints,)``.
+    """
+
+    joint: int
+    torque: float
+    speed: float
+    angles: np.ndarray
+
+
+def release_speed(deflection: float, stiffness: float, damping: float, inertia: float) -> float:
+    r"""Largest speed of a damped spring and mass that are let go at rest.
+
+    From :math:`\ddot x + 2 \zeta \omega_0 \dot x + \omega_0^2 x = 0`:
+
+    .. math::
+
+        v = A\,\omega_0\,\exp\left(-\frac{\zeta}{\sqrt{1-\zeta^2}} \arccos \zeta\right), \qquad
+        \omega_0 = \sqrt{k / I}
+
+    and its continuation beyond :math:`\zeta = 1`.
+
+    Args:
+        deflection: A in [rad].
+        stiffness: k in [N m] / [rad].
+        damping: b in [N m s] / [rad].
+        inertia: I in [kg m²].
+
+    Returns:
+        Speed in [rad] / [s], zero or more.
+    """
+    if stiffness == 0.0 or deflection == 0.0:
+        return 0.0
+    ratio = damping_ratio_of(damping, stiffness, inertia)
+    if ratio < 1.0:
+        exponent = ratio / math.sqrt(1.0 - ratio * ratio) * math.acos(ratio)
+    elif ratio > 1.0:
+        exponent = ratio / math.sqrt(ratio * ratio - 1.0) * math.acosh(ratio)
+    else:
+        exponent = 1.0
+    return abs(deflection) * math.sqrt(stiffness / inertia) * math.exp(-exponent)
+
+
+def demands(leg: HangingLeg, phase: int, angles: np.ndarray) -> list[Demand]:
+    """Torque and speed that the springs of a phase ask for at an entry.
+
+    Args:
+        leg: The leg.
+        phase: Index of the phase.
+        angles: Posture of entry in [rad], shape ``(n_joints,)``.
+
+    Returns:
+        One demand per joint.
+    """
+    torques = command_at_rest(leg, phase, angles)
+    deflections = angles - leg.column(EQUILIBRIUM)[phase]
+    stiffness, damping = leg.column(STIFFNESS)[phase], leg.column(DAMPING)[phase]
+    inertias = np.diag(leg.mass(angles))
+    return [
+        Demand(
+            joint,
+            float(torques[joint]),
+            release_speed(deflections[joint], stiffness[joint], damping[joint], inertias[joint]),
+            angles,
+        )
+        for joint in range(len(angles))
+    ]
+
+
+def stiffness_not_served(case: CheckCase) -> list[Finding]:
+    """A spring asks for more than the torque or current limit gives, or faster than the voltage allows.
+
+    Looked at where the phase is first entered on the way through the one before, with the joints at rest.
+    """
+    space = signal_space(case)
+    findings = []
+    for leg in hanging_legs(case):
+        for number, phase in enumerate(leg.phases):
+            asked = [
+                demand
+                for rest in first_rests(space, leg, phase)
+                for demand in demands(leg, number, rest.start)
+            ]
+            reasons = []
+            for joint in range(len(leg.joints)):
+                own = [demand for demand in asked if demand.joint == joint]
+                reasons += _too_much_torque(leg, number, max(own, key=lambda item: abs(item.torque)))
+                reasons += _too_much_speed(leg, max(own, key=lambda item: item.speed))
+            if reasons:
+                findings.append(
+                    Finding(
+                        rule="stiffness_not_served",
+                        severity=Severity.WARNING,
+                        phase=phase,
+                        side=leg.shown_side,
+                        reason="; ".join(reasons),
+                        suggestion="lower the stiffness, or begin the phase closer to its equilibrium",
+                    )
+                )
+    return findings
+
+
+def _too_much_torque(leg: HangingLeg, phase: int, demand: Demand) -> list[str]:
+    joint = leg.joints[demand.joint]
+    torque_limit = leg.problem.experiment.control.limits.torque
+    current_limit = leg.current_limited_torque(joint)
+    limit = min(torque_limit, current_limit)
+    if abs(demand.torque) <= limit:
+        return []
+    named = "torque limit" if torque_limit <= current_limit else "current limit"
+    stiffness = math.radians(leg.column(STIFFNESS)[phase, demand.joint])
+    angle = math.degrees(demand.angles[demand.joint])
+    serves = f", {limit / stiffness:.0f}° of its {stiffness:.3g} Nm/deg" if stiffness > 0.0 else ""
+    return [
+        f"the {joint} asks for {demand.torque:.0f} Nm where it enters at {angle:.1f}°; the {named} gives "
+        f"{limit:.0f} Nm{serves}"
+    ]
+
+
+def _too_much_speed(leg: HangingLeg, demand: Demand) -> list[str]:
+    joint = leg.joints[demand.joint]
+    fastest = leg.no_load_speed(joint)
+    if demand.speed <= fastest:
+        return []
+    return [
+        f"the {joint} would reach {math.degrees(demand.speed):.0f} deg/s; the voltage allows "
+        f"{math.degrees(fastest):.0f} deg/s without load"
+    ]
+
+
+RULES = (torque_jump, stiffness_not_served)

@@ -1,0 +1,251 @@
+"""Signals that open or close guards: a choice of bounds on differences, ``upper - lower <= limit``.
+
+Every condition of a gait table has this form: one signal against a threshold, the difference of two, or a
+set of phases of the other leg. The tree of a guard leaves choices (which condition of an ``all`` is
+missing, which one of an ``any`` opens it); they are tried in turn. A set of bounds has a solution exactly
+if no cycle of them adds up to less than zero, or to zero with a strict bound in it, which shortest paths
+decide (Floyd and Warshall). Nothing is sampled, and "impossible" is a proof, up to the rounding of sums.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from twin_gait.exceptions import GaitTableError
+from twin_gait.gait.guards import OTHER, WALK, AllOf, AnyOf, Comparison, Guard, PhaseMembership
+
+ZERO = ""  # the number zero, against which single signals are bounded
+TIME, OTHER_TIME = "time_in_phase_s", "other.time_in_phase_s"
+HAIR = 1e-12  # a solution keeps this distance from strict limits, relative to them or to 1
+# A comfortable distance from a threshold, by the last word of a signal.
+ROOM = {"angle_deg": 1.0, "velocity_deg_per_s": 5.0, "load_bw": 0.05, TIME: 0.01, WALK: 0.25}
+SHARES = (1.0, 1e-2, 1e-4, 0.0)  # of that distance, the largest that is possible is kept
+MOST_BRANCHES = 20_000
+
+Phases = tuple[str | None, ...]  # of the other leg; None stands for a leg that is not there
+
+
+@dataclass(frozen=True)
+class Bound:
+    """``upper - lower < limit`` (strict) or ``<= limit``.
+
+    Attributes:
+        upper: Name of a number, or ``ZERO``.
+        lower: Name of a number, or ``ZERO``.
+        limit: The limit.
+        strict: Whether the limit itself is excluded.
+        room: Comfortable distance from the limit, asked for in part or in whole; 0 for none.
+        whole: Whether the difference is a whole number.
+    """
+
+    upper: str
+    lower: str
+    limit: float
+    strict: bool = False
+    room: float = 0.0
+    whole: bool = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Numbers that it reads, without ``ZERO``."""
+        return tuple(name for name in (self.upper, self.lower) if name != ZERO)
+
+    def tightened(self, share: float) -> float:
+        """Limit less a share of the comfortable distance."""
+        if self.whole:
+            near = round(self.limit)
+            limit = near if math.isclose(near, self.limit, abs_tol=1e-6) else self.limit
+            return math.floor(
+                (math.ceil(limit) - 1 if self.strict else math.floor(limit)) - share * self.room
+            )
+        hair = HAIR * max(1.0, abs(self.limit)) if self.strict else 0.0
+        return self.limit - max(share * self.room, hair)
+
+    def at(self, name: str, value: float) -> Bound:
+        """The same with one number known."""
+        if name == self.upper:
+            return replace(self, upper=ZERO, limit=self.limit - value).at(name, value)
+        return replace(self, lower=ZERO, limit=self.limit + value) if name == self.lower else self
+
+
+def equal(name: str, other: str, value: float) -> list[Bound]:
+    """Bounds that pin a difference to a value."""
+    return [Bound(name, other, value), Bound(other, name, -value)]
+
+
+def bound_of(atom: Comparison, true: bool) -> Bound:
+    """A comparison, or its negation, as a bound in the units of the table."""
+    room = ROOM[atom.signal.rsplit(".", 1)[-1]]
+    if (atom.operator == "<") is true:
+        return Bound(atom.signal, atom.minus or ZERO, atom.threshold, strict=true, room=room)
+    return Bound(atom.minus or ZERO, atom.signal, -atom.threshold, strict=true, room=room)
+
+
+def solve(bounds: Sequence[Bound], share: float = 0.0) -> dict[str, float] | None:
+    """Find numbers that keep all bounds.
+
+    Args:
+        bounds: The bounds.
+        share: Share of the comfortable distance that is kept from each limit.
+
+    Returns:
+        The numbers, each as near to zero as those before it allow; None if there are none.
+    """
+    names = list(dict.fromkeys([ZERO, *(name for item in bounds for name in (item.upper, item.lower))]))
+    paths = {a: {b: 0.0 if a == b else math.inf for b in names} for a in names}
+    for item in bounds:
+        row = paths[item.upper]
+        row[item.lower] = min(row[item.lower], item.tightened(share))
+    for middle in names:
+        onward = paths[middle]
+        for row in paths.values():
+            reach = row[middle]
+            if reach == math.inf:
+                continue
+            for end, length in onward.items():
+                if reach + length < row[end]:
+                    row[end] = reach + length
+        if any(paths[name][name] < 0.0 for name in names):
+            return None
+    values = {ZERO: 0.0}
+    for name in names[1:]:
+        low = max(value - paths[known][name] for known, value in values.items())
+        high = min(value + paths[name][known] for known, value in values.items())
+        values[name] = min(max(0.0, low), high)
+    del values[ZERO]
+    return values
+
+
+class Wish(NamedTuple):
+    """A guard and the truth that it shall have."""
+
+    guard: Guard
+    true: bool = True
+
+
+class Way(NamedTuple):
+    """One choice that fulfils wishes: phases that the other leg may be in, and bounds on the signals."""
+
+    phases: Phases
+    bounds: tuple[Bound, ...] = ()
+
+
+# Bounds that give a comparison its truth; None if nothing can.
+BoundsOf = Callable[[Comparison, bool], Sequence[Bound] | None]
+
+
+def ways(
+    start: Way, wishes: Sequence[Wish], bounds_of: BoundsOf, possible: Callable[[Sequence[Bound]], bool]
+) -> Iterator[Way]:
+    """All ways to fulfil wishes, one after the other; a way that contradicts itself is not followed.
+
+    Args:
+        start: Phases of the other leg and bounds that hold anyway. Without another leg (``(None,)``) no
+            comparison that reads it is open.
+        wishes: What has to be open or closed.
+        bounds_of: Writes a comparison as bounds.
+        possible: Whether bounds can be kept together.
+
+    Yields:
+        The ways.
+
+    Raises:
+        GaitTableError: If there are more than ``MOST_BRANCHES`` choices to try.
+    """
+    left = iter(range(MOST_BRANCHES))
+
+    def grown(way: Way, atom: Comparison | PhaseMembership, true: bool) -> Way | None:
+        if isinstance(atom, PhaseMembership):
+            kept = tuple(name for name in way.phases if (name in atom.phases) is true)
+            return way._replace(phases=kept) if kept else None
+        if way.phases == (None,) and any(name.startswith(OTHER) for name in (atom.signal, atom.minus or "")):
+            return None if true else way
+        bounds = bounds_of(atom, true)
+        if not bounds:
+            return None if bounds is None else way
+        more = way._replace(bounds=(*way.bounds, *bounds))
+        return more if possible(more.bounds) else None
+
+    def branches(agenda: list[Wish], way: Way) -> Iterator[Way]:
+        if next(left, None) is None:
+            raise GaitTableError(
+                f"the guards leave more than {MOST_BRANCHES} choices to try; use fewer any inside all"
+            )
+        if not agenda:
+            yield way
+            return
+        (guard, true), *rest = agenda = sorted(agenda, key=_is_choice)
+        if isinstance(guard, (Comparison, PhaseMembership)):
+            more = grown(way, guard, true)
+            if more is not None:
+                yield from branches(rest, more)
+        elif _is_choice(agenda[0]):
+            for inner in guard.guards:
+                yield from branches([Wish(inner, true), *rest], way)
+        else:
+            yield from branches([*(Wish(inner, true) for inner in guard.guards), *rest], way)
+
+    if possible(start.bounds):
+        yield from branches(list(wishes), start)
+
+
+def _is_choice(wish: Wish) -> bool:
+    return (isinstance(wish.guard, AnyOf) and wish.true) or (isinstance(wish.guard, AllOf) and not wish.true)
+
+
+def _kept(share: float) -> Callable[[Sequence[Bound]], bool]:
+    return lambda bounds: solve(bounds, share) is not None
+
+
+Solution = tuple[Way, dict[str, float]]
+
+
+def solutions(start: Way, wishes: Sequence[Wish], bounds_of: BoundsOf) -> Iterator[Solution]:
+    """All ways to fulfil wishes, each with signals as far from its thresholds as can be; as :func:`ways`."""
+    for way in ways(start, wishes, bounds_of, _kept(SHARES[-1])):
+        yield way, next(found for share in SHARES if (found := solve(way.bounds, share)) is not None)
+
+
+def most_comfortable(start: Way, wishes: Sequence[Wish], bounds_of: BoundsOf) -> Solution | None:
+    """Of all ways to fulfil wishes the one furthest from all thresholds, or None; as :func:`ways`."""
+    if next(ways(start, wishes, bounds_of, _kept(SHARES[-1])), None) is None:
+        return None
+    for share in SHARES:
+        for way in ways(start, wishes, bounds_of, _kept(share)):
+            return way, solve(way.bounds, share) or {}
+    return None
+
+
+def atoms(guard: Guard) -> Iterator[Comparison | PhaseMembership]:
+    """Comparisons and memberships of a guard in the order in which they are written and compiled."""
+    if isinstance(guard, (AllOf, AnyOf)):
+        for inner in guard.guards:
+            yield from atoms(inner)
+    else:
+        yield guard
+
+
+def translated(
+    guard: Guard, rename: Callable[[str], str], member: Callable[[PhaseMembership], bool] | None = None
+) -> Guard:
+    """A guard over other signals, for example those that the other leg has for its own.
+
+    Args:
+        guard: The guard.
+        rename: New name of a signal.
+        member: Truth of a membership where it is known; None to leave memberships as they are.
+
+    Returns:
+        The guard.
+    """
+    if isinstance(guard, Comparison):
+        minus = None if guard.minus is None else rename(guard.minus)
+        return replace(guard, signal=rename(guard.signal), minus=minus)
+    if isinstance(guard, PhaseMembership):
+        if member is None:
+            return guard
+        return AllOf(guards=()) if member(guard) else PhaseMembership(phases=())
+    return replace(guard, guards=tuple(translated(inner, rename, member) for inner in guard.guards))

@@ -1,0 +1,315 @@
+"""Measures of one run of a comparison: gait, torque between device and leg, work, load of the motors."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.core.actuator import torque_to_current
+from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
+from twin_gait.experiment import ControlMode
+from twin_gait.gait.table import TICK
+from twin_gait.measures.effort import (
+    battery_life,
+    interaction_torque,
+    load,
+    opposing_torque,
+    positive_work,
+    root_mean_square,
+    share_of_work,
+)
+from twin_gait.measures.foot_contact import CONTACT_FORCE, scuffs, swing_clearances
+from twin_gait.measures.leg_record import LegRecord, wearer_column
+from twin_gait.measures.phases import phase_spells
+from twin_gait.measures.reference import gait_profile_score, gait_variable_score
+from twin_gait.measures.strides import (
+    PERCENT,
+    cadence,
+    double_support_share,
+    normalise_strides,
+    step_times,
+    stride_extremes,
+    stride_lengths,
+    stride_times,
+    swing_shares,
+    symmetry_index,
+)
+from twin_gait.measures.switching import dimensionless_jerk, joint_jerk
+from twin_gait.parameters import JointCondition, Patient
+from twin_gait.replay.normative import WINTER, normative_walk
+from twin_gait.report.reference import reference_cycle
+from twin_gait.runs.leg_summary import blend_length
+from twin_gait.runs.record import belt_speed_of
+from twin_gait.scenario import TreadmillScenario
+from twin_gait.simulation.run import Run
+from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Outcome, Side
+
+LEAST_STRIDES = 2  # a leg that has made fewer after the first two has not walked
+
+Measures = dict[str, float]
+
+
+class _Leg(NamedTuple):
+    """A leg with the strides that count, and the ticks that they span."""
+
+    record: LegRecord
+    strides: np.ndarray
+    span: slice
+
+
+def run_measures(run: Run) -> Measures:
+    """All numbers of a run, by names with their units.
+
+    ``walked`` is 1 for a run whose verdict is so; of any other, the gait has no numbers but ``walked_s``.
+
+    Args:
+        run: A run on the treadmill.
+
+    Returns:
+        Measures by name; NaN where one is not defined.
+    """
+    end = len(run.log) if run.trip is None else run.trip.tick
+    walked = run.verdict.outcome is Outcome.WALKED
+    found: Measures = {"walked": float(walked), "walked_s": end * TICK}
+    legs = {side: _leg(run, side) for side in run.sides}
+    if not walked or any(len(leg.strides) < LEAST_STRIDES for leg in legs.values()):
+        return found
+    for side, leg in legs.items():
+        other = next(item for name, item in legs.items() if name is not side)
+        found |= {f"{side}_{name}": value for name, value in _gait(run, leg, other).items()}
+        for joint in MOTOR_JOINTS:
+            measures = {**_shape(run, leg, joint), **_effort(run, leg, joint)}
+            found |= {f"{side}_{joint}_{name}": value for name, value in measures.items()}
+    return {**found, **_together(run, found)}
+
+
+def _leg(run: Run, side: Side) -> _Leg:
+    record = run.leg_record(side)
+    strides = record.strides()
+    span = slice(int(strides[0, 0]), int(strides[-1, 1])) if len(strides) else slice(0, 0)
+    return _Leg(record, strides, span)
+
+
+def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
+    record, contacts, others = leg.record, leg.record.contacts, other.record.contacts
+    assert contacts is not None and others is not None  # there is a belt
+    assert record.normal_force is not None and record.clearance is not None
+    assert other.record.normal_force is not None
+    times = stride_times(leg.strides, TICK)
+    clearance = swing_clearances(record.clearance, contacts)
+    strikes = contacts.heel_strikes[contacts.heel_strikes >= leg.span.start]
+    return {
+        "strides": float(len(leg.strides)),
+        "stride_time_s": float(times.mean()),
+        "cadence_per_min": cadence(times),
+        "stride_length_m": float(stride_lengths(times, belt_speed_of(run.experiment)).mean()),
+        "step_time_s": _mean(step_times(strikes, others.heel_strikes, TICK)),
+        "swing_share": _mean(swing_shares(leg.strides, contacts.toe_offs)),
+        "double_support_share": double_support_share(
+            record.normal_force, other.record.normal_force, leg.strides, CONTACT_FORCE
+        ),
+        "toe_clearance_m": float(clearance.min()) if len(clearance) else math.nan,
+        "scuffs": float(len(scuffs(contacts))),
+    }
+
+
+def _mean_belt_speed(run: Run) -> float:
+    """Speed of the belt in [m] / [s], over the whole run if it starts and stops; a walk has no trip."""
+    scenario = run.experiment.scenario
+    assert isinstance(scenario, TreadmillScenario)  # there is a belt
+    if scenario.belt is None:
+        return scenario.belt_speed
+    return scenario.belt_travel(len(run.log) * TICK) / (len(run.log) * TICK)
+
+
+def _mean(values: np.ndarray) -> float:
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if len(finite) else math.nan
+
+
+def _shape(run: Run, leg: _Leg, joint: JointName) -> Measures:
+    """Range of motion, distance from healthy gait, smoothness."""
+    angle, strides = leg.record.angles[joint], leg.strides
+    extremes = np.degrees(stride_extremes(angle, strides))
+    cycles = np.degrees(normalise_strides(angle, strides))
+    velocity = run.log[wearer_column(run.log, leg.record.side, joint, "velocity_rad_per_s")].to_numpy()
+    jerk = dimensionless_jerk(velocity, joint_jerk(velocity, TICK), strides, TICK)
+    reference = reference_cycle(run.experiment, joint)
+    return {
+        "range_of_motion_deg": float(np.mean(extremes[:, 1] - extremes[:, 0])),
+        "gvs_koopman_deg": math.nan
+        if reference is None
+        else gait_variable_score(cycles, np.degrees(reference)),
+        "gvs_winter_deg": gait_variable_score(cycles, np.degrees(winter_cycle(joint))),
+        # The logarithm is after Balasubramanian et al. (2015); nearer to 0 is smoother.
+        "smoothness": -math.log(float(np.nanmean(jerk))),
+    }
+
+
+def winter_cycle(joint: JointName) -> np.ndarray:
+    """Angle of healthy walking at natural cadence (Winter 1991) in [rad] at ``PERCENT``, shape ``(101,)``."""
+    walk = normative_walk(WINTER, strides=2)
+    angles = walk.recording.angles[Side.LEFT][str(joint)]
+    return np.asarray(np.interp(PERCENT / 100.0 * walk.cycle_time, np.arange(len(angles)) * TICK, angles))
+
+
+def _effort(run: Run, leg: _Leg, joint: JointName) -> Measures:
+    """Torques, work and current of a joint over the strides that count."""
+    side, span = leg.record.side, leg.span
+    log, actuator = run.log.iloc[span], run.experiment.plant.actuators[joint]
+    name = f"{side}_{joint}"
+    # What acts on the wearer works on their own motion, which with braces is not that of the device.
+    velocity = log[wearer_column(log, side, joint, "velocity_rad_per_s")].to_numpy()
+    device = _device_torque(log, name, actuator.armature)
+    effort = voluntary_torque(run, side, joint)[span]
+    continuous = torque_to_current(
+        actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio, actuator.gear_efficiency
+    )
+    current = load(log[f"{name}_measured_current_A"].to_numpy(), continuous)
+    return {
+        "interaction_rms_Nm": root_mean_square(device),
+        "effort_rms_Nm": root_mean_square(effort),
+        "opposing_rms_Nm": root_mean_square(opposing_torque(device, effort)),
+        "device_work_J": positive_work(device, velocity, TICK),
+        "wearer_work_J": positive_work(effort, velocity, TICK),
+        "assistance_level": assistance_level(run, side, joint, (span.start + span.stop) // 2),
+        "current_rms_A": current.rms,
+        "current_rms_share": current.continuous_share,
+    }
+
+
+def voluntary_torque(run: Run, side: Side, joint: JointName) -> np.ndarray:
+    """Torque of the wearer's effort at a joint: the whole torque less tissue and spastic muscles.
+
+    Args:
+        run: A run on the treadmill.
+        side: The leg.
+        joint: Hip or knee.
+
+    Returns:
+        Torque in [N m], one value a tick, shape ``(n_ticks,)``.
+    """
+    log, patient = run.log, run.experiment.patient or Patient()
+    condition = patient.conditions.get((side, joint), JointCondition())
+    whole = log[f"{side}_{joint}_patient_torque_Nm"].to_numpy()
+    speeds = log[wearer_column(log, side, joint, "velocity_rad_per_s")]
+    catch = [
+        spastic_torque(speed, condition.stretch_reflex_threshold, condition.stretch_reflex_gain)
+        for speed in speeds
+    ]
+    return np.asarray(whole - condition.passive * _passive(run, side, joint) - np.array(catch))
+
+
+def _passive(run: Run, side: Side, joint: JointName) -> np.ndarray:
+    """Passive torque of the tissue; a contracture acts as if the joint were further extended."""
+    patient, log = run.experiment.patient or Patient(), run.log
+    if patient.conditions.get((side, joint), JointCondition()).passive == 0.0:
+        return np.zeros(len(log))
+    names = [wearer_column(log, side, item, "angle_rad") for item in (JointName.HIP, JointName.KNEE)]
+    shifts = [
+        patient.conditions.get((side, item), JointCondition()).contracture
+        for item in (JointName.HIP, JointName.KNEE)
+    ]
+    angles = [(log[name] - shift).tolist() for name, shift in zip(names, shifts, strict=True)]
+    if joint is JointName.HIP:
+        return np.array([passive_hip_torque(*pair) for pair in zip(*angles, strict=True)])
+    name = wearer_column(log, side, JointName.ANKLE, "angle_rad")
+    ankle = log[name].tolist() if name in log else [0.0] * len(log)
+    return np.array([passive_knee_torque(*three) for three in zip(*angles, ankle, strict=True)])
+
+
+def _device_torque(log: pd.DataFrame, name: str, rotor_inertia: float) -> np.ndarray:
+    """What the device does on the wearer: the torque of the brace, or without one that behind the gear."""
+    if f"{name}_brace_torque_Nm" in log:
+        return log[f"{name}_brace_torque_Nm"].to_numpy()
+    return interaction_torque(
+        log[f"{name}_motor_torque_Nm"].to_numpy(),
+        log[f"{name}_friction_torque_Nm"].to_numpy(),
+        log[f"{name}_velocity_rad_per_s"].to_numpy(),
+        rotor_inertia,
+        TICK,
+    )
+
+
+def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> float:
+    """Share of the stiffness of its phases that a joint was given: in full 1, without springs 0.
+
+    Args:
+        run: The run.
+        side: The leg.
+        joint: Hip or knee.
+        since: Stays in a phase that begin before this tick do not count.
+
+    Returns:
+        Mean over the ends of the stays in a phase, where no blend is under way; NaN if there is none.
+        Where it adapts, the first strides say how it began and not where it settles.
+    """
+    control = run.experiment.control
+    if control.mode in (ControlMode.TRANSPARENT, ControlMode.GRAVITY):
+        return 0.0
+    if control.mode is not ControlMode.IMPEDANCE:
+        return control.assistance.share[joint]
+    phases = [run.table.phases_of(side)[name] for name in run.table.phase_names]
+    codes = run.leg_record(side).phases
+    given = run.log[f"{side}_{joint}_stiffness_Nm_per_rad"].to_numpy()
+    shares = []
+    for spell in phase_spells(codes)[1:-1]:
+        asked = phases[spell.phase].joints[str(joint)].stiffness
+        settled = spell.end - spell.start > blend_length(run.table.blending)
+        if spell.start >= since and settled and asked > 0.0:
+            shares.append(given[spell.end - 1] / asked)
+    return _mean(np.array(shares))
+
+
+def _together(run: Run, found: Measures) -> Measures:
+    """Measures of both legs together."""
+
+    def every(name: str, joints: tuple[JointName, ...] = MOTOR_JOINTS) -> list[float]:
+        return [found[f"{side}_{joint}_{name}"] for side in run.sides for joint in joints]
+
+    def both(name: str) -> list[float]:
+        return [found[f"{side}_{name}"] for side in run.sides]
+
+    def mean(name: str, joints: tuple[JointName, ...] = MOTOR_JOINTS) -> float:
+        return float(np.mean(every(name, joints)))
+
+    power = float(run.log["battery_power_W"].mean())
+    work = {who: sum(every(f"{who}_work_J")) for who in ("wearer", "device")}
+    torques = [
+        sum(found[f"{side}_{joint}_interaction_rms_Nm"] for joint in MOTOR_JOINTS) for side in run.sides
+    ]
+    rms = ("interaction_rms_Nm", "opposing_rms_Nm", "effort_rms_Nm")
+    return {
+        **{name: float(np.mean(both(name))) for name in _PER_LEG},
+        "toe_clearance_m": min(both("toe_clearance_m")),
+        "scuffs": sum(both("scuffs")),
+        **{f"{joint}_{name}": mean(name, (joint,)) for joint in MOTOR_JOINTS for name in _PER_JOINT},
+        "gps_koopman_deg": gait_profile_score(every("gvs_koopman_deg")),
+        "gps_winter_deg": gait_profile_score(every("gvs_winter_deg")),
+        "step_time_symmetry": symmetry_index(*both("step_time_s")),
+        "swing_symmetry": symmetry_index(*both("swing_share")),
+        "knee_range_symmetry": symmetry_index(*every("range_of_motion_deg", (JointName.KNEE,))),
+        "hip_range_symmetry": symmetry_index(*every("range_of_motion_deg", (JointName.HIP,))),
+        "interaction_symmetry": symmetry_index(*torques),
+        **{name: root_mean_square(np.array(every(name))) for name in rms},
+        "wearer_work_share": share_of_work(work["wearer"], work["device"]),
+        "assistance_level": mean("assistance_level"),
+        "smoothness": mean("smoothness"),
+        "current_rms_share": max(every("current_rms_share")),
+        "battery_power_W": power,
+        "battery_life_h": battery_life(run.experiment.plant.battery.energy, power) / 3600.0,
+        "energy_per_metre_J": power / _mean_belt_speed(run),
+    }
+
+
+_PER_LEG = ("stride_time_s", "cadence_per_min", "stride_length_m", "swing_share", "double_support_share")
+_PER_JOINT = (
+    "range_of_motion_deg",
+    "interaction_rms_Nm",
+    "opposing_rms_Nm",
+    "assistance_level",
+    "gvs_koopman_deg",
+)

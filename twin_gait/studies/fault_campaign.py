@@ -1,0 +1,248 @@
+"""Fault campaigns: many seeded faults on one experiment, one row and one outcome each."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.exceptions import ParameterError
+from twin_gait.experiment import Experiment
+from twin_gait.gait.table import TICK
+from twin_gait.scenario import TreadmillScenario
+from twin_gait.scenario.faults import Fault, FaultKind
+from twin_gait.simulation import Run, RunStatus, simulate
+from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
+from twin_gait.vocabulary import JointName, Outcome
+
+_DEGREE = math.pi / 180.0
+FIRST_TIME = 1.0  # [s]: the gait is under way
+# As the table of outcomes lists them: best first.
+OUTCOMES = (Outcome.WALKED, Outcome.HELD, Outcome.STALLED, Outcome.HUNG, Outcome.FELL, Outcome.DIVERGED)
+REST = 2.0  # [s] after the last fault, to see what comes of it
+
+# Smallest and largest magnitude that is drawn, in SI units; from hardly noticeable to gross.
+MAGNITUDES = {
+    FaultKind.ENCODER_JUMP: (0.5 * _DEGREE, 30.0 * _DEGREE),
+    FaultKind.ENCODER_OFFSET: (0.5 * _DEGREE, 20.0 * _DEGREE),
+    FaultKind.ENCODER_DRIFT: (2.0 * _DEGREE, 100.0 * _DEGREE),
+    FaultKind.MOTOR_STUCK: (5.0, 100.0),
+    FaultKind.CONTROLLER_RUNAWAY: (20.0, 2000.0),
+    FaultKind.SUPPLY_DIP: (2.0, 25.0),
+}
+
+
+# Columns that hold what a sensor reads: they may be empty under a fault, all others never.
+_MEASURED = ("_measured_angle_rad", "_velocity_fast_rad_per_s", "_velocity_slow_rad_per_s", "_phase")
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True)
+class FaultCampaign:
+    """A campaign.
+
+    Attributes:
+        table: One row per fault, see :func:`fault_row`.
+        status: ``COMPLETED``, or ``INTERRUPTED`` if it was stopped; then the table holds the first faults.
+    """
+
+    table: pd.DataFrame
+    status: RunStatus
+
+    @property
+    def violations(self) -> pd.DataFrame:
+        """Rows in which something that must hold did not."""
+        table = self.table
+        kept = table["within_limits"] & (table["null_values"] == 0) & table["hold_kept"]
+        return table[~(kept & (table["outcome"] != Outcome.DIVERGED))]
+
+
+def draw_faults(experiment: Experiment, count: int, seed: int) -> list[Fault]:
+    """Draw faults over kind, joint, time and magnitude.
+
+    Kinds take turns, so that each is drawn equally often; side, joint and time are uniform, magnitudes
+    log-uniform between the bounds of ``MAGNITUDES`` with either sign. A fault depends on the seed and its
+    position only: a longer campaign begins with the faults of a shorter one.
+
+    Args:
+        experiment: The legs that there are, and the duration.
+        count: How many.
+        seed: Of the draws.
+
+    Returns:
+        The faults.
+
+    Raises:
+        ParameterError: If the run is too short for a fault and its end.
+    """
+    if count < 1 or seed < 0:
+        raise ParameterError(
+            f"expected 1 fault or more and a seed of 0 or more, got {count} faults, seed {seed}"
+        )
+    if experiment.duration < FIRST_TIME + REST:
+        raise ParameterError(
+            f"duration: expected {FIRST_TIME + REST:g} s or more for a fault campaign, "
+            f"got {experiment.duration:g} s"
+        )
+    feet = isinstance(experiment.scenario, TreadmillScenario)
+    kinds = [kind for kind in FaultKind if feet or kind is not FaultKind.FOOT_LOAD_STUCK]
+    return [_draw(experiment, kinds[index % len(kinds)], index, seed) for index in range(count)]
+
+
+def _draw(experiment: Experiment, kind: FaultKind, index: int, seed: int) -> Fault:
+    generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
+    sides = list(experiment.leg.legs)
+    side = sides[int(generator.integers(len(sides)))]
+    joint = (JointName.HIP, JointName.KNEE)[int(generator.integers(2))]
+    time = round(float(generator.uniform(FIRST_TIME, experiment.duration - REST)), 3)
+    magnitude = None
+    if kind in MAGNITUDES:
+        least, most = MAGNITUDES[kind]
+        magnitude = math.exp(float(generator.uniform(math.log(least), math.log(most))))
+        if kind is not FaultKind.SUPPLY_DIP and generator.random() < 0.5:
+            magnitude = -magnitude
+    placed = kind is not FaultKind.SUPPLY_DIP
+    on_joint = placed and kind is not FaultKind.FOOT_LOAD_STUCK
+    return Fault(
+        kind=kind,
+        time=time,
+        side=side if placed else None,
+        joint=joint if on_joint else None,
+        magnitude=magnitude,
+    )
+
+
+def simulate_faults(
+    experiment: Experiment,
+    faults: Sequence[Fault],
+    *,
+    workers: int | Workers = 1,
+    progress: Callable[[int, int], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    on_compile: Callable[[], None] | None = None,
+) -> FaultCampaign:
+    """Simulate an experiment once for each fault.
+
+    Args:
+        experiment: The experiment; faults of its own are replaced.
+        faults: One for each run, for example from :func:`draw_faults`.
+        workers: Processes; 1 runs in this one.
+        progress: Called with faults done and in all.
+        should_stop: Asked before each run; True lets those that run finish and ends the campaign.
+        on_compile: Called if the engine has to be compiled first.
+
+    Returns:
+        The campaign.
+
+    Raises:
+        ParameterError: If workers or faults make no sense, or a run cannot be made.
+        WorkersLost: If worker processes die again and again with the same fault.
+    """
+    try:
+        rows = run_jobs(
+            partial(_run_fault, experiment),
+            faults,
+            workers=workers,
+            first=partial(_run_fault, experiment, on_compile=on_compile),
+            progress=progress,
+            should_stop=should_stop,
+        )
+    except JobFailed as error:
+        raise ParameterError(f"fault {faults[error.index]}: {error.problem}") from error
+    status = RunStatus.COMPLETED if len(rows) == len(faults) else RunStatus.INTERRUPTED
+    return FaultCampaign(pd.DataFrame(rows), status)
+
+
+def _run_fault(
+    experiment: Experiment, fault: Fault, on_compile: Callable[[], None] | None = None
+) -> dict[str, Any]:
+    return fault_row(simulate(replace(experiment, faults=(fault,)), on_compile=on_compile))
+
+
+def fault_row(run: Run) -> dict[str, Any]:
+    """Sum up a run with one fault.
+
+    Args:
+        run: The run.
+
+    Returns:
+        The fault in its notation, kind, side, joint, time and magnitude; outcome; cause, place and time of
+        the trip (empty without one) and the time from fault to trip; largest motor torque and current and
+        whether both are inside their limits in every tick; empty values among commands and plant; whether
+        the hold, once there, lasts to the end.
+    """
+    (fault,) = run.experiment.faults
+    trip, limits = run.trip, run.experiment.control.limits
+    torque, current = (_peak(run, name) for name in ("motor_torque_Nm", "measured_current_A"))
+    plant = [name for name in run.log if not str(name).endswith(_MEASURED)]
+    return {
+        "fault": str(fault),
+        "kind": str(fault.kind),
+        "side": None if fault.side is None else str(fault.side),
+        "joint": None if fault.joint is None else str(fault.joint),
+        "time_s": fault.time,
+        "magnitude": fault.strength if fault.kind.units else math.nan,
+        "outcome": str(run.verdict.outcome),
+        "cause": "" if trip is None else str(trip.cause),
+        "trip_place": "" if trip is None else trip.place,
+        "trip_time_s": math.nan if trip is None else trip.time,
+        "detection_s": math.nan if trip is None else round((trip.time - fault.time) / TICK) * TICK,
+        "torque_peak_Nm": torque,
+        "current_peak_A": current,
+        "within_limits": torque <= limits.torque + _ROUNDING and current <= limits.current + _ROUNDING,
+        "null_values": int((~np.isfinite(run.log[plant].to_numpy())).sum()),
+        "hold_kept": trip is None or bool((run.log["safety_state"].iloc[trip.tick + 2 :] == 1.0).all()),
+    }
+
+
+def _peak(run: Run, column: str) -> float:
+    """Largest magnitude over the joints; NaN if a value is empty."""
+    names = [f"{side}_{joint}_{column}" for side in run.sides for joint in run.table.joints]
+    return float(np.abs(run.log[names].to_numpy()).max())
+
+
+def outcome_table(table: pd.DataFrame) -> pd.DataFrame:
+    """Outcomes and times of detection by kind of fault.
+
+    Args:
+        table: Of a campaign.
+
+    Returns:
+        A row for each kind and one for all, texts and counts. Detection is the time from the fault to the
+        trip: a frozen encoder on a joint that stands still is no danger yet, and is noticed when the joint
+        moves.
+    """
+    kinds = [str(kind) for kind in FaultKind if (table["kind"] == kind).any()]
+    rows = [_outcome_row(kind, table[table["kind"] == kind]) for kind in kinds]
+    return pd.DataFrame([*rows, {**_outcome_row("all", table), "detected by": ""}])
+
+
+def _outcome_row(name: str, rows: pd.DataFrame) -> dict[str, Any]:
+    counts = {str(item): int((rows["outcome"] == item).sum()) for item in OUTCOMES}
+    tripped = rows[rows["cause"] != ""]
+    causes = ", ".join(f"{cause} {count}" for cause, count in tripped["cause"].value_counts().items())
+    times = [tripped["detection_s"].median(), tripped["detection_s"].max()]
+    median, longest = (f"{1e3 * time:.0f} ms" if len(tripped) else "–" for time in times)
+    return {
+        "fault": name,
+        "runs": len(rows),
+        **counts,
+        "detected by": causes or "–",
+        "detection: median": median,
+        "longest": longest,
+    }
+
+
+def limit_lines(table: pd.DataFrame) -> list[str]:
+    """What must hold in every run, and in how many it did."""
+    count, tripped = len(table), table[table["cause"] != ""]
+    return [
+        f"torque and current inside limits in every tick: {int(table['within_limits'].sum())} of {count}",
+        f"no empty command or plant value: {int((table['null_values'] == 0).sum())} of {count}",
+        f"every trip ends in the hold and stays there: {int(tripped['hold_kept'].sum())} of {len(tripped)}",
+    ]

@@ -1,1 +1,0 @@
-"""Fault campaigns, and what must hold in every run of one."""

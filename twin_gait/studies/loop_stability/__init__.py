@@ -1,1 +1,0 @@
-"""The stability of the sampled loop, and the engine as its witness."""

@@ -1,1 +1,0 @@
-"""Figures and tables of the thesis, made again on the simulated bench."""

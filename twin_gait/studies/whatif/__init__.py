@@ -1,1 +1,0 @@
-"""What if: studies on the joint bench of questions that the thesis leaves open (its chapter 4)."""

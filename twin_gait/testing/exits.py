@@ -1,0 +1,258 @@
+"""One exit of a phase among its rivals, and the measurements under which it decides."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+from twin_gait.gait.feasibility import (
+    OTHER_TIME,
+    TIME,
+    ZERO,
+    Bound,
+    Phases,
+    Way,
+    Wish,
+    bound_of,
+    most_comfortable,
+)
+from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.table import TICK, GaitTable, Transition
+from twin_gait.testing.reference import Step, Steps, Vector, exits, holds, is_pure_time_out, outcomes
+
+LONGEST_RUN = 20_000  # ticks; a longer debounce or time-out is not driven through tick by tick
+
+
+class Scenario(NamedTuple):
+    """Measurements tick by tick, and what the leg has to do.
+
+    Attributes:
+        what: What it shows, in words.
+        phase: Phase that the leg has entered at tick 0.
+        steps: The measurements.
+        expected: For every step the index of the transition that is taken, or None.
+    """
+
+    what: str
+    phase: str
+    steps: Steps
+    expected: tuple[int | None, ...]
+
+
+class Decisive(NamedTuple):
+    """A condition of a guard, and what makes it alone decide.
+
+    Attributes:
+        atom: The condition.
+        wishes: All other parts of the guard, as they have to be.
+        group: The innermost list that holds it with others, or None.
+    """
+
+    atom: Comparison | PhaseMembership
+    wishes: tuple[Wish, ...] = ()
+    group: AllOf | AnyOf | None = None
+
+
+def decisive(guard: Guard) -> Iterator[Decisive]:
+    """Every condition of a guard with the wishes under which it alone decides.
+
+    Beside it, the others of an ``all`` are open and the others of an ``any`` closed, on every level.
+    """
+    if isinstance(guard, (Comparison, PhaseMembership)):
+        yield Decisive(guard)
+        return
+    for place, inner in enumerate(guard.guards):
+        beside = guard.guards[:place] + guard.guards[place + 1 :]
+        wishes = tuple(Wish(other, isinstance(guard, AllOf)) for other in beside)
+        for item in decisive(inner):
+            group = item.group or (guard if beside else None)
+            yield Decisive(item.atom, (*wishes, *item.wishes), group)
+
+
+class Window(NamedTuple):
+    """First and last tick in the phase between which wishes have to hold."""
+
+    first: int
+    last: int
+
+
+def reads_own_time(atom: Comparison) -> bool:
+    """Whether a comparison reads the time in the leg's own phase."""
+    return TIME in (atom.signal, atom.minus)
+
+
+def reads_only_own_time(atom: Comparison) -> bool:
+    """Whether a comparison reads nothing else."""
+    return {atom.signal, atom.minus} <= {TIME, None}
+
+
+def find(
+    phases: Phases, wishes: Sequence[Wish], window: Window, pinned: Sequence[Bound] = ()
+) -> Vector | None:
+    """Find measurements that fulfil all wishes over a window of ticks.
+
+    Args:
+        phases: Allowed phases of the other leg; ``(None,)`` for a leg without another.
+        wishes: What has to be open or closed.
+        window: Ticks in the phase.
+        pinned: Bounds on the signals in addition.
+
+    Returns:
+        The measurements, as far from all other thresholds as can be; None if there are none.
+    """
+    ends = sorted(set(window))
+
+    def bounds_of(atom: Comparison, true: bool) -> list[Bound] | None:
+        if reads_only_own_time(atom):
+            return [] if all(holds(atom, Vector({}, None), tick) is true for tick in ends) else None
+        bound = bound_of(atom, true)
+        return [bound.at(TIME, tick * TICK) for tick in ends] if reads_own_time(atom) else [bound]
+
+    found = most_comfortable(Way(phases, (*pinned, Bound(ZERO, OTHER_TIME, 0.0))), wishes, bounds_of)
+    return None if found is None else Vector(found[1], found[0].phases[0])
+
+
+@dataclass(frozen=True)
+class Exit:
+    """A transition, by its index in a gait table, with what its phase says about it."""
+
+    table: GaitTable
+    index: int
+
+    @cached_property
+    def item(self) -> Transition:
+        """The transition."""
+        return self.table.transitions[self.index]
+
+    @property
+    def phase(self) -> str:
+        """Phase that it leaves."""
+        return self.item.source
+
+    @property
+    def debounce(self) -> int:
+        """Its debounce in ticks."""
+        return self.item.debounce_ticks
+
+    @property
+    def minimum(self) -> int:
+        """Minimum duration in the phase in ticks."""
+        return self.table.phases[self.phase].minimum_ticks
+
+    @property
+    def gate(self) -> int:
+        """First tick in the phase in which it may be taken, its debounce apart."""
+        return max(1, self.minimum, self.item.time_out_ticks or 0)
+
+    @cached_property
+    def latest(self) -> float:
+        """Ticks after which the phase is left whatever is measured; infinite without a time-out."""
+        items = [self.table.transitions[index] for index in exits(self.table, self.phase)]
+        times = [
+            max(item.time_out_ticks or 0, item.debounce_ticks) for item in items if is_pure_time_out(item)
+        ]
+        return min(times, default=math.inf)
+
+    @cached_property
+    def rivals(self) -> tuple[Exit, ...]:
+        """Exits of the same phase with a guard."""
+        others = [Exit(self.table, index) for index in exits(self.table, self.phase) if index != self.index]
+        return tuple(item for item in others if not is_pure_time_out(item.item))
+
+    @cached_property
+    def own_time_ticks(self) -> tuple[int, ...]:
+        """Ticks about which a threshold on the time in the phase changes its truth."""
+        guards = [self.item.guard, *(item.item.guard for item in self.rivals)]
+        times = {
+            round(entry.atom.threshold / TICK)
+            for guard in guards
+            for entry in decisive(guard)
+            if isinstance(entry.atom, Comparison) and reads_only_own_time(entry.atom)
+        }
+        return tuple(sorted(times))
+
+    def starts(self, ticks: int, *, gate: int | None = None) -> list[int]:
+        """First ticks of windows worth trying, of a length and from a gate on, before the phase is left."""
+        earliest = self.gate if gate is None else gate
+        near = {time + shift for time in self.own_time_ticks for shift in range(-1, 3)}
+        candidates = {earliest, *near, *(tick - ticks + 1 for tick in near)}
+        return sorted(tick for tick in candidates if earliest <= tick and tick + ticks - 1 < self.latest)
+
+    def closings(self, window: Window) -> list[tuple[Wish, ...]]:
+        """Which rivals to close, in the order of preference: all, those that could be due, the earlier."""
+        ticks = window.last - window.first + 1
+        able = [item for item in self.rivals if item.debounce <= ticks and item.gate <= window.last]
+        earlier = [item for item in able if item.index < self.index]
+        choices = [
+            tuple(Wish(item.item.guard, False) for item in chosen) for chosen in (self.rivals, able, earlier)
+        ]
+        return list(dict.fromkeys(choices))
+
+    def look(self, wishes: Sequence[Wish], window: Window, pinned: Sequence[Bound] = ()) -> Iterator[Vector]:
+        """Measurements that fulfil the wishes, with ever fewer rivals closed; last without another leg."""
+        for phases in (self.table.phase_names, (None,)):
+            for closing in self.closings(window):
+                found = find(phases, [*wishes, *closing], window, pinned)
+                if found is not None:
+                    yield found
+
+
+def constant(vector: Vector, first: int, last: int) -> Steps:
+    """The same measurements from tick to tick, both ends included."""
+    return tuple(Step(tick, vector) for tick in range(first, last + 1))
+
+
+def turning_tick(atom: Comparison) -> int:
+    """First tick at which a comparison of the own time alone has its later truth."""
+    near = round(atom.threshold / TICK)
+    start = max(0, near - 2)
+    before = holds(atom, Vector({}, None), start)
+    ticks = range(start, near + 4)
+    return next((tick for tick in ticks if holds(atom, Vector({}, None), tick) is not before), start)
+
+
+# ---------------------------------------------------------------------- what steps have to show
+
+Accept = Callable[[Exit, Steps], bool]
+
+
+def fires(leave: Exit, steps: Steps) -> bool:
+    """Whether a leg takes the exit in the last of some steps and none before."""
+    return outcomes(leave.table, leave.phase, steps) == [None] * (len(steps) - 1) + [leave.index]
+
+
+def stays(leave: Exit, steps: Steps) -> bool:
+    """Whether a leg takes no exit."""
+    return outcomes(leave.table, leave.phase, steps) == [None] * len(steps)
+
+
+def yields(leave: Exit, steps: Steps) -> bool:
+    """Whether a leg does not take the exit, but perhaps a rival that is open too."""
+    return leave.index not in outcomes(leave.table, leave.phase, steps)
+
+
+def comfortable(
+    leave: Exit, wishes: Sequence[Wish], *accepts: Accept, pinned: Sequence[Bound] = ()
+) -> Steps | None:
+    """Steps, one debounce long, that fulfil wishes with room and are accepted; first criterion first."""
+    for accept in accepts:
+        for start in leave.starts(leave.debounce):
+            window = Window(start, start + leave.debounce - 1)
+            for vector in leave.look(wishes, window, pinned):
+                steps = constant(vector, *window)
+                if accept(leave, steps):
+                    return steps
+    return None
+
+
+def scenario(leave: Exit, what: str, steps: Steps) -> Scenario:
+    """Scenario with what the rules of the table demand."""
+    return Scenario(what, leave.phase, steps, tuple(outcomes(leave.table, leave.phase, steps)))
+
+
+def shown(leave: Exit, what: str, steps: Steps | None) -> Scenario | str:
+    """The scenario, or its name alone if no measurements can show it."""
+    return what if steps is None else scenario(leave, what, steps)

@@ -1,0 +1,97 @@
+"""Reference implementation of a gait table: what a leg has to do on a sequence of measurements.
+
+Plain recursion over the guards and plain counting of ticks. Nothing here calls the evaluator in
+:mod:`twin_gait.core.guards`: the kit compares the two.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from twin_gait.gait.feasibility import TIME
+from twin_gait.gait.guards import OTHER, AllOf, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.table import TICK, GaitTable, Transition
+
+
+class Vector(NamedTuple):
+    """Measurements of both legs, without the own time in the phase.
+
+    Attributes:
+        signals: Value per name in the units of the table; names that do not matter are 0.
+        other_phase: Phase of the other leg, or None without another leg.
+    """
+
+    signals: Mapping[str, float]
+    other_phase: str | None
+
+
+class Step(NamedTuple):
+    """Measurements of one tick."""
+
+    tick: int
+    vector: Vector
+
+
+Steps = tuple[Step, ...]
+
+
+def to_si(name: str, value: float) -> float:
+    """Convert a value from the unit in a signal's name to SI."""
+    return math.radians(value) if name.endswith(("_deg", "_deg_per_s")) else value
+
+
+def holds(guard: Guard, vector: Vector, ticks: int) -> bool:
+    """Whether a guard is open some ticks after the entry of the phase.
+
+    Whatever reads another leg that is not there is closed.
+    """
+    if isinstance(guard, AllOf):
+        return all(holds(inner, vector, ticks) for inner in guard.guards)
+    if isinstance(guard, AnyOf):
+        return any(holds(inner, vector, ticks) for inner in guard.guards)
+    if isinstance(guard, PhaseMembership):
+        return vector.other_phase in guard.phases
+    return _compares(guard, vector, ticks)
+
+
+def _compares(atom: Comparison, vector: Vector, ticks: int) -> bool:
+    left = 0.0
+    for name, sign in ((atom.signal, 1.0), (atom.minus, -1.0)):
+        if name is None:
+            continue
+        if name.startswith(OTHER) and vector.other_phase is None:
+            return False
+        value = ticks * TICK if name == TIME else vector.signals.get(name, 0.0)
+        left += sign * to_si(name, value)
+    threshold = to_si(atom.signal, atom.threshold)
+    return left > threshold if atom.operator == ">" else left < threshold
+
+
+def is_pure_time_out(item: Transition) -> bool:
+    """Whether nothing but the time in the phase opens an exit."""
+    return item.time_out_ticks is not None and item.guard == AllOf(guards=())
+
+
+def exits(table: GaitTable, phase: str) -> list[int]:
+    """Indices of the transitions that leave a phase, in their order of priority."""
+    return [index for index, item in enumerate(table.transitions) if item.source == phase]
+
+
+def outcomes(table: GaitTable, phase: str, steps: Sequence[Step]) -> list[int | None]:
+    """Transition that a leg takes at each step, or None; it has entered the phase at tick 0."""
+    entry, open_ticks, taken = 0, dict[int, int](), list[int | None]()
+    for tick, vector in steps:
+        due = None
+        for index in exits(table, phase):
+            item = table.transitions[index]
+            is_open = holds(item.guard, vector, tick - entry)
+            open_ticks[index] = open_ticks.get(index, 0) + 1 if is_open else 0
+            least = max(table.phases[phase].minimum_ticks, item.time_out_ticks or 0)
+            if due is None and open_ticks[index] >= item.debounce_ticks and tick - entry >= least:
+                due = index
+        if due is not None:
+            phase, entry, open_ticks = table.transitions[due].target, tick, {}
+        taken.append(due)
+    return taken
