@@ -32,13 +32,6 @@ def write_sweep_figures(
 ) -> list[Path]:
     """Draw a sweep: the share that walked, then each measure over the episodes that did.
 
-    Args:
-        table: One row per episode.
-        parameters: Columns that were varied; those with one value are left out.
-        measures: Columns to draw; the default ones if empty.
-        title: Of every picture.
-        folder: An existing folder.
-
     Returns:
         The files: ``main_effects_<measure>.png`` and, of two parameters or more, ``heat_map_<measure>.png``.
     """
@@ -62,10 +55,6 @@ def write_sweep_figures(
 def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
     """A measure of every episode.
 
-    Args:
-        table: One row per episode.
-        measure: A column, or ``walked``.
-
     Returns:
         Numbers, NaN where the wearer did not walk or there is none, shape ``(n,)``; 1 or 0 for ``walked``.
     """
@@ -82,11 +71,6 @@ def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
 def cell_means(values: np.ndarray, first: Axis, second: Axis) -> np.ndarray:
     """Mean over the episodes of each combination of two parameters' levels.
 
-    Args:
-        values: One per episode, shape ``(n,)``.
-        first: Rows.
-        second: Columns.
-
     Returns:
         Means, NaN where there is no episode, shape ``(k_first, k_second)``.
     """
@@ -101,12 +85,6 @@ def cell_means(values: np.ndarray, first: Axis, second: Axis) -> np.ndarray:
 
 def draw_main_effects(axes: Sequence[Axis], values: np.ndarray, measure: str, title: str) -> Figure:
     """Draw a measure against each parameter alone, averaged over the others.
-
-    Args:
-        axes: The parameters.
-        values: The measure, shape ``(n,)``.
-        measure: Its name.
-        title: First line.
 
     Returns:
         The figure.
@@ -123,12 +101,6 @@ def draw_main_effects(axes: Sequence[Axis], values: np.ndarray, measure: str, ti
 
 def draw_heat_maps(axes: Sequence[Axis], values: np.ndarray, measure: str, title: str) -> Figure:
     """Draw the mean of a measure over pairs of parameters, averaged over the others.
-
-    Args:
-        axes: The parameters, two or more; the first ``MOST_PAIRS`` pairs are drawn.
-        values: The measure, shape ``(n,)``.
-        measure: Its name.
-        title: First line.
 
     Returns:
         The figure.

@@ -41,9 +41,6 @@ _ROOMS = frozenset({"set", "table", "phases", "patient", "scenario", "plant", "c
 def unit_of_column(column: str) -> str:
     """Unit of a column of a sweep's table, from the suffix of its name.
 
-    Args:
-        column: A key of an experiment or a name of a summary.
-
     Returns:
         The unit, for example ``kg``; ``1`` for counts, shares and texts.
     """
@@ -64,10 +61,6 @@ def _cut(text: str, unit: str, unit_of_text: Callable[[str], str]) -> int:
 
 def label_of(column: str, *, unit: bool = True) -> str:
     """A column in words.
-
-    Args:
-        column: For example ``table.phases.early_stance.knee.stiffness_Nm_per_deg``.
-        unit: Whether to say it.
 
     Returns:
         For example ``early stance knee stiffness [N m/deg]``.
@@ -107,10 +100,6 @@ class Axis:
 
 def axis_of(table: pd.DataFrame, column: str) -> Axis | None:
     """Lay a parameter out.
-
-    Args:
-        table: One row per episode.
-        column: The parameter.
 
     Returns:
         The axis; None if it has but one value.
