@@ -6,7 +6,7 @@ minutes on two cores; page: docs/faults.md.
 """
 
 # %% [markdown]
-# `twin-gait faults my_table.yaml` makes the table of outcomes for a gait table of your own, and
+# `twin-gait faults --set table=my_table.yaml` makes the table of outcomes for a gait table of your own, and
 # `twin-gait simulate --fault encoder_freeze:left_knee@4.2s` injects a single fault.
 
 # %%

@@ -124,6 +124,10 @@ def count(rows: pd.DataFrame, ending: Ending) -> int:
     return int((rows["ending"] == ending).sum())
 
 
+def key_of(name: str) -> str:
+    return name.replace(" ", "_")
+
+
 def of_the_map(table: pd.DataFrame) -> dict[str, Any]:
     """Endings below and above G = s at the measured velocity, and those of the other ways above it."""
     rows = table[table["compensation"] == Compensation.MEASURED]
@@ -162,7 +166,8 @@ def of_the_limits(limits: pd.DataFrame) -> dict[str, Any]:
     free = springs[springs["spring_Nm_per_deg"] == 0.0]
     latest = springs.sort_values(["spring_Nm_per_deg", "filter_delay_ms"]).iloc[-1]
     laws, loads = limits[limits["varied"] == "law"], limits[limits["varied"] == "load"]
-    pushes = laws.sort_values("push_rad_per_s").groupby("law")["largest_gain"]
+    named = laws.assign(law=laws["law"].map(key_of))
+    pushes = named.sort_values("push_rad_per_s").groupby("law")["largest_gain"]
     return {
         "free_linear_least": float(free["linear_gain_at_rest"].min()),
         "free_linear_most": float(free["linear_gain_at_rest"].max()),
@@ -181,6 +186,7 @@ def of_the_costs(costs: pd.DataFrame) -> dict[str, Any]:
     """Costs of each way at the last gain below s."""
     near = costs[costs["gain"] <= costs["friction_ratio"]].groupby("compensation").tail(1)
     error = costs[costs["gain"] == 0.0]["path_error_deg"].iloc[0]
+    near = near.assign(compensation=near["compensation"].map(key_of))
     return {**near.set_index("compensation").to_dict("index"), "path_error_without_deg": float(error)}
 
 

@@ -60,6 +60,16 @@ def test_pictures_files_and_headings_that_are_linked_exist(page):
             assert anchor in known, f"{page}: {target}#{anchor}"
 
 
+def test_the_mutations_that_the_readme_counts_are_those_of_the_test_kit():
+    found = re.findall(
+        r"^\| (all|equivalent|missed) \|(.*)\|$", PAGES["docs/test_kit.md"], flags=re.MULTILINE
+    )
+    rows = {name: [int(number) for number in re.findall(r"\d+", cells)] for name, cells in found}
+    caught, made = sum(rows["all"][::2]), sum(rows["all"][1::2])
+    proved, missed = sum(rows["equivalent"]), sum(rows["missed"])
+    assert f"{caught} of {made} caught, {proved} proved equivalent, {missed} missed" in README
+
+
 def test_every_page_is_in_the_index():
     index = PAGES["docs/README.md"]
     linked = {f"docs/{name}" for name in re.findall(r"\]\(([\w.]+\.md)[)#]", index)} | {"docs/README.md"}

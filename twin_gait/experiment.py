@@ -110,8 +110,8 @@ class AssistanceParameters:
         share: Of k and b per joint, 0 to 1 (TwinCare's assistance); where adaptive, at the start.
         adaptive: Whether the share of each joint changes from stride to stride, see
             :func:`twin_gait.core.assistance.adapted_assistance`.
-        forgetting: f (assumption: help halves in seven strides without an error).
-        gain: g in 1 / [rad] (assumption: an error of 10° beyond the allowance keeps full help).
+        forgetting: f (assumption: assistance halves in seven strides without an error).
+        gain: g in 1 / [rad] (assumption: an error of 10° beyond the allowance keeps full assistance).
         allowance: e_0 in [rad] (assumption: somewhat below the error of the shipped gait).
         least: α_min (assumption).
     """

@@ -8,6 +8,7 @@ import numpy as np
 from crosscheck.closed_forms import pendulum_acceleration, pendulum_motion, pendulum_of
 
 from twin_gait import Experiment, Run, load_experiment, simulate
+from twin_gait.measures import energy_balance
 from twin_gait.parameters import FrictionParameters
 
 N_STATES = 100
@@ -90,9 +91,7 @@ def energy_drift(run: Run) -> float:
 def energy_residual(run: Run) -> float:
     """Energy of a run that the work of all sources does not account for, over the work in and out."""
     energy = (run.log["kinetic_energy_J"] + run.log["potential_energy_J"]).to_numpy()
-    works = run.log.filter(like="_work_J").to_numpy()
-    throughput = np.abs(np.diff(works, axis=0)).sum()
-    return float(np.abs(energy - energy[0] - (works - works[0]).sum(axis=1)).max() / throughput)
+    return energy_balance(energy, run.log.filter(like="_work_J").to_numpy().T).relative_residual
 
 
 def largest_friction_power(run: Run) -> float:

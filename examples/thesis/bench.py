@@ -28,7 +28,7 @@ from twin_gait.scenario import (
 )
 from twin_gait.simulation import BenchRun
 
-SEED = 1
+SEED = 1  # of everything that chance decides, in all scripts
 KNEE = JointName.KNEE
 MODEL = BENCH_FRICTION[KNEE]  # of the compensator: table 3.1
 # Thesis, chapter 4: G was set between 0.20 and 0.60, beyond that the joint is unstable. It becomes so when G

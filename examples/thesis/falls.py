@@ -9,7 +9,8 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from thesis.friction import DEVIATIONS, FACTOR, KNEE, SEED, WINDOW, table_values
+from thesis.bench import KNEE, SEED
+from thesis.friction import DEVIATIONS, FACTOR, WINDOW, table_values
 
 from twin_gait.identification import BenchSetup, LoadAngle, decimate, moving_average
 from twin_gait.scenario import (

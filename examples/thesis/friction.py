@@ -13,20 +13,24 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.stats import t as student
+from thesis.bench import KNEE, SEED
 from thesis.claims import number_text
 
 from twin_gait import JointName
 from twin_gait.core import rotational_friction_torque
 from twin_gait.gait import TICK
 from twin_gait.identification import (
+    RATE,
     BenchSetup,
     FitOptions,
     FrictionTest,
+    Goodness,
     IdentificationOptions,
     Log,
     Loss,
     Processing,
     ProcessingOptions,
+    goodness,
     identify_tests,
     process_log,
     read_log,
@@ -34,8 +38,8 @@ from twin_gait.identification import (
 from twin_gait.scenario import BENCH_ACTUATORS, BENCH_FRICTION
 from twin_gait.studies import Campaign, Protocol, planned_tests, run_campaign
 
-SEED = 1
-KNEE, HIP = JOINTS = (JointName.KNEE, JointName.HIP)
+HIP = JointName.HIP
+JOINTS = (KNEE, HIP)
 FALLS, DRIVEN = Protocol.DROP, Protocol.TWO_WAY
 LATE, PROMPT = Processing.THESIS, Processing.ZERO_PHASE
 # Parameters of equation (3.1) by the thesis's letters: name in an identification.
@@ -49,7 +53,7 @@ UNITS = dict(zip(LETTERS, ("N m", "N m", "rad/s", "N m s/rad"), strict=True))
 LEVEL = 0.999  # of the intervals in bands: so few of the claims may fail by chance
 DEVIATIONS = 3.0  # standard deviations that chance is given in other bands
 AXIS_END = 0.6  # [rad/s], of figures 3.2 and 3.3
-WINDOW, PERIOD = ProcessingOptions().window, 0.01  # samples averaged, [s] between them (thesis 2.3.1)
+WINDOW, PERIOD = ProcessingOptions().window, 1.0 / RATE  # samples averaged, [s] between them
 FACTOR = round(PERIOD / TICK)
 # R² and adjusted R² of figures 3.2 and 3.3.
 PRINTED = {KNEE: (0.3936, 0.3916), HIP: (-0.446, -0.4505)}
@@ -81,7 +85,7 @@ class LawFit:
     values: Mapping[str, float]
     intervals: Mapping[str, tuple[float, float]]
     blocks: int
-    goodness: Any
+    goodness: Goodness
     velocity: np.ndarray
     torque: np.ndarray
     residuals: np.ndarray
@@ -116,19 +120,19 @@ def fit_campaign(
     With ``forward`` only samples that move along the fall are fitted, as figures 3.2 and 3.3 show;
     ``mass_as_printed`` takes J_mass as m b.
     """
-    rig = BenchSetup(actuator=BENCH_ACTUATORS[joint], mass_as_printed=mass_as_printed)
+    bench = BenchSetup(actuator=BENCH_ACTUATORS[joint], mass_as_printed=mass_as_printed)
     options = ProcessingOptions(processing=processing)
-    tests = [process_log(log, rig, options) for log in logs_of(joint, protocol, seed)]
-    return _fit([_forward(test) for test in tests] if forward else tests, rig, seed)
+    tests = [process_log(log, bench, options) for log in logs_of(joint, protocol, seed)]
+    return _fit([_forward(test) for test in tests] if forward else tests, bench, seed)
 
 
 def _forward(test: FrictionTest) -> FrictionTest:
     return replace(test, used=test.used & (test.velocity > 0.0))
 
 
-def _fit(tests: list[FrictionTest], rig: BenchSetup, seed: int) -> LawFit:
+def _fit(tests: list[FrictionTest], bench: BenchSetup, seed: int) -> LawFit:
     fit = FitOptions(loss=Loss.LINEAR, seed=seed)
-    options = IdentificationOptions(rig=rig, fit=fit, models=("rotational",), cross_validation=False)
+    options = IdentificationOptions(bench=bench, fit=fit, models=("rotational",), cross_validation=False)
     result = identify_tests(tests, options)
     found, samples = result.models[0], result.samples.used_only()
     values, intervals = found.fit.model.parameters(found.fit.x), found.uncertainty.intervals
@@ -196,13 +200,13 @@ def lagged_viscous(viscous: float, inertia: float, frequency: float) -> float:
 
 def fit_numbers(joint: JointName, late: LawFit, prompt: LawFit, driven: LawFit) -> dict[str, Any]:
     """Fits of the falls with the thesis's processing and without delay, and that of motor-driven tests."""
-    campaign, rig = Campaign(joint=joint), BenchSetup(actuator=BENCH_ACTUATORS[joint])
+    campaign, bench = Campaign(joint=joint), BenchSetup(actuator=BENCH_ACTUATORS[joint])
     masses = {plan.mass for plan in planned_tests(campaign)}
     frequency, truth = 2.0 * math.pi / campaign.two_way.period, table_values(joint)
-    lagged = [lagged_viscous(truth["d"], float(rig.inertia(mass)), frequency) for mass in masses]
+    lagged = [lagged_viscous(truth["d"], float(bench.inertia(mass)), frequency) for mass in masses]
     margin, samples, implied = driven.half_width("d"), late.goodness.samples, implied_samples(*PRINTED[joint])
     slow = late.velocity < truth["c"]
-    unfitted = late.torque - law_torque(truth, late.velocity)
+    unfitted = goodness(late.torque, late.torque - law_torque(truth, late.velocity), len(LETTERS))
     return {
         "r_squared": late.goodness.r_squared,
         "adjusted": late.goodness.adjusted_r_squared,
@@ -217,7 +221,7 @@ def fit_numbers(joint: JointName, late: LawFit, prompt: LawFit, driven: LawFit) 
         "samples": samples,
         "implied_samples": implied,
         "implied_falls": implied * late.blocks / samples,
-        "table_r_squared": 1.0 - float(np.sum(unfitted**2) / np.sum((late.torque - late.torque.mean()) ** 2)),
+        "table_r_squared": unfitted.r_squared,
         "laws": [
             _law_row("friction of the bench", truth, None),
             _law_row("fit with the thesis's processing", late.values, late.goodness),
@@ -226,13 +230,13 @@ def fit_numbers(joint: JointName, late: LawFit, prompt: LawFit, driven: LawFit) 
     }
 
 
-def _law_row(label: str, values: Mapping[str, float], goodness: Any) -> dict[str, str]:
+def _law_row(label: str, values: Mapping[str, float], of_fit: Goodness | None) -> dict[str, str]:
     """A row of a page's table: parameters, and the goodness of a fit (RMSE per degree of freedom)."""
     return {
         "law": label,
         **{f"{letter} [{UNITS[letter]}]": number_text(value) for letter, value in values.items()},
-        "SSE [N² m²]": "" if goodness is None else f"{goodness.sse:.0f}",
-        "RMSE [N m]": "" if goodness is None else f"{goodness.residual_standard_error:.3g}",
+        "SSE [N² m²]": "" if of_fit is None else f"{of_fit.sse:.0f}",
+        "RMSE [N m]": "" if of_fit is None else f"{of_fit.residual_standard_error:.3g}",
     }
 
 

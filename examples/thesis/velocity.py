@@ -6,8 +6,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from thesis.bench import GAINS, HAND_VELOCITIES, SHORT_REACH, last_period, moved_by_hand, torque_control
-from thesis.friction import DEVIATIONS, FACTOR, KNEE, PERIOD, SEED, WINDOW
+from thesis.bench import (
+    GAINS,
+    HAND_VELOCITIES,
+    KNEE,
+    SEED,
+    SHORT_REACH,
+    last_period,
+    moved_by_hand,
+    torque_control,
+)
+from thesis.friction import DEVIATIONS, FACTOR, PERIOD, WINDOW
 
 from twin_gait.gait import TICK
 from twin_gait.identification import decimate, moving_average

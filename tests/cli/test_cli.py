@@ -136,6 +136,9 @@ BAD = {
     "negative stiffness": ["simulate", "--set", "table.phases.late_stance.hip.stiffness_Nm_per_deg=-1"],
     "gain above 1": ["simulate", "--set", "table.phases.late_stance.hip.friction_compensation_gain=2"],
     "zero duration": ["simulate", "--duration", "0"],
+    "half a seed": ["simulate", "--seed", "0.5"],
+    "negative seed": ["simulate", "--seed", "-1"],
+    "unknown person": ["simulate", "--patient", "nobody"],
     "NaN duration": ["simulate", "--duration", "nan"],
     "text duration": ["simulate", "--duration", "long"],
     "missing URDF": ["simulate", "--set", "leg.urdf=nowhere.urdf"],
@@ -299,3 +302,8 @@ def test_flags_and_settings_count_in_their_order():
     assert settings("--set", "patient.mass_kg=70", "--mass", "80")[-1] == "patient.mass_kg=80.0"
     assert settings("--mass", "80", "--set", "patient.mass_kg=70")[-1] == "patient.mass_kg=70"
     assert settings("--support", "0.4") == ["scenario.support.share=0.4"]
+    assert settings("--duration", "5", "--seed", "3") == ["duration_s=5.0", "seed=3"]
+    assert settings("--patient", "a b.yaml", "--engine", "pinocchio") == [
+        'patient="a b.yaml"',
+        "engine=pinocchio",
+    ]

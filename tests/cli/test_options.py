@@ -72,7 +72,7 @@ def test_options_of_one_name_mean_the_same_everywhere():
             assert "--out" in flags, name
     different = {flag: found for flag, found in meanings.items() if len(found) > 1}
     # A shorthand of --set is a list where there is an experiment, and a number where there is none.
-    assert set(different) <= {"--duration", "--mass", "--speed"}, different
+    assert set(different) <= {"--duration", "--mass", "--seed", "--speed"}, different
 
 
 def test_every_command_of_an_experiment_checks_its_table():

@@ -16,7 +16,7 @@ from types import FunctionType
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_dynamics_pinocchio import LOOPS, STRAIGHT_LINE, assert_equal, kernels
+from test_dynamics_pinocchio import LOOPS, STRAIGHT_LINE, assert_equal, kernels, source_of
 
 from twin_gait import core, load_experiment, simulate
 from twin_gait.core.contact import ground_contact_force
@@ -114,7 +114,7 @@ def test_gravity_may_point_along_y(rng):
     for limit in (LOOPS, STRAIGHT_LINE):
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(kernel, "STRAIGHT_LINE_LIMIT", limit)
-            functions = functions_of(kernel.write_model_functions(bodies, [], "y"))
+            functions = functions_of(source_of(bodies, (), "y"))
             torque = np.zeros(5)
             functions["control_gravity"](q, np.array(kernel.body_values(bodies)), GRAVITY, torque)
         assert_equal(torque, np.array(expected))
@@ -129,8 +129,8 @@ def test_other_masses_lengths_and_armature_need_no_other_text(bench: LegModel, r
         changed.jointPlacements[joint] = place
     changed.armature = 0.7 * changed.armature
     before, after = export_bodies(bench.model), export_bodies(changed)
-    text = kernel.write_model_functions(before, [])
-    assert kernel.write_model_functions(after, []) == text
+    text = source_of(before)
+    assert source_of(after) == text
     q, v, torque = rng.uniform(-1.0, 1.0, (3, changed.nv))
     expected = np.array(pin.aba(changed, changed.createData(), q, v, torque))
     for item in kernels(changed):

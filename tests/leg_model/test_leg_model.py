@@ -1,4 +1,4 @@
-"""The rigid-body model: physics by independent witnesses, fitting to a wearer, and errors that help."""
+"""The rigid-body model: physics by independent cross-checks, fitting to a wearer, and errors that help."""
 
 from __future__ import annotations
 

@@ -26,9 +26,9 @@ from twin_gait.gait.table import TICK
 from twin_gait.live.finishing import CHANGES_FILE
 from twin_gait.runs.record import LOG_FILE, load_run
 from twin_gait.simulation.stepping import FADE_TICKS
+from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.curves import EXTREMES_TICKS
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.recorder import Recorder
 from twin_gait.vocabulary import Side
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")

@@ -300,8 +300,8 @@ def test_a_controller_of_ones_own_takes_the_place_of_the_thesis_in_both_engines(
     compiled = simulate(load_experiment(*BENCH).experiment, controller=weaker)
     stepping = f"integration={{method: {compiled.experiment.stepping.method}, step_ms: 1}}"
     name, settings_ = BENCH
-    witness = load_experiment(name, [*settings_, "engine=pinocchio", stepping]).experiment
-    stepped = simulate(witness, controller=weaker)
+    reference = load_experiment(name, [*settings_, "engine=pinocchio", stepping]).experiment
+    stepped = simulate(reference, controller=weaker)
     standard = simulate(load_experiment(*BENCH).experiment)
     assert not compiled.log["right_hip_friction_compensation_torque_Nm"].any()
     assert standard.log["right_hip_friction_compensation_torque_Nm"].any()

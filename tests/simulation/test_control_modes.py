@@ -184,7 +184,7 @@ def test_other_modes_begin_where_the_scenario_says():
 
 
 def test_position_tracking_walks_a_minute():
-    """The default wearer, his limits and the monitor as they are; 60 s without a fall or a trip."""
+    """The default wearer, limits and the monitor as they are; 60 s without a fall or a trip."""
     asked = load_experiment("treadmill", ["control.mode=position", "duration_s=60"]).experiment
     assert asked.control.safety.enabled
     run = simulate(asked)

@@ -147,7 +147,7 @@ def test_free_leg_converges_with_the_order_of_the_integrator(method, order):
 
 
 def hand_settings(gain: float, joint: str = "knee") -> list[str]:
-    """A hand leads one joint in transparent mode; the other is held by its own weight (no gravity)."""
+    """Imposed motion of one joint in transparent mode; the other is held by its own weight (no gravity)."""
     phases = ("early_stance", "middle_stance", "late_stance", "swing_flexion", "swing_extension")
     gains = [f"table.phases.{phase}.{joint}.friction_compensation_gain={gain}" for phase in phases]
     return [

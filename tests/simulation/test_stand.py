@@ -171,7 +171,7 @@ PEOPLE = {
     "the other leg first": ("scenario.leading=right",),
     "light and tall": ("patient.mass_kg=55", "patient.height_m=1.9"),
     "heavy and short": ("patient.mass_kg=95", "patient.height_m=1.6"),
-    "with his own effort": ("patient=healthy",),
+    "with an own effort": ("patient=healthy",),
 }
 
 

@@ -1,4 +1,4 @@
-"""Runs with a wearer who acts: what his torques are, what they do, and that both engines say so."""
+"""Runs with a wearer who acts: what their torques are, what they do, and that both engines say so."""
 
 from __future__ import annotations
 

@@ -35,10 +35,9 @@ from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters import Patient
 from twin_gait.viewer import shapes, surroundings
 from twin_gait.viewer.animation import _belt_track, write_animation
+from twin_gait.viewer.commands import METRES_PER_NEWTON, Recorder
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.legend import METRES_PER_NEWTON
 from twin_gait.viewer.motion import read_motion
-from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.session import LiveViewer, show_run, view_urdf
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
 from twin_gait.viewer.visuals import LinkPart, load_visuals

@@ -21,9 +21,9 @@ from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.runs.record import write_run
 from twin_gait.runs.shown_run import ShownRun, page_of, read_shown_run
+from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.page_server import PageServer
-from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.session import LiveViewer
 from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.urdf_page import joint_entries, urdf_page

@@ -42,15 +42,14 @@ from twin_gait.palette import (
 from twin_gait.runs.record import load_run, write_run
 from twin_gait.runs.shown_run import ShownRun, page_of, read_shown_run
 from twin_gait.viewer.body import CLOTH
+from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.curves import extremes, faithful_curve
 from twin_gait.viewer.figure import ROOT
-from twin_gait.viewer.harness import VEST
+from twin_gait.viewer.harness import ROPE, VEST
 from twin_gait.viewer.motion import frame_rate, leg_values, phase_changes, read_motion
 from twin_gait.viewer.page import FLOOR, PAGE_FOLDER, SCRIPTS, live_page, packed, page_data
 from twin_gait.viewer.page_server import PageServer
 from twin_gait.viewer.picture import BROWSER_VARIABLE, PictureSize, find_browser, take_picture
-from twin_gait.viewer.recorder import Recorder
-from twin_gait.viewer.ropes import MATERIAL as ROPE
 from twin_gait.viewer.scene import View
 from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.urdf_page import urdf_page

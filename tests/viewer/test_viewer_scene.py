@@ -18,11 +18,9 @@ from twin_gait.leg_model.urdf import build_model
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters import Patient
 from twin_gait.viewer import arcs, shapes, surroundings, trail
-from twin_gait.viewer.commands import Command, Material, rgb
-from twin_gait.viewer.legend import FULL_TORQUE
+from twin_gait.viewer.commands import FULL_TORQUE, Command, Material, Recorder, rgb
 from twin_gait.viewer.meshes import read_obj
 from twin_gait.viewer.motion import LegMotion, Motion, PhaseSpells, read_motion
-from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.staging import build_scene, build_urdf_scene

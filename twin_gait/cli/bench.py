@@ -178,7 +178,7 @@ def run_campaign_command(arguments: argparse.Namespace) -> int:
 
 
 def report_campaign(result: CampaignResult) -> Iterator[str]:
-    """What came out, in a few lines."""
+    """Results in a few lines."""
     tests = result.tests
     yield f"{result.status}: {len(tests)} synthetic logs in {result.directory}"
     if not tests:

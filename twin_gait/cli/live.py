@@ -31,6 +31,7 @@ def add_parser(commands: Any) -> None:
     )
     add = parser.add_argument
     options.add_experiment(parser, seconds="until Ctrl-C")
+    options.add_seed(parser, of_experiment=True)
     options.add_out(parser, "DIR", "run directory (runs/<time>-<name>-live)")
     add("--user", default="", metavar="NAME", help="whose session it is in the record")
     options.add_page(parser)
@@ -70,7 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 async def _serve(session: LiveSession, experiment: Experiment, arguments: argparse.Namespace) -> bool:
-    """Serve the pages until the walk ends or somebody ends it; True in the second case."""
+    """Serve the pages until the run ends or somebody ends it; True in the second case."""
     import asyncio
 
     from twin_gait.cli.view import announce

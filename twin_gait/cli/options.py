@@ -43,9 +43,12 @@ def add_no_pictures(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--no-pictures", action="store_true", help="leave out figures and animations")
 
 
-def add_seed(parser: argparse.ArgumentParser) -> None:
-    """Add ``--seed``."""
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="of every random draw (0)")
+def add_seed(parser: argparse.ArgumentParser, *, of_experiment: bool = False) -> None:
+    """Add ``--seed``, of the command's own draws or of the experiment, where it is a shorter ``--set``."""
+    kind: dict[str, Any] = {"type": int, "default": 0}
+    if of_experiment:
+        kind = {"type": lambda text: f"seed={int(text)}", "action": "append", "dest": "settings"}
+    parser.add_argument("--seed", metavar="N", help="of every random draw (0)", **kind)
 
 
 def add_page(parser: argparse.ArgumentParser) -> None:
@@ -65,11 +68,15 @@ def check_port(port: int) -> None:
 # ---------------------------------------------------------------------- an experiment and changes to it
 
 
-def add_experiment(parser: argparse.ArgumentParser, *, seconds: str = "that of the experiment") -> None:
-    """Add the experiment, all that changes it, and ``--unchecked``; :func:`experiment_of` reads them."""
+def add_experiment(parser: argparse.ArgumentParser, *, seconds: str | None) -> None:
+    """Add the experiment, all that changes it, and ``--unchecked``; :func:`experiment_of` reads them.
+
+    ``seconds`` says how long a run lasts without ``--duration``; None leaves that option out.
+    """
     parser.add_argument("experiment", nargs="?", default="treadmill", help="preset or YAML file (treadmill)")
     add_settings(parser)
-    _add_shorthand(parser, "--duration", "S", "duration_s", f"simulated time in s ({seconds})")
+    if seconds is not None:
+        _add_shorthand(parser, "--duration", "S", "duration_s", f"simulated time in s ({seconds})")
     add_unchecked(parser)
 
 

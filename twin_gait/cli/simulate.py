@@ -25,7 +25,8 @@ def add_parser(commands: Any) -> None:
         description="Simulate a preset or an experiment file and write a run directory.",
     )
     add = parser.add_argument
-    options.add_experiment(parser)
+    options.add_experiment(parser, seconds="that of the experiment")
+    options.add_seed(parser, of_experiment=True)
     options.add_out(parser, "DIR", "run directory (runs/<time>-<name>)")
     add(
         "--engine",
@@ -109,7 +110,7 @@ def default_folder(name: str) -> Path:
 
 
 def report(result: Run, summary: dict[str, Any], out: Path) -> Iterator[str]:
-    """What came out, in a few lines."""
+    """Results in a few lines."""
     from twin_gait.simulation import RunStatus
 
     pace = summary["realtime_factor"]

@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def report(result: SweepResult) -> Iterator[str]:
-    """What came out, in a few lines."""
+    """Results in a few lines."""
     summary, last = result.summary, result.summary["last_call"]
     yield f"{result.status}: {summary['finished']} of {summary['episodes']} episodes"
     if result.resumed:

@@ -17,7 +17,7 @@ DONE, FAILED, BAD_INPUT, DEFECT, INTERRUPTED = 0, 1, 2, 70, 130
 
 
 def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Callable[[], Any]) -> None:
-    """Print what came out: lines for a reader or, with ``--json``, one document for a program.
+    """Print the result: lines for a reader or, with ``--json``, one document for a program.
 
     Args:
         arguments: Of the command.
@@ -53,7 +53,7 @@ def write_on_any_terminal() -> None:
 
 
 def note_abandoned(out: Path | None) -> None:
-    """Offer to remove what killed runs have left beside this one, whose folder is in runs without ``out``."""
+    """Offer to remove what killed runs have left in the folder of ``out``, or in runs without it."""
     from twin_gait.runs.folders import abandoned
 
     parent = Path("runs") if out is None else out.expanduser().absolute().parent

@@ -28,7 +28,7 @@ def add_parser(commands: Any) -> None:
         ),
     )
     add = parser.add_argument
-    options.add_experiment(parser)
+    options.add_experiment(parser, seconds=None)
     options.add_out(parser, "DIR", "folder of the tuning", required=True)
     add("--resume", action="store_true", help="go on with a tuning that was stopped")
     add("--reference", metavar="koopman@SPEED", help="healthy gait at a speed in km/h (that of the belt)")
@@ -109,7 +109,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def report(outcome: dict[str, Any], directory: Path) -> Iterator[str]:
-    """What came out, in a few lines."""
+    """Results in a few lines."""
     from twin_gait.report.tune import summary
 
     yield from (*summary(outcome), f"  {directory}")

@@ -458,56 +458,11 @@ def inertia_torques(q: Array, a: Array, bodies: Array, torque: Array) -> None:
     inverse_dynamics(q, np.zeros(q.shape[0]), a, bodies, 2, 0.0, torque)
 
 
-def mass_matrix(q: Array, bodies: Array, matrix: Array) -> None:
-    """Joint-space inertia with armature: the composite-rigid-body algorithm.
-
-    Args:
-        q: Coordinates, shape ``(n,)``.
-        bodies: The model.
-        matrix: Both triangles, shape ``(n, n)``; changed in place.
-    """
-    n = q.shape[0]
-    table = body_table(bodies, n)
-    tree = moving_tree(table, q, np.zeros(n))
-    matrix[:, :] = 0.0
-    force = np.zeros((n + 1, 6))
-    for i in range(n - 1, -1, -1):
-        force[:, :] = 0.0
-        for j in range(6):
-            for k in range(6):
-                force[i + 1, j] += tree.inertia[i + 1, j, k] * tree.subspace[i + 1, k]
-        row = i + 1
-        while row > 0:
-            matrix[i, row - 1] = matrix[row - 1, i] = along(row, tree.subspace, force)
-            shift_force(row, int(table[row - 1, PARENT]), tree.offset, force)
-            row = int(table[row - 1, PARENT])
-        matrix[i, i] += table[i, ARMATURE]
-        shift_inertia(i + 1, int(table[i, PARENT]), tree.offset, tree.inertia)
-
-
 def contact_forces(q: Array, v: Array, bodies: Array, contact: Array, points: Array) -> float:
     """Contact forces of a state; as :func:`forward_dynamics` without the accelerations."""
     n = q.shape[0]
     tree = moving_tree(body_table(bodies, n), q, v)
     return touch_ground(point_table(bodies, n), contact, points, tree)
-
-
-def contact_kinematics(q: Array, v: Array, bodies: Array, motion: Array) -> None:
-    """Positions and velocities of the contact points in the world.
-
-    Args:
-        q: Coordinates, shape ``(n,)``.
-        v: Velocities, shape ``(n,)``.
-        bodies: The model.
-        motion: Position in [m] and velocity in [m] / [s], shape ``(n_points, 6)``; changed in place.
-    """
-    n = q.shape[0]
-    tree, places = moving_tree(body_table(bodies, n), q, v), point_table(bodies, n)
-    for number in range(places.shape[0]):
-        values = point_motion(places, number, tree)
-        for k in range(3):
-            motion[number, k] = tree.origin[int(places[number, 0]), k] + values[k]
-            motion[number, 3 + k] = values[3 + k]
 
 
 def observe(

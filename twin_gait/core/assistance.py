@@ -21,13 +21,13 @@ def cycle_place(progress: float, samples: int) -> tuple[int, float]:
 def adapted_assistance(
     assistance: float, error: float, forgetting: float, gain: float, allowance: float, least: float
 ) -> float:
-    r"""Share of help for the next stride, after the error of the last one.
+    r"""Assistance level for the next stride, after the tracking error of the last one.
 
     .. math::
 
         \alpha_{n+1} = f\,\alpha_n + g\,\max(0, e_n - e_0), \qquad \alpha_{min} \le \alpha \le 1
 
-    Help is forgotten by the factor f and comes back where tracking is worse than the allowance, after
+    Assistance decays by the factor f and comes back where tracking is worse than the allowance, after
     J. L. Emken, J. E. Bobrow, D. J. Reinkensmeyer: Robotic movement training as an optimization problem,
     IEEE ICORR (2005) 307-312.
 

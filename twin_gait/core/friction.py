@@ -53,7 +53,7 @@ def load_friction_torque(
 
         T_l(\omega) = K_l\,|\tau|\,\tanh\frac{\omega}{c/10}
 
-    The teeth rub the more the harder they are pressed (model M3 of Duclusaud et al. 2025, who found
+    Friction of the gear grows with its load (model M3 of Duclusaud et al. 2025, who found
     :math:`K_l = 0.148` for a geared servo, with the difference of motor and outer torque as load; here it is
     the motor's torque at the joint, which the gear passes on but for the share that turns the rotor). It
     turns over at the same velocity as the Coulomb term of (3.1).

@@ -84,7 +84,7 @@ class Assembly:
             self.model.inertias[joint] = pin.Inertia.Zero()
 
     def put_on(self, patient: Patient) -> None:
-        """Add the segments of a wearer to the links, and his trunk to a pelvis that moves.
+        """Add the segments of a wearer to the links, and the trunk to a pelvis that moves.
 
         Raises:
             ModelError: If hip and knee coincide, so that there is no thigh between them.

@@ -88,7 +88,7 @@ WINTER_SEGMENTS: dict[str, Segment] = {
 
 
 def segments_of(patient: Patient) -> Mapping[str, Segment]:
-    """Thigh, shank and foot of a wearer, from the table that he is to have.
+    """Thigh, shank and foot of a wearer, from the table that is asked for.
 
     Returns:
         The segments by name.

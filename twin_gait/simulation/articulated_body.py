@@ -28,12 +28,6 @@ _CALLS = {
         "gravity_torques(q, bodies, {up}, gravity, torque)",
     ),
     "control_inertia": ("q, a, bodies, torque", "inertia_torques(q, a, bodies, torque)"),
-    "inverse_dynamics": (
-        "q, v, a, bodies, gravity, torque",
-        "inverse_dynamics(q, v, a, bodies, {up}, gravity, torque)",
-    ),
-    "mass_matrix": ("q, bodies, matrix", "mass_matrix(q, bodies, matrix)"),
-    "contact_kinematics": ("q, v, bodies, motion", "contact_kinematics(q, v, bodies, motion)"),
 }
 
 
@@ -63,8 +57,7 @@ def write_call(name: str, up_axis: str = "z") -> str:
     """Source of one function of a kernel, with the import that it needs.
 
     Args:
-        name: Of the function, from :mod:`twin_gait.simulation.kernel_interface` or
-            :func:`twin_gait.simulation.kernel.write_model_functions`.
+        name: Of the function, from :mod:`twin_gait.simulation.kernel_interface`.
         up_axis: ``"z"`` or ``"y"``.
 
     Returns:

@@ -252,54 +252,6 @@ def write_control_inertia(bodies: Sequence[BodyArrays]) -> str:
     return _function("control_inertia(q, a, bodies, torque)", trace, _stores("torque", torques), [])
 
 
-def write_inverse_dynamics(bodies: Sequence[BodyArrays], up_axis: str) -> str:
-    """Source of ``inverse_dynamics``; see :func:`write_model_functions`."""
-    if _in_loops(bodies):
-        return articulated_body.write_call("inverse_dynamics", up_axis)
-    trace = Trace()
-    inputs, _ = _as_inputs(trace, bodies, ())
-    q, v, a = (_inputs(trace, name, len(bodies)) for name in ("q", "v", "a"))
-    result = rigid_body.inverse_dynamics(inputs, q, v, a, _gravity_vector(trace, up_axis))
-    rotors = [body.armature * acceleration for body, acceleration in zip(inputs, a, strict=True)]
-    torques = rigid_body.add(result.torques, rotors)
-    return _function(
-        "inverse_dynamics(q, v, a, bodies, gravity, torque)", trace, _stores("torque", torques), []
-    )
-
-
-def write_mass_matrix(bodies: Sequence[BodyArrays]) -> str:
-    """Source of ``mass_matrix``; see :func:`write_model_functions`."""
-    if _in_loops(bodies):
-        return articulated_body.write_call("mass_matrix")
-    trace = Trace()
-    inputs, _ = _as_inputs(trace, bodies, ())
-    matrix = rigid_body.joint_space_inertia(inputs, _inputs(trace, "q", len(bodies)))
-    stores = [(f"matrix[{i}, {j}]", value) for i, row in enumerate(matrix) for j, value in enumerate(row)]
-    return _function("mass_matrix(q, bodies, matrix)", trace, stores, [])
-
-
-def write_contact_kinematics(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint]) -> str:
-    """Source of ``contact_kinematics``; see :func:`write_model_functions`."""
-    if _in_loops(bodies):
-        return articulated_body.write_call("contact_kinematics")
-    trace = Trace()
-    inputs, places = _as_inputs(trace, bodies, points)
-    motions: list[Vector] = [[] for _ in points]
-
-    def keep(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
-        motions[number] = [*position, *velocity]
-        return [0.0, 0.0]
-
-    q, v = (_inputs(trace, name, len(bodies)) for name in ("q", "v"))
-    rigid_body.inverse_dynamics(inputs, q, v, [0.0] * len(bodies), rigid_body.ZERO, places, keep)
-    stores = [
-        (f"motion[{number}, {column}]", value)
-        for number, motion in enumerate(motions)
-        for column, value in enumerate(motion)
-    ]
-    return _function("contact_kinematics(q, v, bodies, motion)", trace, stores, [])
-
-
 def write_kernel(
     bodies: Sequence[BodyArrays],
     points: Sequence[ContactPoint],
@@ -346,39 +298,6 @@ _written: dict[tuple[str, ...], str] = {}
 def _structure(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> str:
     """All that the text of a kernel depends on: topology, axes, and which run-time inputs are zero."""
     return repr(_map_values(bodies, points, lambda value: float(value != 0.0)))
-
-
-def write_model_functions(
-    bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str = "z"
-) -> str:
-    """Source of the dynamics of a model for uses other than the episode loop.
-
-    - ``dynamics(q, v, torque, bodies, gravity, contact, a, points)``: accelerations, with ground contact
-    - ``inverse_dynamics(q, v, a, bodies, gravity, torque)``: torques of a motion, without contact
-    - ``control_gravity(q, bodies, gravity, torque)``: torques of gravity
-    - ``mass_matrix(q, bodies, matrix)``: joint-space inertia, both triangles
-    - ``contact_kinematics(q, v, bodies, motion)``: position and velocity of every point, six columns
-
-    The last argument, in ``dynamics`` the last two, is changed in place; ``bodies`` is the array of
-    :func:`body_values`. Armature is included throughout.
-
-    Args:
-        bodies: The model.
-        points: Points whose motion is wanted.
-        up_axis: ``"z"`` or ``"y"``.
-
-    Returns:
-        Python source; it needs ``math`` and ``ground_contact_force`` in its module.
-    """
-    return _joined(
-        [
-            write_dynamics(bodies, points, up_axis),
-            write_inverse_dynamics(bodies, up_axis),
-            write_control_gravity(bodies, up_axis),
-            write_mass_matrix(bodies),
-            write_contact_kinematics(bodies, points),
-        ]
-    )
 
 
 def _joined(functions: Sequence[str]) -> str:

@@ -20,6 +20,10 @@ from twin_gait.viewer.shapes import Shape
 
 _CHALK = 0.7  # surfaces at least as rough show no gloss
 
+# Scales of the arrows: the scene draws with them, the page explains them.
+METRES_PER_NEWTON = 0.001  # length of the arrow of a ground force
+FULL_TORQUE = 60.0  # [N m] of the longest arrow of a motor torque: about the largest of a step of the presets
+
 Command = dict[str, Any]
 Colour = tuple[float, float, float]
 
@@ -226,3 +230,29 @@ def _shading(material: Material) -> str:
 def _integer(colour: Sequence[float]) -> int:
     red, green, blue = (round(255.0 * value) for value in colour)
     return (red << 16) + (green << 8) + blue
+
+
+# Objects first, because setting one clears its properties; the animation last, because its tracks
+# look for the objects.
+_ORDER = ("set_object", "set_transform", "set_property", "set_animation")
+
+
+class Recorder:
+    """Window that remembers the last command of each kind for each place."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._commands: dict[tuple[str, str, str], Command] = {}
+
+    def send(self, command: Command) -> None:
+        """Remember a command."""
+        key = (command["type"], command["path"], command.get("property", ""))
+        self._commands[key] = command
+
+    def commands(self) -> list[Command]:
+        """Commands in the order in which a viewer must take them."""
+        return sorted(self._commands.values(), key=lambda command: _ORDER.index(command["type"]))
+
+    def packed(self) -> bytes:
+        """All commands, one after the other as :func:`pack` has them."""
+        return b"".join(pack(command) for command in self.commands())

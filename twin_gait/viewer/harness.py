@@ -1,10 +1,13 @@
-"""The harness on the wearer's chest, which the ropes of the body-weight support carry."""
+"""The harness on the wearer's chest, and the ropes of the body-weight support that carry it."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from twin_gait.leg_model.wearer import TRUNK_LENGTH
 from twin_gait.parameters import Patient
@@ -49,3 +52,50 @@ def _shoulder_straps(hook: np.ndarray, rings: np.ndarray, height: float) -> list
         path = (1 - share) ** 2 * hook + 2 * share * (1 - share) * middle + share**2 * np.array(end)
         straps.append(shapes.tube(path, 0.007, columns=6))
     return straps
+
+
+ROPES = "/meshcat/ropes"
+_ROPE_RADIUS = 0.006  # [m]
+ROPE = Material(colour=(0.40, 0.45, 0.53), roughness=0.9)
+
+
+@dataclass(frozen=True)
+class Rope:
+    """A rope.
+
+    Attributes:
+        path: Its place in the scene.
+        joint: Joint that carries its lower end.
+        lower: Lower end in the frame of that joint in [m], shape ``(3,)``.
+        upper: Upper end in the scene in [m], shape ``(3,)``.
+    """
+
+    path: str
+    joint: str
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def state(self, figure: Figure, q: np.ndarray) -> dict[tuple[str, str], Any]:
+        """Where the rope is when the figure stands in a posture.
+
+        Args:
+            figure: The articulated figure.
+            q: Coordinates, shape ``(nq,)``.
+
+        Returns:
+            Values by place and property.
+        """
+        lower = figure.world_point(q, self.joint, self.lower)
+        span = self.upper - lower
+        length = float(np.linalg.norm(span))
+        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), span / length)
+        return {
+            (self.path, "position"): [float(value) for value in lower],
+            (self.path, "quaternion"): [float(value) for value in turn.coeffs()],
+            (self.path, "scale"): [1.0, 1.0, length],
+        }
+
+
+def rope_shape() -> Shape:
+    """Make a rope of 1 m from the origin along z; its length is the scale along z."""
+    return shapes.turned([(0.0, 0.0), (_ROPE_RADIUS, 0.0), (_ROPE_RADIUS, 1.0), (0.0, 1.0)], columns=8)

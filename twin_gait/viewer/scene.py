@@ -13,13 +13,20 @@ import pinocchio as pin
 from twin_gait.leg_model import LegJoints
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.palette import GROUND_FORCE_COLOUR, phase_colour
-from twin_gait.viewer import ropes, shapes, surroundings, trail
+from twin_gait.viewer import shapes, surroundings, trail
 from twin_gait.viewer.arcs import TorqueArc
-from twin_gait.viewer.commands import Material, Window, rgb, set_object, set_property
+from twin_gait.viewer.commands import (
+    FULL_TORQUE,
+    METRES_PER_NEWTON,
+    Material,
+    Window,
+    rgb,
+    set_object,
+    set_property,
+)
 from twin_gait.viewer.figure import Figure, Motor
-from twin_gait.viewer.legend import FULL_TORQUE, METRES_PER_NEWTON
+from twin_gait.viewer.harness import ROPE, ROPES, Rope, rope_shape
 from twin_gait.viewer.motion import Motion
-from twin_gait.viewer.ropes import Rope
 from twin_gait.viewer.shapes import Shape
 from twin_gait.viewer.trail import StrideTrail
 from twin_gait.viewer.visuals import Visuals
@@ -110,8 +117,8 @@ class Scene:
         neutral = pin.neutral(self.figure.model)
         for number, hook in enumerate(hooks):
             x, y, _ = self.figure.world_point(neutral, joint, hook)
-            path = f"{ropes.ROOT}/{number}"
-            self._window.send(set_object(path, ropes.rope_shape(), ropes.MATERIAL))
+            path = f"{ROPES}/{number}"
+            self._window.send(set_object(path, rope_shape(), ROPE))
             self._window.send(set_property(f"{path}/<object>", "castShadow", False))
             self._window.send(set_property(f"{path}/<object>", "receiveShadow", False))
             self.ropes.append(Rope(path, joint, hook, np.array([x, y, height])))

@@ -9,9 +9,9 @@ from typing import Any
 import pinocchio as pin
 
 from twin_gait.leg_model.urdf import build_model, find_urdf
+from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.page import packed, page_data, recorded_page
-from twin_gait.viewer.recorder import Recorder
 from twin_gait.viewer.staging import build_urdf_scene
 
 # A range wider than this is no limit: continuous joints, and files that leave the limits out.
@@ -27,9 +27,6 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
     Args:
         path: The file, or the name of a packaged one.
         up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF.
-
-    Returns:
-        HTML.
 
     Raises:
         ModelError: If the URDF cannot be read.
@@ -54,9 +51,6 @@ def counted(model: pin.Model) -> str:
 
 def joint_entries(figure: Figure) -> list[dict[str, Any]]:
     """What a slider needs to know of each joint that turns about or slides along one axis.
-
-    Args:
-        figure: The figure that is drawn.
 
     Returns:
         Name, place in the scene, ``slides``, axis in the frame of the joint, position in [m] and quaternion

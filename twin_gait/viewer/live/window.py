@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 
-from twin_gait.viewer.commands import Command, pack
-from twin_gait.viewer.recorder import Recorder
+from twin_gait.viewer.commands import Command, Recorder, pack
 
 Change = tuple[Hashable, bytes]
 SCENE_ROOT = "/meshcat"  # under which everything is drawn
