@@ -39,6 +39,8 @@ from twin_gait.measures.reference import (
     KILOMETRES_PER_HOUR,
     gait_profile_score,
     gait_variable_score,
+    normative_angle,
+    normative_moment,
     reference_covers,
     reference_curve,
     reference_cycle_time,
@@ -68,7 +70,6 @@ from twin_gait.measures.switching import (
     switching_energy,
     torque_jumps,
 )
-from twin_gait.measures.winter1991 import normative_angle, normative_moment
 
 __all__ = [
     "CONTACT_FORCE",

@@ -3,7 +3,6 @@
 Every number that a user can change lives in one of these dataclasses, with its source beside it.
 """
 
-from twin_gait.parameters.braces import BraceParameters, SpringDamper
 from twin_gait.parameters.checks import (
     require,
     require_count,
@@ -18,6 +17,7 @@ from twin_gait.parameters.drives import (
     ActuatorParameters,
     BatteryParameters,
     LimitParameters,
+    SensorParameters,
 )
 from twin_gait.parameters.friction import (
     HIGHEST_LOAD_FRICTION,
@@ -26,11 +26,12 @@ from twin_gait.parameters.friction import (
     FrictionParameters,
 )
 from twin_gait.parameters.safety import SafetyParameters
-from twin_gait.parameters.sensors import SensorParameters
 from twin_gait.parameters.surroundings import (
     AnkleParameters,
     BeltProfile,
+    BraceParameters,
     ContactParameters,
+    SpringDamper,
     StopParameters,
     SupportParameters,
 )

@@ -27,7 +27,7 @@ FIGURE = "figures/replay.png"
 
 
 def summarise_replay(result: Replay) -> dict[str, Any]:
-    """What came out, as plain numbers.
+    """Results of a replay as plain numbers.
 
     Args:
         result: The replay.

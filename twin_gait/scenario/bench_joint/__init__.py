@@ -1,7 +1,7 @@
 """The joint test bench: one motor, one gear, a rigid link with a weight, a stop (thesis, section 2.2.1).
 
 Sources: *thesis* is what it prints; *data sheet* is maxon's EC 90 flat 323772 (24 V); *from memory* was not
-found again; *assumption* is nobody's number, with the reason beside it.
+found again; *assumption* has no source, with the reason beside it.
 """
 
 from twin_gait.scenario.bench_joint.bench import (
@@ -23,13 +23,15 @@ from twin_gait.scenario.bench_joint.control import (
 from twin_gait.scenario.bench_joint.drive import CatalogueEfficiency, CurrentLoop, DriveParameters, Torsion
 from twin_gait.scenario.bench_joint.link import (
     HORIZONTAL,
+    INERTIAL_NOISE,
     LOWER_STOP,
     STOP_ANGLE,
     BenchFriction,
+    InertialSensor,
+    InertialUnit,
     LinkParameters,
     LoadAngle,
 )
-from twin_gait.scenario.bench_joint.sensing import INERTIAL_NOISE, InertialSensor, InertialUnit
 
 __all__ = [
     "BENCH_ACTUATORS",

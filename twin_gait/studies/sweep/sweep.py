@@ -175,14 +175,15 @@ def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
     folder = directory / FIGURES_FOLDER
     folder.mkdir(exist_ok=True)
     parameters = list(setting_columns(sweep.design.columns).values())
-    figures = sweep_figures(table, parameters, sweep.measures, sweep.name)
+    title = sweep.name.replace("_", " ")
+    figures = sweep_figures(table, parameters, sweep.measures, title)
     for name, figure in figures.items():
         save(figure, folder / f"{name}.png")
     counts = table["outcome"].value_counts().items()
     rows = [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
     named = {name.replace("_", " "): figure for name, figure in figures.items()}
     subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
-    page = figures_page(f"Sweep: {sweep.name}", subtitle, named, ("outcome", "episodes", "share [%]"), rows)
+    page = figures_page(f"Sweep: {title}", subtitle, named, ("outcome", "episodes", "share [%]"), rows)
     write_atomically(directory / REPORT_FILE, page)
 
 
