@@ -13,9 +13,8 @@ import pytest
 from guard_solver import holds
 from table_builder import JOINTS, guard, phase
 
-from twin_gait.checking.cascade import NOISE, cascade, hysteresis
 from twin_gait.checking.check import build_case
-from twin_gait.checking.exits import ambiguity, shadowed_exit
+from twin_gait.checking.exits import NOISE, ambiguity, cascade, hysteresis, shadowed_exit
 from twin_gait.checking.finding import CheckCase, Finding, label
 from twin_gait.checking.graph import TwoLegs, deadlock, starting_pairs
 from twin_gait.checking.signals import Point, SignalSpace

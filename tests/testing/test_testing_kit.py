@@ -18,7 +18,7 @@ from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.gait import GaitStateMachine, GaitTable, PhaseSwitch
 from twin_gait.gait.guards import AllOf, AnyOf
 from twin_gait.testing import TransitionTest, approval_text, transition_tests
-from twin_gait.testing.approval import check_approved, write_approved
+from twin_gait.testing.cases import check_approved, write_approved
 from twin_gait.testing.edges import MARGIN, edges
 from twin_gait.testing.exits import Exit, Scenario, decisive
 from twin_gait.vocabulary import Side

@@ -77,15 +77,7 @@ class HangingLeg:
         return np.asarray(self.problem.phase_rows[self.problem.sides.index(self.side)])
 
     def column(self, which: int) -> np.ndarray:
-        """One parameter of all phases and joints.
-
-        Args:
-            which: ``STIFFNESS``, ``DAMPING``, ``EQUILIBRIUM`` or ``GAIN`` of
-                :mod:`twin_gait.core.control_tick`.
-
-        Returns:
-            Shape ``(n_phases, n_joints)``.
-        """
+        """``STIFFNESS``, ``DAMPING``, ``EQUILIBRIUM`` or ``GAIN``, shape ``(n_phases, n_joints)``."""
         return self._rows[:, which : COLUMNS_PER_JOINT * len(self.joints) : COLUMNS_PER_JOINT]
 
     # ------------------------------------------------------------------ motors
@@ -147,15 +139,7 @@ class HangingLeg:
     # ------------------------------------------------------------------ the linear loop
 
     def linear_loop(self, phase: int, velocity: float) -> LinearLoop:
-        """Loop of a phase, linearised at its equilibrium angles.
-
-        Args:
-            phase: Index of the phase.
-            velocity: Of all joints in [rad] / [s]; where the friction laws are linearised.
-
-        Returns:
-            The loop.
-        """
+        """Loop of a phase at its equilibrium angles, friction linearised at a velocity in [rad] / [s]."""
         experiment, angles = self.problem.experiment, self.column(EQUILIBRIUM)[phase]
         true, model = experiment.plant.true_friction(), experiment.control.friction_model
         friction = np.array([friction_slope(true[joint], velocity) for joint in self.joints])

@@ -18,13 +18,12 @@ from twin_gait.gait.feasibility import (
     Bound,
     Way,
     Wish,
-    atoms,
     bound_of,
     equal,
     solutions,
     translated,
 )
-from twin_gait.gait.guards import OTHER, WALK, Comparison, Guard, all_signal_names, signal_scale
+from twin_gait.gait.guards import OTHER, WALK, Comparison, Guard, all_signal_names, atoms, signal_scale
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK, Transition
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import OTHER, WALK, AllOf, AnyOf, Comparison, Guard, PhaseMembership
+from twin_gait.gait.guards import OTHER, WALK, AllOf, AnyOf, Comparison, Guard, PhaseMembership, mapped
 
 ZERO = ""  # the number zero, against which single signals are bounded
 TIME, OTHER_TIME = "time_in_phase_s", "other.time_in_phase_s"
@@ -219,15 +219,6 @@ def most_comfortable(start: Way, wishes: Sequence[Wish], bounds_of: BoundsOf) ->
     return None
 
 
-def atoms(guard: Guard) -> Iterator[Comparison | PhaseMembership]:
-    """Comparisons and memberships of a guard in the order in which they are written and compiled."""
-    if isinstance(guard, (AllOf, AnyOf)):
-        for inner in guard.guards:
-            yield from atoms(inner)
-    else:
-        yield guard
-
-
 def translated(
     guard: Guard, rename: Callable[[str], str], member: Callable[[PhaseMembership], bool] | None = None
 ) -> Guard:
@@ -241,11 +232,13 @@ def translated(
     Returns:
         The guard.
     """
-    if isinstance(guard, Comparison):
-        minus = None if guard.minus is None else rename(guard.minus)
-        return replace(guard, signal=rename(guard.signal), minus=minus)
-    if isinstance(guard, PhaseMembership):
+
+    def changed(atom: Comparison | PhaseMembership) -> Guard:
+        if isinstance(atom, Comparison):
+            minus = None if atom.minus is None else rename(atom.minus)
+            return replace(atom, signal=rename(atom.signal), minus=minus)
         if member is None:
-            return guard
-        return AllOf(guards=()) if member(guard) else PhaseMembership(phases=())
-    return replace(guard, guards=tuple(translated(inner, rename, member) for inner in guard.guards))
+            return atom
+        return AllOf(guards=()) if member(atom) else PhaseMembership(phases=())
+
+    return mapped(guard, changed)

@@ -15,15 +15,7 @@ from enum import StrEnum
 
 from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import (
-    OTHER,
-    AllOf,
-    AnyOf,
-    Comparison,
-    Guard,
-    PhaseMembership,
-    all_signal_names,
-)
+from twin_gait.gait.guards import OTHER, AllOf, Comparison, Guard, PhaseMembership, all_signal_names, atoms
 from twin_gait.parameters import require, require_non_negative, require_positive, require_share
 from twin_gait.vocabulary import Side
 
@@ -347,12 +339,13 @@ class GaitTable:
         self._check_known(place, transition.target)
         if transition.source == transition.target:
             raise GaitTableError(f"{place}: leads from {transition.source} to itself")
-        for phase in _phases_in(transition.guard):
-            self._check_known(place, phase)
         known = all_signal_names(self.joints)
-        for signal in _signals_in(transition.guard):
-            if signal not in known:
-                raise GaitTableError(f"{place}: no signal {signal!r}; there are {', '.join(known)}")
+        for atom in atoms(transition.guard):
+            for phase in atom.phases if isinstance(atom, PhaseMembership) else ():
+                self._check_known(place, phase)
+            for signal in (atom.signal, atom.minus) if isinstance(atom, Comparison) else ():
+                if signal is not None and signal not in known:
+                    raise GaitTableError(f"{place}: no signal {signal!r}; there are {', '.join(known)}")
         minimum = self.phases[transition.source].minimum_ticks
         if transition.time_out_ticks is not None and transition.time_out_ticks < minimum:
             raise GaitTableError(
@@ -383,17 +376,7 @@ class GaitTable:
         return tuple(self.phases)
 
     def phase_index(self, phase: str) -> int:
-        """Position of a phase in :attr:`phase_names`.
-
-        Args:
-            phase: Name of the phase.
-
-        Returns:
-            Index.
-
-        Raises:
-            GaitTableError: If there is no such phase.
-        """
+        """Position of a phase in :attr:`phase_names`; raises GaitTableError if there is no such phase."""
         self._check_known("phase", phase)
         return self.phase_names.index(phase)
 
@@ -410,19 +393,3 @@ class DraftTable(GaitTable):
 
     def _check_closed(self) -> None:
         """Leave it to the check."""
-
-
-def _phases_in(guard: Guard) -> list[str]:
-    if isinstance(guard, PhaseMembership):
-        return list(guard.phases)
-    if isinstance(guard, (AllOf, AnyOf)):
-        return [phase for inner in guard.guards for phase in _phases_in(inner)]
-    return []
-
-
-def _signals_in(guard: Guard) -> list[str]:
-    if isinstance(guard, Comparison):
-        return [name for name in (guard.signal, guard.minus) if name is not None]
-    if isinstance(guard, (AllOf, AnyOf)):
-        return [name for inner in guard.guards for name in _signals_in(inner)]
-    return []

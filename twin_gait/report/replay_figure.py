@@ -48,9 +48,6 @@ def draw_replay(
         time: Of each tick in [s], shape ``(n,)``.
         names: Phases of the table, then further ones that were recorded.
         legs: By the name of the side.
-
-    Returns:
-        The figure.
     """
     first = next(iter(legs.values()))
     rows = slice(max(0, len(time) - SHOWN_TICKS), len(time))

@@ -40,9 +40,6 @@ def page(outcome: Outcome, figures: Mapping[str, Figure]) -> str:
     Args:
         outcome: Content of ``tune.json``.
         figures: From :func:`draw_figures`; they are dark afterwards.
-
-    Returns:
-        HTML.
     """
     content = {
         **_content(outcome),
@@ -77,9 +74,6 @@ def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
     Args:
         outcome: Content of ``tune.json``.
         curves: Mean cycles in [deg] by joint; see :func:`draw_gait`.
-
-    Returns:
-        By name.
     """
     figures = {
         "gait": draw_gait(curves),
@@ -102,9 +96,6 @@ def draw_gait(curves: Curves) -> Figure:
 
     Args:
         curves: By joint: ``reference`` and such as ``before left``, in [deg] at ``PERCENT``.
-
-    Returns:
-        The figure.
     """
     figure, panels = _figure(4.2, columns=2)
     styles: dict[str, dict[str, Any]] = {"reference": {"color": REFERENCE_COLOUR, "linewidth": 2.2}}
@@ -167,9 +158,6 @@ def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -
     Args:
         convergence: Of the outcome.
         worst: Cost of the worst walk; a median above it, of falls or forbidden tables, is drawn there.
-
-    Returns:
-        The figure.
     """
     figure, (axes,) = _figure(3.4)
     best, median = convergence["best"], np.minimum(convergence["median"], worst)
