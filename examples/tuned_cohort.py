@@ -14,7 +14,8 @@ from cohorts.tuned import Job, experiment_of, tuned_walk
 from cohorts.walkers import cohort_row, walkers
 from gallery import form_of
 
-from twin_gait import __version__, simulate_batch
+import twin_gait
+from twin_gait import simulate_batch
 from twin_gait.studies import Workers, run_jobs
 
 SEED, PEOPLE, GENERATIONS = 11, 30, 12
@@ -29,4 +30,5 @@ if __name__ == "__main__":
         tuned = pd.DataFrame(run_jobs(tuned_walk, jobs, workers=workers))
     rows = [cohort_row("treadmill, scaled", SEED, plain), cohort_row("tuned", SEED, tuned)]
     print(pd.DataFrame(rows).to_string(index=False))
-    form.keep({"version": __version__, "generations": GENERATIONS, "people": len(who), "tunings": rows})
+    version = twin_gait.__version__
+    form.keep({"version": version, "generations": GENERATIONS, "people": len(who), "tunings": rows})

@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
-from twin_gait.report.sweep_axes import unit_of_column
+from twin_gait.report.sweep import unit_of_column
 from twin_gait.studies.batch import SUMMARY_COLUMNS, Flat, setting_columns, summary_table
 from twin_gait.studies.sweep.spec import Sweep
 
@@ -32,7 +32,7 @@ TABLE_SCHEMA_VERSION = 1
 SPEC_FILE = "spec.yaml"
 TABLE_FILE = "table.parquet"
 SUMMARY_FILE = "summary.json"
-FIGURES_FOLDER = "figures"
+FIGURES_FOLDER, REPORT_FILE = "figures", "report.html"
 PARTS_FOLDER = "parts"
 _LOCK_FILE = ".lock"
 _PROVENANCE = "\nprovenance:\n"  # the last key of a specification
@@ -64,9 +64,6 @@ class SweepStore:
 
     def append(self, rows: Mapping[int, Flat]) -> None:
         """Keep the summaries of some episodes.
-
-        Args:
-            rows: Flat summary by episode.
 
         Raises:
             RunDirectoryError: If they cannot be written.
@@ -148,10 +145,6 @@ class SweepStore:
 def open_store(directory: Path, sweep: Sweep) -> Iterator[SweepStore]:
     """Open the folder of a sweep, or make it.
 
-    Args:
-        directory: The folder.
-        sweep: The sweep.
-
     Yields:
         The store; no other process can open it meanwhile.
 
@@ -192,10 +185,6 @@ def _lock(descriptor: int, directory: Path) -> None:
 def check_directory(directory: Path, sweep: Sweep) -> None:
     """Refuse a folder that is not this sweep's.
 
-    Args:
-        directory: The folder, which need not exist.
-        sweep: The sweep.
-
     Raises:
         RunDirectoryError: If it holds something else.
     """
@@ -223,9 +212,6 @@ def _holds_something(directory: Path) -> bool:
 
 def read_table(directory: Path) -> pd.DataFrame:
     """Read the table of a sweep.
-
-    Args:
-        directory: The folder of the sweep.
 
     Returns:
         One row per episode.

@@ -53,15 +53,12 @@ def tune(
             one, the search begins with that shipped one that suits the person best.
         directory: The folder; see :func:`twin_gait.studies.tune.state.open_state`.
         settings: How.
-        workers: Who walks; the calling process if None.
+        workers: Processes or a cluster that execute the walks; the calling process if None.
         resume: Whether to go on with what is in the folder.
         force: Whether an earlier tuning may be replaced.
         progress: Called after every step.
         should_stop: Asked before each walk; True ends the tuning, which can be resumed.
         on_compile: Called if the engine has to be compiled, which takes 10 to 20 s.
-
-    Returns:
-        The candidates and how they walked.
 
     Raises:
         MissingOptionalDependency: If cma or SALib is not installed.
@@ -103,7 +100,7 @@ def tuned_table(
         generations: Of the search; with a number the result does not depend on the machine's speed.
         seed: Of screening, search and sensor noise.
         screening: Whether the search is narrowed to the numbers that matter.
-        workers: Who walks; the calling process if None.
+        workers: Processes or a cluster that execute the walks; the calling process if None.
 
     Returns:
         The best table that passes ``twin-gait check``.
@@ -135,13 +132,6 @@ class Chosen(NamedTuple):
 def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
     """Take the best finalist whose table passes every error rule of the check.
 
-    Args:
-        tuning: Completed.
-        experiment: What it was tuned for.
-
-    Returns:
-        The table with what the check says.
-
     Raises:
         ParameterError: If none passes, not even the table that the search began with.
     """
@@ -164,9 +154,6 @@ def final_table(chosen: Chosen, experiment: Experiment, wearer: str, began_with:
         experiment: What it was tuned for.
         wearer: For whom, in words.
         began_with: Name of the table that the search began with.
-
-    Returns:
-        The mapping, which every command takes.
     """
     start = experiment.table.name
     origin = (
