@@ -34,7 +34,10 @@ def results_of(name: str) -> Any:
     places = [
         DOCS.parent / folder / "results" / name / "results.json" for folder in ("examples", "benchmarks")
     ]
-    found = json.loads(next(path for path in places if path.is_file()).read_text(encoding="utf-8"))
+    there = [path for path in places if path.is_file()]
+    if not there:
+        raise ValueError(f"{name}: no results are kept; run the script")
+    found = json.loads(there[0].read_text(encoding="utf-8"))
     if found["quick"]:
         raise ValueError(f"{name}: its results are of the quick form; run the script without --quick")
     return found

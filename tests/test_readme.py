@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import shlex
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from twin_gait import load_experiment, simulate
-from twin_gait.cli.program import build_parser
+from twin_gait.cli.program import ProgramParser, build_parser
 
 ROOT = Path(__file__).parent.parent
 PAGES = {
@@ -76,8 +77,13 @@ def test_every_page_is_in_the_index():
     assert {page for page in PAGES if page.startswith("docs/")} == linked
 
 
+@cache
+def parser() -> ProgramParser:
+    return build_parser()
+
+
 def known_commands() -> set[str]:
-    return {action.dest for group in build_parser().groups.values() for action in group}
+    return {action.dest for group in parser().groups.values() for action in group}
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -112,6 +118,6 @@ def test_command_lines_parse(page, line, capsys):
         assert words[0] in known_commands() or words[0].startswith("--")
         return
     try:
-        build_parser().parse_args(words)
+        parser().parse_args(words)
     except SystemExit as leave:
         assert leave.code == 0, f"{page}: {line}: {capsys.readouterr().err}"

@@ -183,7 +183,7 @@ class ControlParameters:
         target_torque: Added to the command in [N m] (thesis, equation 2.16).
         limits: Of torque and current.
         safety: The monitor between controller and motor.
-        patient: The wearer that gravity compensation reckons with; None takes the true one.
+        patient: The wearer that gravity compensation assumes; None takes the true one.
     """
 
     mode: ControlMode = ControlMode.IMPEDANCE
@@ -289,7 +289,7 @@ class Experiment:
         engine: What computes the forward dynamics.
         seed: Of every random draw.
         faults: What breaks on the way.
-        interface: Braces between wearer and device, or None if he is one body with it.
+        interface: Braces between wearer and device, or None if the two are one body.
     """
 
     name: str
@@ -394,7 +394,7 @@ class Experiment:
         )
 
     def build_control_model(self) -> LegModel:
-        """Model that the controller reckons with: pelvis fixed, its own idea of the wearer.
+        """Model of the controller: pelvis fixed, the wearer as it assumes them.
 
         Returns:
             The model.

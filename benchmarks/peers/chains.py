@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from twin_gait.leg_model.bodies import export_bodies
+from twin_gait.simulation.compiling import register_core
 from twin_gait.simulation.kernel import body_values, write_dynamics
 
 CALLS = 2000  # evaluations of the dynamics in one run
@@ -63,7 +64,8 @@ class KernelChain(Chain):
     """The kernel that this package writes for the chain, in a compiled loop."""
 
     def __init__(self, joints: int) -> None:
-        """Write and compile the kernel."""
+        """Write and compile the kernel; a long chain's calls the loops of core."""
+        register_core()
         bodies = export_bodies(pin.buildModelFromXML(chain_urdf(joints)))
         names: dict[str, Any] = {"math": math}
         exec(compile(write_dynamics(bodies, (), "z"), "kernel", "exec"), names)

@@ -455,15 +455,15 @@ def test_the_margin_is_where_the_spectral_radius_passes_one():
     (leg,) = hanging_legs(case_of("bench_leg"))
     loops = [leg.linear_loop(0, velocity) for velocity in stability.VELOCITIES]
     for joint in (0, 1):
-        gain = stability.largest_gain(loops, joint)
-        damping = stability.largest_damping(loops, joint)
-        for name, value in (("gain", gain), ("damping", damping)):
-            for factor, grows in ((0.99, False), (1.01, True)):
+        for name, most in (("gain", stability.LARGEST_GAIN), ("damping", stability.LARGEST_DAMPING)):
+            value = stability.largest_value(loops, name, joint, most)
+            assert value is not None and value < most
+            for factor, unstable in ((0.99, False), (1.01, True)):
                 numbers = getattr(loops[0], name).copy()
                 numbers[joint] = factor * value
                 changed = [replace(loop, **{name: numbers}) for loop in loops]
                 radius = max(stability.spectral_radius(stability.transition_matrix(loop)) for loop in changed)
-                assert (radius > 1.0) is grows
+                assert (radius > 1.0) is unstable
 
 
 def test_plus_and_minus_one_radian_per_second_give_the_same_loop():

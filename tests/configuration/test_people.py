@@ -110,8 +110,8 @@ MISTAKES = {
     ),
     "patient.effort_delay_ms=2000": "patient: effort_delay: expected 0 to 1 s, got 2",
     "patient.effort_noise=.nan": "patient.effort_noise: .*finite",
-    "patient=nobody": "patient: nobody is called 'nobody': neither a file nor one of complete_sci, healthy,",
-    "patient={preset: 7}": "patient: nobody is called 7",
+    "patient=nobody": "patient: no person 'nobody': neither a file nor one of complete_sci, healthy,",
+    "patient={preset: 7}": "patient: no person 7",
 }
 
 
@@ -233,7 +233,7 @@ def test_person_is_exchanged_by_name_in_a_batch():
     assert overridden(base, {"patient": "healthy"}).patient == patient("patient=healthy")
     heavy = overridden(base, {"patient": "healthy", "patient.mass_kg": 90}).patient
     assert heavy == patient("patient=healthy", "patient.mass_kg=90")
-    with pytest.raises(ParameterFileError, match="override: patient: nobody is called 'x'"):
+    with pytest.raises(ParameterFileError, match="override: patient: no person 'x'"):
         overridden(base, {"patient": "x"})
 
 
@@ -297,7 +297,7 @@ def test_wrong_person_ends_in_one_line_and_makes_no_folder(capsys, tmp_path):
     assert main(["simulate", "treadmill", "--set", "patient=nobody", "--out", str(out)]) == 2
     error = capsys.readouterr().err
     assert len(error.strip().splitlines()) == 1
-    assert "nobody is called 'nobody'" in error
+    assert "no person 'nobody'" in error
     assert not out.exists()
 
 

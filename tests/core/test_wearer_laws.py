@@ -13,8 +13,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
 from twin_gait.leg_model.wearer import SEGMENTS, SHANK_LENGTH, THIGH_LENGTH
-from twin_gait.measures.reference import reference_curve, reference_cycle_time
-from twin_gait.measures.winter1991 import normative_moment
+from twin_gait.measures.reference import normative_moment, reference_curve, reference_cycle_time
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.vocabulary import JointName, Sex
 

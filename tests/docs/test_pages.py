@@ -58,6 +58,11 @@ def test_the_readme_is_one_of_the_pages(insert, tmp_path, monkeypatch):
     assert [path.read_text() for path in paths] == ["G = <!-- value fit gain -->0.5<!-- / -->\n"] * 2
 
 
+def test_results_that_are_missing_are_named(insert):
+    with pytest.raises(FileNotFoundError, match=r"fit: no results in .* run its script"):
+        insert.with_results("<!-- value fit ratio -->1<!-- / -->")
+
+
 def test_results_of_the_quick_form_are_not_quoted(insert, tmp_path):
     keep(tmp_path / "benchmarks" / "results" / "engines", quick=True, ratio=2.0)
     with pytest.raises(ValueError, match="engines: its results are of the quick form"):

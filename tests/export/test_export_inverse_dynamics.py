@@ -26,7 +26,7 @@ from twin_gait.runs.record import load_run
 from twin_gait.vocabulary import JointName, Side
 
 SECONDS = 4.0
-# The splines and differences of the witnesses know nothing of what was before the first row.
+# The splines and differences of the reference implementations know nothing of what was before the first row.
 INSIDE = slice(20, -20)
 MOMENT_TOLERANCE = 0.5  # [N m], root mean square; issue
 FORCE_TOLERANCE = 1.0  # [N], root mean square, of some 1000 N of weight

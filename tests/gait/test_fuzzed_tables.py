@@ -12,7 +12,7 @@ import yaml
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from twin_gait.checking import cascade, exits, graph
+from twin_gait.checking import exits, graph
 from twin_gait.checking.check import build_case, check, load_case, report
 from twin_gait.configuration import load_experiment
 from twin_gait.configuration.documents import table_document
@@ -23,7 +23,7 @@ from twin_gait.exceptions import GaitTableError, TwinGaitError
 from twin_gait.gait import compile_guards
 from twin_gait.gait.guards import parse_guard
 
-GUARD_RULES = [rule for module in (graph, exits, cascade) for rule in module.RULES]
+GUARD_RULES = [rule for module in (graph, exits) for rule in module.RULES]
 # Shrinking such trees takes minutes.
 quick = settings(
     max_examples=60,

@@ -20,11 +20,11 @@ from kit_equivalence import NEVER_BOTH, reason
 from kit_mutants import mutants
 
 from twin_gait.configuration import load_gait_table, packaged_gait_tables
-from twin_gait.exceptions import GaitTableError
+from twin_gait.exceptions import ParameterError
 from twin_gait.gait import TICK, GaitStateMachine, GaitTable, compile_guards
 from twin_gait.gait.guards import WALK, Comparison, PhaseMembership, signal_names
 from twin_gait.testing import TransitionTest, transition_tests
-from twin_gait.testing.approval import approval_text, check_approved
+from twin_gait.testing.cases import approval_text, check_approved
 from twin_gait.testing.exits import decisive
 from twin_gait.vocabulary import GaitPhase, Side
 
@@ -64,7 +64,7 @@ def titled(name: str, index: int) -> set[str]:
 
 def test_tables_ship_and_unknown_names_list_them() -> None:
     assert TABLES
-    with pytest.raises(GaitTableError, match=", ".join(TABLES)):
+    with pytest.raises(ParameterError, match=", ".join(TABLES)):
         load_gait_table("moonwalk")
 
 

@@ -322,8 +322,8 @@ def test_parameters_that_the_samples_do_not_determine_are_said_to_be_so():
     assert result.models[0].name == "coulomb_viscous"
     assert any("one direction only" in line for line in result.warnings)
     assert any("no slow samples" in line for line in result.warnings)
-    doubts = " ".join(result.models[1].warnings)
-    assert "not determined" in doubts or "uncertain" in doubts or "bound" in doubts
+    warned = " ".join(result.models[1].warnings)
+    assert "not determined" in warned or "uncertain" in warned or "bound" in warned
 
 
 def test_slow_samples_are_missed_from_above_and_fast_ones_from_below():

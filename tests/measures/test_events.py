@@ -1,4 +1,4 @@
-"""What befell a run: the same events from a run in memory and from its directory."""
+"""Events of a run: the same events from a run in memory and from its directory."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.stepping import SteppedRun
 
-STRUCK, NEVER = "encoder_freeze:right_knee@0.7s", "supply_dip@1.4s"
+INJECTED, NEVER = "encoder_freeze:right_knee@0.7s", "supply_dip@1.4s"
 
 
 @pytest.fixture(scope="module")
 def tripped():
-    settings = [f"faults=[{STRUCK!r}, {NEVER!r}]", "duration_s=1.5"]
+    settings = [f"faults=[{INJECTED!r}, {NEVER!r}]", "duration_s=1.5"]
     run = simulate(load_experiment("bench_leg", settings).experiment)
     assert run.trip is not None
     return run
@@ -52,8 +52,8 @@ def test_a_directory_tells_the_same_events(tripped, tmp_path):
 
 def test_a_fault_after_the_end_did_not_strike(tripped):
     assert len(run_events(tripped.experiment.faults, None, "fell", 1.0)) == 2
-    struck, fall = run_events(tripped.experiment.faults, None, "fell", 1.0)
-    assert struck.kind is EventKind.FAULT and fall == (EventKind.FALL, 1.0, "", "")
+    fault, fall = run_events(tripped.experiment.faults, None, "fell", 1.0)
+    assert fault.kind is EventKind.FAULT and fall == (EventKind.FALL, 1.0, "", "")
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""One word for what came of a run, the same wherever it is said."""
+"""One word for the outcome of a run, the same wherever it is said."""
 
 from __future__ import annotations
 

@@ -27,9 +27,8 @@ from twin_gait.cli import tables as command
 from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait import TICK, Blending, GaitStateMachine, GaitTable, Scaling
-from twin_gait.gait.documents import transition_table, truth_table
+from twin_gait.gait.documents import Held, PhaseLogic, Stay, transition_table, truth_table
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, all_signal_names, parse_guard
-from twin_gait.gait.truth_table import Held, PhaseLogic, Stay
 from twin_gait.report.diagram_layout import Rectangle, arrow_groups, arrows, ring
 from twin_gait.report.diagram_words import state_diagram_mermaid
 from twin_gait.report.state_diagram import phase_colours, state_diagram_svg
@@ -563,7 +562,7 @@ def test_command_does_not_replace_files_unless_told(tmp_path: Path) -> None:
 
 
 def test_command_reads_a_file_and_refuses_what_is_no_table(tmp_path: Path) -> None:
-    with pytest.raises(TwinGaitError, match=r"moonwalk: neither .* treadmill.* nor a file"):
+    with pytest.raises(TwinGaitError, match=r"moonwalk.*: neither a file nor one of .*treadmill"):
         twin_gait_diagram("moonwalk")
     broken = tmp_path / "broken.yaml"
     broken.write_text("schema_version: 1\njoints: [hip]\nphases: {}\n")

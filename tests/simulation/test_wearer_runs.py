@@ -117,8 +117,7 @@ def test_effort_is_looked_up_in_phase_and_posture_of_the_delay_before(delay):
 
 def test_effort_is_that_of_the_nearest_healthy_instant():
     """The reference at 0.5 km/h in swing flexion (62 to 75 % of the cycle), searched instant by instant."""
-    from twin_gait.measures.reference import reference_curve
-    from twin_gait.measures.winter1991 import normative_moment
+    from twin_gait.measures.reference import normative_moment, reference_curve
 
     asked = experiment(EAGER)
     moments = build_problem(asked).wearer.moments

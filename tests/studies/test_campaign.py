@@ -18,12 +18,11 @@ from numpy.testing import assert_allclose
 from twin_gait.cli import bench as command
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.identification.bench import BenchSetup, ProcessingOptions
-from twin_gait.identification.bench import LoadAngle as BenchLoadAngle
 from twin_gait.identification.columns import Quantity
 from twin_gait.identification.processing import process_log
 from twin_gait.identification.reading import read_log
 from twin_gait.parameters import KNEE_ACTUATOR
-from twin_gait.scenario.bench_joint import LinkParameters, LoadAngle
+from twin_gait.scenario.bench_joint import LinkParameters
 from twin_gait.simulation.bench_joint import LOG_COLUMNS, simulate_bench
 from twin_gait.simulation.run import RunStatus
 from twin_gait.studies.campaign import (
@@ -165,11 +164,10 @@ def test_reader_of_the_identification_finds_the_friction_that_was_put_in(tmp_pat
         assert abs(error.mean()) < 0.05 + offset
 
 
-def test_bench_and_identification_reckon_with_the_same_rig() -> None:
+def test_bench_and_identification_assume_the_same_bench() -> None:
     bench, link = BenchSetup(actuator=KNEE_ACTUATOR), LinkParameters(mass=2.5)
     assert (bench.lever, bench.link_inertia, bench.link_moment) == (link.lever, link.inertia, link.moment)
     assert_allclose(bench.inertia(2.5), KNEE_ACTUATOR.armature + link.total_inertia)
-    assert set(LoadAngle) == set(BenchLoadAngle)
 
 
 def test_existing_folder_is_refused_and_left_alone(tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from twin_gait.cli.terminal import DONE
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.experiment import AssistanceParameters, ControlMode, Experiment
-from twin_gait.measures.winter1991 import normative_angle
+from twin_gait.measures.reference import normative_angle
 from twin_gait.studies.compare.comparing import (
     CONTROLLERS,
     TWINCARE_SHARE,

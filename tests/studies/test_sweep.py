@@ -16,8 +16,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.cli import main
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
-from twin_gait.report.sweep import cell_means, values_of
-from twin_gait.report.sweep_axes import axis_of, label_of
+from twin_gait.report.sweep import axis_of, cell_means, label_of, values_of
 from twin_gait.studies import WorkersLost, jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
 from twin_gait.studies.jobs import Workers, portions
@@ -331,6 +330,8 @@ def test_pictures_are_drawn_for_the_share_and_the_measures(swept):
         "main_effects_right_knee_torque_rms_Nm.png",
         "main_effects_walked.png",
     ]
+    page = (swept[1] / "report.html").read_text(encoding="utf-8")
+    assert page.count("data:image/png") == 2 * len(names)
 
 
 def test_cells_are_the_means_of_their_episodes():

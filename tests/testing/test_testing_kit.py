@@ -18,7 +18,7 @@ from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.gait import GaitStateMachine, GaitTable, PhaseSwitch
 from twin_gait.gait.guards import AllOf, AnyOf
 from twin_gait.testing import TransitionTest, approval_text, transition_tests
-from twin_gait.testing.approval import check_approved, write_approved
+from twin_gait.testing.cases import check_approved, write_approved
 from twin_gait.testing.edges import MARGIN, edges
 from twin_gait.testing.exits import Exit, Scenario, decisive
 from twin_gait.vocabulary import Side
@@ -122,7 +122,7 @@ def test_kit_shows(what: str) -> None:
 
 
 def test_edges_lie_a_billionth_beside_the_threshold_typed_here() -> None:
-    """Angles a hair on either side of −8°, five ticks long, when the minimum duration is over."""
+    """Angles just on either side of −8°, five ticks long, when the minimum duration is over."""
     leave = Exit(rich_table(), 0)
     entry = next(item for item in decisive(leave.item.guard) if str(item.atom) == "hip.angle_deg < -8")
     past, below, on = (item for item in edges(leave, entry))

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from twin_gait.checking import (
-    cascade,
     exits,
     graph,
     leaving,
@@ -35,7 +34,7 @@ from twin_gait.scenario.world import World
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.vocabulary import JointName
 
-_MODULES = (graph, exits, cascade, leaving, torques, stability, sense)
+_MODULES = (graph, exits, leaving, torques, stability, sense)
 RULES: tuple[Rule, ...] = tuple(rule for module in _MODULES for rule in module.RULES)
 NOTES: tuple[Rule, ...] = (stability.stability_margin,)  # rules that find notes only
 REPORT_VERSION = 2

@@ -77,15 +77,7 @@ class HangingLeg:
         return np.asarray(self.problem.phase_rows[self.problem.sides.index(self.side)])
 
     def column(self, which: int) -> np.ndarray:
-        """One parameter of all phases and joints.
-
-        Args:
-            which: ``STIFFNESS``, ``DAMPING``, ``EQUILIBRIUM`` or ``GAIN`` of
-                :mod:`twin_gait.core.control_tick`.
-
-        Returns:
-            Shape ``(n_phases, n_joints)``.
-        """
+        """``STIFFNESS``, ``DAMPING``, ``EQUILIBRIUM`` or ``GAIN``, shape ``(n_phases, n_joints)``."""
         return self._rows[:, which : COLUMNS_PER_JOINT * len(self.joints) : COLUMNS_PER_JOINT]
 
     # ------------------------------------------------------------------ motors
@@ -138,7 +130,7 @@ class HangingLeg:
         q, indices = self._posture(self.plant, angles)
         return self.plant.gravity_torque(q)[indices]
 
-    def reckoned_gravity(self, angles: np.ndarray) -> np.ndarray:
+    def modelled_gravity(self, angles: np.ndarray) -> np.ndarray:
         """What the controller takes these torques for, from its own idea of the wearer."""
         model = self.problem.control_model
         q, indices = self._posture(model, angles)
@@ -147,15 +139,7 @@ class HangingLeg:
     # ------------------------------------------------------------------ the linear loop
 
     def linear_loop(self, phase: int, velocity: float) -> LinearLoop:
-        """Loop of a phase, linearised at its equilibrium angles.
-
-        Args:
-            phase: Index of the phase.
-            velocity: Of all joints in [rad] / [s]; where the friction laws are linearised.
-
-        Returns:
-            The loop.
-        """
+        """Loop of a phase at its equilibrium angles, friction linearised at a velocity in [rad] / [s]."""
         experiment, angles = self.problem.experiment, self.column(EQUILIBRIUM)[phase]
         true, model = experiment.plant.true_friction(), experiment.control.friction_model
         friction = np.array([friction_slope(true[joint], velocity) for joint in self.joints])
@@ -165,7 +149,7 @@ class HangingLeg:
             damping=self.column(DAMPING)[phase],
             gain=self.column(GAIN)[phase],
             modelled_friction=np.array([friction_slope(model[joint], velocity) for joint in self.joints]),
-            feed_forward=self.gravity_shares[phase] * _slope(self.reckoned_gravity, angles),
+            feed_forward=self.gravity_shares[phase] * _slope(self.modelled_gravity, angles),
             fast_gain=self.problem.fast_gain,
             decimation=experiment.sensors.decimation,
             window=experiment.sensors.window,

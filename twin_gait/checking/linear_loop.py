@@ -151,7 +151,7 @@ def transition_matrix(loop: LinearLoop) -> np.ndarray:
 
 
 def spectral_radius(matrix: np.ndarray) -> float:
-    """Largest magnitude of the eigenvalues: below 1 everything decays, above it something grows."""
+    """Largest magnitude of the eigenvalues: below 1 the loop is stable, above it unstable."""
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
@@ -168,7 +168,7 @@ def effective_damping_ratio(matrix: np.ndarray, frame: float) -> float:
         frame: T in [s].
 
     Returns:
-        ζ of the dominant pair with the least of it; negative if it grows, 1 if nothing dominant oscillates.
+        ζ of the dominant pair with the least of it; negative if unstable, 1 if nothing dominant oscillates.
     """
     values = np.linalg.eigvals(matrix)
     modes = np.log(values[np.abs(values) > _GONE].astype(complex)) / frame

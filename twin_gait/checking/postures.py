@@ -15,8 +15,8 @@ from twin_gait.checking.signals import Point, SignalSpace
 from twin_gait.core.actuator import saturate
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import impedance_torque
-from twin_gait.gait.feasibility import TIME, atoms
-from twin_gait.gait.guards import OTHER, Comparison, signal_scale
+from twin_gait.gait.feasibility import TIME
+from twin_gait.gait.guards import OTHER, Comparison, atoms, signal_scale
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.vocabulary import STANCE_PHASES
 
@@ -91,7 +91,7 @@ def _feed_forward(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray
     """Gravity compensation and target torque in [N m], shape ``(n_joints,)``."""
     targets = leg.problem.experiment.control.target_torque
     target = np.array([targets.get(joint, 0.0) for joint in leg.joints])
-    return np.asarray(leg.gravity_shares[phase] * leg.reckoned_gravity(angles) + target)
+    return np.asarray(leg.gravity_shares[phase] * leg.modelled_gravity(angles) + target)
 
 
 def _carried(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:
@@ -120,17 +120,7 @@ def driving_torque(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarra
 
 
 def rest_posture(leg: HangingLeg, phase: int, start: np.ndarray, hold: np.ndarray) -> np.ndarray:
-    """Posture at which the driving torques come down to given holding torques, or a stop is reached.
-
-    Args:
-        leg: The leg.
-        phase: Index of the phase.
-        start: Where the search begins in [rad], shape ``(n_joints,)``.
-        hold: Torques that hold the joints in [N m], shape ``(n_joints,)``.
-
-    Returns:
-        The posture in [rad].
-    """
+    """Posture in [rad] where driving torques come down to holding torques in [N m], or a stop is reached."""
     low, high = leg.limits().T
     # Steps as the stiffest direction allows: the spring's, and what the uncompensated weight can add.
     weight = [_feed_forward(leg, phase, q) - _carried(leg, phase, q) for q in (low, high, start)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity
@@ -43,51 +43,38 @@ STIFFNESS_RANGES: Mapping[str, PublishedRange] = {
 }
 
 
-class _Entry(NamedTuple):
-    """One phase as one side, or both, have it."""
-
-    side: Side | None
-    phase: str
-    parameters: PhaseParameters
+# What is said of a joint in a phase, as one side (or None for both) has it; empty if nothing is.
+_Look = Callable[[Side | None, str, str, JointImpedance], str]
 
 
-def _entries(case: CheckCase) -> Iterator[_Entry]:
-    table = case.table
-    for phase, parameters in table.phases.items():
-        yield _Entry(None, phase, parameters)
-    for side, phases in table.side_phases.items():
-        for phase, parameters in phases.items():
-            yield _Entry(side, phase, parameters)
-
-
-def _out_of(value: float, published: PublishedRange, unit: str = "") -> str:
-    """Where a value lies outside a range in words, empty if inside."""
-    if published.least <= value <= published.most:
-        return ""
-    form = ".2f"
-    low, high = format(published.least, form), format(published.most, form)
-    return f"{format(value, form)}{unit} is outside {low} … {high}{unit} ({published.source})"
-
-
-def _find(
-    case: CheckCase, rule: str, suggestion: str, look: Callable[[_Entry, str, JointImpedance], str]
-) -> list[Finding]:
+def _find(case: CheckCase, rule: str, suggestion: str, look: _Look) -> list[Finding]:
     """One warning for each phase, with what was seen of all its joints."""
     findings = []
-    for entry in _entries(case):
-        seen = [look(entry, name, joint) for name, joint in entry.parameters.joints.items()]
-        if any(seen):
-            findings.append(
-                Finding(
-                    rule=rule,
-                    severity=Severity.WARNING,
-                    phase=entry.phase,
-                    side=entry.side,
-                    reason="; ".join(text for text in seen if text),
-                    suggestion=suggestion,
+    common: list[tuple[Side | None, Mapping[str, PhaseParameters]]] = [(None, case.table.phases)]
+    for side, phases in [*common, *case.table.side_phases.items()]:
+        for phase, parameters in phases.items():
+            said = [look(side, phase, name, joint) for name, joint in parameters.joints.items()]
+            seen = [text for text in said if text]
+            if seen:
+                findings.append(
+                    Finding(
+                        rule=rule,
+                        severity=Severity.WARNING,
+                        phase=phase,
+                        side=side,
+                        reason="; ".join(seen),
+                        suggestion=suggestion,
+                    )
                 )
-            )
     return findings
+
+
+def _out_of(what: str, value: float | None, published: PublishedRange | None, unit: str = "") -> str:
+    """Where a value lies outside a range in words; empty if inside, or if one of them is not known."""
+    if value is None or published is None or published.least <= value <= published.most:
+        return ""
+    least, most, source = published
+    return f"{what} {value:.2f}{unit} is outside {least:.2f} … {most:.2f}{unit} ({source})"
 
 
 def unusual_gain(case: CheckCase) -> list[Finding]:
@@ -98,9 +85,8 @@ def unusual_gain(case: CheckCase) -> list[Finding]:
     if case.experiment is None:
         return []
 
-    def look(entry: _Entry, name: str, joint: JointImpedance) -> str:
-        found = _out_of(joint.friction_compensation_gain, GAIN_RANGE)
-        return f"{name} G {found}" if found else ""
+    def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
+        return _out_of(f"{name} G", joint.friction_compensation_gain, GAIN_RANGE)
 
     return _find(case, "unusual_gain", "take a gain from 0.20 to 0.60", look)
 
@@ -108,13 +94,11 @@ def unusual_gain(case: CheckCase) -> list[Finding]:
 def equilibrium_beyond_limits(case: CheckCase) -> list[Finding]:
     """An equilibrium angle lies outside the limits of its joint: the spring presses it into the stop."""
 
-    def look(entry: _Entry, name: str, joint: JointImpedance) -> str:
+    def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
         low, high = (math.degrees(value) for value in case.limits[name])
         angle = math.degrees(joint.equilibrium_angle)
-        inside = low <= angle <= high
-        return (
-            "" if inside else f"{name} θ0 {angle:.1f}° is outside {low:.1f} … {high:.1f}°, the joint's limits"
-        )
+        outside = f"{name} θ0 {angle:.1f}° is outside {low:.1f} … {high:.1f}°, the joint's limits"
+        return "" if low <= angle <= high else outside
 
     return _find(case, "equilibrium_beyond_limits", "move the equilibrium inside the limits", look)
 
@@ -122,11 +106,8 @@ def equilibrium_beyond_limits(case: CheckCase) -> list[Finding]:
 def unusual_stiffness(case: CheckCase) -> list[Finding]:
     """A stiffness lies outside the published ranges of its joint."""
 
-    def look(entry: _Entry, name: str, joint: JointImpedance) -> str:
-        if name not in STIFFNESS_RANGES:
-            return ""
-        found = _out_of(math.radians(joint.stiffness), STIFFNESS_RANGES[name], " Nm/deg")
-        return f"{name} k {found}" if found else ""
+    def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
+        return _out_of(f"{name} k", math.radians(joint.stiffness), STIFFNESS_RANGES.get(name), " Nm/deg")
 
     suggestion = "compare with the source; a drive with more friction and inertia needs more stiffness"
     return _find(case, "unusual_stiffness", suggestion, look)
@@ -140,12 +121,10 @@ def unusual_damping_ratio(case: CheckCase) -> list[Finding]:
     """
     resolved = _resolved_ratios(case)
 
-    def look(entry: _Entry, name: str, joint: JointImpedance) -> str:
+    def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
         ratio = joint.damping_ratio
-        if ratio is None:
-            ratio = resolved.get((entry.side, entry.phase, name))
-        found = "" if ratio is None else _out_of(ratio, DAMPING_RATIO_RANGE)
-        return f"{name} ζ {found}" if found else ""
+        ratio = resolved.get((side, phase, name)) if ratio is None else ratio
+        return _out_of(f"{name} ζ", ratio, DAMPING_RATIO_RANGE)
 
     return _find(case, "unusual_damping_ratio", "take a damping ratio from 0.4 to 0.8", look)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,17 +28,39 @@ _BISECTIONS = 12
 
 
 class _Phase(NamedTuple):
-    """One phase of one leg, with its loop at each of ``VELOCITIES``."""
+    """One phase of one leg: loop, spectral radius and effective damping ratio at each of ``VELOCITIES``."""
 
     leg: HangingLeg
     name: str
     loops: list[LinearLoop]
+    radii: list[float]
+    ratios: list[float]
+
+    @property
+    def is_unstable(self) -> bool:
+        """Whether a small motion does not die away."""
+        return max(self.radii) > 1.0 + NEUTRAL
+
+    def finding(self, rule: str, severity: Severity, reason: str, suggestion: str) -> Finding:
+        """A finding about the phase."""
+        side = self.leg.shown_side
+        return Finding(
+            rule=rule, severity=severity, phase=self.name, side=side, reason=reason, suggestion=suggestion
+        )
 
 
-def _phases(case: CheckCase) -> Iterator[_Phase]:
+def _phases(case: CheckCase) -> list[_Phase]:
+    phases: list[_Phase] = case.once(_phases, lambda: [*_each_phase(case)])
+    return phases
+
+
+def _each_phase(case: CheckCase) -> Iterator[_Phase]:
     for leg in hanging_legs(case):
         for index, name in enumerate(leg.phases):
-            yield _Phase(leg, name, [leg.linear_loop(index, velocity) for velocity in VELOCITIES])
+            loops = [leg.linear_loop(index, velocity) for velocity in VELOCITIES]
+            maps = [transition_matrix(loop) for loop in loops]
+            ratios = [effective_damping_ratio(matrix, loops[0].frame) for matrix in maps]
+            yield _Phase(leg, name, loops, [spectral_radius(matrix) for matrix in maps], ratios)
 
 
 def _about(velocity: float) -> str:
@@ -46,82 +68,52 @@ def _about(velocity: float) -> str:
 
 
 def unstable(case: CheckCase) -> list[Finding]:
-    """The sampled loop of hip and knee grows from a small disturbance in a phase.
+    """The sampled loop of hip and knee is unstable in a phase: its spectral radius is above 1.
 
-    The spectral radius of the closed-loop transition matrix is above 1 at rest or at
-    ±1 rad/s. The leg is in the air with its pelvis held, at the equilibrium angles of the phase and under
-    the plant's stated friction; ground and belt are not in it.
+    That of the closed-loop transition matrix, at rest or at ±1 rad/s. The leg is in the air with its pelvis
+    held, at the equilibrium angles of the phase and under the plant's stated friction; ground and belt are
+    not in it.
     """
     findings = []
-    for leg, phase, loops in _phases(case):
-        radii = [spectral_radius(transition_matrix(loop)) for loop in loops]
-        worst = int(np.argmax(radii))
-        if radii[worst] <= 1.0 + NEUTRAL:
-            continue
-        findings.append(
-            Finding(
-                rule="unstable",
-                severity=Severity.ERROR,
-                phase=phase,
-                side=leg.shown_side,
-                reason=(
-                    f"a small motion about {_about(VELOCITIES[worst])} grows by {radii[worst] - 1.0:.1%} in "
-                    f"every {1e3 * loops[0].frame:g} ms (spectral radius {radii[worst]:.4f})"
-                ),
-                suggestion=f"stay below the largest {_margins(leg, loops)}",
-            )
+    for phase in filter(lambda phase: phase.is_unstable, _phases(case)):
+        worst = int(np.argmax(phase.radii))
+        radius = phase.radii[worst]
+        reason = (
+            f"a small motion about {_about(VELOCITIES[worst])} is amplified by {radius - 1.0:.1%} in every "
+            f"{1e3 * phase.loops[0].frame:g} ms (spectral radius {radius:.4f})"
         )
+        suggestion = f"stay below the largest {_margins(phase)}"
+        findings.append(phase.finding("unstable", Severity.ERROR, reason, suggestion))
     return findings
 
 
 def effective_damping(case: CheckCase) -> list[Finding]:
     """A phase oscillates: damping ratio below 0.5 with delays and friction compensation counted in."""
     findings = []
-    for leg, phase, loops in _phases(case):
-        maps = [transition_matrix(loop) for loop in loops]
-        ratios = [effective_damping_ratio(matrix, loops[0].frame) for matrix in maps]
-        worst = int(np.argmin(ratios))
-        grows = max(spectral_radius(matrix) for matrix in maps) > 1.0 + NEUTRAL
-        if grows or ratios[worst] >= LEAST_DAMPING_RATIO:
+    for phase in _phases(case):
+        worst = int(np.argmin(phase.ratios))
+        if phase.is_unstable or phase.ratios[worst] >= LEAST_DAMPING_RATIO:
             continue
-        findings.append(
-            Finding(
-                rule="effective_damping",
-                severity=Severity.WARNING,
-                phase=phase,
-                side=leg.shown_side,
-                reason=(
-                    f"delays and friction compensation leave an effective damping ratio of "
-                    f"{ratios[worst]:.2f} about {_about(VELOCITIES[worst])}, below {LEAST_DAMPING_RATIO:g}"
-                ),
-                suggestion="raise the damping, or lower the friction compensation gain",
-            )
+        reason = (
+            f"delays and friction compensation leave an effective damping ratio of {phase.ratios[worst]:.2f} "
+            f"about {_about(VELOCITIES[worst])}, below {LEAST_DAMPING_RATIO:g}"
         )
+        suggestion = "raise the damping, or lower the friction compensation gain"
+        findings.append(phase.finding("effective_damping", Severity.WARNING, reason, suggestion))
     return findings
 
 
 def stability_margin(case: CheckCase) -> list[Finding]:
-    """Distance of a stable phase from growing: spectral radius, largest b and G of each joint."""
+    """Distance of a stable phase from instability: spectral radius, largest b and G of each joint."""
     findings = []
-    for leg, phase, loops in _phases(case):
-        maps = [transition_matrix(loop) for loop in loops]
-        radius = max(spectral_radius(matrix) for matrix in maps)
-        ratio = min(effective_damping_ratio(matrix, loops[0].frame) for matrix in maps)
-        if radius > 1.0 + NEUTRAL:
-            continue
-        findings.append(
-            Finding(
-                rule="stability_margin",
-                severity=Severity.NOTE,
-                phase=phase,
-                side=leg.shown_side,
-                reason=(
-                    f"spectral radius {radius:.4f}, effective damping ratio {ratio:.2f}; the loop grows "
-                    f"beyond {_margins(leg, loops)}"
-                ),
-                suggestion="keep these distances when you change k, b or G",
+    for phase in _phases(case):
+        if not phase.is_unstable:
+            reason = (
+                f"spectral radius {max(phase.radii):.4f}, effective damping ratio {min(phase.ratios):.2f}; "
+                f"the loop is unstable beyond {_margins(phase)}"
             )
-        )
+            suggestion = "keep these distances when you change k, b or G"
+            findings.append(phase.finding("stability_margin", Severity.NOTE, reason, suggestion))
     return findings
 
 
@@ -159,41 +151,29 @@ def largest_stable(radius: Callable[[float], float], start: float, most: float) 
     return low
 
 
-def _changed(values: np.ndarray, joint: int, value: float) -> np.ndarray:
-    changed = values.copy()
-    changed[joint] = value
-    return changed
-
-
-def largest_damping(loops: list[LinearLoop], joint: int) -> float | None:
-    """Largest stable damping of one joint in [N m s] / [rad], the rest as it is."""
+def largest_value(loops: list[LinearLoop], name: str, joint: int, most: float) -> float | None:
+    """Largest stable ``damping`` or ``gain`` of one joint, at most a value, the rest as it is."""
+    present: np.ndarray = getattr(loops[0], name)
 
     def radius(value: float) -> float:
-        damping = _changed(loops[0].damping, joint, value)
-        return max(spectral_radius(transition_matrix(replace(loop, damping=damping))) for loop in loops)
+        changed = np.where(np.arange(len(present)) == joint, value, present)
+        changes: dict[str, Any] = {name: changed}
+        return max(spectral_radius(transition_matrix(replace(loop, **changes))) for loop in loops)
 
-    return largest_stable(radius, float(loops[0].damping[joint]), LARGEST_DAMPING)
-
-
-def largest_gain(loops: list[LinearLoop], joint: int) -> float | None:
-    """Largest stable friction compensation gain of one joint, at most 1, the rest as it is."""
-
-    def radius(value: float) -> float:
-        gain = _changed(loops[0].gain, joint, value)
-        return max(spectral_radius(transition_matrix(replace(loop, gain=gain))) for loop in loops)
-
-    return largest_stable(radius, float(loops[0].gain[joint]), LARGEST_GAIN)
+    return largest_stable(radius, float(present[joint]), most)
 
 
-def _margins(leg: HangingLeg, loops: list[LinearLoop]) -> str:
+def _margins(phase: _Phase) -> str:
     """Largest b and G in words, with what the table has."""
-    dampings, gains = [], []
-    for joint, name in enumerate(leg.joints):
-        most, has = largest_damping(loops, joint), loops[0].damping[joint]
-        dampings.append(f"{name} {_number(most, LARGEST_DAMPING, '.0f')} ({has:.0f})")
-        most, has = largest_gain(loops, joint), loops[0].gain[joint]
-        gains.append(f"{name} {_number(most, LARGEST_GAIN, '.2f')} ({has:.2f})")
-    return f"b {', '.join(dampings)} Nms/rad and G {', '.join(gains)}, the table's in brackets"
+    parts = []
+    for name, most, form in (("damping", LARGEST_DAMPING, ".0f"), ("gain", LARGEST_GAIN, ".2f")):
+        values = [
+            f"{joint} {_number(largest_value(phase.loops, name, index, most), most, form)} "
+            f"({getattr(phase.loops[0], name)[index]:{form}})"
+            for index, joint in enumerate(phase.leg.joints)
+        ]
+        parts.append(", ".join(values))
+    return f"b {parts[0]} Nms/rad and G {parts[1]}, the table's in brackets"
 
 
 def _number(value: float | None, most: float, form: str) -> str:

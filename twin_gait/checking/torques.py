@@ -52,7 +52,7 @@ def _blend(leg: HangingLeg) -> tuple[np.ndarray, np.ndarray]:
 def _commands(leg: HangingLeg, old: int, new: int, joint: int, samples: Postures) -> np.ndarray:
     """Commanded torque of a joint through a blend, postures held, in [N m], ``(n_samples, n_ticks)``."""
     law = leg.problem.experiment.control.friction_model[leg.joints[joint]]
-    gravity = np.array([leg.reckoned_gravity(posture)[joint] for posture in samples.angles])
+    gravity = np.array([leg.modelled_gravity(posture)[joint] for posture in samples.angles])
     angles, velocities = samples.angles[:, joint], samples.velocities[:, joint]
     friction = np.array([friction_torque(law, velocity) for velocity in velocities.tolist()])
     columns = [leg.column(which)[:, joint] for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
@@ -67,16 +67,7 @@ def _commands(leg: HangingLeg, old: int, new: int, joint: int, samples: Postures
 
 
 def largest_jumps(leg: HangingLeg, transition: Transition, samples: Postures) -> list[Jump]:
-    """Largest change of the commanded torque (impedance, gravity, friction compensation) of each joint.
-
-    Args:
-        leg: The leg.
-        transition: The switch.
-        samples: From :func:`postures`.
-
-    Returns:
-        One jump per joint.
-    """
+    """Largest change of the commanded torque (impedance, gravity and friction compensation), per joint."""
     table = leg.problem.table
     old, new = table.phase_index(transition.source), table.phase_index(transition.target)
     jumps = []
@@ -155,22 +146,6 @@ def _posture_of(leg: HangingLeg, jump: Jump) -> dict[str, float | str]:
 # ---------------------------------------------------------------------- what a spring asks for
 
 
-class Demand(NamedTuple):
-    """What a spring asks of a motor when a phase is entered.
-
-    Attributes:
-        joint: Position of the joint.
-        torque: Commanded at rest at the entry in [N m].
-        speed: Largest speed on the way if the spring were served in full, in [rad] / [s].
-        angles: Posture of entry in [rad], shape ``(n_joints,)``.
-    """
-
-    joint: int
-    torque: float
-    speed: float
-    angles: np.ndarray
-
-
 def release_speed(deflection: float, stiffness: float, damping: float, inertia: float) -> float:
     r"""Largest speed of a damped spring and mass that are let go at rest.
 
@@ -183,14 +158,7 @@ def release_speed(deflection: float, stiffness: float, damping: float, inertia: 
 
     and its continuation beyond :math:`\zeta = 1`.
 
-    Args:
-        deflection: A in [rad].
-        stiffness: k in [N m] / [rad].
-        damping: b in [N m s] / [rad].
-        inertia: I in [kg m²].
-
-    Returns:
-        Speed in [rad] / [s], zero or more.
+    A in [rad], k in [N m] / [rad], b in [N m s] / [rad], I in [kg m²]; the speed in [rad] / [s], 0 or more.
     """
     if stiffness == 0.0 or deflection == 0.0:
         return 0.0
@@ -204,32 +172,6 @@ def release_speed(deflection: float, stiffness: float, damping: float, inertia: 
     return abs(deflection) * math.sqrt(stiffness / inertia) * math.exp(-exponent)
 
 
-def demands(leg: HangingLeg, phase: int, angles: np.ndarray) -> list[Demand]:
-    """Torque and speed that the springs of a phase ask for at an entry.
-
-    Args:
-        leg: The leg.
-        phase: Index of the phase.
-        angles: Posture of entry in [rad], shape ``(n_joints,)``.
-
-    Returns:
-        One demand per joint.
-    """
-    torques = command_at_rest(leg, phase, angles)
-    deflections = angles - leg.column(EQUILIBRIUM)[phase]
-    stiffness, damping = leg.column(STIFFNESS)[phase], leg.column(DAMPING)[phase]
-    inertias = np.diag(leg.mass(angles))
-    return [
-        Demand(
-            joint,
-            float(torques[joint]),
-            release_speed(deflections[joint], stiffness[joint], damping[joint], inertias[joint]),
-            angles,
-        )
-        for joint in range(len(angles))
-    ]
-
-
 def stiffness_not_served(case: CheckCase) -> list[Finding]:
     """A spring asks for more than the torque or current limit gives, or faster than the voltage allows.
 
@@ -239,16 +181,13 @@ def stiffness_not_served(case: CheckCase) -> list[Finding]:
     findings = []
     for leg in hanging_legs(case):
         for number, phase in enumerate(leg.phases):
-            asked = [
-                demand
-                for rest in first_rests(space, leg, phase)
-                for demand in demands(leg, number, rest.start)
+            starts = [rest.start for rest in first_rests(space, leg, phase)]
+            reasons = [
+                reason
+                for joint in range(len(leg.joints))
+                for look in (_too_much_torque, _too_fast)
+                if (reason := look(leg, number, joint, starts))
             ]
-            reasons = []
-            for joint in range(len(leg.joints)):
-                own = [demand for demand in asked if demand.joint == joint]
-                reasons += _too_much_torque(leg, number, max(own, key=lambda item: abs(item.torque)))
-                reasons += _too_much_speed(leg, max(own, key=lambda item: item.speed))
             if reasons:
                 findings.append(
                     Finding(
@@ -263,32 +202,36 @@ def stiffness_not_served(case: CheckCase) -> list[Finding]:
     return findings
 
 
-def _too_much_torque(leg: HangingLeg, phase: int, demand: Demand) -> list[str]:
-    joint = leg.joints[demand.joint]
+def _too_much_torque(leg: HangingLeg, phase: int, joint: int, starts: list[np.ndarray]) -> str:
+    """What a spring asks for at the worst of some postures of entry in [rad], if that is too much."""
+    asked = [(float(command_at_rest(leg, phase, start)[joint]), float(start[joint])) for start in starts]
+    torque, angle = max(asked, key=lambda pair: abs(pair[0]))
+    name = leg.joints[joint]
     torque_limit = leg.problem.experiment.control.limits.torque
-    current_limit = leg.current_limited_torque(joint)
+    current_limit = leg.current_limited_torque(name)
     limit = min(torque_limit, current_limit)
-    if abs(demand.torque) <= limit:
-        return []
+    if abs(torque) <= limit:
+        return ""
     named = "torque limit" if torque_limit <= current_limit else "current limit"
-    stiffness = math.radians(leg.column(STIFFNESS)[phase, demand.joint])
-    angle = math.degrees(demand.angles[demand.joint])
+    stiffness = math.radians(leg.column(STIFFNESS)[phase, joint])
     serves = f", {limit / stiffness:.0f}° of its {stiffness:.3g} Nm/deg" if stiffness > 0.0 else ""
-    return [
-        f"the {joint} asks for {demand.torque:.0f} Nm where it enters at {angle:.1f}°; the {named} gives "
-        f"{limit:.0f} Nm{serves}"
-    ]
+    return (
+        f"the {name} asks for {torque:.0f} Nm where it enters at {math.degrees(angle):.1f}°; the {named} "
+        f"gives {limit:.0f} Nm{serves}"
+    )
 
 
-def _too_much_speed(leg: HangingLeg, demand: Demand) -> list[str]:
-    joint = leg.joints[demand.joint]
-    fastest = leg.no_load_speed(joint)
-    if demand.speed <= fastest:
-        return []
-    return [
-        f"the {joint} would reach {math.degrees(demand.speed):.0f} deg/s; the voltage allows "
+def _too_fast(leg: HangingLeg, phase: int, joint: int, starts: list[np.ndarray]) -> str:
+    """The speed that a spring would reach from the worst of some postures, if that is too fast."""
+    k, b, zero = (float(leg.column(which)[phase, joint]) for which in (STIFFNESS, DAMPING, EQUILIBRIUM))
+    speed = max(release_speed(start[joint] - zero, k, b, leg.mass(start)[joint, joint]) for start in starts)
+    fastest = leg.no_load_speed(leg.joints[joint])
+    if speed <= fastest:
+        return ""
+    return (
+        f"the {leg.joints[joint]} would reach {math.degrees(speed):.0f} deg/s; the voltage allows "
         f"{math.degrees(fastest):.0f} deg/s without load"
-    ]
+    )
 
 
 RULES = (torque_jump, stiffness_not_served)

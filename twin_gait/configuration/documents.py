@@ -12,12 +12,10 @@ from typing import Any
 
 import yaml
 
-from twin_gait.configuration.control_section import ControlEntry
+from twin_gait.configuration.device_sections import ControlEntry, PlantEntry, interface_document
 from twin_gait.configuration.experiment_file import IntegrationEntry, SensorsEntry
-from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
-from twin_gait.configuration.interface import interface_document
+from twin_gait.configuration.gait_table_file import SCHEMA_VERSION, WaiverEntry
 from twin_gait.configuration.people import PatientEntry
-from twin_gait.configuration.plant_section import PlantEntry
 from twin_gait.configuration.scenario_section import BenchLegEntry, LegEntry, TreadmillEntry
 from twin_gait.experiment import Experiment
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
@@ -29,7 +27,6 @@ from twin_gait.gait.table import (
     PhaseParameters,
     Scaling,
     Transition,
-    Waiver,
 )
 from twin_gait.scenario import TreadmillScenario
 
@@ -70,18 +67,11 @@ def table_document(table: GaitTable) -> dict[str, Any]:
     if table.cycles:
         document["cycles"] = [list(cycle) for cycle in table.cycles]
     if table.waivers:
-        document["waive"] = [_waiver(item) for item in table.waivers]
+        document["waive"] = [
+            {key: value for key, value in WaiverEntry.document(item).items() if value is not None}
+            for item in table.waivers
+        ]
     return {**document, "sides": sides} if sides else document
-
-
-def _waiver(waiver: Waiver) -> dict[str, Any]:
-    document = {
-        "rule": waiver.rule,
-        "phase": waiver.phase,
-        "transition": waiver.transition,
-        "reason": waiver.reason,
-    }
-    return {key: value for key, value in document.items() if value is not None}
 
 
 def _scaling(table: GaitTable) -> dict[str, Any]:

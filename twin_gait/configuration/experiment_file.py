@@ -12,11 +12,9 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from twin_gait.configuration.control_section import ControlEntry
+from twin_gait.configuration.device_sections import ControlEntry, InterfaceEntry, PlantEntry
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.configuration.interface import InterfaceEntry
 from twin_gait.configuration.people import PatientEntry
-from twin_gait.configuration.plant_section import PlantEntry
 from twin_gait.configuration.scenario_section import BenchLegEntry, LegEntry, TreadmillEntry
 from twin_gait.configuration.sections import Section
 from twin_gait.configuration.validation import Count, Number, Strict, converting, validate

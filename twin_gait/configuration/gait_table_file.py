@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from twin_gait.configuration.overrides import merge
+from twin_gait.configuration.sections import Section
 from twin_gait.configuration.table_inheritance import gait_table_path, own_entries_named, read_gait_table
 from twin_gait.configuration.validation import (
-    DEGREE,
     Count,
     Number,
     Strict,
     converting,
-    one_of,
     short,
     unknown_key,
     validate,
@@ -25,7 +25,6 @@ from twin_gait.exceptions import GaitTableError, ParameterFileError
 from twin_gait.gait.guards import AllOf, AnyOf, Guard, parse_guard
 from twin_gait.gait.table import (
     LONGEST,
-    SCALING_EXPONENTS,
     TICK,
     Blending,
     BlendingLaw,
@@ -46,9 +45,14 @@ SCHEMA_VERSION = 1
 LARGEST, SMALLEST = 1e9, 1e-3
 
 
-class JointEntry(Strict):
+class JointEntry(Section):
     """Impedance of a joint in a phase."""
 
+    parameters: ClassVar = JointImpedance
+    renamed: ClassVar[Mapping[str, str | None]] = {
+        "equilibrium_deg": "equilibrium_angle",
+        "equilibrium_rad": "equilibrium_angle",
+    }
     stiffness_Nm_per_deg: Number | None = Field(default=None, ge=0, le=LARGEST)
     stiffness_Nm_per_rad: Number | None = Field(default=None, ge=0, le=LARGEST * _PER_DEGREE)
     damping_Nms_per_rad: Number | None = Field(default=None, ge=0, le=LARGEST * _PER_DEGREE)
@@ -70,18 +74,6 @@ class JointEntry(Strict):
             if len(given) != 1:
                 raise ValueError(f"expected exactly one {name} ({' or '.join(keys)}), got {given or 'none'}")
         return self
-
-    def convert(self) -> JointImpedance:
-        """Convert to SI."""
-        return JointImpedance(
-            stiffness=one_of(self, {"stiffness_Nm_per_deg": _PER_DEGREE, "stiffness_Nm_per_rad": 1.0}),
-            equilibrium_angle=one_of(self, {"equilibrium_deg": DEGREE, "equilibrium_rad": 1.0}),
-            friction_compensation_gain=self.friction_compensation_gain,
-            damping=None
-            if self.damping_ratio is not None
-            else one_of(self, {"damping_Nms_per_deg": _PER_DEGREE, "damping_Nms_per_rad": 1.0}),
-            damping_ratio=self.damping_ratio,
-        )
 
 
 _PHASE_KEYS = ("gravity_compensation", "minimum_duration_ms")
@@ -120,9 +112,10 @@ class BlendingEntry(Strict):
     duration_ms: Count = Field(default=60, ge=0, le=2000)
 
 
-class ScalingEntry(Strict):
+class ScalingEntry(Section):
     """Scaling laws."""
 
+    parameters: ClassVar = Scaling
     carried_mass_kg: Number | None = Field(default=None, ge=SMALLEST, le=LARGEST)
     carried_mass_exponent: Number = 1.0
     stance_phases: tuple[str, ...] = ()
@@ -140,17 +133,14 @@ class ScalingEntry(Strict):
         return self
 
 
-class WaiverEntry(Strict):
+class WaiverEntry(Section):
     """A warning of the check that the table lives with."""
 
+    parameters: ClassVar = Waiver
     rule: str = Field(min_length=1)
     reason: str = Field(min_length=1)
     phase: str | None = None
     transition: str | None = None
-
-    def convert(self) -> Waiver:
-        """Convert."""
-        return Waiver(rule=self.rule, reason=self.reason, phase=self.phase, transition=self.transition)
 
 
 class GaitTableFile(Strict):
@@ -233,7 +223,6 @@ def gait_table_from_mapping(
         for side, differences in entry.sides.items()
         if differences
     }
-    scaling = entry.scaling
     kind = DraftTable if draft else GaitTable
     return converting(
         source,
@@ -245,14 +234,7 @@ def gait_table_from_mapping(
             transitions=transitions,
             blending=Blending(law=entry.blending.law, duration_ticks=entry.blending.duration_ms),
             side_phases=side_phases,
-            scaling=Scaling(
-                carried_mass=scaling.carried_mass_kg,
-                height=scaling.height_m,
-                stance_phases=scaling.stance_phases,
-                speed=scaling.speed_m_per_s,
-                **{name: getattr(scaling, name) for name in SCALING_EXPONENTS},
-                hip_centre=one_of(scaling, {"hip_centre_deg": DEGREE, "hip_centre_rad": 1.0}, 0.0),
-            ),
+            scaling=entry.scaling.convert(),
             description=entry.description,
             cycles=tuple(tuple(cycle) for cycle in entry.cycles),
             waivers=tuple(item.convert() for item in entry.waive),

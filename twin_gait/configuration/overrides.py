@@ -25,7 +25,7 @@ def quantity_of(key: str) -> str:
 
 
 def refuse_two_units(data: Mapping[str, Any], source: str) -> None:
-    """Refuse a mapping that gives one quantity in two units: nobody could say which is meant."""
+    """Refuse a mapping that gives one quantity in two units: it is ambiguous."""
     seen: set[int] = set()  # aliases are looked at once
 
     def visit(node: Any, place: str) -> None:

@@ -1,4 +1,4 @@
-"""People: the wearer as YAML, inside an experiment, in a file of his own, or by the name of a preset.
+"""People: the wearer as YAML, inside an experiment, in a file of its own, or by the name of a preset.
 
 What holds for both sides stands under ``both``; ``left`` and ``right`` are laid over it.
 """
@@ -98,7 +98,7 @@ def _condition_document(patient: Patient, side: Side, joint: JointName) -> dict[
 
 
 class PersonFile(PatientEntry):
-    """A person in a file of his own."""
+    """A person in a file of its own."""
 
     schema_version: Literal[1] = 1
     name: str = Field(default="", max_length=80)
@@ -114,12 +114,12 @@ def people() -> dict[str, str]:
 
 
 def person_text(name: str) -> str:
-    """File of somebody that ships, with its sources, ready to be edited."""
+    """File of a person that ships, with its sources, ready to be edited."""
     return (_folder() / f"{name}.yaml").read_text(encoding="utf-8")
 
 
 def names_a_person(value: Any) -> bool:
-    """Whether a ``patient`` of a file names somebody, instead of saying everything itself."""
+    """Whether a ``patient`` of a file names a person instead of stating everything itself."""
     return isinstance(value, str) or (isinstance(value, Mapping) and "preset" in value)
 
 
@@ -135,8 +135,8 @@ def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> di
         The ``patient`` of an experiment file.
 
     Raises:
-        ParameterError: If there is nobody of that name.
-        ParameterFileError: If his file has a mistake.
+        ParameterError: If there is no such person.
+        ParameterFileError: If the file has a mistake.
     """
     name = value if isinstance(value, str) else value["preset"]
     changes = {} if isinstance(value, str) else {key: item for key, item in value.items() if key != "preset"}
@@ -154,7 +154,7 @@ def _find(name: Any, folder: Path) -> Path:
         for candidate in (folder / name, Path(name).expanduser()):
             if candidate.is_file():
                 return candidate
-    raise ParameterError(f"nobody is called {name!r}: neither a file nor one of {', '.join(people())}")
+    raise ParameterError(f"no person {name!r}: neither a file nor one of {', '.join(people())}")
 
 
 def _folder() -> Path:

@@ -17,6 +17,7 @@ _UNITS = {
     "_km_per_h": 1.0 / 3.6,
     "_deg_per_s": DEGREE,
     "_Nm_per_deg": 1.0 / DEGREE,
+    "_Nms_per_deg": 1.0 / DEGREE,
     "_deg": DEGREE,
     "_ms": 1e-3,
 }

@@ -6,18 +6,93 @@ the very same functions with numba from outside, so there is no second copy of a
 Scalars use :mod:`math` and plain products, because numpy's tanh and powers differ in the last bit.
 """
 
-from twin_gait.core.estimation import first_order_gain
-from twin_gait.core.friction import rotational_friction_torque
-from twin_gait.core.friction_models import coulomb_viscous_tanh_torque
-from twin_gait.core.impedance import damping_from_ratio
+from twin_gait.core.actuator import (
+    current_to_torque,
+    motor_electrical_power,
+    sagged_bus_voltage,
+    torque_to_current,
+    voltage_limited_current,
+)
+from twin_gait.core.assistance import adapted_assistance
+from twin_gait.core.belt import belt_speed, belt_travel, treadmill_speed, treadmill_travel
+from twin_gait.core.blending import blend, blend_share
+from twin_gait.core.contact import (
+    contact_friction_force,
+    contact_normal_force,
+    ground_contact_force,
+    mechanical_stop_torque,
+)
+from twin_gait.core.dead_zone import dead_zone
+from twin_gait.core.estimation import first_order_gain, first_order_step, quantise
+from twin_gait.core.friction import load_friction_torque, rotational_friction_torque
+from twin_gait.core.friction_models import (
+    asymmetric_torque,
+    bristle_rate,
+    bristle_step,
+    conditioned_torque,
+    coulomb_viscous_tanh_torque,
+    coulomb_viscous_torque,
+    directional_viscous_torque,
+    lugre_torque,
+    ripple_torque,
+    stribeck_level,
+    stribeck_torque,
+    two_velocity_torque,
+)
+from twin_gait.core.hyperbolic import hyperbolic_tangent
+from twin_gait.core.impedance import damping_from_ratio, damping_ratio_of, impedance_torque
+from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
+from twin_gait.core.integrators import rk4_step, semi_implicit_euler_step
 from twin_gait.core.motor_drive import breakaway_duty, drive_efficiency, viscous_duty
+from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
 
 __all__ = [
+    "adapted_assistance",
+    "angular_acceleration",
+    "asymmetric_torque",
+    "belt_speed",
+    "belt_travel",
+    "blend",
+    "blend_share",
     "breakaway_duty",
+    "bristle_rate",
+    "bristle_step",
+    "conditioned_torque",
+    "contact_friction_force",
+    "contact_normal_force",
     "coulomb_viscous_tanh_torque",
+    "coulomb_viscous_torque",
+    "current_to_torque",
     "damping_from_ratio",
+    "damping_ratio_of",
+    "dead_zone",
+    "directional_viscous_torque",
     "drive_efficiency",
     "first_order_gain",
+    "first_order_step",
+    "ground_contact_force",
+    "hyperbolic_tangent",
+    "impedance_torque",
+    "load_friction_torque",
+    "lugre_torque",
+    "mechanical_stop_torque",
+    "motor_electrical_power",
+    "passive_hip_torque",
+    "passive_knee_torque",
+    "quantise",
+    "ripple_torque",
+    "rk4_step",
     "rotational_friction_torque",
+    "sagged_bus_voltage",
+    "semi_implicit_euler_step",
+    "spastic_torque",
+    "stribeck_level",
+    "stribeck_torque",
+    "tangential_specific_force",
+    "torque_to_current",
+    "treadmill_speed",
+    "treadmill_travel",
+    "two_velocity_torque",
     "viscous_duty",
+    "voltage_limited_current",
 ]

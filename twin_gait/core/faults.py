@@ -1,4 +1,4 @@
-"""Faults that strike between the true state and what the controller sees, or between command and motor.
+"""Faults between the true state and what the controller sees, or between command and motor.
 
 The faults of an episode are two arrays, so that a campaign runs on one compiled loop: ``faults`` with the
 columns kind, place and first tick, and ``magnitudes`` in SI units. The place is a joint, a leg, or of no

@@ -26,7 +26,7 @@ def rotational_friction_torque(
         T_{fr}(\omega) = \sqrt{2e}\,(a-b)\,e^{-(\omega/c)^2}\frac{\omega}{c}
                          + b \tanh\frac{\omega}{c/10} + d\,\omega
 
-    The plant feels :math:`-T_{fr}`; a compensator adds :math:`+G\,T_{fr}`. With :math:`a < b`, as
+    The torque on the plant is :math:`-T_{fr}`; a compensator adds :math:`+G\,T_{fr}`. With :math:`a < b`, as
     in table 3.1, the first term is a dip near 0.13 rad/s instead of a Stribeck peak.
 
     Args:

@@ -1,8 +1,8 @@
 """Friction laws of the literature beside the thesis's own: what an identification chooses from.
 
 They take arrays of any shape (numbers too) and return the friction torque with the sign of the velocity;
-a plant feels its negative. Each is linear in all of its torques and coefficients, which the identification
-makes use of; velocities and exponents enter non-linearly.
+the torque on the plant is its negative. Each is linear in all of its torques and coefficients, which the
+identification makes use of; velocities and exponents enter non-linearly.
 """
 
 from __future__ import annotations

@@ -14,8 +14,8 @@ def tangential_specific_force(
 
         f_t = r\,\dot\omega - g \cos(\theta - \theta_h)
 
-    An accelerometer feels what holds it, not gravity: on a link that falls freely it reads less than the
-    acceleration by the share of gravity that lies along its path.
+    An accelerometer measures the specific force, not gravity: on a link that falls freely it reads less than
+    the acceleration by the share of gravity that lies along its path.
 
     Args:
         acceleration: :math:`\dot\omega` of the link in [rad] / [s²].

@@ -307,7 +307,7 @@ def torsion_torque(twist: float, twist_rate: float, stiffness: float, damping: f
         damping: :math:`D` in [N m s] / [rad].
 
     Returns:
-        Torque on the link in [N m]; the motor side feels its negative.
+        Torque on the link in [N m]; its negative acts on the motor side.
     """
     return stiffness * twist + damping * twist_rate
 

@@ -127,14 +127,14 @@ def hand_torque(
     damping: float,
     release_time: float,
 ) -> float:
-    r"""Torque of a hand that leads a joint along a cosine path.
+    r"""Torque of an imposed motion: a spring and damper that lead a joint along a cosine path.
 
     .. math::
 
         \theta_h = \theta_s + \tfrac{A}{2}\,(1 - \cos 2\pi f t), \qquad
         \tau_h = k_h(\theta_h - \theta) + b_h(\dot\theta_h - \omega)
 
-    After the release time the hand lets go.
+    After the release time there is none.
 
     Args:
         time: In [s].

@@ -86,7 +86,7 @@ def motor_speed(
         velocity: True joint velocity :math:`\omega` in [rad] / [s].
         resistance: True resistance :math:`R` in [Ω].
         emf_constant: :math:`K_e \tau` at the joint in [V s] / [rad].
-        model_resistance: :math:`\hat R` that the monitor reckons with in [Ω].
+        model_resistance: :math:`\hat R` that the monitor assumes in [Ω].
 
     Returns:
         Inferred joint velocity in [rad] / [s].

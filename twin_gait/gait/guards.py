@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 from twin_gait.exceptions import GaitTableError
 
@@ -103,19 +103,28 @@ class AnyOf:
 Guard = Comparison | PhaseMembership | AllOf | AnyOf
 
 
+def atoms(guard: Guard) -> Iterator[Comparison | PhaseMembership]:
+    """Comparisons and memberships of a guard in the order in which they are written and compiled."""
+    if isinstance(guard, (AllOf, AnyOf)):
+        for inner in guard.guards:
+            yield from atoms(inner)
+    else:
+        yield guard
+
+
+def mapped(guard: Guard, change: Callable[[Comparison | PhaseMembership], Guard]) -> Guard:
+    """The same tree with each of its comparisons and memberships changed."""
+    if isinstance(guard, (AllOf, AnyOf)):
+        return replace(guard, guards=tuple(mapped(inner, change) for inner in guard.guards))
+    return change(guard)
+
+
 def _bracketed(guard: Guard) -> str:
     return f"({guard})" if isinstance(guard, (AllOf, AnyOf)) else str(guard)
 
 
 def signal_names(joints: Sequence[str]) -> list[str]:
-    """Signals of one leg, in the order of the signal array.
-
-    Args:
-        joints: Joints of the table.
-
-    Returns:
-        For each joint angle and velocity, then foot load and time in phase.
-    """
+    """Signals of one leg in the order of the signal array: angles and velocities, foot load, time."""
     names = []
     for joint in joints:
         names += [f"{joint}.angle_deg", f"{joint}.velocity_deg_per_s"]
@@ -123,13 +132,9 @@ def signal_names(joints: Sequence[str]) -> list[str]:
 
 
 def all_signal_names(joints: Sequence[str]) -> list[str]:
-    """Signals of this leg, those of the other leg, then the command, in the order of the signal array.
+    """Signals of this leg, those of the other, then the command, in the order of the signal array.
 
-    Args:
-        joints: Joints of the table.
-
-    Returns:
-        Names; their positions are the indices used by the guard program.
+    Their positions are the indices in the guard program.
     """
     own = signal_names(joints)
     return [*own, *(OTHER + name for name in own), WALK]

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from twin_gait.core.impedance import damping_from_ratio
-from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard, signal_scale
+from twin_gait.gait.guards import Comparison, Guard, PhaseMembership, mapped, signal_scale
 from twin_gait.gait.table import GaitTable, PhaseParameters
 from twin_gait.vocabulary import JointName, Side
 
@@ -70,14 +70,13 @@ def _scale_phase(
 
 
 def _scale_guard(guard: Guard, excursion: float, centre: float) -> Guard:
-    if isinstance(guard, AllOf):
-        return AllOf(guards=tuple(_scale_guard(inner, excursion, centre) for inner in guard.guards))
-    if isinstance(guard, AnyOf):
-        return AnyOf(guards=tuple(_scale_guard(inner, excursion, centre) for inner in guard.guards))
-    if isinstance(guard, Comparison) and _is_hip_angle(guard.signal) and _is_hip_angle(guard.minus):
-        about = centre / signal_scale(guard.signal) if guard.minus is None else 0.0
-        return replace(guard, threshold=guard.threshold + (excursion - 1.0) * (guard.threshold - about))
-    return guard
+    def scaled(atom: Comparison | PhaseMembership) -> Guard:
+        if not (isinstance(atom, Comparison) and _is_hip_angle(atom.signal) and _is_hip_angle(atom.minus)):
+            return atom
+        about = centre / signal_scale(atom.signal) if atom.minus is None else 0.0
+        return replace(atom, threshold=atom.threshold + (excursion - 1.0) * (atom.threshold - about))
+
+    return mapped(guard, scaled)
 
 
 def _is_hip_angle(signal: str | None) -> bool:

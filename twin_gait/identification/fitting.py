@@ -135,7 +135,7 @@ def fit_model(
         model: The model.
         samples: The samples, with every column that the model needs.
         options: How to fit.
-        seeds: Further starts beside the many: what simpler models came to.
+        seeds: Further starts beside the many: the fits of simpler models.
 
     Returns:
         The fit.

@@ -180,7 +180,7 @@ def identify_tests(
             item if fit.model.dynamic else replace(item, labels=item.labels[samples.used]) for item in folds
         ]
         validations = [cross_validate(fit, rows, item, options.fit, steps.advance) for item in labels]
-        found.append(_judge(fit, tests, samples, validations, options))
+        found.append(_assess(fit, tests, samples, validations, options))
     progress(total, total)
     return Identification(
         tests=tuple(tests),
@@ -271,7 +271,7 @@ def _check_number(samples: Samples, models: Sequence[FrictionModel]) -> None:
         raise ParameterError(f"logs: every sample moves at {velocity[0]:g} rad/s; expected several speeds")
 
 
-def _judge(
+def _assess(
     fit: Fit,
     tests: Sequence[FrictionTest],
     samples: Samples,

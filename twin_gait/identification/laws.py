@@ -57,7 +57,7 @@ def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarra
 
 @lru_cache(maxsize=1)
 def _law_of_the_engines() -> Callable[..., np.ndarray]:
-    """Equation (3.1) over arrays: the very function that a simulation feels, compiled to run over samples."""
+    """Equation (3.1) over arrays: the function of the engines, compiled to run over samples."""
     register_core()
     law: Callable[..., np.ndarray] = numba.vectorize(rotational_friction_torque)
     return law

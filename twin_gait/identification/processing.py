@@ -26,7 +26,7 @@ from twin_gait.identification.signals import (
 RATE = 100.0  # [Hz] of the samples that a fit sees, the thesis's
 _SLOWEST = 50.0  # [Hz] of a log whose acceleration can be used
 # Of 1/cutoff. So long after an impulse 1e-4 of the filter's response is left. After 1/cutoff it is 0.7 %:
-# with the jump of friction in a reversal the knee's break-away velocity came out 0.1 % larger.
+# with the jump of friction in a reversal the break-away velocity of the knee is 0.1 % too large.
 REVERSAL_REACH = 2.0
 _UNEVEN = 0.02  # of a period, beyond which a log is put on an even grid
 _GAP = 1.5  # periods without a sample

@@ -1,6 +1,6 @@
 """Residuals, their derivative, and the last steps of a fit: Levenberg and Marquardt on all samples.
 
-A warm start of thousands of samples and a handful of parameters wants normal equations, which take a tenth
+A warm start of thousands of samples and a handful of parameters suits normal equations, which take a tenth
 of the time of a general solver; cross-validation does this hundreds of times.
 """
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +13,13 @@ import numpy as np
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
-from twin_gait.identification import Identification, IdentifiedModel, Samples
+from twin_gait.identification import Identification, IdentifiedModel
 from twin_gait.identification.bootstrap import DRAWS, LEVEL
+from twin_gait.identification.figures import draw_fits, draw_residuals
 from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
-from twin_gait.report.canvas import save
-from twin_gait.report.identification import DrawnModel, DrawnSamples, draw_fits, draw_residuals
+from twin_gait.report.canvas import readable, save
+from twin_gait.report.pages import figures_page
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 
@@ -27,8 +27,7 @@ DOCUMENT_FILE = "identification.json"
 IDENTIFICATION = FolderKind("an identification", DOCUMENT_FILE)
 SAMPLES_FILE = "samples.csv"
 PLANT_FILE, COMPENSATOR_FILE = "plant.yaml", "compensator.yaml"
-FITS_FIGURE, RESIDUALS_FIGURE = "fits.png", "residuals.png"
-_LONG = 1e9  # [s]
+FIGURES_FOLDER, REPORT_FILE = "figures", "report.html"
 SCHEMA_VERSION = 1
 PRESET = "bench_leg"
 _DIGITS = 10
@@ -57,61 +56,25 @@ def write_identification(
             for name, file in _parameter_files(law, joint).items():
                 write_atomically(staging / name, file)
         if pictures:
-            (staging / "figures").mkdir()
-            _draw(result, staging / "figures")
+            _draw(result, staging, joint)
     return document
 
 
-def _draw(result: Identification, folder: Path) -> None:
-    samples, best = result.samples.used_only(), result.models[0]
-    columns = {
-        "velocity [rad/s]": samples.velocity,
-        "load torque [N m]": samples.load,
-        "joint angle [rad]": samples.angle,
-        "time in the test [s]": samples.time,
-        "temperature [°C]": samples.temperature,
-    }
-    drawn = DrawnSamples(
-        velocity=samples.velocity,
-        torque=samples.torque,
-        test=samples.test,
-        columns={name: values for name, values in columns.items() if values is not None},
-        residuals=best.residuals,
-        threshold=best.fit.threshold,
-    )
-    models = [
-        DrawnModel(
-            name=item.name,
-            dynamic=item.fit.model.dynamic,
-            curve=partial(_steady_curve, item, samples),
-            rmse=item.goodness.rmse,
-            left_out={run.by: run.rmse for run in item.validations},
-        )
+def _draw(result: Identification, folder: Path, joint: JointName | None) -> None:
+    figures = {"fits": draw_fits(result), "residuals": draw_residuals(result)}
+    (folder / FIGURES_FOLDER).mkdir()
+    for name, figure in figures.items():
+        save(figure, folder / FIGURES_FOLDER / f"{name}.png")
+    left_out = (f"left out: {run.by} [N m]" for run in result.models[0].validations)
+    heads = ["model", "law", "RMSE [N m]", *left_out, "BIC"]
+    rows = [
+        (readable(item.name), item.fit.model.formula, f"{item.goodness.rmse:.3g}",
+         *(f"{run.rmse:.3g}" for run in item.validations), f"{item.goodness.bic:.0f}")
         for item in result.models
-    ]
-    save(draw_fits(drawn, models), folder / FITS_FIGURE)
-    save(draw_residuals(drawn, best.name), folder / RESIDUALS_FIGURE)
-
-
-def _steady_curve(item: IdentifiedModel, samples: Samples, velocity: np.ndarray) -> np.ndarray:
-    """Torque of a model in steady sliding, at the mean angle, load and temperature of samples."""
-    number = len(velocity) + 1
-
-    def held(values: np.ndarray | None) -> np.ndarray | None:
-        return None if values is None else np.full(number, float(values.mean()))
-
-    steady = Samples(
-        velocity=np.concatenate([velocity[:1], velocity]),
-        torque=np.zeros(number),
-        used=np.ones(number, dtype=bool),
-        test=np.zeros(number, dtype=int),
-        fresh=np.arange(number) == 0,
-        period=np.full(number, _LONG),  # each point slides for long, whatever came before
-        angle=held(samples.angle),
-        load=held(None if samples.load is None else np.abs(samples.load)),
-        temperature=held(samples.temperature),
-    )
-    return item.fit.model.predict(item.fit.x, steady)[1:]
+    ]  # fmt: skip
+    title = "Friction" if joint is None else f"Friction of the {joint}"
+    subtitle = f"{len(result.tests)} tests, {int(result.samples.used.sum())} samples; models best first"
+    write_atomically(folder / REPORT_FILE, figures_page(title, subtitle, figures, heads, rows))
 
 
 def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:

@@ -48,12 +48,6 @@ class LivePage:
     def __init__(self, session: LiveSession, experiment: Experiment, *, port: int, user: str = "") -> None:
         """Draw the scene and listen.
 
-        Args:
-            session: What walks; it need not have started.
-            experiment: What it walks.
-            port: First port to try; 0 lets the system choose.
-            user: Who is at the pages.
-
         Raises:
             ModelError: If the URDF cannot be read.
             ViewerError: If a mesh cannot be read or no port is free.

@@ -36,7 +36,7 @@ HIGHEST_FLIGHT_SHARE = 0.25
 
 
 class Verdict(NamedTuple):
-    """What came of a run.
+    """Outcome of a run and the reason.
 
     Attributes:
         outcome: In one word; None where no walk was asked for and nothing ended the run.
@@ -165,7 +165,7 @@ def run_events(faults: Iterable[_Fault], trip: _Trip | None, status: str, end: f
     """The events of a run in the order of time; of those at the same time the cause stands first.
 
     Args:
-        faults: Of the experiment; those after the end did not strike.
+        faults: Of the experiment; those after the end did not occur.
         trip: What the safety monitor tripped on, or None.
         status: How the run ended.
         end: Last moment of the log in [s].

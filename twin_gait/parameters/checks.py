@@ -1,4 +1,4 @@
-"""Checks of parameters; each ends in one line with the name, what was expected, and what came."""
+"""Checks of parameters; each ends in one line with the name, what was expected, and what was given."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def require(condition: bool, name: str, expected: str, value: object) -> None:
         condition: What must be true.
         name: Name of the parameter as the user knows it.
         expected: What would have been right, in words.
-        value: What came.
+        value: What was given.
 
     Raises:
         ParameterError: If the condition is false.

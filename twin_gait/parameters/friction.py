@@ -87,6 +87,6 @@ HIP_FRICTION = FrictionParameters(
     breakaway_torque=1.664, coulomb_friction=4.2, breakaway_velocity=0.2252, viscous_friction=2.26
 )
 
-# Friction that grows with the load, over the load: that of a geared servo, 0.148 (Duclusaud et al. 2025),
-# rounded up. Nobody has measured TWIN's; it is the most that a table is tried with.
+# Load-dependent gear friction, over the load: that of a geared servo, 0.148 (Duclusaud et al. 2025),
+# rounded up. That of TWIN has not been measured; it is the most that a table is tried with.
 HIGHEST_LOAD_FRICTION = 0.15

@@ -157,7 +157,7 @@ class _Loop:
         leg_signals(leg, joints, self._measured, self._loads[tick], ticks, TICK, self._signals, offset)
 
     def result(self) -> Replay:
-        """What came out."""
+        """Phases, velocities and switches."""
         sides, joints = self._recording.sides, self._table.joints
         velocities = {
             side: {joint: self._velocity[:, leg * len(joints) + i] for i, joint in enumerate(joints)}

@@ -10,8 +10,16 @@ import numpy as np
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
-from twin_gait.measures import winter1991
-from twin_gait.measures.reference import CYCLE, KILOMETRES_PER_HOUR, reference_curve, reference_cycle_time
+from twin_gait.measures.reference import (
+    CYCLE,
+    KILOMETRES_PER_HOUR,
+    WINTER_CYCLE_TIME,
+    WINTER_JOINTS,
+    WINTER_SPEED,
+    normative_angle,
+    reference_curve,
+    reference_cycle_time,
+)
 from twin_gait.parameters import Patient
 from twin_gait.replay.recording import Recording
 from twin_gait.vocabulary import JointName, Side
@@ -46,7 +54,7 @@ def normative_walk(name: str, *, height: float | None = None, strides: int = STR
     Args:
         name: ``koopman@1.5`` for the regression of Koopman et al. (2014) at a walking speed in km/h, or
             ``winter`` for the means of Winter (1991) at natural cadence.
-        height: Body height in [m] that the regression reckons with; that of the default wearer if None.
+        height: Body height in [m] of the regression; that of the default wearer if None.
         strides: How many.
 
     Returns:
@@ -65,8 +73,7 @@ def normative_walk(name: str, *, height: float | None = None, strides: int = STR
 
 
 def _winter() -> tuple[Curve, tuple[JointName, ...], float, float]:
-    joints = tuple(JointName(name) for name in winter1991.JOINTS)
-    return winter1991.normative_angle, joints, winter1991.SPEED, winter1991.CYCLE_TIME
+    return normative_angle, WINTER_JOINTS, WINTER_SPEED, WINTER_CYCLE_TIME
 
 
 def _koopman(name: str, height: float | None) -> tuple[Curve, tuple[JointName, ...], float, float]:

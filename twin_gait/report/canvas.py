@@ -62,14 +62,7 @@ def new_figure(run: Run, title: str, *, height: float, width: float = SCREEN_WID
 
 
 def describe(run: Run) -> str:
-    """One line that says whose run it is.
-
-    Args:
-        run: The run.
-
-    Returns:
-        Name, wearer, belt and how the run ended.
-    """
+    """One line that says whose run it is."""
     experiment = run.experiment
     parts = [experiment.name, _wearer(experiment.patient)]
     if isinstance(experiment.scenario, TreadmillScenario):
@@ -127,9 +120,6 @@ def phase_handles(names: Sequence[str], occurring: np.ndarray) -> list[Artist]:
     Args:
         names: Names of the phases.
         occurring: Indices of phases, any shape.
-
-    Returns:
-        One coloured patch per phase, in the order of the table.
     """
     return [
         Patch(
@@ -184,9 +174,6 @@ def picture_bytes(figure: Figure, ground: str = "auto") -> bytes:
     Args:
         figure: The figure.
         ground: Its colour; that of the figure by default, ``none`` for a transparent one.
-
-    Returns:
-        The file's content.
     """
     room = io.BytesIO()
     figure.savefig(room, format="png", dpi=RESOLUTION, facecolor=ground)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -20,6 +21,8 @@ _PLACES = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8)
 _SAMPLES = 41  # of an arrow
 _ROUNDS, _GROWTH = 12, 0.1  # of the ring
 _COLLISION = 1000  # a label on a label or a box, in samples of arrows that it covers
+
+_T = TypeVar("_T")
 
 
 class Point(NamedTuple):
@@ -63,11 +66,13 @@ class Layout(NamedTuple):
         boxes: The phases.
         arrows: Of each group.
         labels: Of each arrow.
+        covered: Samples of arrows that labels cover; a label on a label or a box counts ``_COLLISION``.
     """
 
     boxes: list[Rectangle]
     arrows: list[Arrow]
     labels: list[Rectangle]
+    covered: int
 
 
 class ArrowGroup(NamedTuple):
@@ -96,17 +101,7 @@ def arrow_groups(table: GaitTable) -> list[ArrowGroup]:
 
 
 def ring(count: int, width: float, height: float, *, spread: float = 1.0) -> list[Rectangle]:
-    """Boxes on a ring, clockwise from the top; two lie side by side.
-
-    Args:
-        count: Number of boxes.
-        width: Of a box.
-        height: Of a box.
-        spread: Size of the ring; 1 is the usual one.
-
-    Returns:
-        The boxes, about the origin.
-    """
+    """Boxes of a size about the origin on a ring, clockwise from the top; two lie side by side."""
     if count == 1:
         return [Rectangle(0.0, 0.0, width, height)]
     first = math.pi if count == 2 else -math.pi / 2.0
@@ -117,39 +112,37 @@ def ring(count: int, width: float, height: float, *, spread: float = 1.0) -> lis
 
 
 def arrows(groups: Sequence[ArrowGroup], boxes: Sequence[Rectangle]) -> list[Arrow]:
-    """Lay the arrows of a diagram, each around the boxes that it does not join.
-
-    Args:
-        groups: What they stand for.
-        boxes: The phases.
-
-    Returns:
-        An arrow for each group.
-    """
+    """Lay an arrow for each group between its boxes, around the boxes that it does not join."""
     joined = {(item.source, item.target) for item in groups}
     laid, drawn = list[Arrow](), np.zeros((0, _SAMPLES, 2))
     for item in groups:
         bend = _BEND
         if item.time_out:
             bend = _BEND_TIME_OUT_OF_PAIR if (item.target, item.source) in joined else _BEND_TIME_OUT
-        best, least = None, math.inf
-        for share in _BENDS:
-            way = _arrow(boxes[item.source], boxes[item.target], bend * share)
-            points = _samples(way)
-            # Under boxes, or along another arrow from the same place to the same.
-            hidden = sum(_inside(points, box) for box in boxes) + int(
-                (np.abs(drawn - points).max(2) < GAP).sum()
-            )
-            if hidden < least:
-                best, least = way, hidden
-            if hidden == 0:
-                break
-        assert best is not None  # one of the bends is the best
+        ways = (_arrow(boxes[item.source], boxes[item.target], bend * share) for share in _BENDS)
+        best, _ = _cheapest(ways, functools.partial(_hidden, boxes, drawn))
         drawn = np.concatenate((drawn, _samples(best)[None]))
         if item.time_out:  # its label lies inside of the ring
             best = best._replace(normal=Point(-best.normal.x, -best.normal.y))
         laid.append(best)
     return laid
+
+
+def _hidden(boxes: Sequence[Rectangle], drawn: np.ndarray, way: Arrow) -> int:
+    """Samples of an arrow under boxes, or along another arrow from the same place to the same."""
+    points = _samples(way)
+    return sum(_inside(points, box) for box in boxes) + int((np.abs(drawn - points).max(2) < GAP).sum())
+
+
+def _cheapest(candidates: Iterable[_T], cost: Callable[[_T], int]) -> tuple[_T, int]:
+    """First candidate of the least cost, and the cost; the search ends at a cost of zero."""
+    found = list[tuple[int, int, _T]]()
+    for number, item in enumerate(candidates):
+        found.append((cost(item), number, item))
+        if found[-1][0] == 0:
+            break
+    least, _, best = min(found, key=lambda entry: entry[:2])
+    return best, least
 
 
 def _arrow(source: Rectangle, target: Rectangle, bend: float) -> Arrow:
@@ -198,7 +191,7 @@ def _overlap(first: Rectangle, second: Rectangle, gap: float = 0.0) -> bool:
 def lay_out(
     groups: Sequence[ArrowGroup], count: int, box: tuple[float, float], labels: Sequence[tuple[float, float]]
 ) -> Layout:
-    """Lay a whole diagram: boxes on a ring that grows until no label lies on a box, a label or an arrow.
+    """Lay a whole diagram: boxes on a ring, enlarged until no label lies on a box, a label or an arrow.
 
     Args:
         groups: What the arrows stand for.
@@ -209,38 +202,26 @@ def lay_out(
     Returns:
         The first layout in which nothing lies on anything; else the one with the least of it.
     """
-    best, least = None, math.inf
-    for round_ in range(_ROUNDS):
-        boxes = ring(count, *box, spread=1.0 + _GROWTH * round_)
-        laid, cost = _with_labels(arrows(groups, boxes), boxes, labels)
-        if cost < least:
-            best, least = laid, cost
-        if cost == 0:
-            break
-    assert best is not None  # there is at least one round
-    return best
+    rings = (ring(count, *box, spread=1.0 + _GROWTH * number) for number in range(_ROUNDS))
+    layouts = (_with_labels(arrows(groups, boxes), boxes, labels) for boxes in rings)
+    return _cheapest(layouts, lambda layout: layout.covered)[0]
 
 
-def _with_labels(
-    curves: list[Arrow], boxes: list[Rectangle], sizes: Sequence[tuple[float, float]]
-) -> tuple[Layout, int]:
-    """Place the labels, large ones first, each where it covers least; and what is covered in all."""
+def _with_labels(curves: list[Arrow], boxes: list[Rectangle], sizes: Sequence[tuple[float, float]]) -> Layout:
+    """Place the labels, large ones first, each where it covers least."""
     drawn = np.concatenate([np.zeros((0, 2)), *map(_samples, curves)])
-    taken, placed, total = list(boxes), dict[int, Rectangle](), 0
+    placed, total = dict[int, Rectangle](), 0
     for number in sorted(range(len(curves)), key=lambda k: -sizes[k][0] * sizes[k][1]):
-        best, least = curves[number], math.inf
-        for curve in _label_candidates(curves[number]):
-            place = label_place(curve, *sizes[number])
-            cost = sum(_COLLISION for item in taken if _overlap(place, item, GAP / 2.0))
-            cost += _inside(drawn, place)
-            if cost < least:
-                best, least = curve, cost
-            if cost == 0:
-                break
-        curves[number], placed[number] = best, label_place(best, *sizes[number])
-        taken.append(placed[number])
-        total += int(least)
-    return Layout(boxes, curves, [placed[number] for number in range(len(curves))]), total
+
+        def covered(curve: Arrow, size: tuple[float, float] = sizes[number]) -> int:
+            place = label_place(curve, *size)
+            taken = sum(_overlap(place, item, GAP / 2.0) for item in (*boxes, *placed.values()))
+            return _COLLISION * taken + _inside(drawn, place)
+
+        curves[number], least = _cheapest(_label_candidates(curves[number]), covered)
+        placed[number] = label_place(curves[number], *sizes[number])
+        total += least
+    return Layout(boxes, curves, [placed[number] for number in range(len(curves))], total)
 
 
 def _label_candidates(curve: Arrow) -> Iterator[Arrow]:
@@ -266,16 +247,7 @@ def _edge(box: Rectangle, towards: Point) -> Point:
 
 
 def label_place(curve: Arrow, width: float, height: float) -> Rectangle:
-    """Place a label beside the middle of an arrow, clear of it.
-
-    Args:
-        curve: The arrow.
-        width: Of the label.
-        height: Of the label.
-
-    Returns:
-        The label's rectangle.
-    """
+    """Rectangle of a label beside the middle of an arrow, clear of it."""
     # The support of a rectangle in a direction: how far it reaches back towards the arrow.
     reach = abs(curve.normal.x) * width / 2.0 + abs(curve.normal.y) * height / 2.0 + GAP
     x, y = curve.middle.x + reach * curve.normal.x, curve.middle.y + reach * curve.normal.y

@@ -21,14 +21,7 @@ _QUANTITIES = {
 
 
 def readable(name: str) -> str:
-    """Write a name of the table as words.
-
-    Args:
-        name: For example ``early_stance``.
-
-    Returns:
-        For example ``early stance``, on one line.
-    """
+    """A name of the table as words on one line: ``early stance`` for ``early_stance``."""
     return " ".join(name.replace("_", " ").split()) or name
 
 
@@ -47,14 +40,7 @@ def damping_words(joint: JointImpedance, digits: int = 10) -> str:
 
 
 def signal_words(signal: str) -> tuple[str, str]:
-    """Name of a signal in words, and its unit.
-
-    Args:
-        signal: For example ``other.hip.velocity_deg_per_s``.
-
-    Returns:
-        For example ``("other hip velocity", "°/s")``.
-    """
+    """Name of a signal in words, and its unit: ``("other hip velocity", "°/s")``."""
     leg = "other " if signal.startswith(OTHER) else ""
     source, _, quantity = signal.removeprefix(OTHER).rpartition(".")
     words, unit = _QUANTITIES[quantity]
@@ -62,14 +48,7 @@ def signal_words(signal: str) -> tuple[str, str]:
 
 
 def guard_words(guard: Guard) -> str:
-    """Write a guard with readable names and units.
-
-    Args:
-        guard: The guard.
-
-    Returns:
-        For example ``hip < −8° and (knee > 40° or foot load < 0.1 BW)``.
-    """
+    """A guard with readable names and units: ``hip < −8° and (knee > 40° or foot load < 0.1 BW)``."""
     if isinstance(guard, PhaseMembership):
         return f"other leg in {' or '.join(readable(name) for name in guard.phases)}"
     if isinstance(guard, (AllOf, AnyOf)):
@@ -89,14 +68,9 @@ def _bracketed(guard: Guard) -> str:
 
 
 def condition_lines(transition: Transition, width: int) -> list[str]:
-    """Write what a transition waits for, in short lines.
+    """What a transition waits for in lines of at most a width: its conditions, then debounce and time.
 
-    Args:
-        transition: The transition.
-        width: Longest line in characters.
-
-    Returns:
-        One condition a line, ``and`` or ``or`` in front of all but the first; then debounce and time.
+    ``and`` or ``or`` stands in front of all conditions but the first.
     """
     guard = transition.guard
     if isinstance(guard, (AllOf, AnyOf)):

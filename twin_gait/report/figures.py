@@ -66,9 +66,6 @@ _LACKS = {"gait_cycle": "a leg made no whole stride", "feet": "it is not on the 
 def available_figures(run: Run) -> list[str]:
     """Names of the pictures that apply to a run.
 
-    Args:
-        run: The run.
-
     Returns:
         Of ``FIGURES``, in order; none of a log of less than two rows.
     """
@@ -84,9 +81,6 @@ def draw_figure(run: Run, name: str, *, width: float = SCREEN_WIDTH) -> Figure:
         run: The run, with at least two rows in its log.
         name: One of ``FIGURES``.
         width: In inches; one narrower than a screen is for print.
-
-    Returns:
-        The figure.
 
     Raises:
         ParameterError: If there is no such picture, or none of this run.
@@ -156,13 +150,6 @@ def write_figures(run: Run, directory: Path) -> list[Path]:
     """Draw a run.
 
     A run without strides has no picture of the gait cycle, and one without ground none of the feet.
-
-    Args:
-        run: The run, with at least two rows in its log.
-        directory: An existing folder.
-
-    Returns:
-        The files that were written.
     """
     drawn = ((name, draw(run, width=SCREEN_WIDTH)) for name, draw in FIGURES.items())
     return [save(figure, directory / f"{name}.png") for name, figure in drawn if figure is not None]

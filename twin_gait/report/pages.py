@@ -6,7 +6,7 @@ A page is one file that needs no other: what it shows stands in it, and its poli
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -59,9 +59,6 @@ def render(template: str, content: Mapping[str, Any]) -> str:
     Args:
         template: Name of a file in ``TEMPLATES``; of an HTML one all that is filled in is escaped.
         content: What is filled in, by name, functions among it; ``version`` is this package's.
-
-    Returns:
-        The text.
     """
     return _environment().get_template(template).render(version=__version__, **content)
 
@@ -73,15 +70,21 @@ def paragraphs(template: str, content: Mapping[str, Any]) -> list[str]:
     return [" ".join(text.split()) for text in texts if text.strip()]
 
 
+def figures_page(
+    title: str,
+    subtitle: str,
+    figures: Mapping[str, Figure],
+    heads: Sequence[str] = (),
+    rows: Sequence[Sequence[str]] = (),
+) -> str:
+    """A page of figures, by their headings, under a table, if that has rows; the figures are dark then."""
+    pictures = {name: picture_of(figure) for name, figure in figures.items()}
+    content = {"title": title, "subtitle": subtitle, "heads": heads, "rows": rows, "pictures": pictures}
+    return render("figures.html", content)
+
+
 def picture_of(figure: Figure) -> Picture:
-    """A figure for a page, light and dark; the figure itself is dark afterwards.
-
-    Args:
-        figure: Drawn in black on white.
-
-    Returns:
-        Both pictures.
-    """
+    """A figure for a page, light and dark; the figure itself is dark afterwards."""
     light = picture_bytes(figure)
     for artist in figure.findobj():
         _brighten(artist)

@@ -82,9 +82,6 @@ def whole_run(run: Run) -> Window:
 def shown_strides(record: LegRecord) -> np.ndarray:
     """Strides that a cycle picture shows: the settled ones, or the last if none has settled.
 
-    Args:
-        record: A leg.
-
     Returns:
         First tick of each stride and of the next one, shape ``(n_strides, 2)``.
     """
@@ -94,11 +91,6 @@ def shown_strides(record: LegRecord) -> np.ndarray:
 
 def shown_phases(run: Run, record: LegRecord, window: Window) -> np.ndarray:
     """Phases of a leg in a window; from a trip on the legs are held, whatever the machine says.
-
-    Args:
-        run: The run.
-        record: The leg.
-        window: Rows of the log.
 
     Returns:
         Index of the phase, or ``HELD``, shape ``(n,)``.
@@ -145,9 +137,6 @@ def leg_panels(
         unit: Label of the vertical axes, by the name of the joint.
         below: Rows that are left free below.
         share: ``sharex`` and ``sharey`` as matplotlib's ``subplots`` takes them.
-
-    Yields:
-        Panel, leg and joint.
     """
     joints = list(records[0].angles)
     panels = figure.subplots(len(joints) + below, len(records), squeeze=False, **share)
@@ -179,9 +168,6 @@ def draw_over_time(
         draw: Draws into a panel and gives entries for the legend.
         size: Width and height in inches.
         last: Draws into one more panel below all others.
-
-    Returns:
-        The figure.
     """
     records, names = run.leg_records(), run.table.phase_names
     figure = new_figure(run, title, width=size[0], height=size[1])
@@ -213,9 +199,6 @@ def draw_cycle_curve(axes: Axes, angles: np.ndarray, **style: Any) -> list[Artis
         axes: The panel.
         angles: In [deg] at ``PERCENT``, shape ``(101,)``.
         style: As matplotlib's ``plot`` takes it.
-
-    Returns:
-        The line.
     """
     axes.set_xlim(PERCENT[0], PERCENT[-1])
     axes.set_xlabel("share of the gait cycle [%]")

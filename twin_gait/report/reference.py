@@ -22,10 +22,6 @@ def _reference_walk(experiment: Experiment) -> tuple[float, float] | None:
 def reference_cycle(experiment: Experiment, joint: JointName) -> np.ndarray | None:
     """Reference angles for an experiment.
 
-    Args:
-        experiment: What was run.
-        joint: The joint.
-
     Returns:
         Angles in [rad] at ``PERCENT``, shape ``(101,)``; None without a reference walk.
     """
@@ -35,9 +31,6 @@ def reference_cycle(experiment: Experiment, joint: JointName) -> np.ndarray | No
 
 def reference_stride_time(experiment: Experiment) -> float | None:
     """Duration of a stride of the reference walk.
-
-    Args:
-        experiment: What was run.
 
     Returns:
         Duration in [s]; None without a reference walk.

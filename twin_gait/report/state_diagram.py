@@ -94,7 +94,8 @@ def state_diagram_svg(table: GaitTable) -> str:
     lines = max(len(_box_lines(table, phase)) for phase in table.phases)
     groups = arrow_groups(table)
     size = _box_width(table), 36.0 + SMALL_LINE * lines
-    boxes, curves, labels = lay_out(groups, len(table.phases), size, [_label_size(item) for item in groups])
+    label_sizes = [_label_size(item) for item in groups]
+    boxes, curves, labels, _ = lay_out(groups, len(table.phases), size, label_sizes)
     frame = _frame(table, [*boxes, *labels])
     parts = [
         *_head(table, frame),

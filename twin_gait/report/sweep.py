@@ -1,10 +1,14 @@
-"""Pictures of a sweep: main effect of every parameter, and heat maps over pairs of them."""
+"""Pictures of a sweep: main effect of every parameter, and heat maps over pairs of them.
+
+Columns of its table become axes, with units, labels, and levels or bins.
+"""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from pathlib import Path
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -13,8 +17,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from twin_gait.palette import BLUE, GREY
-from twin_gait.report.canvas import save, style_panel
-from twin_gait.report.sweep_axes import Axis, axis_of, is_logarithmic, label_of
+from twin_gait.report.canvas import style_panel
+from twin_gait.simulation.columns import unit_of
 from twin_gait.vocabulary import Outcome
 
 WALKED = "walked"
@@ -25,35 +29,173 @@ MOST_PARAMETERS = 12
 PANELS_IN_ROW = 3
 MOST_COLUMNS_WRITTEN = 6
 _COLOURS = LinearSegmentedColormap.from_list("share", ["#F4F6F8", BLUE])
+# More different values than this are cut into bins.
+MOST_LEVELS = 12
+EPISODES_PER_BIN = 6
+MOST_BINS = 8
+
+# Suffixes of settings that no log column has.
+_UNITS = {
+    "_kg": "kg",
+    "_deg": "deg",
+    "_Nm_per_deg": "N m/deg",
+    "_Nms_per_deg": "N m s/deg",
+    "_km_per_h": "km/h",
+    "_ms": "ms",
+    "_Hz": "Hz",
+    "_Ohm": "Ohm",
+    "_kgm2": "kg m²",
+    "_N_per_m1p5": "N/m^1.5",
+    "_Ns_per_m": "N s/m",
+    "_s_per_m": "s/m",
+    "_s_per_rad": "s/rad",
+    "_m_per_s2": "m/s²",
+    "_Nm_per_A": "N m/A",
+}
+# Rooms of an experiment that say nothing in a label.
+_ROOMS = frozenset({"set", "table", "phases", "patient", "scenario", "plant", "control", "sensors"})
 
 
-def write_sweep_figures(
-    table: pd.DataFrame, parameters: Sequence[str], measures: Sequence[str], title: str, folder: Path
-) -> list[Path]:
-    """Draw a sweep: the share that walked, then each measure over the episodes that did.
+def unit_of_column(column: str) -> str:
+    """Unit of a column of a sweep's table, from the suffix of its name.
+
+    Args:
+        column: A key of an experiment or a name of a summary.
 
     Returns:
-        The files: ``main_effects_<measure>.png`` and, of two parameters or more, ``heat_map_<measure>.png``.
+        The unit, for example ``kg``; ``1`` for counts, shares and texts.
+    """
+    suffix = max((item for item in _UNITS if column.endswith(item)), key=len, default="")
+    shared = unit_of(column)
+    if shared == "name":  # a count by phase is none
+        return "1"
+    # Of both lists the longer suffix wins: "_m_per_s" is a speed, not seconds.
+    known = 0 if shared == "1" else len(column) - _cut(column, shared, unit_of)
+    return _UNITS[suffix] if len(suffix) > known else shared
+
+
+def _cut(text: str, unit: str, unit_of_text: Callable[[str], str]) -> int:
+    """Where the suffix that names a unit begins."""
+    cuts = [match.start() for match in re.finditer("_", text)]
+    return max(at for at in cuts if unit_of_text(text[at:]) == unit)
+
+
+def label_of(column: str, *, unit: bool = True) -> str:
+    """A column in words.
+
+    Args:
+        column: For example ``table.phases.early_stance.knee.stiffness_Nm_per_deg``.
+        unit: Whether to say it.
+
+    Returns:
+        For example ``early stance knee stiffness [N m/deg]``.
+    """
+    named = unit_of_column(column)
+    words = [word for word in column.split(".") if word not in _ROOMS] or [column]
+    text = " ".join(words)
+    if named != "1":
+        text = text[: _cut(text, named, unit_of_column)]
+    text = text.replace("_", " ").strip()
+    return f"{text} [{named}]" if unit and named != "1" else text
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A parameter with its levels, or with bins where it has too many.
+
+    Attributes:
+        column: Its name in the table.
+        places: Level or bin of each episode, -1 where it has none, shape ``(n,)``.
+        centres: Where each level or bin is drawn, shape ``(k,)``.
+        names: What stands beside each.
+        numbers: Value of each episode where the parameter is a number, shape ``(n,)``; None for names.
+    """
+
+    column: str
+    places: np.ndarray
+    centres: np.ndarray
+    names: tuple[str, ...]
+    numbers: np.ndarray | None
+
+    @property
+    def binned(self) -> bool:
+        """Whether neighbouring values have been put together."""
+        return self.numbers is not None and len(np.unique(self.numbers[self.places >= 0])) > len(self.names)
+
+
+def axis_of(table: pd.DataFrame, column: str) -> Axis | None:
+    """Lay a parameter out.
+
+    Returns:
+        The axis; None if it has but one value.
+    """
+    values = table[column]
+    if values.nunique() < 2:
+        return None
+    if not pd.api.types.is_numeric_dtype(values) or pd.api.types.is_bool_dtype(values):
+        codes, names = pd.factorize(values, sort=True)
+        return Axis(column, codes, np.arange(len(names)), tuple(str(item) for item in names), None)
+    numbers = values.to_numpy(dtype=float, na_value=np.nan)
+    levels = np.unique(numbers[np.isfinite(numbers)])
+    if len(levels) <= MOST_LEVELS:
+        places = np.where(np.isfinite(numbers), np.searchsorted(levels, numbers), -1)
+        return Axis(column, places, levels, tuple(f"{level:.4g}" for level in levels), numbers)
+    return _binned(column, numbers, levels)
+
+
+def _binned(column: str, numbers: np.ndarray, levels: np.ndarray) -> Axis:
+    count = int(np.clip(len(numbers) / EPISODES_PER_BIN, 2, MOST_BINS))
+    edges = np.linspace(levels[0], levels[-1], count + 1)
+    if _spans_decades(levels):
+        edges = np.geomspace(levels[0], levels[-1], count + 1)
+    places = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, count - 1)
+    centres = np.sqrt(edges[1:] * edges[:-1]) if _spans_decades(levels) else (edges[1:] + edges[:-1]) / 2
+    names = tuple(f"{centre:.3g}" for centre in centres)
+    return Axis(column, np.where(np.isfinite(numbers), places, -1), centres, names, numbers)
+
+
+def _spans_decades(levels: np.ndarray) -> bool:
+    return bool(levels[0] > 0.0 and levels[-1] / levels[0] > 20.0)
+
+
+def is_logarithmic(axis: Axis) -> bool:
+    """Whether its values are better drawn on a logarithmic scale."""
+    return axis.numbers is not None and _spans_decades(axis.centres)
+
+
+def sweep_figures(
+    table: pd.DataFrame, parameters: Sequence[str], measures: Sequence[str], title: str
+) -> dict[str, Figure]:
+    """Draw a sweep: the share that walked, then each measure over the episodes that did.
+
+    Args:
+        table: One row per episode.
+        parameters: Columns that were varied; those with one value are left out.
+        measures: Columns to draw; the default ones if empty.
+        title: Of every picture.
+
+    Returns:
+        ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
     """
     axes = [axis for axis in (axis_of(table, name) for name in parameters) if axis is not None]
     axes = axes[:MOST_PARAMETERS]
-    written = []
+    figures: dict[str, Figure] = {}
     for measure in (WALKED, *(measures or DEFAULT_MEASURES)):
         values = values_of(table, measure)
         if not axes or not np.isfinite(values).any():
             continue
-        written.append(
-            save(draw_main_effects(axes, values, measure, title), folder / f"main_effects_{measure}.png")
-        )
+        figures[f"main_effects_{measure}"] = draw_main_effects(axes, values, measure, title)
         if len(axes) > 1:
-            written.append(
-                save(draw_heat_maps(axes, values, measure, title), folder / f"heat_map_{measure}.png")
-            )
-    return written
+            figures[f"heat_map_{measure}"] = draw_heat_maps(axes, values, measure, title)
+    return figures
 
 
 def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
     """A measure of every episode.
+
+    Args:
+        table: One row per episode.
+        measure: A column, or ``walked``.
 
     Returns:
         Numbers, NaN where the wearer did not walk or there is none, shape ``(n,)``; 1 or 0 for ``walked``.
@@ -71,24 +213,25 @@ def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
 def cell_means(values: np.ndarray, first: Axis, second: Axis) -> np.ndarray:
     """Mean over the episodes of each combination of two parameters' levels.
 
+    Args:
+        values: One per episode, shape ``(n,)``.
+        first: Rows.
+        second: Columns.
+
     Returns:
         Means, NaN where there is no episode, shape ``(k_first, k_second)``.
     """
-    sums, counts = np.zeros((2, len(first.names), len(second.names)))
-    there = np.isfinite(values) & (first.places >= 0) & (second.places >= 0)
-    cells = first.places[there], second.places[there]
-    np.add.at(sums, cells, values[there])
-    np.add.at(counts, cells, 1.0)
-    means: np.ndarray = np.divide(sums, counts, out=np.full(sums.shape, np.nan), where=counts > 0.0)
-    return means
+    cells = pd.DataFrame({"value": values, "row": first.places, "column": second.places})
+    cells = cells[np.isfinite(values) & (first.places >= 0) & (second.places >= 0)]
+    means = cells.pivot_table(values="value", index="row", columns="column", aggfunc="mean")
+    whole: np.ndarray = means.reindex(
+        index=range(len(first.names)), columns=range(len(second.names))
+    ).to_numpy(dtype=float)
+    return whole
 
 
 def draw_main_effects(axes: Sequence[Axis], values: np.ndarray, measure: str, title: str) -> Figure:
-    """Draw a measure against each parameter alone, averaged over the others.
-
-    Returns:
-        The figure.
-    """
+    """Draw a measure (shape ``(n,)``) against each parameter alone, averaged over the others."""
     what = _what(measure)
     if measure != WALKED:
         what += f"\nline: mean, shade: {SPREAD[0]:.0%} to {SPREAD[1]:.0%} of the episodes, dots: episodes"
@@ -100,14 +243,10 @@ def draw_main_effects(axes: Sequence[Axis], values: np.ndarray, measure: str, ti
 
 
 def draw_heat_maps(axes: Sequence[Axis], values: np.ndarray, measure: str, title: str) -> Figure:
-    """Draw the mean of a measure over pairs of parameters, averaged over the others.
-
-    Returns:
-        The figure.
-    """
+    """Draw the mean of a measure over the first ``MOST_PAIRS`` pairs, averaged over the other parameters."""
     pairs = list(itertools.combinations(axes, 2))[:MOST_PAIRS]
     cells = [cell_means(values, second, first) for first, second in pairs]
-    blank = ", white: none" if any(np.isnan(means).any() for means in cells) else ""
+    blank = ", empty: no episode" if any(np.isnan(means).any() for means in cells) else ""
     figure, panels = _panels(f"{title}: {_what(measure)}{blank}", len(pairs), height=3.9)
     lowest, highest = _range(cells, measure)
     for panel, (first, second), means in zip(panels, pairs, cells, strict=True):

@@ -80,12 +80,12 @@ class StoredRun:
 
     @property
     def outcome(self) -> str:
-        """What came of it, in a word; of runs of earlier versions how they ended."""
+        """Outcome in a word; of runs of earlier versions how they ended."""
         return str(self.summary.get("outcome") or self.summary.get("status", ""))
 
     @property
     def events(self) -> tuple[RunEvent, ...]:
-        """Faults that struck, trip, fall and divergence in the order of time."""
+        """Faults, trip, fall and divergence in the order of time."""
         end = float(self.log["time_s"].iloc[-1]) if len(self.log) else 0.0
         return run_events(self.experiment.faults, self.trip, str(self.summary.get("status", "")), end)
 
@@ -216,7 +216,7 @@ def trip_time_of(log: pd.DataFrame) -> float:
 
 
 def describe(patient: Patient | None, belt_speed: float) -> str:
-    """One line on who walks and how fast.
+    """One line on wearer and belt speed.
 
     Args:
         patient: The wearer, or None.

@@ -41,8 +41,8 @@ class ShownRun:
         name: What its heading says.
         experiment: What was run.
         log: One row per tick.
-        notes: What somebody who looks at it has to know.
-        events: What befell it.
+        notes: What a reader has to know.
+        events: Faults, trip, fall and divergence.
         outcome: How it ended, in a word.
     """
 

@@ -23,7 +23,7 @@ from twin_gait.vocabulary import JointName
 
 @dataclass(frozen=True, kw_only=True)
 class HandParameters:
-    """A hand that leads one joint of the bench leg and then lets go.
+    """An imposed motion of one joint, as by a hand that leads it and then lets go.
 
     Attributes:
         joint: Joint that is moved.
@@ -31,7 +31,7 @@ class HandParameters:
         frequency: In [Hz].
         stiffness: Of the grip in [N m] / [rad].
         damping: Of the grip in [N m s] / [rad].
-        release_time: In [s]; infinite for a hand that never lets go.
+        release_time: In [s]; infinite for a motion that is imposed to the end.
     """
 
     joint: JointName = JointName.KNEE
@@ -58,7 +58,7 @@ class BenchLegScenario:
     Attributes:
         start_angles: Hip and knee at time 0 in [rad].
         initial_phase: Phase at time 0; the first of the table if None.
-        hand: A hand, or None.
+        hand: Imposed motion, or None.
     """
 
     start_angles: tuple[float, float] = (math.radians(20.0), math.radians(10.0))

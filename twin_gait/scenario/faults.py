@@ -1,4 +1,4 @@
-"""Faults that strike in a run, and their notation: ``encoder_freeze:left_knee@4.2s``."""
+"""Faults injected into a run, and their notation: ``encoder_freeze:left_knee@4.2s``."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ class Fault:
 
 
 def _expected_place(kind: FaultKind) -> str:
-    """Where faults of a kind can strike, in words."""
+    """Where faults of a kind can be injected, in words."""
     if kind is FaultKind.SUPPLY_DIP:
         return "no place, as in supply_dip@4.2s"
     names = ["foot"] if kind is FaultKind.FOOT_LOAD_STUCK else ["hip", "knee"]
@@ -185,7 +185,7 @@ def _magnitude(text: str, kind: FaultKind, size: str | None) -> float | None:
 
 
 def check_faults(faults: Collection[Fault], sides: Collection[Side], feet: bool, duration: float) -> None:
-    """Check that faults strike something that is there, within the run.
+    """Check that faults act on something that is there, within the run.
 
     Args:
         faults: The faults.

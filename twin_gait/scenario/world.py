@@ -40,7 +40,7 @@ class LegSource:
 
 @dataclass(frozen=True, kw_only=True)
 class Hand:
-    """A hand that leads one joint; see :func:`twin_gait.core.plant.hand_torque`.
+    """An imposed motion of one joint, as by a hand; see :func:`twin_gait.core.plant.hand_torque`.
 
     Attributes:
         index: Coordinate that it moves.
@@ -96,7 +96,7 @@ class World:
         catch_dissipation: Of that harness in [s] / [m].
         body_weight: Weight of the wearer and device in [N].
         fall_height: Pelvis height in [m] below which the wearer has fallen, or None.
-        hand: A hand, which grips the device, or None.
+        hand: Imposed motion of a joint of the device, or None.
         braces: What binds the wearer to the device, or None if they are one.
     """
 

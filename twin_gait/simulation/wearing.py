@@ -11,8 +11,7 @@ from twin_gait.core import wearer
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.measures.reference import FASTEST, SLOWEST, reference_curve
-from twin_gait.measures.winter1991 import normative_moment
+from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, JointName, Side

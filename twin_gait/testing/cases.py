@@ -1,12 +1,21 @@
-"""The tests of a gait table: every transition at every threshold, in time, and in priority."""
+"""The tests of a gait table: every transition at every threshold, in time, and in priority; an approved text.
+
+The tests follow the table, so they cannot notice that the table itself was edited; the text, kept in git and
+approved by a person, can.
+"""
 
 from __future__ import annotations
 
+import difflib
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
-from twin_gait.gait.feasibility import Wish
+from twin_gait.exceptions import ParameterFileError, RunDirectoryError
+from twin_gait.files import write_atomically
+from twin_gait.gait.documents import transition_table, truth_table
+from twin_gait.gait.feasibility import Requirement
 from twin_gait.gait.table import GaitTable
 from twin_gait.testing import edges, timing
 from twin_gait.testing.driver import MachineFactory, Refusal, machine_of, play
@@ -122,7 +131,7 @@ def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
         *(timing.elsewhere(leave, phase) for phase in away),
     ):
         yield _playing(table, item)
-    steps = comfortable(leave, [Wish(leave.item.guard)], fires) or last
+    steps = comfortable(leave, [Requirement(leave.item.guard)], fires) or last
     alone = tuple(step._replace(vector=step.vector._replace(other_phase=None)) for step in steps)
     if yields(leave, alone):
         yield _playing(table, scenario(leave, "holds without another leg", alone))
@@ -134,3 +143,53 @@ def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
 
 def _playing(table: GaitTable, item: Scenario) -> Shown:
     return item.what, lambda factory: play(table, item, factory), len(item.steps)
+
+
+# ---------------------------------------------------------------------- an approved text
+
+
+def approval_text(table: GaitTable) -> str:
+    """Write everything that a gait table says as Markdown.
+
+    Args:
+        table: The gait table.
+
+    Returns:
+        Transitions in their order of priority, laws, parameters and truth table of each phase, as ``twin-gait
+        diagram`` prints them; the same text for the same table.
+    """
+    return f"{transition_table(table)}\n{truth_table(table)}"
+
+
+def check_approved(path: Path, present: str) -> str | None:
+    """Compare a text with the one that was approved.
+
+    Args:
+        path: File with the approved text.
+        present: The text of the table as it is.
+
+    Returns:
+        None if they are the same, else what is wrong: a unified diff, or that there is no such file.
+
+    Raises:
+        ParameterFileError: If the file cannot be read.
+    """
+    if not path.exists():
+        return f"{path}: there is no approved text yet"
+    try:
+        approved = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ParameterFileError(path, "", f"cannot be read as text ({error})") from error
+    lines = difflib.unified_diff(
+        approved.splitlines(), present.splitlines(), fromfile=str(path), tofile="the table", lineterm=""
+    )
+    return "\n".join(lines) or None
+
+
+def write_approved(path: Path, text: str) -> None:
+    """Approve a text: write it, whole or not at all; raises RunDirectoryError if it cannot be written."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise RunDirectoryError(f"{path.parent}: cannot be made ({error.strerror})") from error
+    write_atomically(path, text)

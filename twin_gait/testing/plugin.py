@@ -6,8 +6,7 @@ of the options is given, and without them no hook does anything.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from itertools import groupby
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,17 +18,11 @@ if TYPE_CHECKING:
 
 
 class Request(NamedTuple):
-    """A table to be tested.
-
-    Attributes:
-        table: The gait table.
-        approved: File with its approved text, or None.
-        approve: Whether that file is to be written instead of compared.
-    """
+    """A table to be tested."""
 
     table: GaitTable
-    approved: Path | None
-    approve: bool
+    approved: Path | None  # file with its approved text
+    approve: bool  # whether that file is to be written instead of compared
 
 
 _REQUESTS = pytest.StashKey[dict[Path, Request]]()
@@ -114,33 +107,14 @@ class GaitTableTests(pytest.File):
         super().__init__(**rest)
         self.request = request
 
-    def collect(self) -> Iterable[pytest.Item | pytest.Collector]:
-        """One collector per transition, then the approval."""
+    def collect(self) -> Iterator[pytest.Item]:
+        """The tests of its transitions, then the approval."""
         from twin_gait.testing.cases import transition_tests
 
-        tests = transition_tests(self.request.table)
-        for title, group in groupby(tests, key=_title):
-            yield TransitionTests.from_parent(self, name=title, tests=list(group))
+        for test in transition_tests(self.request.table):
+            yield TransitionItem.from_parent(self, name=test.name, test=test)
         if self.request.approved is not None:
             yield ApprovalItem.from_parent(self, name="approved text", request=self.request)
-
-
-def _title(test: TransitionTest) -> str:
-    return test.name.split("::", 1)[0]
-
-
-class TransitionTests(pytest.Collector):
-    """The tests of one transition."""
-
-    def __init__(self, *, tests: list[TransitionTest], **rest: Any) -> None:
-        """Keep the tests."""
-        super().__init__(**rest)
-        self.tests = tests
-
-    def collect(self) -> Iterator[pytest.Item]:
-        """One item per test."""
-        for test in self.tests:
-            yield TransitionItem.from_parent(self, name=test.name.split("::", 1)[1], test=test)
 
 
 class OneLineItem(pytest.Item):
@@ -154,8 +128,7 @@ class OneLineItem(pytest.Item):
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
         """Say where the test comes from."""
-        transition = self.parent.name if isinstance(self.parent, TransitionTests) else self.path.name
-        return self.path, None, f"{transition}: {self.name}"
+        return self.path, None, self.name.replace("::", ": ")
 
 
 class TransitionItem(OneLineItem):
@@ -184,7 +157,7 @@ class ApprovalItem(OneLineItem):
     def runtest(self) -> None:
         """Compare, or write."""
         from twin_gait.exceptions import TwinGaitError
-        from twin_gait.testing.approval import approval_text, check_approved, write_approved
+        from twin_gait.testing.cases import approval_text, check_approved, write_approved
 
         path = self.request.approved
         assert path is not None  # only made with one

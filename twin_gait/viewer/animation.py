@@ -64,7 +64,7 @@ def write_animation(
         phases: Names of the phases in order; those of the log if None.
         frames_per_second: Frames recorded per second of the run; each change of a phase has one too.
         moments: Further moments to have a frame of, in [s].
-        events: What befell the run; each has a frame too.
+        events: Events of the run; each has a frame too.
         outcome: How it ended, in a word.
 
     Returns:
@@ -101,23 +101,7 @@ def recorded_run(
 ) -> dict[str, Any]:
     """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
 
-    Args:
-        log: One row per tick, with the columns of a run.
-        model: The model that the log is about.
-        title: Heading; any text.
-        subtitle: Line below it; any text.
-        belt_speed: Of the treadmill in [m] / [s], or the way that the belt has gone by a time; 0 on the
-            bench.
-        patient: The wearer to draw, or None.
-        phases: Names of the phases in order; those of the log if None.
-        frames_per_second: Frames recorded per second of the run.
-        moments: Further moments to have a frame of, in [s].
-        notes: What the page is to say below the heading.
-        events: What befell the run; each has a frame too.
-        outcome: How it ended, in a word.
-
-    Returns:
-        The data.
+    The arguments are those of :func:`write_animation`, and ``notes`` that stand below the heading.
 
     Raises:
         ModelError: If the URDF cannot be read.

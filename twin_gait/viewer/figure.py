@@ -88,9 +88,6 @@ class Figure:
             name: Name of the part, once per joint.
             shape: Mesh in the frame of the joint.
             material: Its surface.
-
-        Returns:
-            Its place in the scene.
         """
         path = f"{self.paths[joint]}/{name}"
         self._window.send(set_object(path, shape, material))
@@ -101,11 +98,7 @@ class Figure:
         return path
 
     def draw_visuals(self, visuals: Visuals) -> None:
-        """Draw the visuals of the URDF.
-
-        Args:
-            visuals: The meshes.
-        """
+        """Draw the visuals of the URDF."""
         for number, part in enumerate(visuals.parts):
             *colour, opacity = part.colour
             dark = max(colour) < 0.3
@@ -118,12 +111,7 @@ class Figure:
             self.draw(part.joint, f"visual_{number}", part.shape, material)
 
     def draw_sticks(self, legs: Iterable[LegJoints], visuals: Visuals) -> None:
-        """Draw a stick for every segment of a leg that shows nothing, and a ball at its joint.
-
-        Args:
-            legs: Joint names of the legs.
-            visuals: What is drawn already.
-        """
+        """Draw a stick for every segment of a leg that shows nothing, and a ball at its joint."""
         material = Material(colour=STICK_COLOUR, roughness=0.5)
         for leg in legs:
             for _, joint in leg.items():
@@ -163,10 +151,6 @@ class Figure:
 
         A bare last link is taken to be as long as the one before it.
 
-        Args:
-            joint: Name of the joint.
-            leg: Joint names of the leg.
-
         Returns:
             In the frame of the joint in [m], shape ``(3,)``; never zero.
         """
@@ -189,9 +173,6 @@ class Figure:
             joint: Name of the joint.
             discs: Cylinders of the URDF.
             default_radius: Used if there is none, in [m].
-
-        Returns:
-            The size.
         """
         index = self.model.getJointId(joint)
         parent = str(self.model.names[self.model.parents[index]])
@@ -213,16 +194,7 @@ class Figure:
         return max(found, key=lambda motor: motor.radius, default=default)
 
     def draw_cover(self, joint: str, motor: Motor, material: Material) -> str:
-        """Draw the cover of a motor, whose colour shows the phase.
-
-        Args:
-            joint: Name of the joint.
-            motor: Size of the motor.
-            material: Its surface.
-
-        Returns:
-            Its place in the scene.
-        """
+        """Draw the cover of a motor, whose colour shows the phase."""
         cover = shapes.ring_cap(motor.radius + _COVER_MARGIN, motor.length + 2.0 * _COVER_MARGIN)
         placement = along(self.axis(joint))
         placement[:3, 3] = motor.centre
@@ -238,9 +210,6 @@ class Figure:
             motor: Size of the motor.
             outward: 1 if the outer face of the motor is its left one, -1 for the right one.
             full_torque: Torque that the longest arrow stands for in [N m].
-
-        Returns:
-            The arrows.
         """
         index = self.model.getJointId(joint)
         parent = str(self.model.names[self.model.parents[index]])

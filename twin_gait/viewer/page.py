@@ -98,11 +98,8 @@ def page_data(
         arrows: Whether ground forces are drawn.
         duration: In [s], or None if there is no end.
         notes: What else the card is to say.
-        events: What befell the run.
+        events: Events of the run.
         more: Further entries.
-
-    Returns:
-        The data.
     """
     return {
         "mode": mode,
@@ -129,9 +126,6 @@ def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
     Args:
         side: Which leg.
         shows: What is known of it: ``phase`` and names of curves.
-
-    Returns:
-        Side, label, colours on a light and a dark page, and what is shown.
     """
     label = str(side).capitalize()
     colours = {"colour": SIDE_COLOURS[side], "dark": SIDE_COLOURS_ON_DARK[side]}
@@ -139,7 +133,7 @@ def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
 
 
 def event_entries(events: Iterable[RunEvent]) -> list[dict[str, Any]]:
-    """What a page needs to know of what befell a run: kind, time in [s] and words."""
+    """What a page needs to know of the events of a run: kind, time in [s] and words."""
     return [{"kind": str(event.kind), "time": event.time, "text": event.text} for event in events]
 
 
@@ -212,9 +206,6 @@ def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") 
         runs: One run, or two to be seen beside each other: :func:`page_data` with ``frames`` and ``scene``,
             both through :func:`packed`. A model has a scene and ``joints`` instead of frames.
         mode: ``recorded``, or ``model`` for one model.
-
-    Returns:
-        HTML.
     """
     folder = viewer_folder()
     bundle = packed(_bundle().encode())
@@ -237,9 +228,6 @@ def live_page(*, style: str = "", panel: str = "", script: str = "", socket: str
         panel: Further HTML, between the curves and the bar.
         script: Further script, after the page's own; it finds ``window.twinGait``.
         socket: Path of the web socket on the same server, or None if the script brings the data itself.
-
-    Returns:
-        HTML.
     """
     return _fill(
         policy=LIVE_POLICY,
@@ -258,38 +246,17 @@ def _bundle() -> str:
 
 
 def packed(content: bytes) -> str:
-    """Compress bytes and write them as text that a page can hold.
-
-    Args:
-        content: Any bytes.
-
-    Returns:
-        Base64 of a zlib stream.
-    """
+    """Compress bytes and write them as text that a page can hold."""
     return base64.b64encode(zlib.compress(content, 9)).decode("ascii")
 
 
 def packed_json(data: Any) -> str:
-    """The same of data that JSON can hold.
-
-    Args:
-        data: Finite numbers, texts, lists, mappings.
-
-    Returns:
-        Base64 of a zlib stream of JSON.
-    """
+    """The same of data that JSON can hold."""
     return packed(json.dumps(data, separators=(",", ":"), allow_nan=False).encode("ascii"))
 
 
 def embedded_json(data: Mapping[str, Any]) -> str:
-    """JSON that can stand inside a script element: no text of it can end the element.
-
-    Args:
-        data: The data.
-
-    Returns:
-        JSON text.
-    """
+    """JSON that can stand inside a script element: no text of it can end the element."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)
     return text.replace("<", "\\u003c")
 

@@ -85,9 +85,6 @@ def take_picture(
         dark: Whether to draw the dark page.
         timeout: Longest wait for the browser in [s].
 
-    Returns:
-        The file.
-
     Raises:
         RunDirectoryError: If the file cannot be written.
         ViewerError: If there is no Chromium, or it does not draw the page.

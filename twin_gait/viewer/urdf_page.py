@@ -28,9 +28,6 @@ def urdf_page(path: str | Path, *, up_axis: str = "z") -> str:
         path: The file, or the name of a packaged one.
         up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF.
 
-    Returns:
-        HTML.
-
     Raises:
         ModelError: If the URDF cannot be read.
         ViewerError: If a mesh cannot be read.
@@ -54,9 +51,6 @@ def counted(model: pin.Model) -> str:
 
 def joint_entries(figure: Figure) -> list[dict[str, Any]]:
     """What a slider needs to know of each joint that turns about or slides along one axis.
-
-    Args:
-        figure: The figure that is drawn.
 
     Returns:
         Name, place in the scene, ``slides``, axis in the frame of the joint, position in [m] and quaternion

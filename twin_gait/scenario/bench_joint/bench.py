@@ -22,8 +22,7 @@ from twin_gait.parameters import (
 )
 from twin_gait.scenario.bench_joint.control import DutyControl, TorqueControl
 from twin_gait.scenario.bench_joint.drive import CatalogueEfficiency, DriveParameters, Torsion
-from twin_gait.scenario.bench_joint.link import HORIZONTAL, BenchFriction, LinkParameters
-from twin_gait.scenario.bench_joint.sensing import InertialUnit
+from twin_gait.scenario.bench_joint.link import HORIZONTAL, BenchFriction, InertialUnit, LinkParameters
 from twin_gait.scenario.bench_leg import HandParameters
 from twin_gait.vocabulary import JointName
 
@@ -60,7 +59,7 @@ class BenchJoint:
         sensors: Encoder and velocity estimates.
         inertial_unit: On the link, for the inertia compensation; None for the differentiated encoder.
         limits: Of torque and current.
-        hand: A hand on the link, or None.
+        hand: Imposed motion of the link, or None.
         start_angle: In [rad].
         start_velocity: In [rad] / [s].
         gravity: In [m] / [s²].

@@ -110,9 +110,6 @@ def find_controllers(names: Sequence[str]) -> tuple[Controller, ...]:
     Args:
         names: For example ``table`` and ``position``.
 
-    Returns:
-        The controllers in the same order.
-
     Raises:
         ParameterError: If there is none of a name, or one is named twice.
     """
@@ -217,9 +214,6 @@ def compare(
         should_stop: Asked before each run.
         on_compile: Called if the engine has to be compiled for a controller.
 
-    Returns:
-        The comparison.
-
     Raises:
         ParameterError: If there is no treadmill, no wearer, or not one seed.
         ComparisonInterrupted: If it was stopped.
@@ -258,15 +252,7 @@ def _ending(run: Run) -> dict[str, str]:
 
 
 def varied(experiment: Experiment, seed: int) -> Experiment:
-    """The experiment on another day.
-
-    Args:
-        experiment: On the treadmill, with a wearer.
-        seed: 0 leaves it as it is; any other draws mass, effort, friction and belt speed.
-
-    Returns:
-        The experiment with that seed.
-    """
+    """The experiment on another day."""
     scenario, patient, plant = experiment.scenario, experiment.patient, experiment.plant
     if seed == 0:
         return experiment

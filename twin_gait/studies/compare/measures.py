@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,27 +21,25 @@ from twin_gait.measures.effort import (
     root_mean_square,
     share_of_work,
 )
-from twin_gait.measures.foot_contact import CONTACT_FORCE, scuffs, swing_clearances
+from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.reference import gait_profile_score, gait_variable_score
 from twin_gait.measures.strides import (
     PERCENT,
+    SKIPPED_STRIDES,
     cadence,
     double_support_share,
     normalise_strides,
     step_times,
-    stride_extremes,
     stride_lengths,
     stride_times,
-    swing_shares,
     symmetry_index,
 )
-from twin_gait.measures.switching import dimensionless_jerk, joint_jerk
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.replay.normative import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
-from twin_gait.runs.leg_summary import blend_length
+from twin_gait.runs.leg_summary import blend_length, summarise_side
 from twin_gait.runs.record import belt_speed_of
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
@@ -53,20 +51,18 @@ Measures = dict[str, float]
 
 
 class _Leg(NamedTuple):
-    """A leg with the strides that count, and the ticks that they span."""
+    """A leg with the strides that count, the ticks that they span, and its part of the run's summary."""
 
     record: LegRecord
     strides: np.ndarray
     span: slice
+    summary: dict[str, Any]
 
 
 def run_measures(run: Run) -> Measures:
     """All numbers of a run, by names with their units.
 
     ``walked`` is 1 for a run whose verdict is so; of any other, the gait has no numbers but ``walked_s``.
-
-    Args:
-        run: A run on the treadmill.
 
     Returns:
         Measures by name; NaN where one is not defined.
@@ -90,29 +86,27 @@ def _leg(run: Run, side: Side) -> _Leg:
     record = run.leg_record(side)
     strides = record.strides()
     span = slice(int(strides[0, 0]), int(strides[-1, 1])) if len(strides) else slice(0, 0)
-    return _Leg(record, strides, span)
+    return _Leg(record, strides, span, summarise_side(run, side, SKIPPED_STRIDES))
 
 
 def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
     record, contacts, others = leg.record, leg.record.contacts, other.record.contacts
     assert contacts is not None and others is not None  # there is a belt
-    assert record.normal_force is not None and record.clearance is not None
-    assert other.record.normal_force is not None
+    assert record.normal_force is not None and other.record.normal_force is not None
     times = stride_times(leg.strides, TICK)
-    clearance = swing_clearances(record.clearance, contacts)
     strikes = contacts.heel_strikes[contacts.heel_strikes >= leg.span.start]
     return {
         "strides": float(len(leg.strides)),
-        "stride_time_s": float(times.mean()),
+        "stride_time_s": leg.summary["stride_time_mean_s"],
         "cadence_per_min": cadence(times),
         "stride_length_m": float(stride_lengths(times, belt_speed_of(run.experiment)).mean()),
         "step_time_s": _mean(step_times(strikes, others.heel_strikes, TICK)),
-        "swing_share": _mean(swing_shares(leg.strides, contacts.toe_offs)),
+        "swing_share": leg.summary["swing_share"],
         "double_support_share": double_support_share(
             record.normal_force, other.record.normal_force, leg.strides, CONTACT_FORCE
         ),
-        "toe_clearance_m": float(clearance.min()) if len(clearance) else math.nan,
-        "scuffs": float(len(scuffs(contacts))),
+        "toe_clearance_m": leg.summary["toe_clearance_least_m"],
+        "scuffs": float(leg.summary["scuffs"]),
     }
 
 
@@ -131,21 +125,16 @@ def _mean(values: np.ndarray) -> float:
 
 
 def _shape(run: Run, leg: _Leg, joint: JointName) -> Measures:
-    """Range of motion, distance from healthy gait, smoothness."""
-    angle, strides = leg.record.angles[joint], leg.strides
-    extremes = np.degrees(stride_extremes(angle, strides))
-    cycles = np.degrees(normalise_strides(angle, strides))
-    velocity = run.log[wearer_column(run.log, leg.record.side, joint, "velocity_rad_per_s")].to_numpy()
-    jerk = dimensionless_jerk(velocity, joint_jerk(velocity, TICK), strides, TICK)
-    reference = reference_cycle(run.experiment, joint)
+    """Range of motion, deviation from healthy gait, smoothness."""
+    cycles = np.degrees(normalise_strides(leg.record.angles[joint], leg.strides))
+    reference, known = reference_cycle(run.experiment, joint), leg.summary["joints"][joint]
+    koopman = math.nan if reference is None else gait_variable_score(cycles, np.degrees(reference))
     return {
-        "range_of_motion_deg": float(np.mean(extremes[:, 1] - extremes[:, 0])),
-        "gvs_koopman_deg": math.nan
-        if reference is None
-        else gait_variable_score(cycles, np.degrees(reference)),
+        "range_of_motion_deg": known["range_of_motion_deg"],
+        "gvs_koopman_deg": koopman,
         "gvs_winter_deg": gait_variable_score(cycles, np.degrees(winter_cycle(joint))),
         # The logarithm is after Balasubramanian et al. (2015); nearer to 0 is smoother.
-        "smoothness": -math.log(float(np.nanmean(jerk))),
+        "smoothness": -math.log(known["jerk_dimensionless"]),
     }
 
 

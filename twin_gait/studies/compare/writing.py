@@ -5,23 +5,34 @@ from __future__ import annotations
 import json
 import math
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import yaml
+from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from twin_gait.files import finite_or_none, write_atomically
 from twin_gait.measures.strides import normalise_strides
-from twin_gait.report.canvas import picture_bytes
-from twin_gait.report.compare import Drawn, draw_comparison
+from twin_gait.palette import (
+    BLUE,
+    BLUISH_GREEN,
+    GREY,
+    ORANGE,
+    REDDISH_PURPLE,
+    REFERENCE_COLOUR,
+    SKY_BLUE,
+    VERMILLION,
+)
+from twin_gait.report.canvas import picture_bytes, put_legend, style_panel
 from twin_gait.report.pages import paragraphs, picture_of, render
+from twin_gait.report.panels import draw_cycle_curve
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import belt_speed_of, describe
 from twin_gait.runs.summary import versions
-from twin_gait.simulation.run import Run
 from twin_gait.studies.compare.comparing import CONTROLLERS, Comparison, Controller, Interval
 from twin_gait.vocabulary import MOTOR_JOINTS, Side
 
@@ -30,6 +41,7 @@ COMPARISON = FolderKind("a comparison", PAGE_FILE)
 PICTURE_FILE, RUNS_FILE, SUMMARY_FILE = "compare.png", "runs.csv", "compare.json"
 HOT = 1.0  # RMS current over the continuous one
 UNEVEN = 0.05  # of a symmetry index; less is not called asymmetry
+COLOURS = (BLUE, VERMILLION, BLUISH_GREEN, ORANGE, REDDISH_PURPLE, SKY_BLUE, GREY)
 _BARS = {"device torque, RMS [N m]": "interaction_rms_Nm", "battery [W]": "battery_power_W"}
 
 
@@ -159,35 +171,34 @@ def page_of(comparison: Comparison, who: str, figure: Figure) -> str:
 
 
 def figure_of(comparison: Comparison) -> Figure:
-    """The figure of the nominal day: cycles beside the reference, and bars."""
-    reference: dict[str, np.ndarray] = {}
-    for joint in MOTOR_JOINTS:
-        healthy = reference_cycle(comparison.experiment, joint)
-        if healthy is not None:
-            reference |= {f"{side} {joint}": np.degrees(healthy) for side in Side}
+    """The figure of the nominal day: mean cycles of those that walked beside the reference, and bars."""
     nominal = comparison.table[comparison.table["seed"] == 0].set_index("controller")
     bars = nominal.reindex(columns=list(_BARS.values())).dropna().to_dict("index")
-    drawn = [
-        Drawn(
-            item.title,
-            list(CONTROLLERS).index(item.name),
-            _cycles(comparison.runs[item.name]),
-            {label: float(bars[item.name][number]) for label, number in _BARS.items()},
-        )
-        for item in comparison.controllers
-        if item.name in bars
-    ]
-    return draw_comparison(drawn, reference)
-
-
-def _cycles(run: Run) -> dict[str, np.ndarray]:
-    cycles = {}
-    for side in run.sides:
-        record = run.leg_record(side)
-        for joint in MOTOR_JOINTS:
-            strides = normalise_strides(record.angles[joint], record.strides())
-            cycles[f"{side} {joint}"] = np.degrees(strides.mean(axis=0))
-    return cycles
+    walked = [item for item in comparison.controllers if item.name in bars]
+    colours = [COLOURS[list(CONTROLLERS).index(item.name)] for item in walked]
+    figure = Figure(figsize=(13.0, 3.3), layout="constrained")
+    panels = iter(figure.subplots(1, 2 * len(MOTOR_JOINTS) + len(_BARS), squeeze=False)[0])
+    lines: list[Artist] = []
+    for joint, side in product(MOTOR_JOINTS, Side):
+        axes = next(panels)
+        for item, colour in zip(walked, colours, strict=True):
+            record = comparison.runs[item.name].leg_record(side)
+            cycles = np.degrees(normalise_strides(record.angles[joint], record.strides()))
+            style: dict[str, Any] = {"color": colour, "linewidth": 1.5, "label": item.title}
+            lines += draw_cycle_curve(axes, cycles.mean(axis=0), **style)
+        reference = reference_cycle(comparison.experiment, joint)
+        if reference is not None:
+            style = {"color": REFERENCE_COLOUR, "linestyle": ":", "linewidth": 1.5}
+            lines += draw_cycle_curve(axes, np.degrees(reference), **style, label="healthy, same speed")
+        style_panel(axes, f"{side} {joint} [°]", "")
+        axes.set_xlabel("stride [%]")
+    for axes, (label, number) in zip(panels, _BARS.items(), strict=True):
+        axes.bar(range(len(walked)), [bars[item.name][number] for item in walked], color=colours)
+        axes.set_xticks([])
+        style_panel(axes, label, "")
+    if lines:
+        put_legend(figure, lines)
+    return figure
 
 
 def summary_text(comparison: Comparison, who: str) -> str:

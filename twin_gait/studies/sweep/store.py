@@ -24,7 +24,7 @@ import pyarrow.parquet as pq
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
-from twin_gait.report.sweep_axes import unit_of_column
+from twin_gait.report.sweep import unit_of_column
 from twin_gait.studies.batch import SUMMARY_COLUMNS, Flat, setting_columns, summary_table
 from twin_gait.studies.sweep.spec import Sweep
 
@@ -32,7 +32,7 @@ TABLE_SCHEMA_VERSION = 1
 SPEC_FILE = "spec.yaml"
 TABLE_FILE = "table.parquet"
 SUMMARY_FILE = "summary.json"
-FIGURES_FOLDER = "figures"
+FIGURES_FOLDER, REPORT_FILE = "figures", "report.html"
 PARTS_FOLDER = "parts"
 _LOCK_FILE = ".lock"
 _PROVENANCE = "\nprovenance:\n"  # the last key of a specification

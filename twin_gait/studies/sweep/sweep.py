@@ -19,7 +19,9 @@ from twin_gait.configuration.validation import converting
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
-from twin_gait.report.sweep import values_of, write_sweep_figures
+from twin_gait.report.canvas import save
+from twin_gait.report.pages import figures_page
+from twin_gait.report.sweep import sweep_figures, values_of
 from twin_gait.simulation import RunStatus, simulate
 from twin_gait.simulation.problem import build_problem
 from twin_gait.studies.batch import Flat, Override, episode_of, flat_summary, setting_columns
@@ -27,6 +29,7 @@ from twin_gait.studies.jobs import Portion, Workers, portions
 from twin_gait.studies.sweep.spec import Sweep
 from twin_gait.studies.sweep.store import (
     FIGURES_FOLDER,
+    REPORT_FILE,
     SPEC_FILE,
     SUMMARY_FILE,
     SweepStore,
@@ -211,16 +214,21 @@ def check_sweep(
                 raise KeyboardInterrupt
 
 
-def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path) -> list[Path]:
-    """Draw the table.
-
-    Returns:
-        The files.
-    """
+def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
+    """Draw the table: ``figures/*.png``, and ``report.html`` with all of them."""
     folder = directory / FIGURES_FOLDER
     folder.mkdir(exist_ok=True)
     parameters = list(setting_columns(sweep.design.columns).values())
-    return write_sweep_figures(table, parameters, sweep.measures, sweep.name.replace("_", " "), folder)
+    title = sweep.name.replace("_", " ")
+    figures = sweep_figures(table, parameters, sweep.measures, title)
+    for name, figure in figures.items():
+        save(figure, folder / f"{name}.png")
+    counts = table["outcome"].value_counts().items()
+    rows = [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
+    named = {name.replace("_", " "): figure for name, figure in figures.items()}
+    subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
+    page = figures_page(f"Sweep: {title}", subtitle, named, ("outcome", "episodes", "share [%]"), rows)
+    write_atomically(directory / REPORT_FILE, page)
 
 
 def _run(

@@ -68,7 +68,7 @@ def write_tuning(
         settings: How.
         directory: The folder of :func:`twin_gait.studies.tune.tune.tune`.
         wearer: For whom, in words.
-        workers: Who walks; the calling process if None.
+        workers: Processes or a cluster that execute the walks; the calling process if None.
         progress: Called with walks done and in all.
         should_stop: Asked before each walk.
 
@@ -176,15 +176,6 @@ def walk_departures(
     should_stop: Callable[[], bool] | None = None,
 ) -> dict[str, Any] | None:
     """How two tables degrade as the world departs from what one of them was tuned for.
-
-    Args:
-        before: Document of the table that the search began with.
-        after: Document of the tuned one.
-        experiment: What it was tuned for.
-        settings: How.
-        workers: Who walks.
-        progress: Called with walks done and in all.
-        should_stop: Asked before each walk.
 
     Returns:
         By quantity: its nominal value, the values, and of both tables the errors of hip and knee in [deg],

@@ -60,11 +60,6 @@ class Effect:
 def plan(parameters: Sequence[Parameter], seed: int, trajectories: int = TRAJECTORIES) -> np.ndarray:
     """Points to be walked: trajectories that change one number at a time.
 
-    Args:
-        parameters: The numbers.
-        seed: Of the draw.
-        trajectories: How many.
-
     Returns:
         Coordinates from 0 to 1, shape ``(trajectories * (n + 1), n)``.
 

@@ -215,9 +215,6 @@ def open_state(directory: Path, identity: Mapping[str, Any], *, resume: bool, fo
         resume: Whether to go on with what is there.
         force: Whether an earlier tuning may be replaced.
 
-    Returns:
-        The state.
-
     Raises:
         RunDirectoryError: If the folder may not be used, or holds another tuning.
     """

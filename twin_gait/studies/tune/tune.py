@@ -53,15 +53,12 @@ def tune(
             one, the search begins with that shipped one that suits the person best.
         directory: The folder; see :func:`twin_gait.studies.tune.state.open_state`.
         settings: How.
-        workers: Who walks; the calling process if None.
+        workers: Processes or a cluster that execute the walks; the calling process if None.
         resume: Whether to go on with what is in the folder.
         force: Whether an earlier tuning may be replaced.
         progress: Called after every step.
         should_stop: Asked before each walk; True ends the tuning, which can be resumed.
         on_compile: Called if the engine has to be compiled, which takes 10 to 20 s.
-
-    Returns:
-        The candidates and how they walked.
 
     Raises:
         MissingOptionalDependency: If cma or SALib is not installed.
@@ -91,7 +88,7 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
 
     Args:
         experiment: A treadmill with a wearer, and the table that is to be bettered.
-        workers: Who walks; the calling process if None.
+        workers: Processes or a cluster that execute the walks; the calling process if None.
         **settings: Those of :class:`twin_gait.studies.tune.settings.Settings`: ``minutes`` for everything
             (10), or ``generations`` of the search, with which the result does not depend on the machine's
             speed; ``seed``; ``screening``, whether the search is narrowed to the numbers that matter;
@@ -127,13 +124,6 @@ class Chosen(NamedTuple):
 def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
     """Take the best finalist whose table passes every error rule of the check.
 
-    Args:
-        tuning: Completed.
-        experiment: What it was tuned for.
-
-    Returns:
-        The table with what the check says.
-
     Raises:
         ParameterError: If none passes, not even the table that the search began with.
     """
@@ -156,9 +146,6 @@ def final_table(chosen: Chosen, experiment: Experiment, wearer: str, began_with:
         experiment: What it was tuned for.
         wearer: For whom, in words.
         began_with: Name of the table that the search began with.
-
-    Returns:
-        The mapping, which every command takes.
     """
     start = experiment.table.name
     origin = (

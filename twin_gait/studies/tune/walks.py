@@ -138,7 +138,7 @@ def walk_all(
     Args:
         asks: Tables and cases.
         document: Of the experiment.
-        workers: Who walks.
+        workers: Processes or a cluster that execute the walks.
         quick: Whether ``QUICK_INTEGRATION`` will do.
         reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
         progress: Called with walks done and in all.

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from twin_gait.identification import Identification, IdentifiedModel, Samples
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, GREY, ORANGE, REDDISH_PURPLE, SKY_BLUE, VERMILLION
 from twin_gait.report.canvas import readable, style_panel
 
 SHOWN_MODELS = 4
 _SHOWN_SAMPLES = 15_000
+_LONG = 1e9  # [s]
 _COLOURS = (VERMILLION, BLUE, BLUISH_GREEN, ORANGE)
 _STYLES = ("-", "--", "-.", ":")
 _TEST_COLOURS = (SKY_BLUE, REDDISH_PURPLE, BLUISH_GREEN, ORANGE, BLUE, GREY)
@@ -22,59 +23,14 @@ _FEWEST_IN_BIN = 5
 _NARROW = 0.25  # share of the largest speed that the second panel shows
 
 
-class DrawnModel(NamedTuple):
-    """What the pictures show of a fitted model.
-
-    Attributes:
-        name: Of the model.
-        dynamic: Whether its curve is that of steady sliding.
-        curve: Torque in [N m] over velocities in [rad] / [s].
-        rmse: Of the fit in [N m].
-        left_out: Errors in [N m] by what was left out.
-    """
-
-    name: str
-    dynamic: bool
-    curve: Callable[[np.ndarray], np.ndarray]
-    rmse: float
-    left_out: Mapping[str, float]
-
-
-class DrawnSamples(NamedTuple):
-    """What the pictures show of the samples that were fitted, each of shape ``(n,)``.
-
-    Attributes:
-        velocity: In [rad] / [s].
-        torque: Friction torque in [N m].
-        test: Index of the test.
-        columns: What residuals are drawn against, by the label of the axis.
-        residuals: Of the best model in [N m].
-        threshold: Beyond which residuals are weighed less, in [N m].
-    """
-
-    velocity: np.ndarray
-    torque: np.ndarray
-    test: np.ndarray
-    columns: Mapping[str, np.ndarray]
-    residuals: np.ndarray
-    threshold: float
-
-
-def draw_fits(samples: DrawnSamples, models: Sequence[DrawnModel]) -> Figure:
-    """Draw the samples and the best models over the speed, and the models' errors.
-
-    Args:
-        samples: What was fitted.
-        models: Best first.
-
-    Returns:
-        The figure.
-    """
+def draw_fits(result: Identification) -> Figure:
+    """Draw the samples and the best models over the speed, and the models' errors."""
+    samples, models = result.samples.used_only(), result.models
     figure = Figure(figsize=(12.0, 8.2), layout="constrained")
     number, best = len(np.unique(samples.test)), models[0]
     figure.suptitle(
         f"Friction of {number} test{'s' if number > 1 else ''}, {len(samples.velocity)} samples · "
-        f"best: {readable(best.name)}, RMSE {best.rmse:.3g} N m",
+        f"best: {readable(best.name)}, RMSE {best.goodness.rmse:.3g} N m",
         fontsize="large",
     )
     panels = figure.subplot_mosaic("AAB;RRR", height_ratios=[1.6, 1.0])
@@ -88,7 +44,7 @@ def draw_fits(samples: DrawnSamples, models: Sequence[DrawnModel]) -> Figure:
     return figure
 
 
-def _draw_laws(axes: Axes, samples: DrawnSamples, models: Sequence[DrawnModel], reach: float) -> None:
+def _draw_laws(axes: Axes, samples: Samples, models: Sequence[IdentifiedModel], reach: float) -> None:
     chosen = np.flatnonzero(np.abs(samples.velocity) <= reach)
     chosen = chosen[:: max(1, -(-len(chosen) // _SHOWN_SAMPLES))]
     axes.plot(
@@ -102,7 +58,7 @@ def _draw_laws(axes: Axes, samples: DrawnSamples, models: Sequence[DrawnModel], 
     )
     grid = _grid(samples.velocity, reach)
     for item, colour, style in zip(models[:SHOWN_MODELS], _COLOURS, _STYLES, strict=False):
-        axes.plot(grid, item.curve(grid), color=colour, linestyle=style, label=_label(item))
+        axes.plot(grid, _steady_curve(item, samples, grid), color=colour, linestyle=style, label=_label(item))
     if len(chosen):
         low, high = np.quantile(samples.torque[chosen], [0.001, 0.999])
         margin = 0.15 * max(high - low, 1e-9)
@@ -123,16 +79,38 @@ def _grid(velocity: np.ndarray, reach: float) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def _label(item: DrawnModel) -> str:
-    return f"{readable(item.name)}{' (steady sliding)' if item.dynamic else ''}"
+def _label(item: IdentifiedModel) -> str:
+    return f"{readable(item.name)}{' (steady sliding)' if item.fit.model.dynamic else ''}"
 
 
-def _draw_ranking(axes: Axes, models: Sequence[DrawnModel]) -> None:
+def _steady_curve(item: IdentifiedModel, samples: Samples, velocity: np.ndarray) -> np.ndarray:
+    """Torque of a model in steady sliding, at the mean angle, load and temperature of samples."""
+    number = len(velocity) + 1
+
+    def held(values: np.ndarray | None) -> np.ndarray | None:
+        return None if values is None else np.full(number, float(values.mean()))
+
+    steady = Samples(
+        velocity=np.concatenate([velocity[:1], velocity]),
+        torque=np.zeros(number),
+        used=np.ones(number, dtype=bool),
+        test=np.zeros(number, dtype=int),
+        fresh=np.arange(number) == 0,
+        period=np.full(number, _LONG),  # each point slides for long, whatever came before
+        angle=held(samples.angle),
+        load=held(None if samples.load is None else np.abs(samples.load)),
+        temperature=held(samples.temperature),
+    )
+    return item.fit.model.predict(item.fit.x, steady)[1:]
+
+
+def _draw_ranking(axes: Axes, models: Sequence[IdentifiedModel]) -> None:
     """Errors of all models, fitted and on what was left out."""
     places = np.arange(len(models))
-    axes.barh(places, [item.rmse for item in models], color=SKY_BLUE, height=0.6, label="fitted")
-    for what, colour, marker in zip(models[0].left_out, (BLACK, VERMILLION), "|x", strict=False):
-        errors = [item.left_out[what] for item in models]
+    axes.barh(places, [item.goodness.rmse for item in models], color=SKY_BLUE, height=0.6, label="fitted")
+    left_out = [{run.by: run.rmse for run in item.validations} for item in models]
+    for what, colour, marker in zip(left_out[0], (BLACK, VERMILLION), "|x", strict=False):
+        errors = [found[what] for found in left_out]
         axes.plot(errors, places, marker, color=colour, markersize=9, label=f"left out: {what}")
     axes.set_yticks(places, [readable(item.name) for item in models], fontsize="small")
     axes.invert_yaxis()
@@ -140,28 +118,29 @@ def _draw_ranking(axes: Axes, models: Sequence[DrawnModel]) -> None:
     axes.legend(fontsize="small", frameon=False, loc="upper right", bbox_to_anchor=(1.0, 1.16), ncols=3)
 
 
-def draw_residuals(samples: DrawnSamples, name: str) -> Figure:
-    """Draw the residuals of the best model against speed, load, angle, time and temperature.
-
-    Args:
-        samples: What was fitted.
-        name: Of the best model.
-
-    Returns:
-        The figure.
-    """
-    shown = len(samples.columns) + 1
+def draw_residuals(result: Identification) -> Figure:
+    """Draw the residuals of the best model against speed, load, angle, time and temperature."""
+    samples, best = result.samples.used_only(), result.models[0]
+    known = {
+        "velocity [rad/s]": samples.velocity,
+        "load torque [N m]": samples.load,
+        "joint angle [rad]": samples.angle,
+        "time in the test [s]": samples.time,
+        "temperature [°C]": samples.temperature,
+    }
+    columns = {name: values for name, values in known.items() if values is not None}
+    shown = len(columns) + 1
     rows = -(-shown // 2)
     figure = Figure(figsize=(12.0, 3.0 * rows + 0.6), layout="constrained")
-    figure.suptitle(f"Residuals of {readable(name)}: measured less predicted", fontsize="large")
+    figure.suptitle(f"Residuals of {readable(best.name)}: measured less predicted", fontsize="large")
     panels = figure.subplots(rows, 2, squeeze=False).ravel()
-    limit = float(np.quantile(np.abs(samples.residuals), 0.999)) * 1.15 or 1.0
-    for axes, (label, values) in zip(panels, samples.columns.items(), strict=False):
-        _draw_against(axes, values, samples.residuals, samples.test)
+    limit = float(np.quantile(np.abs(best.residuals), 0.999)) * 1.15 or 1.0
+    for axes, (label, values) in zip(panels, columns.items(), strict=False):
+        _draw_against(axes, values, best.residuals, samples.test)
         axes.set_ylim(-limit, limit)
         style_panel(axes, "", "residual [N m]")
         axes.set_xlabel(label)
-    _draw_histogram(panels[shown - 1], samples, limit)
+    _draw_histogram(panels[shown - 1], best.residuals, best.fit.threshold, limit)
     for axes in panels[shown:]:
         axes.set_visible(False)
     return figure
@@ -197,14 +176,14 @@ def _binned(values: np.ndarray, residuals: np.ndarray) -> tuple[np.ndarray, np.n
     return 0.5 * (edges[:-1] + edges[1:])[filled], np.array(quarters).reshape(-1, 3)
 
 
-def _draw_histogram(axes: Axes, samples: DrawnSamples, limit: float) -> None:
+def _draw_histogram(axes: Axes, residuals: np.ndarray, threshold: float, limit: float) -> None:
     """Distribution of the residuals, with the robust threshold."""
-    axes.hist(samples.residuals, bins=np.linspace(-limit, limit, 81).tolist(), color=SKY_BLUE)
-    beyond = float((np.abs(samples.residuals) > samples.threshold).mean())
-    seen = bool(beyond) and samples.threshold < limit
+    axes.hist(residuals, bins=np.linspace(-limit, limit, 81).tolist(), color=SKY_BLUE)
+    beyond = float((np.abs(residuals) > threshold).mean())
+    seen = bool(beyond) and threshold < limit
     if seen:
         for side in (-1.0, 1.0):
-            axes.axvline(side * samples.threshold, color=VERMILLION, linestyle="--", linewidth=1.0)
+            axes.axvline(side * threshold, color=VERMILLION, linestyle="--", linewidth=1.0)
     title = f"{100.0 * beyond:.2g} % beyond the dashed lines are weighed less" if seen else ""
     style_panel(axes, title, "samples")
     axes.set_xlabel("residual [N m]")
