@@ -19,12 +19,14 @@ from twin_gait import simulate_batch
 from twin_gait.studies import Workers, run_jobs
 
 SEED, PEOPLE, GENERATIONS = 11, 30, 12
+QUICK = {"generations": 1, "population": 4, "search_duration": 1.0, "robust_duration": 1.0}
 
 # %%
 if __name__ == "__main__":
     form = form_of("tuned_cohort")
     who = walkers(1 if form.quick else PEOPLE, SEED)
-    jobs = [Job(number, walker, 1 if form.quick else GENERATIONS) for number, walker in enumerate(who)]
+    settings = QUICK if form.quick else {"generations": GENERATIONS}
+    jobs = [Job(number, walker, settings) for number, walker in enumerate(who)]
     with Workers(form.workers) as workers:
         plain = simulate_batch(experiment_of({}), who, workers=workers).table
         tuned = pd.DataFrame(run_jobs(tuned_walk, jobs, workers=workers))

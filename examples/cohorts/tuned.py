@@ -18,12 +18,12 @@ class Job(NamedTuple):
     Attributes:
         number: Of the walker, the seed of the search.
         walker: Changes of the experiment.
-        generations: Of the search.
+        settings: Of the tuning.
     """
 
     number: int
     walker: Mapping[str, Any]
-    generations: int
+    settings: Mapping[str, Any]
 
 
 def experiment_of(walker: Mapping[str, Any]) -> Experiment:
@@ -35,7 +35,7 @@ def experiment_of(walker: Mapping[str, Any]) -> Experiment:
 def tuned_walk(job: Job) -> dict[str, Any]:
     """Tune, walk a minute, and give outcome and errors under the names of a batch's table."""
     experiment = experiment_of(job.walker)
-    table = tuned_table(experiment, generations=job.generations, screening=False, seed=job.number)
+    table = tuned_table(experiment, screening=False, seed=job.number, **job.settings)
     run = simulate(replace(experiment, table=table))
     errors = {
         f"{side}_rmse_{joint}_by_contact_deg": values[f"rmse_{joint}_by_contact_deg"]

@@ -298,8 +298,8 @@ def test_the_example_is_a_sweep_of_320_walks():
 def test_the_example_draws_all_that_it_asks_for():
     sweep = load_sweep(EXAMPLE)
     # 75 kg, 1.80 m, a middle belt, 60 % support: a walk that completes
-    wanted = (75, 1.80, 0.38, 0.6)
-    middle = [index for index, row in enumerate(sweep.design) if np.allclose(list(row.values()), wanted)]
+    place = (75, 1.80, 0.38, 0.6)
+    middle = [index for index, row in enumerate(sweep.design) if np.allclose(list(row.values()), place)]
     (episode,) = episodes_of(sweep, middle)
     row = run_episode(episode)
     assert row["status"] == "completed"

@@ -83,24 +83,16 @@ def tune(
         return work.unfinished()
 
 
-def tuned_table(
-    experiment: Experiment,
-    *,
-    minutes: float = 10.0,
-    generations: int | None = None,
-    seed: int = 0,
-    screening: bool = True,
-    workers: Workers | None = None,
-) -> GaitTable:
+def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **settings: Any) -> GaitTable:
     """The gait table that a tuning finds, without folder and report (``twin-gait tune`` writes both).
 
     Args:
         experiment: A treadmill with a wearer, and the table that is to be bettered.
-        minutes: Time for everything, unless ``generations`` are given.
-        generations: Of the search; with a number the result does not depend on the machine's speed.
-        seed: Of screening, search and sensor noise.
-        screening: Whether the search is narrowed to the numbers that matter.
         workers: Processes or a cluster that execute the walks; the calling process if None.
+        **settings: Those of :class:`twin_gait.studies.tune.settings.Settings`: ``minutes`` for everything
+            (10), or ``generations`` of the search, with which the result does not depend on the machine's
+            speed; ``seed``; ``screening``, whether the search is narrowed to the numbers that matter;
+            ``population``; ``search_duration`` and ``robust_duration`` of a walk in [s].
 
     Returns:
         The best table that passes ``twin-gait check``.
@@ -109,9 +101,9 @@ def tuned_table(
         MissingOptionalDependency: If cma or SALib is not installed.
         ParameterError: If there is nothing to tune, or no table passes the check.
     """
-    settings = Settings(minutes=minutes, generations=generations, seed=seed, screening=screening)
     with tempfile.TemporaryDirectory() as folder:
-        chosen = choose(tune(experiment, Path(folder) / "tuning", settings, workers=workers), experiment)
+        tuning = tune(experiment, Path(folder) / "tuning", Settings(**settings), workers=workers)
+        chosen = choose(tuning, experiment)
     return experiment_of(experiment_document(experiment), chosen.finalist.table, {}).table
 
 
