@@ -1,21 +1,5 @@
 """The controller of a joint, behind one interface, and what its monitor says."""
 
-from twin_gait.control.controller import (
-    Controller,
-    ControllerFunction,
-    ControllerTorques,
-    JointMeasurement,
-    JointSetpoint,
-)
-from twin_gait.control.safety import SafetyState, Trip, TripCause
+import lazy_loader
 
-__all__ = [
-    "Controller",
-    "ControllerFunction",
-    "ControllerTorques",
-    "JointMeasurement",
-    "JointSetpoint",
-    "SafetyState",
-    "Trip",
-    "TripCause",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,6 +1,5 @@
 """Logs in the formats of other programs."""
 
-from twin_gait.export.inverse_dynamics import export_inverse_dynamics
-from twin_gait.export.motion import export_csv, export_motion
+import lazy_loader
 
-__all__ = ["export_csv", "export_inverse_dynamics", "export_motion"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,69 +1,8 @@
 """The worlds that the leg lives in, bench leg and treadmill, and the bench of a single joint."""
 
-from twin_gait.scenario.bench_joint import (
-    BENCH_ACTUATORS,
-    BENCH_FRICTION,
-    BENCH_INDUCTANCE,
-    HORIZONTAL,
-    INERTIAL_NOISE,
-    LOWER_STOP,
-    LOWEST_VELOCITIES,
-    STOP_ANGLE,
-    TRANSPARENCY_STEPS,
-    BenchFriction,
-    BenchJoint,
-    CatalogueEfficiency,
-    CompensationVelocity,
-    CosinePath,
-    CurrentLoop,
-    DriveParameters,
-    DutyControl,
-    InertialSensor,
-    InertialUnit,
-    LinkParameters,
-    LoadAngle,
-    OldFrictionModel,
-    TorqueControl,
-    Torsion,
-    bench_joint,
-)
-from twin_gait.scenario.bench_leg import BenchLegScenario, HandParameters
-from twin_gait.scenario.faults import Fault, FaultKind, parse_fault
-from twin_gait.scenario.treadmill import TreadmillScenario
-from twin_gait.scenario.world import LegSource, World
+import lazy_loader
 
-__all__ = [
-    "BENCH_ACTUATORS",
-    "BENCH_FRICTION",
-    "BENCH_INDUCTANCE",
-    "HORIZONTAL",
-    "INERTIAL_NOISE",
-    "LOWER_STOP",
-    "LOWEST_VELOCITIES",
-    "STOP_ANGLE",
-    "TRANSPARENCY_STEPS",
-    "BenchFriction",
-    "BenchJoint",
-    "BenchLegScenario",
-    "CatalogueEfficiency",
-    "CompensationVelocity",
-    "CosinePath",
-    "CurrentLoop",
-    "DriveParameters",
-    "DutyControl",
-    "Fault",
-    "FaultKind",
-    "HandParameters",
-    "InertialSensor",
-    "InertialUnit",
-    "LegSource",
-    "LinkParameters",
-    "LoadAngle",
-    "OldFrictionModel",
-    "TorqueControl",
-    "Torsion",
-    "TreadmillScenario",
-    "World",
-    "bench_joint",
-    "parse_fault",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+# A module of the same name would be found in its place.
+from twin_gait.scenario.bench_joint import bench_joint as bench_joint  # noqa: E402

@@ -1,7 +1,5 @@
 """Simulate an experiment, or one joint on its bench; nothing here touches a disk."""
 
-from twin_gait.simulation.bench_joint import LOG_COLUMNS, BenchRun, BenchVariation, simulate_bench
-from twin_gait.simulation.run import Run, RunStatus
-from twin_gait.simulation.simulator import simulate
+import lazy_loader
 
-__all__ = ["LOG_COLUMNS", "BenchRun", "BenchVariation", "Run", "RunStatus", "simulate", "simulate_bench"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

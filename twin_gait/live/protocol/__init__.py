@@ -8,56 +8,6 @@ goes to a page is a mapping with a ``kind``:
 * ``event``: what became of a message, or what the simulation did by itself; none of them is dropped.
 """
 
-from twin_gait.live.protocol.from_page import (
-    LARGEST_MESSAGE,
-    LONGEST_NAME,
-    LONGEST_TEXT,
-    MOST_VALUES,
-    Action,
-    DoAction,
-    Message,
-    MessageRefused,
-    SetControl,
-    Value,
-    id_of,
-    message_from,
-    read_message,
-)
-from twin_gait.live.protocol.to_page import (
-    PROTOCOL_VERSION,
-    ActionSpec,
-    Control,
-    ControlKind,
-    DeadlineStatistics,
-    Event,
-    Frame,
-    Response,
-    State,
-    dump,
-)
+import lazy_loader
 
-__all__ = [
-    "LARGEST_MESSAGE",
-    "LONGEST_NAME",
-    "LONGEST_TEXT",
-    "MOST_VALUES",
-    "PROTOCOL_VERSION",
-    "Action",
-    "ActionSpec",
-    "Control",
-    "ControlKind",
-    "DeadlineStatistics",
-    "DoAction",
-    "Event",
-    "Frame",
-    "Message",
-    "MessageRefused",
-    "Response",
-    "SetControl",
-    "State",
-    "Value",
-    "dump",
-    "id_of",
-    "message_from",
-    "read_message",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,13 @@
+from .documents import dump_yaml as dump_yaml
+from .documents import experiment_document as experiment_document
+from .documents import table_document as table_document
+from .experiment_file import experiment_from_mapping as experiment_from_mapping
+from .experiments import DEFAULT_PRESET as DEFAULT_PRESET
+from .experiments import LoadedExperiment as LoadedExperiment
+from .experiments import load_experiment as load_experiment
+from .experiments import presets as presets
+from .gait_table_file import gait_table_from_mapping as gait_table_from_mapping
+from .gait_table_file import load_gait_table as load_gait_table
+from .people import people as people
+from .people import person_document as person_document
+from .table_inheritance import packaged_gait_tables as packaged_gait_tables

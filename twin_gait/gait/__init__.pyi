@@ -1,0 +1,16 @@
+from .machine import GaitStateMachine as GaitStateMachine
+from .machine import LegSignals as LegSignals
+from .machine import PhaseSwitch as PhaseSwitch
+from .program import GuardProgram as GuardProgram
+from .program import compile_guards as compile_guards
+from .table import TICK as TICK
+from .table import Blending as Blending
+from .table import BlendingLaw as BlendingLaw
+from .table import DraftTable as DraftTable
+from .table import DrivenBy as DrivenBy
+from .table import GaitTable as GaitTable
+from .table import JointImpedance as JointImpedance
+from .table import PhaseParameters as PhaseParameters
+from .table import Scaling as Scaling
+from .table import Transition as Transition
+from .table import Waiver as Waiver

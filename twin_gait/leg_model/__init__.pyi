@@ -1,0 +1,8 @@
+from .joints import PELVIS_JOINT as PELVIS_JOINT
+from .joints import Bodies as Bodies
+from .joints import LegJoints as LegJoints
+from .joints import PelvisGuide as PelvisGuide
+from .leg_model import LegModel as LegModel
+from .urdf import packaged_urdf as packaged_urdf
+from .wearer import DeviceSizes as DeviceSizes
+from .wearer import device_sizes as device_sizes

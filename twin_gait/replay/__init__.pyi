@@ -1,0 +1,16 @@
+from .agreement import Agreement as Agreement
+from .agreement import agreement as agreement
+from .machine import Replay as Replay
+from .machine import replay as replay
+from .normative import NormativeWalk as NormativeWalk
+from .normative import normative_walk as normative_walk
+from .reading import LogFormat as LogFormat
+from .reading import read_recording as read_recording
+from .recording import Recording as Recording
+from .recording import at_ticks as at_ticks
+from .recording import mirrored as mirrored
+from .recording import stride_period as stride_period
+from .request import ReplayRequest as ReplayRequest
+from .request import replay_log as replay_log
+from .writing import summarise_replay as summarise_replay
+from .writing import write_replay as write_replay
