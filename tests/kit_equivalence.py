@@ -2,7 +2,7 @@
 
 "Never" here means that no choice of bounds that opens or closes some guards
 (:mod:`twin_gait.gait.feasibility`) has a solution, for any measurements, with the other leg in any phase or
-not there. :func:`feasible` decides that for strict bounds exactly, without the hair's breadth of the package.
+not there. :func:`feasible` decides that for strict bounds exactly, without the margin of the package.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from kit_mutants import Mutant
 
-from twin_gait.gait.feasibility import OTHER_TIME, TIME, ZERO, Bound, Way, Wish, bound_of, ways
+from twin_gait.gait.feasibility import OTHER_TIME, TIME, ZERO, Bound, Requirement, Way, bound_of, ways
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, Guard
 from twin_gait.gait.table import TICK, GaitTable, Transition
 from twin_gait.testing.exits import Exit, decisive, reads_only_own_time, reads_own_time, turning_tick
@@ -107,10 +107,12 @@ def is_dead(leave: Exit) -> bool:
     if any((tick, index) < (due, leave.index) for tick, index in _sure_exits(leave)):
         return True
     above = [item for item in leave.rivals if item.index < leave.index and _acts_at_once(item)]
-    shut = [Wish(item.item.guard, False) for item in above]
+    shut = [Requirement(item.item.guard, False) for item in above]
     guards = [leave.item.guard, *(item.guard for item in shut)]
     windows = _windows(leave, guards)
-    return not any(possible(leave.table, [Wish(leave.item.guard), *shut], window) for window in windows)
+    return not any(
+        possible(leave.table, [Requirement(leave.item.guard), *shut], window) for window in windows
+    )
 
 
 def _sure_exits(leave: Exit) -> list[tuple[int, int]]:
@@ -120,12 +122,12 @@ def _sure_exits(leave: Exit) -> list[tuple[int, int]]:
     return [
         (max(item.gate, item.debounce), item.index)
         for item in others
-        if not possible(leave.table, [Wish(item.item.guard, False)], always)
+        if not possible(leave.table, [Requirement(item.item.guard, False)], always)
     ]
 
 
-def possible(table: GaitTable, wishes: Sequence[Wish], window: Window) -> bool:
-    """Whether some measurements fulfil all wishes, with the other leg in any phase or not there."""
+def possible(table: GaitTable, requirements: Sequence[Requirement], window: Window) -> bool:
+    """Whether some measurements fulfil all requirements, with the other leg in any phase or not there."""
     if window.first > window.last:
         return False
     ends = sorted({window.first, window.last})
@@ -141,7 +143,7 @@ def possible(table: GaitTable, wishes: Sequence[Wish], window: Window) -> bool:
         return [bound_of(atom, true).at(TIME, tick * TICK) for tick in ends]
 
     return any(
-        next(ways(Way(phases, tuple(start)), wishes, bounds_of, feasible), None) is not None
+        next(ways(Way(phases, tuple(start)), requirements, bounds_of, feasible), None) is not None
         for phases in (table.phase_names, (None,))
     )
 
@@ -172,9 +174,9 @@ def _flat(guard: Guard) -> Guard:
 
 def _differ(leave: Exit, guard: Guard, other: Guard, closed: Sequence[Exit]) -> bool:
     """Whether two guards differ for some measurements at which some exits are closed."""
-    shut = [Wish(item.item.guard, False) for item in closed]
+    shut = [Requirement(item.item.guard, False) for item in closed]
     return any(
-        possible(leave.table, [Wish(guard, one), Wish(other, not one), *shut], window)
+        possible(leave.table, [Requirement(guard, one), Requirement(other, not one), *shut], window)
         for window in _windows(leave, [guard, other, *(item.guard for item in shut)])
         for one in (True, False)
     )
@@ -209,7 +211,7 @@ def _minimum_duration_is_free(table: GaitTable, mutant: Mutant) -> bool:
     for index in exits(table, mutant.phase):
         item = table.transitions[index]
         first = max(1, ticks[0], item.time_out_ticks or 0, item.debounce_ticks)
-        if possible(table, [Wish(item.guard)], Window(first, ticks[1] - 1, free=True)):
+        if possible(table, [Requirement(item.guard)], Window(first, ticks[1] - 1, free=True)):
             return False
     return True
 
@@ -234,6 +236,6 @@ def _pair_is_free(one: Exit, two: Exit) -> bool:
     known = [tick for tick in due if tick is not None]
     if len(known) == 2:
         return known[0] != known[1]
-    both = [Wish(one.item.guard), Wish(two.item.guard)]
+    both = [Requirement(one.item.guard), Requirement(two.item.guard)]
     window = Window(known[0], known[0]) if known else Window(1, one.latest, free=True)
     return not possible(one.table, both, window)

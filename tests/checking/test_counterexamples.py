@@ -22,7 +22,7 @@ from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.exceptions import GaitTableError
 from twin_gait.experiment import Experiment
 from twin_gait.gait import TICK, DraftTable, GaitStateMachine, GaitTable, LegSignals, Transition
-from twin_gait.gait.feasibility import MOST_BRANCHES, ZERO, Bound, Way, Wish, bound_of, ways
+from twin_gait.gait.feasibility import MOST_BRANCHES, ZERO, Bound, Requirement, Way, bound_of, ways
 from twin_gait.gait.guards import WALK, AllOf, AnyOf, Guard, PhaseMembership, all_signal_names
 from twin_gait.vocabulary import Side
 
@@ -352,8 +352,10 @@ def plain_space() -> SignalSpace:
 
 
 def first_point(*texts: str) -> Point | None:
-    wishes = [Wish(guard(text)) for text in texts]
-    return next(plain_space().find(wishes, {TIME: (TICK, 1.0)}, lambda point: opens(texts, point)), None)
+    requirements = [Requirement(guard(text)) for text in texts]
+    return next(
+        plain_space().find(requirements, {TIME: (TICK, 1.0)}, lambda point: opens(texts, point)), None
+    )
 
 
 def opens(texts: Sequence[str], point: Point) -> bool:
@@ -394,7 +396,9 @@ def test_point_keeps_a_comfortable_distance_where_there_is_room_for_it() -> None
 
 def ways_of(tree: Guard, phases: tuple[str | None, ...], true: bool) -> list[Way]:
     """All ways to open or close a guard, contradictory ones among them."""
-    return list(ways(Way(phases), [Wish(tree, true)], lambda *atom: [bound_of(*atom)], lambda bounds: True))
+    return list(
+        ways(Way(phases), [Requirement(tree, true)], lambda *atom: [bound_of(*atom)], lambda bounds: True)
+    )
 
 
 @pytest.mark.parametrize("seed", range(40))

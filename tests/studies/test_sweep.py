@@ -23,10 +23,9 @@ from twin_gait.studies.jobs import Workers, portions
 from twin_gait.studies.sweep import spec as sweep_spec
 from twin_gait.studies.sweep import store as sweep_store
 from twin_gait.studies.sweep import sweep as sweep_module
-from twin_gait.studies.sweep.episode import run_episode
 from twin_gait.studies.sweep.spec import load_sweep, sweep_from_mapping
 from twin_gait.studies.sweep.store import read_table
-from twin_gait.studies.sweep.sweep import check_sweep, episodes_of, run_sweep
+from twin_gait.studies.sweep.sweep import check_sweep, episodes_of, run_episode, run_sweep
 
 HIP = "scenario.start.hip_deg"
 STIFFNESS = "table.phases.early_stance.knee.stiffness_Nm_per_deg"
@@ -281,9 +280,9 @@ def test_an_experiment_beside_the_specification_is_found_from_any_folder(tmp_pat
     assert load_sweep(spec).experiment.plant.gravity == 3.7
 
 
-def test_the_example_is_a_sweep_of_45_walks():
+def test_the_example_is_a_sweep_of_320_walks():
     sweep = load_sweep(EXAMPLE)
-    assert len(sweep.design) == 45
+    assert len(sweep.design) == 320
     check_sweep(sweep)
     commented = [
         line.removeprefix("#   ") for line in EXAMPLE.read_text().splitlines() if line.startswith("#   ")
@@ -298,9 +297,9 @@ def test_the_example_is_a_sweep_of_45_walks():
 
 def test_the_example_draws_all_that_it_asks_for():
     sweep = load_sweep(EXAMPLE)
-    # 75 kg, the middle belt, 60 % support: a walk that completes
+    # 75 kg, 1.80 m, a middle belt, 60 % support: a walk that completes
     middle = [
-        index for index, row in enumerate(sweep.design) if np.allclose(list(row.values()), (75, 0.36, 0.6))
+        index for index, row in enumerate(sweep.design) if np.allclose(list(row.values()), (75, 1.80, 0.38, 0.6))
     ]
     (episode,) = episodes_of(sweep, middle)
     row = run_episode(episode)

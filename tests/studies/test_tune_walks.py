@@ -247,7 +247,7 @@ def test_a_screening_is_drawn_and_told(told: dict[str, Any]) -> None:
     document = {**told, "screening": effects}
     drawn = pictures.draw_figures(document, {"hip": {}, "knee": {}})
     page = " ".join(pictures.page(document, drawn).split())
-    assert "15 of them make up" in page and "Least of all matter: " in page
+    assert "15 of them make up" in page and "The least influence have " in page
 
 
 def test_falls_are_marked_where_no_error_can_be_drawn(told: dict[str, Any]) -> None:

@@ -122,7 +122,7 @@ def test_kit_shows(what: str) -> None:
 
 
 def test_edges_lie_a_billionth_beside_the_threshold_typed_here() -> None:
-    """Angles a hair on either side of −8°, five ticks long, when the minimum duration is over."""
+    """Angles just on either side of −8°, five ticks long, when the minimum duration is over."""
     leave = Exit(rich_table(), 0)
     entry = next(item for item in decisive(leave.item.guard) if str(item.atom) == "hip.angle_deg < -8")
     past, below, on = (item for item in edges(leave, entry))

@@ -19,6 +19,8 @@ from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.files import write_atomically
 from twin_gait.testing import transition_tests
 
+pytestmark = pytest.mark.slow  # it grades the kit, not a table
+
 DOCUMENT = Path(__file__).parents[2] / "docs" / "test_kit.md"
 BEGIN, END = "<!-- mutations: begin -->\n", "<!-- mutations: end -->\n"
 TABLES = packaged_gait_tables()

@@ -19,6 +19,8 @@ from twin_gait.gait import GaitStateMachine, machine, program
 from twin_gait.testing import transition_tests
 from twin_gait.vocabulary import Side
 
+pytestmark = pytest.mark.slow  # it grades the kit, not a table
+
 # What no test can notice: a part of the mutant's text, and why it behaves the same.
 EQUIVALENT = {
     "stack = 0: 0 → 1": "a bit below all results is never joined",

@@ -26,9 +26,8 @@ from twin_gait.files import write_atomically
 from twin_gait.viewer.commands import set_object, set_property
 from twin_gait.viewer.live import scene_server
 from twin_gait.viewer.live.guards import LONGEST_MESSAGE, Allowance, is_loopback, is_own_page
-from twin_gait.viewer.live.outbox import Outbox
 from twin_gait.viewer.live.server import LiveServer
-from twin_gait.viewer.live.window import LiveWindow
+from twin_gait.viewer.live.window import LiveWindow, Outbox
 
 PAGE = "<!DOCTYPE html><title>page</title>"
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, about, label
 from twin_gait.checking.signals import ENTRY_TIME, Point, SignalSpace, entered, signal_space
-from twin_gait.gait.feasibility import OTHER_TIME, TIME, Bound, Wish, translated
+from twin_gait.gait.feasibility import OTHER_TIME, TIME, Bound, Requirement, translated
 from twin_gait.gait.guards import WALK, AllOf, AnyOf, Comparison, Guard, atoms
 from twin_gait.gait.table import TICK, Transition
 
@@ -22,8 +22,7 @@ _NOISY, _ENTRY = "noisy.", (TICK, TICK)
 
 def ambiguity(case: CheckCase) -> list[Finding]:
     """Two exits of a phase with different targets can be open at once; time-outs are exempt."""
-    space = signal_space(case)
-    findings = []
+    space, findings = signal_space(case), list[Finding]()
     for phase in space.table.phase_names:
         guarded = [index for index in space.exits(phase) if not space.transition(index).is_time_out]
         for first, second in itertools.combinations(guarded, 2):
@@ -39,17 +38,15 @@ def _open_at_once(space: SignalSpace, first: int, second: int) -> list[Finding]:
         return space.is_open(first, point) and space.is_open(second, point)
 
     times = {TIME: (earliest, space.window(first)[1])}
-    point = next(space.find([space.wish(first), space.wish(second)], times, holds), None)
+    point = next(space.find([space.requirement(first), space.requirement(second)], times, holds), None)
     if point is None:
         return []
     one, other = space.transition(first), space.transition(second)
     winner = space.winner(one.source, point, point.signals.get(TIME, earliest))
     wins = label(one if winner is None else space.transition(winner))
-    waits = ""
-    if one.debounce_ticks != other.debounce_ticks:
-        waits = (
-            f"; debounce {one.debounce_ticks} and {other.debounce_ticks} ms, so the order of opening counts"
-        )
+    ticks = one.debounce_ticks, other.debounce_ticks
+    waits = f"; debounce {ticks[0]} and {ticks[1]} ms, so the order of opening counts"
+    waits = waits if ticks[0] != ticks[1] else ""
     return [
         about(
             other,
@@ -133,8 +130,8 @@ def _wins_somewhere(space: SignalSpace, index: int, before: list[int]) -> bool:
     slow = [[other] for other in before if space.transition(other).debounce_ticks > 1]
 
     def open_behind(group: list[int]) -> bool:
-        wishes = [space.wish(index), *(space.wish(other, False) for other in group)]
-        return space.possible(wishes, {TIME: space.window(index)})
+        requirements = [space.requirement(index), *(space.requirement(other, False) for other in group)]
+        return space.possible(requirements, {TIME: space.window(index)})
 
     return all(open_behind(group) for group in [quick, *slow])
 
@@ -204,8 +201,11 @@ def _superfluous(
     """Members of a group that could be taken out one after the other, with those that remain."""
 
     def possible(true: Sequence[Guard], false: Sequence[Guard] = ()) -> bool:
-        wishes = [*(Wish(guard) for guard in true), *(Wish(guard, False) for guard in false)]
-        return space.possible(wishes, {TIME: (TICK, space.window(index)[1])})
+        requirements = [
+            *(Requirement(guard) for guard in true),
+            *(Requirement(guard, False) for guard in false),
+        ]
+        return space.possible(requirements, {TIME: (TICK, space.window(index)[1])})
 
     kept = list(group.guards)
     for member in reversed(group.guards):
@@ -260,8 +260,8 @@ def _straight_through(space: SignalSpace, into: int, out: int) -> list[Finding]:
     def holds(point: Point) -> bool:
         return space.is_open(into, point) and space.is_open(out, entered(point))
 
-    both = [space.wish(into), Wish(at_entry)]
-    shut = [space.wish(index, False) for index in earlier]
+    both = [space.requirement(into), Requirement(at_entry)]
+    shut = [space.requirement(index, False) for index in earlier]
     wins, point = True, next(space.find([*both, *shut], times, holds), None)
     if point is None and shut:
         wins, point = False, next(space.find(both, times, holds), None)
@@ -320,9 +320,9 @@ def _undone(space: SignalSpace, there: int, back: int) -> list[Finding]:
         after = entered(Point({**point.signals, **noisy}, point.other))
         return space.is_open(there, point) and space.is_open(back, after)
 
-    wishes = [space.wish(there), Wish(translated(second.guard, _noisy))]
+    requirements = [space.requirement(there), Requirement(translated(second.guard, _noisy))]
     times = {TIME: space.window(there), ENTRY_TIME: _ENTRY}
-    point = next(space.find(wishes, times, holds, beside=noise), None)
+    point = next(space.find(requirements, times, holds, beside=noise), None)
     if point is None:
         return []
     return [

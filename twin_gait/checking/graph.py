@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, label
 from twin_gait.checking.signals import OTHER_PHASE, Point, signal_space, swapped
-from twin_gait.gait.feasibility import OTHER_TIME, TIME, Wish, translated
+from twin_gait.gait.feasibility import OTHER_TIME, TIME, Requirement, translated
 from twin_gait.gait.guards import OTHER
 from twin_gait.gait.table import GaitTable, Transition
 from twin_gait.scenario.treadmill import TreadmillScenario
@@ -263,8 +263,8 @@ class TwoLegs:
 
         theirs = translated(self.space.transition(second).guard, swapped, lambda item: own in item.phases)
         times = {TIME: self.space.window(first), OTHER_TIME: self.space.window(second)}
-        wishes = [self.space.wish(first), Wish(theirs)]
-        point = next(self.space.find(wishes, times, holds, other=other), None)
+        requirements = [self.space.requirement(first), Requirement(theirs)]
+        point = next(self.space.find(requirements, times, holds, other=other), None)
         return None if point is None else {**self.space.counterexample(point), OTHER_PHASE: other}
 
 

@@ -130,7 +130,7 @@ class HangingLeg:
         q, indices = self._posture(self.plant, angles)
         return self.plant.gravity_torque(q)[indices]
 
-    def reckoned_gravity(self, angles: np.ndarray) -> np.ndarray:
+    def modelled_gravity(self, angles: np.ndarray) -> np.ndarray:
         """What the controller takes these torques for, from its own idea of the wearer."""
         model = self.problem.control_model
         q, indices = self._posture(model, angles)
@@ -149,7 +149,7 @@ class HangingLeg:
             damping=self.column(DAMPING)[phase],
             gain=self.column(GAIN)[phase],
             modelled_friction=np.array([friction_slope(model[joint], velocity) for joint in self.joints]),
-            feed_forward=self.gravity_shares[phase] * _slope(self.reckoned_gravity, angles),
+            feed_forward=self.gravity_shares[phase] * _slope(self.modelled_gravity, angles),
             fast_gain=self.problem.fast_gain,
             decimation=experiment.sensors.decimation,
             window=experiment.sensors.window,

@@ -83,7 +83,7 @@ def _some_exit_opens(
     for index in _guarded_exits(space, phase):
         loaded = in_contact(leg, phase) or _is_driven_by_contact(space, leg, index)
         load = space.range(_LOAD) if loaded else (0.0, 0.0)
-        if space.possible([space.wish(index)], {**ranges, _LOAD: load}):
+        if space.possible([space.requirement(index)], {**ranges, _LOAD: load}):
             return True
     return False
 
@@ -91,7 +91,13 @@ def _some_exit_opens(
 # ---------------------------------------------------------------------- rules
 
 
-def _leavings(case: CheckCase) -> Iterator[_Leaving]:
+def _leavings(case: CheckCase) -> list[_Leaving]:
+    """Worst way out of every phase, found once for both rules."""
+    found: list[_Leaving] = case.once(_Leaving, lambda: [*_each_leaving(case)])
+    return found
+
+
+def _each_leaving(case: CheckCase) -> Iterator[_Leaving]:
     """Worst way out of every phase with guarded exits; not of a stance that is declared to end by contact."""
     space = signal_space(case)
     for leg in hanging_legs(case):

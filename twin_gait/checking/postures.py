@@ -91,7 +91,7 @@ def _feed_forward(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray
     """Gravity compensation and target torque in [N m], shape ``(n_joints,)``."""
     targets = leg.problem.experiment.control.target_torque
     target = np.array([targets.get(joint, 0.0) for joint in leg.joints])
-    return np.asarray(leg.gravity_shares[phase] * leg.reckoned_gravity(angles) + target)
+    return np.asarray(leg.gravity_shares[phase] * leg.modelled_gravity(angles) + target)
 
 
 def _carried(leg: HangingLeg, phase: int, angles: np.ndarray) -> np.ndarray:

@@ -16,8 +16,8 @@ from twin_gait.gait.feasibility import (
     TIME,
     ZERO,
     Bound,
+    Requirement,
     Way,
-    Wish,
     bound_of,
     equal,
     solutions,
@@ -94,9 +94,9 @@ class SignalSpace:
         """A transition of the table."""
         return self.table.transitions[index]
 
-    def wish(self, index: int, true: bool = True) -> Wish:
+    def requirement(self, index: int, true: bool = True) -> Requirement:
         """The guard of a transition as something to be open, or closed."""
-        return Wish(self.transition(index).guard, true)
+        return Requirement(self.transition(index).guard, true)
 
     def time_out(self, phase: str | None) -> float:
         """Time in [s] at which the first pure time-out ends a phase, an hour without one."""
@@ -131,7 +131,7 @@ class SignalSpace:
 
     def find(
         self,
-        wishes: Sequence[Wish],
+        requirements: Sequence[Requirement],
         ranges: Ranges,
         holds: Callable[[Point], bool] = lambda point: True,
         *,
@@ -141,7 +141,7 @@ class SignalSpace:
         """Find signals inside the limits that open or close guards.
 
         Args:
-            wishes: What has to be open or closed.
+            requirements: What has to be open or closed.
             ranges: Range of each time in a phase in [s] (the other leg's follows from its phase, any further
                 one is free), and of signals that have a narrower one than the limits.
             holds: What has to be true of a point by the evaluator of guards; also after rounding.
@@ -157,24 +157,28 @@ class SignalSpace:
         if any(low > high + 0.5 * TICK for name, (low, high) in ranges.items() if name.endswith(TIME)):
             return
         others = self.others if other is None else (other,)
-        read = {name for wish in wishes for atom in atoms(wish.guard) for name in _names(atom)}
+        read = {
+            name for requirement in requirements for atom in atoms(requirement.guard) for name in _names(atom)
+        }
         timed = OTHER_TIME in read and OTHER_TIME not in ranges
         for phases in [(phase,) for phase in others] if timed else [others]:
             own = {OTHER_TIME: (0.0, self.time_out(phases[0])), **ranges}
-            for found in self._solutions(Way(phases, tuple(beside)), wishes, own):
+            for found in self._solutions(Way(phases, tuple(beside)), requirements, own):
                 decides = found.phase_decides or (OTHER_TIME in read and found.other is not None)
                 point = _rounded(replace(found, phase_decides=decides), holds)
                 if point is not None:
                     yield point
 
-    def possible(self, wishes: Sequence[Wish], ranges: Ranges, beside: Sequence[Bound] = ()) -> bool:
+    def possible(
+        self, requirements: Sequence[Requirement], ranges: Ranges, beside: Sequence[Bound] = ()
+    ) -> bool:
         """Whether any signals do what :meth:`find` looks for; taken as given where it is too much to try."""
         try:
-            return next(self.find(wishes, ranges, beside=beside), None) is not None
+            return next(self.find(requirements, ranges, beside=beside), None) is not None
         except GaitTableError:
             return True
 
-    def _solutions(self, start: Way, wishes: Sequence[Wish], ranges: Ranges) -> Iterator[Point]:
+    def _solutions(self, start: Way, requirements: Sequence[Requirement], ranges: Ranges) -> Iterator[Point]:
         def limits(names: Iterable[str]) -> list[Bound]:
             found = []
             for name in names:
@@ -189,14 +193,16 @@ class SignalSpace:
 
         names = dict.fromkeys(name for item in start.bounds for name in item.names)
         given = (*(_in_ticks(item) for item in start.bounds), *limits(names))
-        for way, values in solutions(start._replace(bounds=given), wishes, bounds_of):
+        for way, values in solutions(start._replace(bounds=given), requirements, bounds_of):
             signals = {name: value * TICK if name.endswith(TIME) else value for name, value in values.items()}
             yield Point(signals, way.phases[0], way.phases != start.phases)
 
     def openings(self, index: int, other: str | None = None) -> Iterator[Point]:
         """Signals that open an exit, for each way to do it; see :meth:`opening`."""
         window = {TIME: self.window(index)}
-        return self.find([self.wish(index)], window, lambda point: self.is_open(index, point), other=other)
+        return self.find(
+            [self.requirement(index)], window, lambda point: self.is_open(index, point), other=other
+        )
 
     def opening(self, index: int, other: str | None = None) -> Point | None:
         """Signals that open an exit, not held back by time, while the other leg is in a phase, or in any."""
@@ -218,9 +224,9 @@ class SignalSpace:
         stay = (item.debounce_ticks - 1) * TICK
         # Both ends of the debounce in the guard: what lies between is too, as a choice of bounds is convex.
         # The other leg may have gone on meanwhile.
-        last = Wish(translated(item.guard, lambda name: _END + name, lambda membership: True))
+        last = Requirement(translated(item.guard, lambda name: _END + name, lambda membership: True))
         times = {TIME: (TICK, latest), _END + TIME: (max(earliest, TICK + stay), latest)}
-        return self.possible([self.wish(index), last], times, equal(_END + TIME, TIME, stay))
+        return self.possible([self.requirement(index), last], times, equal(_END + TIME, TIME, stay))
 
     # ------------------------------------------------------------------ evaluation
 

@@ -52,7 +52,7 @@ def _blend(leg: HangingLeg) -> tuple[np.ndarray, np.ndarray]:
 def _commands(leg: HangingLeg, old: int, new: int, joint: int, samples: Postures) -> np.ndarray:
     """Commanded torque of a joint through a blend, postures held, in [N m], ``(n_samples, n_ticks)``."""
     law = leg.problem.experiment.control.friction_model[leg.joints[joint]]
-    gravity = np.array([leg.reckoned_gravity(posture)[joint] for posture in samples.angles])
+    gravity = np.array([leg.modelled_gravity(posture)[joint] for posture in samples.angles])
     angles, velocities = samples.angles[:, joint], samples.velocities[:, joint]
     friction = np.array([friction_torque(law, velocity) for velocity in velocities.tolist()])
     columns = [leg.column(which)[:, joint] for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]

@@ -55,7 +55,7 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Do what was asked for with the record."""
-    from twin_gait.live.recovery import recover
+    from twin_gait.live.finishing import recover
     from twin_gait.live.session_records import default_records
 
     if arguments.act is _clean:

@@ -19,7 +19,7 @@ from twin_gait.gait.guards import OTHER, WALK, AllOf, AnyOf, Comparison, Guard, 
 
 ZERO = ""  # the number zero, against which single signals are bounded
 TIME, OTHER_TIME = "time_in_phase_s", "other.time_in_phase_s"
-HAIR = 1e-12  # a solution keeps this distance from strict limits, relative to them or to 1
+STRICT_MARGIN = 1e-12  # a solution keeps this distance from strict limits, relative to them or to 1
 # A comfortable distance from a threshold, by the last word of a signal.
 ROOM = {"angle_deg": 1.0, "velocity_deg_per_s": 5.0, "load_bw": 0.05, TIME: 0.01, WALK: 0.25}
 SHARES = (1.0, 1e-2, 1e-4, 0.0)  # of that distance, the largest that is possible is kept
@@ -61,8 +61,8 @@ class Bound:
             return math.floor(
                 (math.ceil(limit) - 1 if self.strict else math.floor(limit)) - share * self.room
             )
-        hair = HAIR * max(1.0, abs(self.limit)) if self.strict else 0.0
-        return self.limit - max(share * self.room, hair)
+        margin = STRICT_MARGIN * max(1.0, abs(self.limit)) if self.strict else 0.0
+        return self.limit - max(share * self.room, margin)
 
     def at(self, name: str, value: float) -> Bound:
         """The same with one number known."""
@@ -119,7 +119,7 @@ def solve(bounds: Sequence[Bound], share: float = 0.0) -> dict[str, float] | Non
     return values
 
 
-class Wish(NamedTuple):
+class Requirement(NamedTuple):
     """A guard and the truth that it shall have."""
 
     guard: Guard
@@ -127,7 +127,7 @@ class Wish(NamedTuple):
 
 
 class Way(NamedTuple):
-    """One choice that fulfils wishes: phases that the other leg may be in, and bounds on the signals."""
+    """One choice that fulfils requirements: phases of the other leg, and bounds on the signals."""
 
     phases: Phases
     bounds: tuple[Bound, ...] = ()
@@ -138,14 +138,17 @@ BoundsOf = Callable[[Comparison, bool], Sequence[Bound] | None]
 
 
 def ways(
-    start: Way, wishes: Sequence[Wish], bounds_of: BoundsOf, possible: Callable[[Sequence[Bound]], bool]
+    start: Way,
+    requirements: Sequence[Requirement],
+    bounds_of: BoundsOf,
+    possible: Callable[[Sequence[Bound]], bool],
 ) -> Iterator[Way]:
-    """All ways to fulfil wishes, one after the other; a way that contradicts itself is not followed.
+    """All ways to fulfil requirements, one after the other; a way that contradicts itself is not followed.
 
     Args:
         start: Phases of the other leg and bounds that hold anyway. Without another leg (``(None,)``) no
             comparison that reads it is open.
-        wishes: What has to be open or closed.
+        requirements: What has to be open or closed.
         bounds_of: Writes a comparison as bounds.
         possible: Whether bounds can be kept together.
 
@@ -169,7 +172,7 @@ def ways(
         more = way._replace(bounds=(*way.bounds, *bounds))
         return more if possible(more.bounds) else None
 
-    def branches(agenda: list[Wish], way: Way) -> Iterator[Way]:
+    def branches(agenda: list[Requirement], way: Way) -> Iterator[Way]:
         if next(left, None) is None:
             raise GaitTableError(
                 f"the guards leave more than {MOST_BRANCHES} choices to try; use fewer any inside all"
@@ -184,16 +187,18 @@ def ways(
                 yield from branches(rest, more)
         elif _is_choice(agenda[0]):
             for inner in guard.guards:
-                yield from branches([Wish(inner, true), *rest], way)
+                yield from branches([Requirement(inner, true), *rest], way)
         else:
-            yield from branches([*(Wish(inner, true) for inner in guard.guards), *rest], way)
+            yield from branches([*(Requirement(inner, true) for inner in guard.guards), *rest], way)
 
     if possible(start.bounds):
-        yield from branches(list(wishes), start)
+        yield from branches(list(requirements), start)
 
 
-def _is_choice(wish: Wish) -> bool:
-    return (isinstance(wish.guard, AnyOf) and wish.true) or (isinstance(wish.guard, AllOf) and not wish.true)
+def _is_choice(requirement: Requirement) -> bool:
+    return (isinstance(requirement.guard, AnyOf) and requirement.true) or (
+        isinstance(requirement.guard, AllOf) and not requirement.true
+    )
 
 
 def _kept(share: float) -> Callable[[Sequence[Bound]], bool]:
@@ -203,18 +208,18 @@ def _kept(share: float) -> Callable[[Sequence[Bound]], bool]:
 Solution = tuple[Way, dict[str, float]]
 
 
-def solutions(start: Way, wishes: Sequence[Wish], bounds_of: BoundsOf) -> Iterator[Solution]:
-    """All ways to fulfil wishes, each with signals as far from its thresholds as can be; as :func:`ways`."""
-    for way in ways(start, wishes, bounds_of, _kept(SHARES[-1])):
+def solutions(start: Way, requirements: Sequence[Requirement], bounds_of: BoundsOf) -> Iterator[Solution]:
+    """All ways to fulfil requirements, with signals far from their thresholds; see :func:`ways`."""
+    for way in ways(start, requirements, bounds_of, _kept(SHARES[-1])):
         yield way, next(found for share in SHARES if (found := solve(way.bounds, share)) is not None)
 
 
-def most_comfortable(start: Way, wishes: Sequence[Wish], bounds_of: BoundsOf) -> Solution | None:
-    """Of all ways to fulfil wishes the one furthest from all thresholds, or None; as :func:`ways`."""
-    if next(ways(start, wishes, bounds_of, _kept(SHARES[-1])), None) is None:
+def most_comfortable(start: Way, requirements: Sequence[Requirement], bounds_of: BoundsOf) -> Solution | None:
+    """Of all ways to fulfil requirements the one furthest from all thresholds, or None; as :func:`ways`."""
+    if next(ways(start, requirements, bounds_of, _kept(SHARES[-1])), None) is None:
         return None
     for share in SHARES:
-        for way in ways(start, wishes, bounds_of, _kept(share)):
+        for way in ways(start, requirements, bounds_of, _kept(share)):
             return way, solve(way.bounds, share) or {}
     return None
 

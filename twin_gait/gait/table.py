@@ -24,6 +24,11 @@ LONGEST = 10**9  # ticks, eleven days: no time in a table is longer
 MOST_PHASES = 62  # a membership of the other leg's phase is a bit mask in a signed 64-bit integer
 
 
+def _refuse(wrong: bool, text: str) -> None:
+    if wrong:
+        raise GaitTableError(text)
+
+
 class BlendingLaw(StrEnum):
     """How parameters fade from one phase to the next."""
 
@@ -158,11 +163,9 @@ class Transition:
                 f"{TICK:g} to {LONGEST * TICK:g}",
                 self.time_out_ticks,
             )
-        if self.time_out_ticks is None and self.guard == AllOf(guards=()):
-            raise GaitTableError(
-                f"transition {self.source} → {self.target} ({self.cause}) has no condition: "
-                "give all, any or after_s"
-            )
+        name = f"{self.source} → {self.target} ({self.cause})"
+        empty = self.time_out_ticks is None and self.guard == AllOf(guards=())
+        _refuse(empty, f"transition {name} has no condition: give all, any or after_s")
 
     @property
     def is_time_out(self) -> bool:
@@ -272,24 +275,21 @@ class GaitTable:
 
     def __post_init__(self) -> None:
         """Check that the table is complete and closed."""
-        if not self.joints:
-            raise GaitTableError("joints: expected at least one joint, got none")
+        _refuse(not self.joints, "joints: expected at least one joint, got none")
         for name in self.joints:
             # Signals are joint.quantity, and those of the other leg begin with "other.".
-            if not re.fullmatch(r"[A-Za-z_]\w*", name) or f"{name}." == OTHER:
-                raise GaitTableError(f"joints: expected a name of letters, digits and '_', got {name!r}")
+            odd = not re.fullmatch(r"[A-Za-z_]\w*", name) or f"{name}." == OTHER
+            _refuse(odd, f"joints: expected a name of letters, digits and '_', got {name!r}")
         twice = sorted({name for name in self.joints if self.joints.count(name) > 1})
-        if twice:
-            raise GaitTableError(f"joints: {', '.join(twice)} is named twice")
-        if not self.phases:
-            raise GaitTableError("phases: expected at least one phase, got none")
-        if len(self.phases) > MOST_PHASES:
-            raise GaitTableError(f"phases: at most {MOST_PHASES} fit, got {len(self.phases)}")
+        _refuse(bool(twice), f"joints: {', '.join(twice)} is named twice")
+        _refuse(not self.phases, "phases: expected at least one phase, got none")
+        count = len(self.phases)
+        _refuse(count > MOST_PHASES, f"phases: at most {MOST_PHASES} fit, got {count}")
         for mapping in (self.phases, *self.side_phases.values()):
             for phase, parameters in mapping.items():
                 self._check_phase(phase, parameters)
         for index, transition in enumerate(self.transitions):
-            self._check_transition(index, transition)
+            self._check_transition(f"transitions[{index}] ({transition.cause})", transition)
         self._check_closed()
         for phase in self.scaling.stance_phases:
             self._check_known(f"scaling.stance_phases: {phase}", phase)
@@ -299,76 +299,62 @@ class GaitTable:
             self._check_waiver(f"waive[{index}]", waiver)
 
     def _check_closed(self) -> None:
-        self._check_exits()
-        self._check_reachable()
-
-    def _check_cycle(self, place: str, cycle: tuple[str, ...]) -> None:
-        for phase in cycle:
-            self._check_known(place, phase)
-        if len(cycle) < 2 or len(set(cycle)) < len(cycle):
-            raise GaitTableError(f"{place}: expected two or more different phases, got {', '.join(cycle)}")
-
-    def _check_waiver(self, place: str, waiver: Waiver) -> None:
-        if waiver.phase is not None:
-            self._check_known(f"{place}.phase", waiver.phase)
-        causes = sorted({item.cause for item in self.transitions})
-        if waiver.transition is not None and waiver.transition not in causes:
-            raise GaitTableError(
-                f"{place}.transition: no transition with the cause {waiver.transition!r}; "
-                f"there are {', '.join(causes)}"
-            )
-
-    def _check_known(self, place: str, phase: str) -> None:
-        if phase not in self.phases:
-            raise GaitTableError(f"{place}: no phase {phase!r}; there are {', '.join(self.phases)}")
-
-    def _check_phase(self, phase: str, parameters: PhaseParameters) -> None:
-        self._check_known("sides", phase)
-        missing = [joint for joint in self.joints if joint not in parameters.joints]
-        if missing:
-            raise GaitTableError(f"phases.{phase}: no impedance for {', '.join(missing)}")
-        unknown = [joint for joint in parameters.joints if joint not in self.joints]
-        if unknown:
-            raise GaitTableError(
-                f"phases.{phase}: unknown joint {', '.join(unknown)}; the table has {', '.join(self.joints)}"
-            )
-
-    def _check_transition(self, index: int, transition: Transition) -> None:
-        place = f"transitions[{index}] ({transition.cause})"
-        self._check_known(place, transition.source)
-        self._check_known(place, transition.target)
-        if transition.source == transition.target:
-            raise GaitTableError(f"{place}: leads from {transition.source} to itself")
-        known = all_signal_names(self.joints)
-        for atom in atoms(transition.guard):
-            for phase in atom.phases if isinstance(atom, PhaseMembership) else ():
-                self._check_known(place, phase)
-            for signal in (atom.signal, atom.minus) if isinstance(atom, Comparison) else ():
-                if signal is not None and signal not in known:
-                    raise GaitTableError(f"{place}: no signal {signal!r}; there are {', '.join(known)}")
-        minimum = self.phases[transition.source].minimum_ticks
-        if transition.time_out_ticks is not None and transition.time_out_ticks < minimum:
-            raise GaitTableError(
-                f"{place}: after_s {transition.time_out_ticks * TICK:g} is below the minimum_duration_ms "
-                f"{minimum} of {transition.source}"
-            )
-
-    def _check_exits(self) -> None:
+        """Every phase is left, and reached from the first one."""
         for phase in self.phases:
-            if len(self.phases) > 1 and not any(item.source == phase for item in self.transitions):
-                raise GaitTableError(f"phases.{phase}: no transition leaves it; add one to transitions")
-
-    def _check_reachable(self) -> None:
-        """Every phase must be reachable from the first one."""
-        reached = {next(iter(self.phases))}
-        grown = True
+            left = len(self.phases) == 1 or any(item.source == phase for item in self.transitions)
+            _refuse(not left, f"phases.{phase}: no transition leaves it; add one to transitions")
+        reached, grown = {next(iter(self.phases))}, True
         while grown:
             targets = {item.target for item in self.transitions if item.source in reached}
             grown = not targets <= reached
             reached |= targets
         for phase in self.phases:
-            if phase not in reached:
-                raise GaitTableError(f"phases.{phase}: no chain of transitions reaches it")
+            _refuse(phase not in reached, f"phases.{phase}: no chain of transitions reaches it")
+
+    def _check_cycle(self, place: str, cycle: tuple[str, ...]) -> None:
+        for phase in cycle:
+            self._check_known(place, phase)
+        short = len(cycle) < 2 or len(set(cycle)) < len(cycle)
+        _refuse(short, f"{place}: expected two or more different phases, got {', '.join(cycle)}")
+
+    def _check_waiver(self, place: str, waiver: Waiver) -> None:
+        if waiver.phase is not None:
+            self._check_known(f"{place}.phase", waiver.phase)
+        causes = sorted({item.cause for item in self.transitions})
+        _refuse(
+            waiver.transition is not None and waiver.transition not in causes,
+            f"{place}.transition: no transition with the cause {waiver.transition!r}; "
+            f"there are {', '.join(causes)}",
+        )
+
+    def _check_known(self, place: str, phase: str) -> None:
+        _refuse(phase not in self.phases, f"{place}: no phase {phase!r}; there are {', '.join(self.phases)}")
+
+    def _check_phase(self, phase: str, parameters: PhaseParameters) -> None:
+        self._check_known("sides", phase)
+        missing = ", ".join(joint for joint in self.joints if joint not in parameters.joints)
+        _refuse(bool(missing), f"phases.{phase}: no impedance for {missing}")
+        unknown = ", ".join(joint for joint in parameters.joints if joint not in self.joints)
+        has = ", ".join(self.joints)
+        _refuse(bool(unknown), f"phases.{phase}: unknown joint {unknown}; the table has {has}")
+
+    def _check_transition(self, place: str, item: Transition) -> None:
+        self._check_known(place, item.source)
+        self._check_known(place, item.target)
+        _refuse(item.source == item.target, f"{place}: leads from {item.source} to itself")
+        known = all_signal_names(self.joints)
+        for atom in atoms(item.guard):
+            for phase in atom.phases if isinstance(atom, PhaseMembership) else ():
+                self._check_known(place, phase)
+            for name in (atom.signal, atom.minus) if isinstance(atom, Comparison) else ():
+                odd = name is not None and name not in known
+                _refuse(odd, f"{place}: no signal {name!r}; there are {', '.join(known)}")
+        minimum, after = self.phases[item.source].minimum_ticks, item.time_out_ticks
+        _refuse(
+            after is not None and after < minimum,
+            f"{place}: after_s {(after or 0) * TICK:g} is below the minimum_duration_ms {minimum} of "
+            f"{item.source}",
+        )
 
     @property
     def phase_names(self) -> tuple[str, ...]:

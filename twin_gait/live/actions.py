@@ -14,7 +14,7 @@ from twin_gait.live.protocol import (
     MessageRefused,
     Value,
 )
-from twin_gait.live.values import checked
+from twin_gait.live.protocol.to_page import checked
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.scenario.faults import FOOT, Fault, FaultKind, parse_fault
 from twin_gait.simulation.problem import Problem

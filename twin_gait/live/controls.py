@@ -19,17 +19,18 @@ from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
 from twin_gait.live.actions import EVERYTHING
-from twin_gait.live.places import Place, places
 from twin_gait.live.protocol import Control, ControlKind, MessageRefused, Value
+from twin_gait.live.protocol.to_page import checked
 from twin_gait.live.settings import (
     HELD_PHASE,
     Mode,
     MonitorJoint,
+    Place,
     Settings,
     first_settings,
+    places,
     resolved_damping,
 )
-from twin_gait.live.values import checked
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName, Side

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterable, Mapping
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,8 +17,9 @@ from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.live.journal import Content, locked, next_free, read_journal
 from twin_gait.live.pieces import AppliedChange, Take, take_of
-from twin_gait.runs.folders import staged_directory
-from twin_gait.runs.record import RUN_DIRECTORY, write_run
+from twin_gait.live.session_records import KILLED, SessionEntry, close_killed, list_sessions
+from twin_gait.runs.folders import journal_of, staged_directory
+from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run
 from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import Problem, build_problem
@@ -166,3 +168,36 @@ def changes_csv(changes: list[AppliedChange]) -> str:
     for change in changes:
         writer.writerow({**change.note, "tick": change.tick, "time_s": f"{change.tick * TICK:.3f}"})
     return buffer.getvalue()
+
+
+def recover(records: Path) -> Iterator[str]:
+    """Complete the run folders of all sessions that were killed, and close those sessions in the record.
+
+    Yields:
+        One sentence for each session, as the record has it from then on.
+
+    Raises:
+        SessionError: If the record cannot be used.
+    """
+    for entry in list_sessions(records):
+        if entry.status == KILLED and entry.ended is None:
+            try:
+                yield f"session {entry.id}: {_recover(records, entry)}"
+            except RunDirectoryError as error:  # it may be going on after all: its journal is held
+                yield f"session {entry.id} cannot be completed: {error}"
+
+
+def _recover(records: Path, entry: SessionEntry) -> str:
+    folders = []
+    for folder in map(Path, entry.folders):
+        done: Completed | None = complete(journal_of(folder)) if journal_of(folder).exists() else None
+        folders.append(folder if done is None else done.folder)
+    there = [str(folder) for folder in folders if (folder / SUMMARY_FILE).is_file()]
+    summary: dict[str, Any] = {}
+    if there:
+        summary = json.loads((Path(there[-1]) / SUMMARY_FILE).read_text(encoding="utf-8"))
+    tick = round(summary.get("duration_s", entry.tick * TICK) / TICK)
+    kept = f"the walk is kept up to {tick * TICK:.3f} s, in {there[-1]}" if there else "no run is left of it"
+    text = f"its processes were killed; {kept}"
+    close_killed(records, entry.id, tick=tick, text=text, summary=summary, folders=there)
+    return text

@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from twin_gait.files import finite_or_none, write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.replay.agreement import Agreement, agreement, meant_cycles, stride_phases
+from twin_gait.replay.figure import joints_of, replay_figure
 from twin_gait.replay.machine import Replay
 from twin_gait.report.canvas import save
-from twin_gait.report.replay_figure import ReplayedLeg, draw_replay
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.record import SUMMARY_FILE, SWITCHES_FILE
 from twin_gait.vocabulary import Side
@@ -129,7 +128,7 @@ def switches_csv(result: Replay) -> str:
     """Switches with their causes and what was measured then, in the columns of a run's file."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    joints = _joints(result)
+    joints = joints_of(result)
     measured = [f"{joint}_{name}" for joint in joints for name in ("angle_rad", "velocity_rad_per_s")]
     writer.writerow(["tick", "time_s", "side", "from", "to", "cause", *measured])
     for switch in result.switches:
@@ -142,28 +141,3 @@ def switches_csv(result: Replay) -> str:
             [switch.tick, f"{instant:.3f}", *switch[1:5], *(repr(float(value)) for value in values)]
         )
     return buffer.getvalue()
-
-
-def _joints(result: Replay) -> list[str]:
-    """Joints of the table that were recorded."""
-    legs = result.recording.angles.values()
-    return [joint for joint in result.table.joints if all(joint in angles for angles in legs)]
-
-
-def replay_figure(result: Replay) -> Figure:
-    """Draw a replay."""
-    recording, names = result.recording, list(result.table.phase_names)
-    recorded = {side: phases.tolist() for side, phases in recording.phases.items()}
-    names += sorted({name for phases in recorded.values() for name in phases} - set(names))
-    place = {name: index for index, name in enumerate(names)}
-    legs = {
-        str(side): ReplayedLeg(
-            angles={name: recording.angles[side][name] for name in _joints(result)},
-            phases=result.phases[side],
-            recorded=np.array([place[name] for name in recorded[side]]) if side in recorded else None,
-            switches=[(item.tick, item.cause) for item in result.switches if item.side is side],
-        )
-        for side in recording.sides
-    }
-    title = f"{Path(recording.source).name} through the gait table {result.table.name}"
-    return draw_replay(title, recording.time, names, legs)

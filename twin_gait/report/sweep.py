@@ -246,7 +246,7 @@ def draw_heat_maps(axes: Sequence[Axis], values: np.ndarray, measure: str, title
     """Draw the mean of a measure over the first ``MOST_PAIRS`` pairs, averaged over the other parameters."""
     pairs = list(itertools.combinations(axes, 2))[:MOST_PAIRS]
     cells = [cell_means(values, second, first) for first, second in pairs]
-    blank = ", white: none" if any(np.isnan(means).any() for means in cells) else ""
+    blank = ", empty: no episode" if any(np.isnan(means).any() for means in cells) else ""
     figure, panels = _panels(f"{title}: {_what(measure)}{blank}", len(pairs), height=3.9)
     lowest, highest = _range(cells, measure)
     for panel, (first, second), means in zip(panels, pairs, cells, strict=True):

@@ -1,4 +1,4 @@
-"""Pictures and page of a tuning: gait before and after, parts, what matters, convergence, departures."""
+"""Pictures and page of a tuning: gait before and after, parts, screening, convergence, departures."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def draw_parts(parts: Sequence[Mapping[str, Any]]) -> Figure:
     axes.set_yticks(rows, [part["title"] for part in parts])
     for label, part in zip(axes.get_yticklabels(), parts, strict=True):
         label.set_color(VERMILLION if part["verdict"] == "traded" else BLACK)
-    style_panel(axes, "the person tuned for: less is better, the dotted line is the goal", "")
+    style_panel(axes, "nominal case: less is better, the dotted line is the goal", "")
     axes.set_xlabel("share of the goal [%]")
     axes.margins(x=0.12)
     axes.legend(frameon=False, loc="lower right")
@@ -132,7 +132,7 @@ def draw_parts(parts: Sequence[Mapping[str, Any]]) -> Figure:
 
 
 def draw_screening(effects: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw what matters: the largest mean elementary effects with their intervals."""
+    """Draw the largest mean elementary effects with their intervals."""
     ranked = sorted(effects, key=lambda item: -item["mu_star"])[:MOST_EFFECTS]
     figure, (axes,) = _figure(1.4 + 0.23 * len(ranked))
     rows = np.arange(len(ranked))[::-1]
@@ -147,7 +147,7 @@ def draw_screening(effects: Sequence[Mapping[str, Any]]) -> Figure:
     axes.set_yticks(rows, [name_of(item["name"]) for item in ranked], fontsize=8)
     axes.set_ylim(-0.7, len(ranked) - 0.3)
     axes.set_xlim(left=0.0)
-    style_panel(axes, "what matters: blue numbers were searched, grey ones stayed", "")
+    style_panel(axes, "screening: blue parameters were searched, grey ones kept", "")
     axes.set_xlabel("mean change of log(1 + cost) over the screened range, with 95 % interval")
     return figure
 
@@ -197,7 +197,7 @@ def draw_departures(departures: Mapping[str, Mapping[str, Any]]) -> Figure:
             Line2D([], [], linestyle="-", label="after", **dots),
         ],
         [
-            Line2D([], [], color=BLACK, label="falls, or hardly walks (after)", **cross),
+            Line2D([], [], color=BLACK, label="falls, or makes no strides (after)", **cross),
             Line2D([], [], color=GREY, label="the same before", **cross),
             Line2D([], [], color=BLACK, linestyle=":", label="tuned for"),
         ],

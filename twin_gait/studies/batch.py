@@ -141,18 +141,6 @@ def simulate_batch(
     several workers a script must guard its own code, see :func:`twin_gait.studies.run_jobs`; the first
     episode runs in the calling process, so that a model that was never run here is compiled once.
 
-    Args:
-        experiment: What all episodes have in common.
-        overrides: Changes of each episode; see :func:`overridden`.
-        workers: Processes, or :class:`twin_gait.studies.Workers`; 1 runs the episodes in this one.
-        engine: Of every episode that does not override it.
-        logs: Episodes whose logs are kept.
-        progress: Called with episodes done and in all.
-        should_stop: Asked before each episode; True lets those that run finish and ends the batch.
-        seed: Every episode draws a seed of its own from this and its position; None leaves all of them the
-            experiment's. An override of ``seed`` has the last word.
-        on_compile: Called if the engine has to be compiled for the first episode, which takes 10 to 20 s.
-
     Returns:
         The table, the logs and whether the batch was stopped.
 
@@ -243,12 +231,6 @@ def _check(episodes: int, logs: Collection[int], seed: int | None) -> None:
 def episode_of(base: Experiment, override: Override, index: int, seed: int | None) -> Experiment:
     """Experiment of one episode.
 
-    Args:
-        base: What all episodes have in common.
-        override: Changes of this one.
-        index: Its position.
-        seed: That its own seed is drawn from, with its position; None leaves it the base's.
-
     Returns:
         The experiment.
 
@@ -292,9 +274,6 @@ def _table(outcomes: Sequence[_Outcome], overrides: Sequence[Override]) -> pd.Da
 def setting_columns(keys: Iterable[str]) -> dict[str, str]:
     """Names of the columns of overridden keys.
 
-    Args:
-        keys: The keys, repeated or not.
-
     Returns:
         Name by key, in the order of their first appearance: the key, with ``set.`` in front where a column
         of the summary is called so.
@@ -304,9 +283,6 @@ def setting_columns(keys: Iterable[str]) -> dict[str, str]:
 
 def summary_table(rows: Sequence[Flat]) -> pd.DataFrame:
     """Flat summaries as a table whose order and types of columns do not depend on the values.
-
-    Args:
-        rows: From :func:`flat_summary`.
 
     Returns:
         One row each; a column that an episode does not have, such as one of a missing leg, is empty there.

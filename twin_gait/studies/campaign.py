@@ -214,10 +214,6 @@ def _variation(campaign: Campaign, rng: np.random.Generator) -> BenchVariation:
 def drop_amplitude(mass: float, step: int) -> float:
     """A of the protocol for a weight: 140 to 150 counts for 3 kg, 185 to 195 for 1 kg, in between a line.
 
-    Args:
-        mass: In [kg].
-        step: 0, 1 or 2.
-
     Returns:
         A in counts.
     """
@@ -296,13 +292,6 @@ def run_campaign(
 ) -> CampaignResult:
     """Simulate a campaign and write its logs; the folder appears when all of them are done.
 
-    Args:
-        campaign: The campaign.
-        directory: Folder to make.
-        progress: Called with tests done and in all.
-        should_stop: Asked between tests; True ends the campaign with the logs so far.
-        on_compile: Called if the loop has to be compiled.
-
     Returns:
         The folder and what happened in each test.
 
@@ -375,9 +364,6 @@ def _line(plan: PlannedTest, run: BenchRun) -> dict[str, Any]:
 
 def summarise(run: BenchRun) -> dict[str, float | None]:
     """What one looks at first in a test.
-
-    Args:
-        run: The test.
 
     Returns:
         Times in [s] at which the joint had moved by 1° and reached the stop, None if it did not; RMSE of

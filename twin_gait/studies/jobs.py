@@ -270,9 +270,6 @@ def sources_hash() -> str:
 
     Results of one table must come from one version of the laws, and a version number does not change while
     somebody edits them. What only shows results does not count.
-
-    Returns:
-        The hash.
     """
     root = Path(twin_gait.__file__).parent
     digest = hashlib.sha256()

@@ -15,7 +15,7 @@ from pathlib import Path
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.gait.documents import transition_table, truth_table
-from twin_gait.gait.feasibility import Wish
+from twin_gait.gait.feasibility import Requirement
 from twin_gait.gait.table import GaitTable
 from twin_gait.testing import edges, timing
 from twin_gait.testing.driver import MachineFactory, Refusal, machine_of, play
@@ -131,7 +131,7 @@ def _more(leave: Exit, taking: Scenario) -> Iterator[Shown]:
         *(timing.elsewhere(leave, phase) for phase in away),
     ):
         yield _playing(table, item)
-    steps = comfortable(leave, [Wish(leave.item.guard)], fires) or last
+    steps = comfortable(leave, [Requirement(leave.item.guard)], fires) or last
     alone = tuple(step._replace(vector=step.vector._replace(other_phase=None)) for step in steps)
     if yields(leave, alone):
         yield _playing(table, scenario(leave, "holds without another leg", alone))

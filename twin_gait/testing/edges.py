@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from twin_gait.gait.feasibility import TIME, ZERO, Bound, Phases, Wish, equal
+from twin_gait.gait.feasibility import TIME, ZERO, Bound, Phases, Requirement, equal
 from twin_gait.gait.guards import AnyOf, Comparison, PhaseMembership
 from twin_gait.gait.table import TICK
 from twin_gait.testing.exits import (
@@ -75,7 +75,7 @@ def _edge(leave: Exit, entry: Decisive, atom: Comparison, margin: float, accept:
     for start in _turns(leave, atom, margin > 0.0) if own else leave.starts(leave.debounce):
         window = Window(start, start + leave.debounce - 1)
         pinned = [] if own else _pinned(atom, margin, window)
-        for vector in leave.look(entry.wishes, window, pinned):
+        for vector in leave.look(entry.requirements, window, pinned):
             steps = constant(vector, *window)
             if accept(leave, steps):
                 return steps
@@ -116,7 +116,7 @@ def _on(leave: Exit, entry: Decisive, atom: Comparison, past: Steps | None) -> S
     pins = equal(atom.signal, atom.minus or ZERO, atom.threshold)
     ends = [] if atom.minus is None else [atom.signal, atom.minus]
     zeros = [equal(name, ZERO, 0.0) for name in ends] or [[]]
-    found = (comfortable(leave, entry.wishes, on, pinned=[*pins, *zero]) for zero in zeros)
+    found = (comfortable(leave, entry.requirements, on, pinned=[*pins, *zero]) for zero in zeros)
     return next((steps for steps in found if steps is not None), None)
 
 
@@ -124,8 +124,8 @@ def _memberships(leave: Exit, entry: Decisive, atom: PhaseMembership) -> Iterato
     for phase in leave.table.phase_names:
         inside = phase in atom.phases
         what = f"{'fires' if inside else 'holds'} while the other leg is in {phase}"
-        wishes = [*entry.wishes, Wish(PhaseMembership(phases=(phase,)))]
-        yield shown(leave, what, comfortable(leave, wishes, *((fires,) if inside else (stays, yields))))
+        requirements = [*entry.requirements, Requirement(PhaseMembership(phases=(phase,)))]
+        yield shown(leave, what, comfortable(leave, requirements, *((fires,) if inside else (stays, yields))))
 
 
 def groups(leave: Exit, entry: Decisive) -> Iterator[Scenario | str]:
@@ -134,8 +134,8 @@ def groups(leave: Exit, entry: Decisive) -> Iterator[Scenario | str]:
         return
     alone = isinstance(entry.group, AnyOf)
     what = f"any: fires by {entry.atom} alone" if alone else f"all: holds while only {entry.atom} is missing"
-    wishes = [*entry.wishes, Wish(entry.atom, alone)]
-    yield shown(leave, what, comfortable(leave, wishes, *((fires,) if alone else (stays, yields))))
+    requirements = [*entry.requirements, Requirement(entry.atom, alone)]
+    yield shown(leave, what, comfortable(leave, requirements, *((fires,) if alone else (stays, yields))))
 
 
 # ---------------------------------------------------------------------- two exits due in the same tick
@@ -160,23 +160,23 @@ class _Pair:
 
     first: Exit
     second: Exit
-    rest: tuple[Wish, ...]
+    rest: tuple[Requirement, ...]
     phases: Phases
 
-    def look(self, first: int, last: int, wishes: Sequence[Wish]) -> Vector | None:
+    def look(self, first: int, last: int, requirements: Sequence[Requirement]) -> Vector | None:
         """Measurements over a window of ticks."""
         if not 1 <= first <= last <= self.first.latest:
             return None
-        return find(self.phases, [*wishes, *self.rest], Window(first, last))
+        return find(self.phases, [*requirements, *self.rest], Window(first, last))
 
 
 def _pairs(first: Exit, second: Exit) -> Iterator[_Pair]:
     """All exits beside the two are closed; if they cannot be, those listed above the second, the first."""
     others = [item for item in first.rivals if item.index != second.index]
     for below in (len(first.table.transitions), second.index, first.index):
-        rest = tuple(Wish(item.item.guard, False) for item in others if item.index < below)
+        rest = tuple(Requirement(item.item.guard, False) for item in others if item.index < below)
         yield _Pair(first, second, rest, first.table.phase_names)
-    yield _Pair(first, second, tuple(Wish(item.item.guard, False) for item in others), (None,))
+    yield _Pair(first, second, tuple(Requirement(item.item.guard, False) for item in others), (None,))
 
 
 def _candidates(pair: _Pair) -> Iterator[Steps]:
@@ -210,11 +210,11 @@ def _with_time_out(pair: _Pair, guarded: Exit, pure: Exit) -> Iterator[Steps]:
     """The guard opens so that its debounce ends with the time-out."""
     due = int(pure.latest)
     start = due - guarded.debounce + 1
-    opened = pair.look(start, due, [Wish(guarded.item.guard)])
+    opened = pair.look(start, due, [Requirement(guarded.item.guard)])
     if opened is None:
         return
     lead = min(start - 1, pure.debounce)
-    before = pair.look(start - lead, start - 1, [Wish(guarded.item.guard, False)]) if lead else opened
+    before = pair.look(start - lead, start - 1, [Requirement(guarded.item.guard, False)]) if lead else opened
     if before is not None:
         yield _run(start - lead, [before] * lead + [opened] * guarded.debounce)
     yield constant(opened, start, due)
@@ -225,7 +225,9 @@ def _both_gated(pair: _Pair) -> Iterator[Steps]:
     due = max(pair.first.gate, pair.second.gate)
     debounce = max(pair.first.debounce, pair.second.debounce)
     for start in (max(1, due - debounce - 1), due - debounce + 1):
-        opened = pair.look(start, due, [Wish(pair.first.item.guard), Wish(pair.second.item.guard)])
+        opened = pair.look(
+            start, due, [Requirement(pair.first.item.guard), Requirement(pair.second.item.guard)]
+        )
         if opened is not None:
             yield constant(opened, start, due)
 
@@ -238,10 +240,12 @@ def _staggered(pair: _Pair) -> Iterator[Steps]:
     gate = max(1, max(first.gate, second.gate) - slow.debounce + 1)
     for start in slow.starts(slow.debounce, gate=gate):
         last = start + slow.debounce - 1
-        opened = pair.look(start + lead, last, [Wish(first.item.guard), Wish(second.item.guard)])
+        opened = pair.look(
+            start + lead, last, [Requirement(first.item.guard), Requirement(second.item.guard)]
+        )
         if opened is None:
             continue
-        only_slow = [Wish(slow.item.guard), Wish(fast.item.guard, False)]
+        only_slow = [Requirement(slow.item.guard), Requirement(fast.item.guard, False)]
         before = pair.look(start, start + lead - 1, only_slow) if lead else opened
         if before is not None:
             yield _run(start, [before] * lead + [opened] * fast.debounce)

@@ -14,8 +14,8 @@ from twin_gait.gait.feasibility import (
     ZERO,
     Bound,
     Phases,
+    Requirement,
     Way,
-    Wish,
     bound_of,
     most_comfortable,
 )
@@ -47,17 +47,17 @@ class Decisive(NamedTuple):
 
     Attributes:
         atom: The condition.
-        wishes: All other parts of the guard, as they have to be.
+        requirements: All other parts of the guard, as they have to be.
         group: The innermost list that holds it with others, or None.
     """
 
     atom: Comparison | PhaseMembership
-    wishes: tuple[Wish, ...] = ()
+    requirements: tuple[Requirement, ...] = ()
     group: AllOf | AnyOf | None = None
 
 
 def decisive(guard: Guard) -> Iterator[Decisive]:
-    """Every condition of a guard with the wishes under which it alone decides.
+    """Every condition of a guard with the requirements under which it alone decides.
 
     Beside it, the others of an ``all`` are open and the others of an ``any`` closed, on every level.
     """
@@ -66,14 +66,14 @@ def decisive(guard: Guard) -> Iterator[Decisive]:
         return
     for place, inner in enumerate(guard.guards):
         beside = guard.guards[:place] + guard.guards[place + 1 :]
-        wishes = tuple(Wish(other, isinstance(guard, AllOf)) for other in beside)
+        requirements = tuple(Requirement(other, isinstance(guard, AllOf)) for other in beside)
         for item in decisive(inner):
             group = item.group or (guard if beside else None)
-            yield Decisive(item.atom, (*wishes, *item.wishes), group)
+            yield Decisive(item.atom, (*requirements, *item.requirements), group)
 
 
 class Window(NamedTuple):
-    """First and last tick in the phase between which wishes have to hold."""
+    """First and last tick in the phase between which requirements have to hold."""
 
     first: int
     last: int
@@ -90,13 +90,13 @@ def reads_only_own_time(atom: Comparison) -> bool:
 
 
 def find(
-    phases: Phases, wishes: Sequence[Wish], window: Window, pinned: Sequence[Bound] = ()
+    phases: Phases, requirements: Sequence[Requirement], window: Window, pinned: Sequence[Bound] = ()
 ) -> Vector | None:
-    """Find measurements that fulfil all wishes over a window of ticks.
+    """Find measurements that fulfil all requirements over a window of ticks.
 
     Args:
         phases: Allowed phases of the other leg; ``(None,)`` for a leg without another.
-        wishes: What has to be open or closed.
+        requirements: What has to be open or closed.
         window: Ticks in the phase.
         pinned: Bounds on the signals in addition.
 
@@ -111,7 +111,7 @@ def find(
         bound = bound_of(atom, true)
         return [bound.at(TIME, tick * TICK) for tick in ends] if reads_own_time(atom) else [bound]
 
-    found = most_comfortable(Way(phases, (*pinned, Bound(ZERO, OTHER_TIME, 0.0))), wishes, bounds_of)
+    found = most_comfortable(Way(phases, (*pinned, Bound(ZERO, OTHER_TIME, 0.0))), requirements, bounds_of)
     return None if found is None else Vector(found[1], found[0].phases[0])
 
 
@@ -181,21 +181,24 @@ class Exit:
         candidates = {earliest, *near, *(tick - ticks + 1 for tick in near)}
         return sorted(tick for tick in candidates if earliest <= tick and tick + ticks - 1 < self.latest)
 
-    def closings(self, window: Window) -> list[tuple[Wish, ...]]:
+    def closings(self, window: Window) -> list[tuple[Requirement, ...]]:
         """Which rivals to close, in the order of preference: all, those that could be due, the earlier."""
         ticks = window.last - window.first + 1
         able = [item for item in self.rivals if item.debounce <= ticks and item.gate <= window.last]
         earlier = [item for item in able if item.index < self.index]
         choices = [
-            tuple(Wish(item.item.guard, False) for item in chosen) for chosen in (self.rivals, able, earlier)
+            tuple(Requirement(item.item.guard, False) for item in chosen)
+            for chosen in (self.rivals, able, earlier)
         ]
         return list(dict.fromkeys(choices))
 
-    def look(self, wishes: Sequence[Wish], window: Window, pinned: Sequence[Bound] = ()) -> Iterator[Vector]:
-        """Measurements that fulfil the wishes, with ever fewer rivals closed; last without another leg."""
+    def look(
+        self, requirements: Sequence[Requirement], window: Window, pinned: Sequence[Bound] = ()
+    ) -> Iterator[Vector]:
+        """Measurements that fulfil requirements, with ever fewer rivals closed; last without another leg."""
         for phases in (self.table.phase_names, (None,)):
             for closing in self.closings(window):
-                found = find(phases, [*wishes, *closing], window, pinned)
+                found = find(phases, [*requirements, *closing], window, pinned)
                 if found is not None:
                     yield found
 
@@ -235,13 +238,13 @@ def yields(leave: Exit, steps: Steps) -> bool:
 
 
 def comfortable(
-    leave: Exit, wishes: Sequence[Wish], *accepts: Accept, pinned: Sequence[Bound] = ()
+    leave: Exit, requirements: Sequence[Requirement], *accepts: Accept, pinned: Sequence[Bound] = ()
 ) -> Steps | None:
-    """Steps, one debounce long, that fulfil wishes with room and are accepted; first criterion first."""
+    """Steps, one debounce long, that fulfil requirements with room and pass one of some criteria."""
     for accept in accepts:
         for start in leave.starts(leave.debounce):
             window = Window(start, start + leave.debounce - 1)
-            for vector in leave.look(wishes, window, pinned):
+            for vector in leave.look(requirements, window, pinned):
                 steps = constant(vector, *window)
                 if accept(leave, steps):
                     return steps

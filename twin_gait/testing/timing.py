@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from twin_gait.gait.feasibility import Wish
+from twin_gait.gait.feasibility import Requirement
 from twin_gait.gait.guards import AllOf, Comparison
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.testing.exits import (
@@ -29,7 +29,7 @@ def debounce(leave: Exit) -> Iterator[Scenario | str]:
     ticks = leave.debounce
     if ticks == 1 or 2 * ticks > LONGEST_RUN:
         return
-    steps = comfortable(leave, [Wish(leave.item.guard)], fires)
+    steps = comfortable(leave, [Requirement(leave.item.guard)], fires)
     yield shown(leave, f"debounce: holds for {ticks - 1} ticks, fires on tick {ticks}", steps)
     yield shown(leave, f"debounce: one closed tick starts the count of {ticks} anew", _interrupted(leave))
 
@@ -38,8 +38,8 @@ def _interrupted(leave: Exit) -> Steps | None:
     ticks = leave.debounce
     for start in leave.starts(2 * ticks):
         window = Window(start, start + 2 * ticks - 1)
-        for inside in leave.look([Wish(leave.item.guard)], window):
-            for outside in leave.look([Wish(leave.item.guard, False)], window):
+        for inside in leave.look([Requirement(leave.item.guard)], window):
+            for outside in leave.look([Requirement(leave.item.guard, False)], window):
                 vectors = [inside] * (ticks - 1) + [outside] + [inside] * ticks
                 steps = tuple(Step(start + place, vector) for place, vector in enumerate(vectors))
                 if fires(leave, steps):
@@ -62,7 +62,7 @@ def _waits(leave: Exit, until: int) -> Steps | None:
     start = max(1, until - leave.debounce - 1)
     if start + leave.debounce - 1 >= until or until >= leave.latest or leave.debounce > LONGEST_RUN:
         return None
-    for vector in leave.look([Wish(leave.item.guard)], Window(start, until)):
+    for vector in leave.look([Requirement(leave.item.guard)], Window(start, until)):
         steps = constant(vector, start, until)
         if fires(leave, steps):
             return steps
@@ -74,12 +74,12 @@ def from_entry(leave: Exit) -> Iterator[Scenario]:
     if leave.debounce > LONGEST_RUN:
         return
     times = [
-        [*entry.wishes, Wish(entry.atom)]
+        [*entry.requirements, Requirement(entry.atom)]
         for entry in decisive(leave.item.guard)
         if isinstance(entry.atom, Comparison) and reads_only_own_time(entry.atom)
     ]
-    for wishes in ([Wish(leave.item.guard)], *times):
-        inside = comfortable(leave, wishes, fires)
+    for requirements in ([Requirement(leave.item.guard)], *times):
+        inside = comfortable(leave, requirements, fires)
         steps = None if inside is None else _since_entry(leave, inside)
         if steps is not None:
             yield scenario(leave, f"waiting: open from the entry on, fires in tick {steps[-1].tick}", steps)
@@ -142,12 +142,12 @@ def elsewhere(leave: Exit, phase: str) -> Iterator[Scenario]:
     if leave.debounce > LONGEST_RUN:
         return
     table = leave.table
-    here = tuple(Wish(table.transitions[index].guard, False) for index in exits(table, phase))
-    guarded = tuple(wish for wish in here if wish.guard != AllOf(guards=()))
+    here = tuple(Requirement(table.transitions[index].guard, False) for index in exits(table, phase))
+    guarded = tuple(requirement for requirement in here if requirement.guard != AllOf(guards=()))
     gate = max(leave.gate, table.phases[phase].minimum_ticks)
     for first in leave.starts(leave.debounce, gate=gate) or [gate]:
         window = Window(first, first + leave.debounce - 1)
-        found = find(table.phase_names, [Wish(leave.item.guard), *guarded], window)
+        found = find(table.phase_names, [Requirement(leave.item.guard), *guarded], window)
         steps = () if found is None else constant(found, *window)
         if steps and not any(index is not None for index in outcomes(table, phase, steps)):
             yield Scenario(f"holds in {phase}, which it does not leave", phase, steps, (None,) * len(steps))
@@ -156,7 +156,11 @@ def elsewhere(leave: Exit, phase: str) -> Iterator[Scenario]:
 
 def again(leave: Exit) -> Iterator[Scenario]:
     """A debounce that was cut short by another exit is counted anew when the phase is entered again."""
-    last = comfortable(leave, [Wish(leave.item.guard)], fires) if 1 < leave.debounce <= LONGEST_RUN else None
+    last = (
+        comfortable(leave, [Requirement(leave.item.guard)], fires)
+        if 1 < leave.debounce <= LONGEST_RUN
+        else None
+    )
     if last is None:
         return
     for cutter in (Exit(leave.table, index) for index in exits(leave.table, leave.phase)):
@@ -179,10 +183,12 @@ def _cuts(leave: Exit, cutter: Exit) -> Iterator[Steps]:
         starts, ticks = [int(cutter.latest) - leave.debounce + 2], leave.debounce - 1
     if ticks >= leave.debounce:
         return
-    wishes = [Wish(leave.item.guard), Wish(cutter.item.guard)]
-    wishes += [Wish(item.item.guard, False) for item in leave.rivals if item.index != cutter.index]
+    requirements = [Requirement(leave.item.guard), Requirement(cutter.item.guard)]
+    requirements += [
+        Requirement(item.item.guard, False) for item in leave.rivals if item.index != cutter.index
+    ]
     for start in (tick for tick in starts if tick >= 1):
-        vector = find(leave.table.phase_names, wishes, Window(start, start + ticks - 1))
+        vector = find(leave.table.phase_names, requirements, Window(start, start + ticks - 1))
         if vector is not None:
             yield constant(vector, start, start + ticks - 1)
 
@@ -205,7 +211,7 @@ def _way(table: GaitTable, start: str, end: str) -> list[Steps] | None:
 def _taking(leave: Exit) -> Steps | None:
     if is_pure_time_out(leave.item):
         return _last_wait(leave)
-    return comfortable(leave, [Wish(leave.item.guard)], fires)
+    return comfortable(leave, [Requirement(leave.item.guard)], fires)
 
 
 def _chain(parts: Sequence[Steps]) -> Steps:

@@ -52,9 +52,6 @@ class Range:
     def at(self, share: float) -> float:
         """Value at a share of the way.
 
-        Args:
-            share: From 0 to 1.
-
         Returns:
             The value; both ends exactly.
         """
@@ -116,10 +113,6 @@ def _plain(value: Any) -> Any:
 def grid(parameters: Mapping[str, Levels], repetitions: int = 1) -> Design:
     """Every combination; the first key changes slowest.
 
-    Args:
-        parameters: Values, or a range with a count, of each key.
-        repetitions: Episodes per point.
-
     Returns:
         The design.
 
@@ -143,12 +136,6 @@ def latin_hypercube(
 ) -> Design:
     """A Latin hypercube: each range is cut into as many slices as there are samples, each used once.
 
-    Args:
-        parameters: A range of each key, or values that are drawn equally often.
-        samples: Points.
-        seed: Of the draw.
-        repetitions: Episodes per point.
-
     Returns:
         The design.
 
@@ -167,10 +154,6 @@ def latin_hypercube(
 
 def listed(rows: Sequence[Mapping[str, Any]], repetitions: int = 1) -> Design:
     """The rows of a list, which need not change the same keys.
-
-    Args:
-        rows: Overrides of each point.
-        repetitions: Episodes per point.
 
     Returns:
         The design.

@@ -109,13 +109,6 @@ def sweep_from_mapping(
 ) -> Sweep:
     """Turn a mapping into a sweep.
 
-    Args:
-        data: The mapping.
-        source: File name for messages.
-        folder: Folder that a relative path of an experiment starts from.
-        name: Where the mapping gives none.
-        settings: As in :func:`load_sweep`.
-
     Returns:
         The sweep.
 

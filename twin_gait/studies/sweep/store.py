@@ -65,9 +65,6 @@ class SweepStore:
     def append(self, rows: Mapping[int, Flat]) -> None:
         """Keep the summaries of some episodes.
 
-        Args:
-            rows: Flat summary by episode.
-
         Raises:
             RunDirectoryError: If they cannot be written.
         """
@@ -148,10 +145,6 @@ class SweepStore:
 def open_store(directory: Path, sweep: Sweep) -> Iterator[SweepStore]:
     """Open the folder of a sweep, or make it.
 
-    Args:
-        directory: The folder.
-        sweep: The sweep.
-
     Yields:
         The store; no other process can open it meanwhile.
 
@@ -192,10 +185,6 @@ def _lock(descriptor: int, directory: Path) -> None:
 def check_directory(directory: Path, sweep: Sweep) -> None:
     """Refuse a folder that is not this sweep's.
 
-    Args:
-        directory: The folder, which need not exist.
-        sweep: The sweep.
-
     Raises:
         RunDirectoryError: If it holds something else.
     """
@@ -223,9 +212,6 @@ def _holds_something(directory: Path) -> bool:
 
 def read_table(directory: Path) -> pd.DataFrame:
     """Read the table of a sweep.
-
-    Args:
-        directory: The folder of the sweep.
 
     Returns:
         One row per episode.

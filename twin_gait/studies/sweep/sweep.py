@@ -7,22 +7,25 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, field
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.validation import converting
 from twin_gait.exceptions import ParameterFileError
+from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
 from twin_gait.report.canvas import save
 from twin_gait.report.pages import figures_page
 from twin_gait.report.sweep import sweep_figures, values_of
-from twin_gait.simulation import RunStatus
-from twin_gait.studies.batch import Flat, setting_columns
+from twin_gait.simulation import RunStatus, simulate
+from twin_gait.simulation.problem import build_problem
+from twin_gait.studies.batch import Flat, Override, episode_of, flat_summary, setting_columns
 from twin_gait.studies.jobs import Portion, Workers, portions
-from twin_gait.studies.sweep.episode import Episode, check_episode, run_episode
 from twin_gait.studies.sweep.spec import Sweep
 from twin_gait.studies.sweep.store import (
     FIGURES_FOLDER,
@@ -39,6 +42,64 @@ from twin_gait.studies.sweep.store import (
 CHUNK_SECONDS = 2.0
 # Checking one takes a few milliseconds, starting workers a few seconds: more than these are checked by them.
 CHECKED_HERE = 2000
+
+
+class Episode(NamedTuple):
+    """An episode: plain values only.
+
+    Attributes:
+        number: Its position in the design.
+        override: What it changes.
+        seed: Of the sweep.
+        document: The experiment that all have in common, as JSON with the hash of its URDF.
+    """
+
+    number: int
+    override: Override
+    seed: int
+    document: str
+
+    def __str__(self) -> str:
+        return f"episode {self.number}"
+
+    def experiment(self) -> Experiment:
+        """What is to be run.
+
+        Raises:
+            ParameterFileError: If a change is wrong, naming episode and key.
+        """
+        return episode_of(_base(self.document), self.override, self.number, self.seed)
+
+
+@lru_cache(maxsize=1)
+def _base(document: str) -> Experiment:
+    return experiment_from_mapping(json.loads(document), "the sweep", Path())
+
+
+def check_episode(episode: Episode) -> None:
+    """Check the overrides of an episode.
+
+    Raises:
+        TwinGaitError: If one is wrong.
+    """
+    experiment = episode.experiment()
+    # A text may name a joint or phase that is not there; numbers are checked by their ranges.
+    plain = all(isinstance(value, int | float) for value in episode.override.values())
+    if episode.number == 0 or not plain:
+        converting(str(episode), "", partial(_lay_out, experiment))
+
+
+def _lay_out(experiment: Experiment) -> None:
+    """Do what goes before the first tick, to find what does not fit together."""
+    problem = build_problem(experiment)
+    for phase in problem.world.initial_phases.values():
+        if phase is not None:
+            problem.table.phase_index(phase)
+
+
+def run_episode(episode: Episode, on_compile: Callable[[], None] | None = None) -> Flat:
+    """Summary of an episode; a fall or a divergence is one."""
+    return flat_summary(simulate(episode.experiment(), on_compile=on_compile))
 
 
 @dataclass(frozen=True)
@@ -96,17 +157,6 @@ def run_sweep(
     episode runs in the calling process: it compiles the engine where no worker has to, and says how long an
     episode takes.
 
-    Args:
-        sweep: From :func:`twin_gait.studies.sweep.spec.load_sweep`.
-        directory: Its folder: new, empty or begun by the same sweep.
-        workers: Who runs the episodes; the calling process if None.
-        chunk_seconds: Work handed over at a time in [s], as far as it can be foretold.
-        pictures: Whether to draw figures at the end.
-        checking: Called with episodes checked and in all, before any of them runs.
-        progress: Called with episodes done and in all.
-        should_stop: Asked before each chunk; True lets those that run finish and ends the sweep.
-        on_compile: Called if the engine has to be compiled for the first episode, which takes 10 to 20 s.
-
     Returns:
         The table and what became of the sweep.
 
@@ -143,12 +193,6 @@ def check_sweep(
     should_stop: Callable[[], bool] | None = None,
 ) -> None:
     """Check the overrides of every episode without running any.
-
-    Args:
-        sweep: The sweep.
-        workers: Who checks a long one.
-        progress: Called with episodes checked and in all.
-        should_stop: Asked now and then; True ends the check.
 
     Raises:
         KeyboardInterrupt: If it was stopped.

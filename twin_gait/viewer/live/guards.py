@@ -15,7 +15,7 @@ from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from twin_gait.viewer.live.outbox import Outbox
+from twin_gait.viewer.live.window import Outbox
 from twin_gait.viewer.loopback import LOOPBACK
 
 LOOPBACK_NAMES = frozenset({LOOPBACK, "localhost"})

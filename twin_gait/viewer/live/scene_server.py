@@ -19,8 +19,7 @@ from tornado.web import Application, RequestHandler
 
 from twin_gait.exceptions import ViewerError
 from twin_gait.viewer.live.guards import LONGEST_MESSAGE, Guarded, GuardedSocket, NothingHandler
-from twin_gait.viewer.live.outbox import Outbox
-from twin_gait.viewer.live.window import Change
+from twin_gait.viewer.live.window import Change, Outbox
 from twin_gait.viewer.loopback import LOOPBACK, Door, bind_loopback
 
 PATIENCE = 10.0  # [s] for the headers of a request, for its body, and for the next request

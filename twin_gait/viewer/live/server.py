@@ -13,9 +13,8 @@ from typing import Any
 from tornado.web import RequestHandler
 
 from twin_gait.viewer.live.guards import Allowance, Guarded, GuardedSocket
-from twin_gait.viewer.live.outbox import Outbox
 from twin_gait.viewer.live.scene_server import SceneServer
-from twin_gait.viewer.live.window import Change
+from twin_gait.viewer.live.window import Change, Outbox
 
 Message = Mapping[str, Any]
 
