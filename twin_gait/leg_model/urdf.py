@@ -161,7 +161,6 @@ def build_model(
     """Build a Pinocchio model of a URDF file.
 
     Args:
-        path: The file.
         root_joint: Joint between world and root link with its name; None fixes the root link.
         reversed_joints: Joints whose angle is counted the other way than in the file.
 

@@ -76,9 +76,7 @@ def foresee(
     Args:
         walk: Of the same experiment; what it did before is forgotten.
         moment: From :meth:`~twin_gait.live.walk.LiveWalk.moment`.
-        numbers: Settings that are to be tried.
         now: Time in [s], for the budget.
-        horizon: Ticks to look ahead at most.
 
     Returns:
         The forecast. Of a walk that is over, that of a new start.

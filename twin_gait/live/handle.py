@@ -44,8 +44,6 @@ class LoopProcess:
 
         Args:
             module: The loop, or the one that looks ahead.
-            on_frame: Takes the line of a frame.
-            on_message: Takes any other message but answers.
             on_end: Called when the process is gone, with its exit status; negative: killed by that signal.
         """
         self._module = f"{__package__}.{module}"
@@ -102,7 +100,6 @@ class LoopProcess:
         """Send a command.
 
         Args:
-            command: Its name and values.
             then: Called with the answer, from the thread that reads.
 
         Raises:

@@ -57,7 +57,6 @@ def judge(settings: Settings, known: frozenset[Place] = frozenset()) -> Verdict:
     """Hold settings to the rules whose errors make them unsafe.
 
     Args:
-        settings: The settings.
         known: Errors that are there already, and so are not the fault of a change.
 
     Returns:
@@ -78,7 +77,6 @@ def refusal(verdict: Verdict, known: frozenset[Place]) -> str:
 
     Args:
         verdict: From :func:`judge`.
-        known: Errors that were there before.
 
     Returns:
         Rule, place, reason and the way out.
@@ -112,11 +110,7 @@ def place_of(finding: Finding) -> Place:
 
 
 def described(finding: Finding, *, way_out: bool = False) -> str:
-    """A finding in one sentence.
-
-    Returns:
-        Rule, place and reason.
-    """
+    """A finding in one sentence."""
     where = finding.transition or finding.phase or ""
     text = f"{finding.rule}{f' ({where})' if where else ''}: {finding.reason}"
     return f"{text}; {finding.suggestion}" if way_out else text

@@ -94,11 +94,8 @@ class LiveSession:
 
         Args:
             loaded: Experiment; its duration is the longest time of a walk.
-            folder: Run folder to write.
-            user: Who.
             force: Whether an existing run folder may be replaced.
             pictures: Whether to draw figures and animation at the end.
-            paused: Whether to begin in a pause.
             records: Folder of the record of sessions, or None to keep no record.
             on_compile: Called if the walk has to be compiled first, which takes 10 to 20 s.
             on_step: Called at the end with the name of each file before it is written.
@@ -252,7 +249,6 @@ class LiveSession:
         """Record that a message could not even be read.
 
         Args:
-            reason: One sentence.
             id: Of the message, if it had one.
             user: Who, if known.
         """

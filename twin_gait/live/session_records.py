@@ -69,10 +69,7 @@ class SessionRecorder:
         """Begin a session in the record, which is made if there is none; nobody else may read it.
 
         Args:
-            folder: Of the record.
-            user: Who.
             experiment: Name of the preset or file.
-            document: Mapping of the experiment, everything resolved.
 
         Raises:
             SessionError: If the record cannot be written.
@@ -237,12 +234,8 @@ def close_killed(
     """Record how a session ended whose own processes no longer could.
 
     Args:
-        folder: Of the record.
-        session: Number.
         tick: Ticks that are kept of the last walk.
         text: What happened, in one sentence; becomes the last entry of the session's log.
-        summary: Of the last walk.
-        folders: Run folders.
 
     Raises:
         SessionError: If the record cannot be written.

@@ -102,7 +102,6 @@ def monitored_table(table: GaitTable, monitor: MonitoredJoints, mode: Mode) -> G
     Args:
         table: For the transitions and the names.
         monitor: What the monitor sets.
-        mode: One of its three controls.
 
     Returns:
         The table; nothing of it is scaled.
@@ -219,8 +218,6 @@ def effect_of(before: LoopNumbers, after: LoopNumbers, problem: Problem) -> dict
     """What a change does to the log.
 
     Args:
-        before: Numbers before the change.
-        after: Numbers after it.
         problem: For sides and joints.
 
     Returns:
@@ -290,7 +287,6 @@ def places(table: GaitTable, sides: tuple[Side, ...]) -> Iterator[Place]:
     """All places of a table.
 
     Args:
-        table: The table.
         sides: Legs that there are; phases that differ on one of them are places of their own.
 
     Yields:

@@ -96,7 +96,6 @@ def carries(world: World, growth: Step, step: float) -> bool:
     way are not looked at.
 
     Args:
-        world: With braces.
         growth: :func:`rk4_growth` or :func:`semi_implicit_euler_growth`.
         step: In [s].
     """

@@ -140,12 +140,9 @@ def build_leg_model(
     """Build the rigid-body model of a world.
 
     Args:
-        source: URDF and names.
         patient: The wearer, or None.
         actuators: For the armature of hip and knee.
-        pelvis: How the pelvis is held.
         gravity: In [m] / [s²].
-        bodies: Whose bodies it has.
     """
     return LegModel(
         source.urdf,

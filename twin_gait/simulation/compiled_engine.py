@@ -63,7 +63,6 @@ class CompiledEngine:
         """Lay the problem out and get the compiled loop.
 
         Args:
-            problem: The experiment as arrays.
             controller: Control law that takes the place of the thesis's; numba must be able to compile it.
             record: Whether to keep the log; without it only the switches and the last state remain.
             on_compile: Called if the loop has to be compiled first.

@@ -68,9 +68,6 @@ def compile_loop(text: str, controller: ControllerFunction | None = None) -> Com
     Args:
         text: From :func:`twin_gait.simulation.module_text.module_source`.
         controller: Control law that takes the place of the thesis's.
-
-    Returns:
-        The loop.
     """
     register_core()
     module = ModuleType("twin_gait_episode")
@@ -116,9 +113,6 @@ def compiles(function: ControllerFunction) -> bool:
 
     Args:
         function: An ``njit`` function, or a Python function.
-
-    Returns:
-        Whether it can.
 
     Raises:
         ParameterError: If it does not take eight numbers, or gives anything but two.

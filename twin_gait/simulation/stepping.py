@@ -78,7 +78,6 @@ def blend_arrays(old: np.ndarray, new: np.ndarray, share: float) -> np.ndarray:
     Args:
         old: Values at the start of the blend, any shape.
         new: Values at its end, the same shape.
-        share: Of the new values.
 
     Returns:
         The same shape.
@@ -166,9 +165,6 @@ class SteppedRun:
 
     def advance(self, ticks: int) -> np.ndarray:
         """Run some ticks, fewer if the wearer falls or the state diverges on the way.
-
-        Args:
-            ticks: How many.
 
         Returns:
             Rows of the log that they wrote, shape ``(ticks, n_columns)`` in the order of the layout.
@@ -258,9 +254,6 @@ class SteppedRun:
 
         Args:
             first: How many of them to leave out at the start.
-
-        Returns:
-            The switches in order.
         """
         return self._engine.switches(first)
 
@@ -331,7 +324,6 @@ class SteppedRun:
 
         Args:
             rows: As in :attr:`~twin_gait.simulation.problem.Problem.phase_rows`.
-            fade_ticks: Length of the fade.
         """
         self._fade("phase_rows", rows, fade_ticks)
 
@@ -348,7 +340,6 @@ class SteppedRun:
 
         Args:
             torque: In [N m], shape ``(n_joints,)``.
-            fade_ticks: Length of the fade.
         """
         self._fade("target_torque", torque, fade_ticks)
 
@@ -357,7 +348,6 @@ class SteppedRun:
 
         Args:
             speed: In [m] / [s]; 0 stops it.
-            fade_ticks: Length of the fade.
         """
         self._fade("belt_speed", np.array([speed]), fade_ticks)
 
@@ -366,7 +356,6 @@ class SteppedRun:
 
         Args:
             force: In [N].
-            fade_ticks: Length of the fade.
 
         Raises:
             ParameterError: If the pelvis hangs in no support.
@@ -394,9 +383,6 @@ class SteppedRun:
 
     def inject(self, fault: Fault) -> None:
         """Inject a fault in the next tick, whatever time it has.
-
-        Args:
-            fault: Kind, place and magnitude.
 
         Raises:
             ParameterError: If the fault does not fit the experiment, or too many have been injected.
@@ -473,11 +459,7 @@ class SteppedRun:
             self.hold_phase(self._held)
 
     def watch_phases(self, watching: bool) -> None:
-        """Let the monitor watch how long a leg stays in a phase, or not.
-
-        Args:
-            watching: False while the phases drive nothing.
-        """
+        """Let the monitor watch how long a leg stays in a phase, or not."""
         self._watching = watching
         self._note_phase_time_out()
 

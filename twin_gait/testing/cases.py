@@ -168,7 +168,6 @@ def check_approved(path: Path, present: str) -> str | None:
     """Compare a text with the one that was approved.
 
     Args:
-        path: File with the approved text.
         present: The text of the table as it is.
 
     Returns:

@@ -79,7 +79,6 @@ class Rope:
         """Where the rope is when the figure stands in a posture.
 
         Args:
-            figure: The articulated figure.
             q: Coordinates, shape ``(nq,)``.
 
         Returns:

@@ -283,9 +283,7 @@ def centre_of_pressure(model: LegModel, q: np.ndarray, frames: Sequence[str]) ->
     need velocities and moves the point little.
 
     Args:
-        model: The model.
         q: Its coordinates, shape ``(nv,)``.
-        frames: Heel and toe.
 
     Returns:
         The point on the ground in the scene in [m], shape ``(3,)``.

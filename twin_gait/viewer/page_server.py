@@ -30,7 +30,6 @@ class PageServer:
         """Listen, and begin to answer.
 
         Args:
-            page: The HTML.
             port: First port to try; 0 lets the system choose.
             timeout: Longest wait for the thread in [s].
 

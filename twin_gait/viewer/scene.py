@@ -110,7 +110,6 @@ class Scene:
         """Draw ropes that go straight up, the mast and the bar.
 
         Args:
-            joint: Joint that carries the harness.
             hooks: Lower ends in the frame of the joint in [m], shape ``(3,)`` each.
             height: Of the upper ends in [m].
         """
@@ -212,7 +211,6 @@ class Scene:
         """Arrows of the motor torques of a leg.
 
         Args:
-            side: Which leg.
             torques: In [N m] by the name of the joint, positive in increasing angle.
 
         Returns:
@@ -228,7 +226,6 @@ class Scene:
         """Arrow of the ground force on a foot.
 
         Args:
-            side: Which leg.
             force: Forward and upward in [N], shape ``(2,)``.
             point: Where it acts in [m], shape ``(3,)``.
 
@@ -252,8 +249,6 @@ class Scene:
         """Everything that a frame of a motion shows.
 
         Args:
-            motion: The motion.
-            frame: Which frame.
             belt_speed: In [m] / [s], or the way that the belt has gone by a time.
 
         Returns:

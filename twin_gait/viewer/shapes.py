@@ -38,7 +38,6 @@ def rounded_box(size: Sequence[float], radius: float, steps: int = 2) -> Shape:
     Args:
         size: Lengths along x, y and z in [m].
         radius: Of the edges in [m], 0 or more; at most half the shortest side is used.
-        steps: Facets of a quarter turn.
 
     Returns:
         The mesh, centred at the origin.
@@ -86,7 +85,6 @@ def turned(profile: Sequence[tuple[float, float]], columns: int = 28) -> Shape:
 
     Args:
         profile: Points (radius, height) in [m]; outward lies to the right of the way from point to point.
-        columns: Facets of a full turn.
     """
     angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)
     around = np.stack((np.cos(angle), np.sin(angle)), axis=1)
@@ -158,7 +156,6 @@ def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
 
     Args:
         radii: Half axes along x, y and z in [m].
-        columns: Facets of a full turn.
 
     Returns:
         The mesh, centred at the origin.
@@ -200,7 +197,6 @@ def cone(radius: float, length: float, columns: int = 32) -> Shape:
     Args:
         radius: Of the base in [m].
         length: In [m].
-        columns: Facets of a full turn.
 
     Returns:
         The mesh, its middle height at the origin.
@@ -225,7 +221,6 @@ def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
     Args:
         points: Of the path in [m], shape ``(n, 3)``; neighbours differ.
         radius: In [m].
-        columns: Facets of a full turn.
 
     Returns:
         The mesh; the first ``n * (columns + 1)`` vertices are the rings in the order of the points.
@@ -269,7 +264,6 @@ def limb(rings: Sequence[Sequence[float]], *, rows: int = 15, columns: int = 20)
     Args:
         rings: From end to end: height, centre x, centre y, half axis x and half axis y, all in [m].
         rows: Rings in the mesh, beside those of the ends.
-        columns: Facets of a full turn.
     """
     table = np.asarray(rings, dtype=float)
     curve = PchipInterpolator(np.arange(len(table)), table)(np.linspace(0.0, len(table) - 1.0, rows))
@@ -356,7 +350,6 @@ def moved(shape: Shape, placement: np.ndarray) -> Shape:
     """Move a mesh.
 
     Args:
-        shape: The mesh.
         placement: Homogeneous transform, shape ``(4, 4)``; a mirror turns the faces round.
 
     Returns:

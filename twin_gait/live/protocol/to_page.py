@@ -274,7 +274,6 @@ def checked(control: Control, value: Value) -> Value:
 
     Args:
         control: The control, or a field of an action.
-        value: What was asked for.
 
     Raises:
         MessageRefused: If it is of the wrong kind or out of range.

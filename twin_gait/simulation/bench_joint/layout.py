@@ -46,12 +46,6 @@ class BenchVariation:
 def bench_arrays(test: BenchJoint, ticks: int, seed: int, variation: BenchVariation) -> at.BenchArrays:
     """Lay a test out as arrays.
 
-    Args:
-        test: The test.
-        ticks: Its length.
-        seed: Of the noise.
-        variation: What chance adds.
-
     Returns:
         The arrays, with the state at tick 0.
     """

@@ -26,9 +26,6 @@ _PACKAGE = __name__.rpartition(".")[0]
 def plain_loop(law: ControllerFunction) -> RunTicks:
     """The loop as plain Python.
 
-    Args:
-        law: Of the controller.
-
     Returns:
         Its ``run_ticks``.
     """
@@ -45,7 +42,6 @@ def compiled_loop(law: ControllerFunction, on_compile: Callable[[], None] | None
     """The loop, compiled and kept; with a law of the user's compiled for this process only.
 
     Args:
-        law: Of the controller.
         on_compile: Called if it has to be compiled.
 
     Returns:

@@ -72,8 +72,6 @@ def run_ticks(bench: BenchArrays, first: int, end: int, rows: Array) -> int:
 
     Args:
         bench: The test; its state is changed in place.
-        first: Tick to begin with.
-        end: Tick to stop before.
         rows: Log, shape ``(n_ticks, len(COLUMNS))``; changed in place.
 
     Returns:

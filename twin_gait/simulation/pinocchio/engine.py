@@ -70,7 +70,6 @@ class PinocchioEngine:
         """Set everything to time 0.
 
         Args:
-            problem: The experiment as arrays.
             controller: Control law of the joints; the thesis's by default.
         """
         self.problem = problem

@@ -39,7 +39,6 @@ class PathOfLegs:
         """Move the equilibrium angles along the path, and let the dampers move with it.
 
         Args:
-            tick: Of the episode.
             blended: k, b, θ0, G of the joints of every leg; θ0 is changed in place.
         """
         path, per_leg = self.problem.path, self.problem.joints_per_leg
@@ -59,7 +58,6 @@ class PathOfLegs:
         """Sum up the tracking error, and adapt the assistance level at the end of a stride.
 
         Args:
-            tick: Of the episode.
             machines: Of the legs, already advanced in this tick.
             measured: Angle and velocities of the joints, shape ``(n_joints, 3)``.
         """

@@ -52,11 +52,7 @@ class PinocchioPlant:
     """
 
     def __init__(self, world: World) -> None:
-        """Set the plant to the start of the world.
-
-        Args:
-            world: Plant and surroundings.
-        """
+        """Set the plant to the start of the world."""
         self.world = world
         self._chains = [(chain.model, chain.data) for chain in world.chains]
         self.model, self.data = self._chains[-1]  # that stands on the ground
@@ -161,9 +157,6 @@ class PinocchioPlant:
 
     def ground_wrench(self, side: Side) -> np.ndarray:
         """What the ground does on a foot at the last evaluation of the contacts.
-
-        Args:
-            side: Leg.
 
         Returns:
             Force in [N] and moment about the origin of the world in [N m], shape ``(6,)``.

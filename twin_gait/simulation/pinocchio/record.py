@@ -18,12 +18,7 @@ class RowOfTick:
     """Writes rows of the log."""
 
     def __init__(self, problem: Problem, layout: LogLayout) -> None:
-        """Know where everything goes.
-
-        Args:
-            problem: The experiment as arrays.
-            layout: Columns of the log.
-        """
+        """Know where everything goes."""
         self.problem, self.layout = problem, layout
 
     def write(self, row: np.ndarray, plant: PinocchioPlant, phases: Sequence[int]) -> None:
@@ -32,7 +27,6 @@ class RowOfTick:
         Args:
             row: Of the log; changed in place.
             plant: Whose state is written; its torques are brought up to date.
-            phases: Of the legs.
         """
         world, layout = self.problem.world, self.layout
         plant.evaluate()
@@ -65,7 +59,6 @@ class RowOfTick:
 
         Args:
             row: Of the log; changed in place.
-            plant: Whose state is written.
             bus_voltage: In [V].
             battery_power: In [W].
             trip: Tick, cause and place, or None.

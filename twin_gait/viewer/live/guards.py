@@ -119,7 +119,6 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
         """Answer with the reason as plain text.
 
         Args:
-            status_code: Of the answer.
             details: The exception, as ``exc_info``.
         """
         error = details.get("exc_info", (None, None, None))[1]

@@ -40,7 +40,6 @@ class LiveServer(SceneServer):
         """Listen.
 
         Args:
-            page: HTML of the page.
             first_port: If it is taken the next one is tried; 0 lets the system choose.
             on_message: Called with what a page says, which may be any text.
             on_stop: Called when a page asks to stop without its socket.
@@ -60,7 +59,6 @@ class LiveServer(SceneServer):
         """Tell all panels something.
 
         Args:
-            message: Anything that JSON can hold.
             key: A later message of the same key makes this one needless; None keeps every one.
         """
         text = json.dumps(message, allow_nan=False)
@@ -103,7 +101,6 @@ class Panel(GuardedSocket):
         """Tell this panel something.
 
         Args:
-            message: Anything that JSON can hold.
             key: A later message of the same key makes this one needless; None keeps every one.
         """
         self.post_text(json.dumps(message, allow_nan=False), key)
@@ -112,7 +109,6 @@ class Panel(GuardedSocket):
         """Send a message as soon as the page takes it.
 
         Args:
-            text: JSON.
             key: See :meth:`tell`.
         """
         self._count += 1
