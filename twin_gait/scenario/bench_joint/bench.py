@@ -21,8 +21,15 @@ from twin_gait.parameters import (
     require_positive,
 )
 from twin_gait.scenario.bench_joint.control import DutyControl, TorqueControl
-from twin_gait.scenario.bench_joint.drive import CatalogueEfficiency, DriveParameters, Torsion
-from twin_gait.scenario.bench_joint.link import HORIZONTAL, BenchFriction, InertialUnit, LinkParameters
+from twin_gait.scenario.bench_joint.link import (
+    HORIZONTAL,
+    BenchFriction,
+    CatalogueEfficiency,
+    DriveParameters,
+    InertialUnit,
+    LinkParameters,
+    Torsion,
+)
 from twin_gait.scenario.bench_leg import HandParameters
 from twin_gait.vocabulary import JointName
 

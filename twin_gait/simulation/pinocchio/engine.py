@@ -47,9 +47,8 @@ from twin_gait.simulation.engine import (
     stopped_reason,
 )
 from twin_gait.simulation.pinocchio.monitor import MonitorOfLegs
-from twin_gait.simulation.pinocchio.path import PathOfLegs
 from twin_gait.simulation.pinocchio.plant import PinocchioPlant
-from twin_gait.simulation.pinocchio.record import RowOfTick
+from twin_gait.simulation.pinocchio.record import PathOfLegs, RowOfTick
 from twin_gait.simulation.pinocchio.sensors import SensorsOfLegs
 from twin_gait.simulation.pinocchio.wearer import WearerOfJoints
 from twin_gait.simulation.problem import ActuatedJoint, Problem
