@@ -126,11 +126,7 @@ def check(case: CheckCase, chosen: Sequence[Rule] = RULES) -> list[Finding]:
 
 
 def check_before_run(experiment: Experiment) -> list[Finding]:
-    """Check an experiment's own table for what matters to a run.
-
-    Returns:
-        Errors and warnings that nobody has waived.
-    """
+    """Check an experiment's own table for what matters to a run."""
     chosen = [rule for rule in RULES if rule not in NOTES]
     findings = check(build_case(experiment.table, experiment), chosen)
     return [item for item in findings if item.severity is not Severity.NOTE and not item.waived]

@@ -63,9 +63,6 @@ def reversed_joints(
         path: Of the URDF, for messages.
         model: As the URDF has it, x forward.
         up: Unit vector that points up, shape ``(3,)``.
-
-    Returns:
-        Their names in the URDF.
     """
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))

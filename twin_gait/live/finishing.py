@@ -98,9 +98,6 @@ def _write(
 def run_of(take: Take, problem: Problem) -> Run:
     """A live walk as a run like any other; faults that somebody let strike are faults of its experiment.
 
-    Args:
-        problem: The experiment that it began with, as arrays.
-
     Returns:
         The run, as long as it was walked.
     """

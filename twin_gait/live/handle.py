@@ -99,9 +99,6 @@ class LoopProcess:
     def command(self, command: Mapping[str, Any], then: Callable[[Answer], None]) -> _Pending:
         """Send a command.
 
-        Args:
-            then: Called with the answer, from the thread that reads.
-
         Raises:
             ParameterError: If the process is gone, or has not been started.
         """
@@ -121,9 +118,6 @@ class LoopProcess:
     def ask(self, command: Mapping[str, Any]) -> Answer:
         """Send a command and wait for the answer.
 
-        Returns:
-            The answer, with the tick.
-
         Raises:
             ParameterError: If the process is gone.
             MessageRefused: If the loop refuses it.
@@ -132,9 +126,6 @@ class LoopProcess:
 
     def answer(self, pending: _Pending) -> Answer:
         """Wait for the answer to a command.
-
-        Args:
-            pending: From :meth:`command`.
 
         Raises:
             ParameterError: If the process is gone.

@@ -73,24 +73,13 @@ def judge(settings: Settings, known: frozenset[Place] = frozenset()) -> Verdict:
 
 
 def refusal(verdict: Verdict, known: frozenset[Place]) -> str:
-    """Why settings are refused, in one sentence; empty if they are not.
-
-    Args:
-        verdict: From :func:`judge`.
-
-    Returns:
-        Rule, place, reason and the way out.
-    """
+    """Why settings are refused, in one sentence; empty if they are not."""
     new = [item for item in verdict.errors if place_of(item) not in known]
     return described(new[0], way_out=True) if new else ""
 
 
 def warnings(settings: Settings) -> dict[Place, str]:
-    """What the check warns of, where the table does not waive it.
-
-    Returns:
-        One sentence by rule and place.
-    """
+    """What the check warns of, where the table does not waive it."""
     case = build_case(settings.driving.table, settings.driving)
     found: list[Finding] = []
     for rule in TOLD if settings.mode is Mode.WALK else TOLD_OF_MONITOR:

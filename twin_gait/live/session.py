@@ -233,11 +233,7 @@ class LiveSession:
     # ------------------------------------------------------------------ what pages ask for
 
     def submit(self, message: Message) -> None:
-        """Take a message of a page; an event tells what became of it.
-
-        Args:
-            message: From :func:`twin_gait.live.protocol.read_message`.
-        """
+        """Take a message of a page; an event tells what became of it."""
         if isinstance(message, DoAction) and message.action in DIRECT:
             self._guarded(message, lambda: self._do_directly(message))
             return
@@ -246,12 +242,7 @@ class LiveSession:
             self._work.notify_all()
 
     def refuse(self, reason: str, *, id: str = "", user: str = "") -> Event:
-        """Record that a message could not even be read.
-
-        Args:
-            id: Of the message, if it had one.
-            user: Who, if known.
-        """
+        """Record that a message could not even be read."""
         return self._emit(Response.REFUSED, reason, id=id, user=user)
 
     def newest_frame(self) -> LatestFrame:

@@ -68,9 +68,6 @@ class SessionRecorder:
     def __init__(self, folder: Path, *, user: str, experiment: str, document: Mapping[str, Any]) -> None:
         """Begin a session in the record, which is made if there is none; nobody else may read it.
 
-        Args:
-            experiment: Name of the preset or file.
-
         Raises:
             SessionError: If the record cannot be written.
         """

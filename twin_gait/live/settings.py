@@ -97,15 +97,7 @@ class Settings:
 
 
 def monitored_table(table: GaitTable, monitor: MonitoredJoints, mode: Mode) -> GaitTable:
-    """A table whose phases all have what the monitor sets.
-
-    Args:
-        table: For the transitions and the names.
-        monitor: What the monitor sets.
-
-    Returns:
-        The table; nothing of it is scaled.
-    """
+    """A table whose phases all have what the monitor sets."""
     sides = tuple(dict.fromkeys(side for side, _ in monitor))
     of_side = {
         side: PhaseParameters(
@@ -216,9 +208,6 @@ ROW_COLUMNS = JOINT_COLUMNS[-COLUMNS_PER_JOINT:]
 
 def effect_of(before: LoopNumbers, after: LoopNumbers, problem: Problem) -> dict[str, float]:
     """What a change does to the log.
-
-    Args:
-        problem: For sides and joints.
 
     Returns:
         New values by column; those of a phase behind its name, such as

@@ -56,9 +56,6 @@ def reference_path(experiment: Experiment, sides: tuple[Side, ...]) -> Path:
 
     The error is measured against healthy walking at the belt's speed and the wearer's height (Koopman et al.
     2014); :func:`device_walk` of it is followed.
-
-    Args:
-        sides: Legs in the order of the arrays.
     """
     scenario = experiment.scenario
     height = (experiment.patient or Patient()).height

@@ -161,9 +161,6 @@ def _home(variable: str, folder: str) -> Path:
 def source_key(what: str) -> str:
     """Hash over what is compiled and every source, package and processor that it depends on.
 
-    Args:
-        what: Text that tells one compiled loop from another.
-
     Returns:
         The hash; the sources are read once in a process, so that an edit during a long batch changes nothing.
     """

@@ -86,9 +86,6 @@ def bound(
 ) -> RunTicks:
     """A compiled loop bound to the arrays that it reads and changes.
 
-    Args:
-        numbers: First array it takes, of floating-point numbers.
-
     Returns:
         The loop: first tick, one past the last, log; returns the ticks run since tick 0.
     """
@@ -110,13 +107,7 @@ _loops: dict[str, Loop] = {}
 
 
 def kept_loop(key: str, write: Callable[[], str], on_compile: Callable[[], None] | None) -> Loop:
-    """The loop of a key, from this process, from the cache folder, or compiled and put there.
-
-    Args:
-        key: From :func:`twin_gait.simulation.keeping.source_key`.
-        write: Gives the text of the module to compile.
-        on_compile: Called if it has to be compiled.
-    """
+    """The loop of a key, from this process, from the cache folder, or compiled and put there."""
     if key not in _loops:
         folder = cache_folder()
         path = None if folder is None else folder / f"twin_gait_{key}.loop"
@@ -144,11 +135,7 @@ def _compiled_loop(path: Path | None, text: str, on_compile: Callable[[], None] 
 
 
 def loop_with(text: str, controller: ControllerFunction, on_compile: Callable[[], None] | None) -> Loop:
-    """A loop with a control law of the user's, compiled once in this process and not kept.
-
-    Args:
-        controller: Takes the place of the thesis's law.
-    """
+    """A loop with a control law of the user's, compiled once in this process and not kept."""
     if on_compile is not None:
         on_compile()
     return _loop_with(text, controller)

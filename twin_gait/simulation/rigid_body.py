@@ -332,12 +332,7 @@ def forward_dynamics(
     contacts: Sequence[ContactPoint] = (),
     contact_law: ContactLaw | None = None,
 ) -> Dynamics:
-    """Accelerations under joint torques and contact forces.
-
-    Args:
-        gravity: Acceleration of gravity in the world frame.
-        contact_law: See :func:`newton_euler`.
-    """
+    """Accelerations under joint torques and contact forces."""
     poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
     zero = [0.0] * len(bodies)
     bias = newton_euler(bodies, poses, v, zero, gravity, contacts, contact_law)

@@ -213,9 +213,6 @@ class SteppedRun:
     def rows(self, first: int = 0) -> np.ndarray:
         """The log from a tick on.
 
-        Args:
-            first: The tick; not one whose row has been forgotten.
-
         Returns:
             Shape ``(tick - first, n_columns)``.
         """
@@ -227,11 +224,7 @@ class SteppedRun:
         return np.concatenate([*parts, np.zeros((0, len(self.layout.names)))])[begin:end]
 
     def forget_rows(self, before: int) -> None:
-        """Let the memory of old rows go; a walk of an hour then needs no more of it than one of seconds.
-
-        Args:
-            before: First tick whose row is still wanted.
-        """
+        """Let the memory of old rows go; a walk of an hour then needs no more of it than one of seconds."""
         for number in [item for item in self._chunks if (item + 1) * CHUNK_TICKS <= before]:
             del self._chunks[number]
 
@@ -240,9 +233,6 @@ class SteppedRun:
 
         Args:
             interrupted: Whether to mark it so, unless it has ended by itself.
-
-        Returns:
-            Log, switches, status and trip.
         """
         status, reason = self._engine.ending(self.tick)
         if interrupted and status is RunStatus.COMPLETED:
@@ -250,11 +240,7 @@ class SteppedRun:
         return EngineResult(self.rows(), self._engine.switches(), status, reason, self._engine.trip())
 
     def switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
-        """Switches of the phases so far.
-
-        Args:
-            first: How many of them to leave out at the start.
-        """
+        """Switches of the phases so far."""
         return self._engine.switches(first)
 
     # ------------------------------------------------------------------ moments
@@ -275,11 +261,7 @@ class SteppedRun:
         }
 
     def go_on_from(self, moment: Mapping[str, Any]) -> None:
-        """Take over a moment of another run of the same problem; rows and switches before it are unknown.
-
-        Args:
-            moment: From :meth:`moment`.
-        """
+        """Take over a moment of another run of the same problem; rows and switches before it are unknown."""
         for name, array in self._changing().items():
             unpack(moment["arrays"][name], array)
         self._state.counters[0] = 0  # of the switches
@@ -321,18 +303,11 @@ class SteppedRun:
 
         They fade from the present ones by the minimum-jerk law, in all phases at once and also in a phase
         whose own fade is over.
-
-        Args:
-            rows: As in :attr:`~twin_gait.simulation.problem.Problem.phase_rows`.
         """
         self._fade("phase_rows", rows, fade_ticks)
 
     def set_comparisons(self, comparisons: np.ndarray) -> None:
-        """Give the guards other thresholds, at once.
-
-        Args:
-            comparisons: As in :class:`~twin_gait.gait.program.GuardProgram`, the same guards.
-        """
+        """Give the guards other thresholds, at once."""
         self._inputs.comparisons[...] = comparisons
 
     def set_target_torque(self, torque: np.ndarray, *, fade_ticks: int = FADE_TICKS) -> None:

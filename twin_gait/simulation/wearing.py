@@ -54,9 +54,6 @@ def wearer_arrays(
 ) -> WearerArrays:
     """Lay the wearer of an experiment out.
 
-    Args:
-        joints: Actuated joints in the order of the arrays.
-
     Raises:
         ParameterError: If the wearer makes an effort, and the table has other phases than the five.
     """

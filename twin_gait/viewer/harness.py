@@ -80,9 +80,6 @@ class Rope:
 
         Args:
             q: Coordinates, shape ``(nq,)``.
-
-        Returns:
-            Values by place and property.
         """
         lower = figure.world_point(q, self.joint, self.lower)
         span = self.upper - lower

@@ -169,9 +169,6 @@ def frame_rate(duration: float) -> float:
 
     Args:
         duration: Of the run in [s].
-
-    Returns:
-        At most 30 a second.
     """
     return FRAMES_PER_SECOND if duration <= 0.0 else min(FRAMES_PER_SECOND, _MOST_FRAMES / duration)
 

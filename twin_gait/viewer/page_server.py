@@ -53,9 +53,6 @@ class PageServer:
     def call(self, function: Callable[[], _Result]) -> _Result:
         """Call a function in the thread of the server, and return what it returns.
 
-        Args:
-            function: Any; it must not block.
-
         Raises:
             ViewerError: If the server has been closed or does not answer.
         """

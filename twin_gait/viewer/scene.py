@@ -183,9 +183,6 @@ class Scene:
 
         Args:
             q: Coordinates, shape ``(nq,)``.
-
-        Returns:
-            Values by place and property.
         """
         state: State = {}
         for path, (position, quaternion) in self.figure.posture(q).items():
@@ -198,9 +195,6 @@ class Scene:
 
         Args:
             q: Coordinates, shape ``(nq,)``.
-
-        Returns:
-            Values by place and property.
         """
         state: State = {}
         for rope in self.ropes:
@@ -212,9 +206,6 @@ class Scene:
 
         Args:
             torques: In [N m] by the name of the joint, positive in increasing angle.
-
-        Returns:
-            Values by place and property.
         """
         state: State = {}
         for joint, arc in self.arcs.get(side, {}).items():
@@ -228,9 +219,6 @@ class Scene:
         Args:
             force: Forward and upward in [N], shape ``(2,)``.
             point: Where it acts in [m], shape ``(3,)``.
-
-        Returns:
-            Values by place and property.
         """
         path = self.arrows[side]
         forward, upward = float(force[0]), float(force[1])
@@ -250,9 +238,6 @@ class Scene:
 
         Args:
             belt_speed: In [m] / [s], or the way that the belt has gone by a time.
-
-        Returns:
-            Values by place and property.
         """
         time = float(motion.times[frame])
         state = self.posture_state(motion.q[frame])

@@ -38,9 +38,6 @@ def rounded_box(size: Sequence[float], radius: float, steps: int = 2) -> Shape:
     Args:
         size: Lengths along x, y and z in [m].
         radius: Of the edges in [m], 0 or more; at most half the shortest side is used.
-
-    Returns:
-        The mesh, centred at the origin.
     """
     half = np.asarray(size, dtype=float) / 2.0
     # A box without any rounding would have no normals at its edges.
@@ -106,9 +103,6 @@ def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
         radius: In [m].
         length: In [m].
         bevel: Of the edges in [m]; at most a third of radius and length is used.
-
-    Returns:
-        The mesh, centred at the origin.
     """
     half = length / 2.0
     bevel = min(bevel, radius / 3.0, length / 3.0)
@@ -133,9 +127,6 @@ def ring_cap(radius: float, length: float) -> Shape:
     Args:
         radius: In [m].
         length: In [m].
-
-    Returns:
-        The mesh, centred at the origin.
     """
     half, bevel, groove = length / 2.0, 0.14 * radius, 0.05 * radius
     upper = [
@@ -156,9 +147,6 @@ def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
 
     Args:
         radii: Half axes along x, y and z in [m].
-
-    Returns:
-        The mesh, centred at the origin.
     """
     latitude = np.linspace(-math.pi / 2.0, math.pi / 2.0, columns // 2 + 1)[:, None]
     longitude = np.linspace(0.0, 2.0 * math.pi, columns + 1)[None, :]
@@ -180,9 +168,6 @@ def capsule(radius: float, length: float) -> Shape:
     Args:
         radius: In [m].
         length: Of the straight part in [m].
-
-    Returns:
-        The mesh, centred at the origin.
     """
     ball = ellipsoid((radius, radius, radius))
     shift = np.where(ball.vertices[:, 2] > 0.0, 0.5 * length, -0.5 * length)
@@ -351,9 +336,6 @@ def moved(shape: Shape, placement: np.ndarray) -> Shape:
 
     Args:
         placement: Homogeneous transform, shape ``(4, 4)``; a mirror turns the faces round.
-
-    Returns:
-        The mesh in the outer frame.
     """
     linear = placement[:3, :3]
     normals = shape.normals @ np.linalg.inv(linear)

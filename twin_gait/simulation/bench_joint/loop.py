@@ -48,9 +48,6 @@ def plain_loop(law: ControllerFunction) -> RunTicks:
 def compiled_loop(law: ControllerFunction, on_compile: Callable[[], None] | None) -> RunTicks:
     """The loop, compiled and kept; with a law of the user's compiled for this process only.
 
-    Args:
-        on_compile: Called if it has to be compiled.
-
     Returns:
         Its ``run_ticks``.
     """

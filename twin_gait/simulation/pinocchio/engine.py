@@ -66,11 +66,7 @@ class PinocchioEngine:
     """Runs one problem from start to end."""
 
     def __init__(self, problem: Problem, controller: ControllerFunction | None = None) -> None:
-        """Set everything to time 0.
-
-        Args:
-            controller: Control law of the joints; the thesis's by default.
-        """
+        """Set everything to time 0."""
         self.problem = problem
         experiment = problem.experiment
         models = experiment.control.friction_model

@@ -45,11 +45,7 @@ class MonitorOfLegs:
     """
 
     def __init__(self, problem: Problem, sensors: SensorsOfLegs) -> None:
-        """Begin without a trip.
-
-        Args:
-            sensors: What the monitor looks at.
-        """
+        """Begin without a trip."""
         self.problem, self._sensors = problem, sensors
         n_joints = len(problem.joints)
         self._bounds = watch_bounds(problem)

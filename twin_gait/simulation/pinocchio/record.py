@@ -26,12 +26,7 @@ class RowOfTick:
         self.problem, self.layout = problem, layout
 
     def write(self, row: np.ndarray, plant: PinocchioPlant, phases: Sequence[int]) -> None:
-        """Write phases and joints, at the state before integration.
-
-        Args:
-            row: Of the log; changed in place.
-            plant: Whose state is written; its torques are brought up to date.
-        """
+        """Write phases and joints, at the state before integration."""
         world, layout = self.problem.world, self.layout
         plant.evaluate()
         row[: len(phases)] = phases

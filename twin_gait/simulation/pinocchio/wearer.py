@@ -32,11 +32,7 @@ class WearerOfJoints:
         self._efforts = np.zeros((problem.wearer.delay + 1, len(problem.joints)))
 
     def act(self, tick: int, plant: PinocchioPlant, phases: Sequence[int]) -> None:
-        """Give the plant the torques of the wearer in a tick.
-
-        Args:
-            plant: Its torques of the wearer are changed in place.
-        """
+        """Give the plant the torques of the wearer in a tick."""
         problem, conditions = self.problem, self.problem.wearer.conditions
         if not problem.wearer.acts:
             return

@@ -32,9 +32,6 @@ def is_loopback(host: str) -> bool:
 
     Another site can point its own name at this machine, and its page then counts as of the same origin; only
     the name tells.
-
-    Args:
-        host: The header, with or without a port.
     """
     try:
         return urlsplit(f"//{host}").hostname in LOOPBACK_NAMES

@@ -106,11 +106,7 @@ class Panel(GuardedSocket):
         self.post_text(json.dumps(message, allow_nan=False), key)
 
     def post_text(self, text: str, key: Hashable | None) -> None:
-        """Send a message as soon as the page takes it.
-
-        Args:
-            key: See :meth:`tell`.
-        """
+        """Send a message as soon as the page takes it."""
         self._count += 1
         self.outbox.post([(self._count if key is None else ("last", key), text)])
 
