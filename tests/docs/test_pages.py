@@ -59,7 +59,7 @@ def test_the_readme_is_one_of_the_pages(insert, tmp_path, monkeypatch):
 
 
 def test_results_that_are_missing_are_named(insert):
-    with pytest.raises(FileNotFoundError, match=r"fit: no results in .* run its script"):
+    with pytest.raises(ValueError, match="fit: no results are kept"):
         insert.with_results("<!-- value fit ratio -->1<!-- / -->")
 
 

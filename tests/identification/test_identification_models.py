@@ -24,7 +24,7 @@ from twin_gait.core.friction_models import (
     two_velocity_torque,
 )
 from twin_gait.identification import MODELS
-from twin_gait.identification.fitting import Fit, bounds
+from twin_gait.identification.fitting import bounds
 from twin_gait.identification.laws import bristle_deflection, remembered_start
 from twin_gait.identification.models import inherited_starts
 from twin_gait.identification.refining import jacobian
@@ -218,8 +218,7 @@ def test_every_model_reports_as_many_parameters_as_it_has(name):
 def test_a_model_starts_from_the_law_of_a_simpler_one(child, parent, tolerance):
     rows = samples()
     x = vector(parent, 11, rows)
-    fit = Fit(MODELS[parent], x, x - 1, x + 1, 1.0, math.inf)
-    (start,) = inherited_starts(child, {parent: fit})
+    (start,) = inherited_starts(child, {parent: x})
     expected = MODELS[parent].predict(x, rows)
     assert_allclose(MODELS[child].predict(start, rows), expected, atol=tolerance * np.abs(expected).max())
 

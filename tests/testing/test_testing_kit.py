@@ -291,3 +291,12 @@ def test_missing_or_unreadable_approved_text_is_told(tmp_path: Path) -> None:
         check_approved(tmp_path / "bytes.md", "")
     with pytest.raises(RunDirectoryError):
         write_approved(tmp_path / "bytes.md" / "inside.md", "")
+
+
+def test_guard_that_leaves_too_many_choices_is_reported_and_not_an_error(monkeypatch) -> None:
+    monkeypatch.setattr("twin_gait.gait.feasibility.MOST_BRANCHES", 3)
+    tests = transition_tests(rich_table())
+    undecided = [test.undecided for test in tests if test.undecided is not None]
+    assert undecided and all("too many choices" in text for text in undecided)
+    for test in tests:
+        test.run()

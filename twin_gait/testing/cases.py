@@ -49,7 +49,10 @@ class TransitionTest:
         """Why there is nothing to drive, or None for a test that runs."""
         if self.check is not None:
             return None
-        return "no measurements make this decide: it is implied by other conditions, or the exit is shadowed"
+        return (
+            "no measurements make this decide: it is implied by other conditions, the exit is shadowed, or "
+            "the guards leave too many choices to try"
+        )
 
     def run(self) -> None:
         """Drive the machine; a test that is :attr:`undecided` does nothing.

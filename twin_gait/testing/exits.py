@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
+from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.feasibility import (
     OTHER_TIME,
     TIME,
@@ -111,7 +112,11 @@ def find(
         bound = bound_of(atom, true)
         return [bound.at(TIME, tick * TICK) for tick in ends] if reads_own_time(atom) else [bound]
 
-    found = most_comfortable(Way(phases, (*pinned, Bound(ZERO, OTHER_TIME, 0.0))), requirements, bounds_of)
+    start = Way(phases, (*pinned, Bound(ZERO, OTHER_TIME, 0.0)))
+    try:
+        found = most_comfortable(start, requirements, bounds_of)
+    except GaitTableError:  # too many choices to try
+        return None
     return None if found is None else Vector(found[1], found[0].phases[0])
 
 
