@@ -35,11 +35,11 @@ class RowOfTick:
             first = layout.first(f"{name}_angle_rad")
             row[first : first + 2] = plant.q[joint.coordinate], plant.v[joint.coordinate]
             first = layout.first(f"{name}_friction_torque_Nm")
-            held = world.hand is not None and world.hand.index == joint.coordinate
+            held = world.imposed_motion is not None and world.imposed_motion.index == joint.coordinate
             row[first : first + 3] = (
                 plant.passive[joint.coordinate, FRICTION],
                 plant.passive[joint.coordinate, STOP],
-                (plant.hand if held else 0.0) + plant.wearer[joint.coordinate + world.wearer_shift],
+                (plant.imposed_motion if held else 0.0) + plant.wearer[joint.coordinate + world.wearer_shift],
             )
         for side in layout.ankles:
             index = world.model.index(side, JointName.ANKLE)
