@@ -49,7 +49,7 @@ class Side(StrEnum):
 
 
 class Outcome(StrEnum):
-    """What came of a run; :mod:`twin_gait.measures.outcome` decides it."""
+    """Outcome of a run; :mod:`twin_gait.measures.outcome` decides it."""
 
     WALKED = "walked"
     STALLED = "stalled"

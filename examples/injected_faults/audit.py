@@ -256,9 +256,9 @@ def _disobeys(current: Values, run: Run, trip: Trip) -> Values:
 
 def _load_stands_still(run: Run, trip: Trip) -> Values:
     """The log has the true load, not the sensor's: it stands still from the fault on."""
-    struck = [round(item.time / TICK) for item in run.experiment.faults if item.side is trip.side]
+    injected = [round(item.time / TICK) for item in run.experiment.faults if item.side is trip.side]
     moving = np.abs(_inferred_speed(run, trip)) > _settings(run).frozen_speed
-    mask: Values = moving & (np.arange(len(moving)) >= min(struck, default=len(moving)))
+    mask: Values = moving & (np.arange(len(moving)) >= min(injected, default=len(moving)))
     return mask
 
 

@@ -157,7 +157,7 @@ class InertiaLoop:
 def loop_of(setting: Setting) -> InertiaLoop:
     """The linear loop of :func:`linear_bench`, for its matrix."""
     bench = linear_bench(setting)
-    hand, torsion = bench.hand, bench.torsion
+    hand, torsion = bench.imposed_motion, bench.torsion
     return InertiaLoop(
         source=setting.source,
         share=setting.share,

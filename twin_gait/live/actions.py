@@ -116,7 +116,7 @@ class Actions:
         place, size = (str(values[name]).strip() for name in ("place", "size"))
         written = f"{values['kind']}{f':{place}' if place else ''}@0s{f'={size}' if size else ''}"
         fault = parse_fault(written)
-        # The experiment knows which faults can strike it.
+        # The experiment knows which faults it can have.
         replace(self._problem.experiment, faults=(fault,))
         return fault
 

@@ -96,13 +96,13 @@ def _write(
 
 
 def run_of(take: Take, problem: Problem) -> Run:
-    """A live walk as a run like any other; faults that somebody let strike are faults of its experiment.
+    """A live walk as a run like any other; faults injected from a page are faults of its experiment.
 
     Returns:
         The run, as long as it was walked.
     """
     result, experiment = take.result, problem.experiment
-    struck = [
+    injected = [
         replace(parse_fault(change.note["fault"]), time=change.tick * TICK)
         for change in take.changes
         if "fault" in change.note and change.tick < len(result.rows)
@@ -111,7 +111,7 @@ def run_of(take: Take, problem: Problem) -> Run:
         experiment=replace(
             experiment,
             duration=round(len(result.rows) * TICK, 3),
-            faults=(*(item for item in experiment.faults if item.time < len(result.rows) * TICK), *struck),
+            faults=(*(item for item in experiment.faults if item.time < len(result.rows) * TICK), *injected),
         ),
         table=problem.table,
         log=log_table(result.rows, log_layout(problem), problem.table),

@@ -36,7 +36,7 @@ TOLD_OF_MONITOR: tuple[Rule, ...] = (equilibrium_beyond_limits, unusual_gain, ef
 Place = tuple[str, str | None, str | None, str | None]
 
 
-class Verdict(NamedTuple):
+class Checked(NamedTuple):
     """What the check says of some settings.
 
     Attributes:
@@ -53,14 +53,14 @@ class Verdict(NamedTuple):
         return frozenset(place_of(item) for item in self.errors)
 
 
-def judge(settings: Settings, known: frozenset[Place] = frozenset()) -> Verdict:
+def check_settings(settings: Settings, known: frozenset[Place] = frozenset()) -> Checked:
     """Hold settings to the rules whose errors make them unsafe.
 
     Args:
         known: Errors that are there already, and so are not the fault of a change.
 
     Returns:
-        The verdict; it stops at the first rule with an error that is not known.
+        The checked; it stops at the first rule with an error that is not known.
     """
     case = build_case(settings.driving.table, settings.driving)
     errors: list[Finding] = []
@@ -69,12 +69,12 @@ def judge(settings: Settings, known: frozenset[Place] = frozenset()) -> Verdict:
         errors += found
         if any(place_of(item) not in known for item in found):
             break
-    return Verdict(case, tuple(errors))
+    return Checked(case, tuple(errors))
 
 
-def refusal(verdict: Verdict, known: frozenset[Place]) -> str:
+def refusal(checked: Checked, known: frozenset[Place]) -> str:
     """Why settings are refused, in one sentence; empty if they are not."""
-    new = [item for item in verdict.errors if place_of(item) not in known]
+    new = [item for item in checked.errors if place_of(item) not in known]
     return described(new[0], way_out=True) if new else ""
 
 

@@ -38,7 +38,7 @@ from twin_gait.live.protocol import (
     Value,
     dump,
 )
-from twin_gait.live.rules import Place, Verdict, described, judge, refusal, warnings
+from twin_gait.live.rules import Checked, Place, check_settings, described, refusal, warnings
 from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.settings import Settings, effect_of, loop_numbers
 from twin_gait.runs.folders import check_target, journal_of
@@ -122,7 +122,7 @@ class LiveSession:
         self._warned: dict[Place, str] = {}
         self._loop = LoopProcess(on_frame=self._note_frame, on_message=self._hear, on_end=self._note_end)
         self._forecaster = self._new_forecaster()
-        self._judged: tuple[Settings, frozenset[Place], Verdict] | None = None
+        self._checked: tuple[Settings, frozenset[Place], Checked] | None = None
         self._recorder: SessionRecorder | None = None
         self._frame = LatestFrame(0, "")
         self._traces: deque[Trace] = deque(maxlen=MOST_TRACES)
@@ -172,10 +172,10 @@ class LiveSession:
     def _begin(self) -> None:
         """Start the process; while it gets ready, check what the session begins with."""
         self._loop.start(self._setup)
-        verdict = judge(self._settings)
-        self._known = verdict.places
-        if verdict.errors:
-            found = tuple(described(item) for item in verdict.errors)
+        checked = check_settings(self._settings)
+        self._known = checked.places
+        if checked.errors:
+            found = tuple(described(item) for item in checked.errors)
             self._emit(
                 Response.NOTE, "the check finds errors in what the session begins with", warnings=found
             )
@@ -321,7 +321,7 @@ class LiveSession:
     ) -> None:
         """Check new settings, hand them to the walk, and tell what they do."""
         checking = settings.driving != self._settings.driving
-        known = self._judge(settings).places if checking else self._known
+        known = self._check(settings).places if checking else self._known
         numbers = loop_numbers(settings)
         if value is None and name != EVERYTHING:
             value = next(item.value for item in self._panel.controls(settings) if item.name == name)
@@ -350,15 +350,15 @@ class LiveSession:
         if checking:
             self._warn(settings)
 
-    def _judge(self, settings: Settings) -> Verdict:
+    def _check(self, settings: Settings) -> Checked:
         """Hold settings to the rules; those that have just been tried have been held to them."""
-        if self._judged is None or self._judged[:2] != (settings, self._known):
-            self._judged = (settings, self._known, judge(settings, self._known))
-        verdict = self._judged[2]
-        reason = refusal(verdict, self._known)
+        if self._checked is None or self._checked[:2] != (settings, self._known):
+            self._checked = (settings, self._known, check_settings(settings, self._known))
+        checked = self._checked[2]
+        reason = refusal(checked, self._known)
         if reason:
             raise MessageRefused(reason)
-        return verdict
+        return checked
 
     # ------------------------------------------------------------------ looking ahead
 
@@ -373,7 +373,7 @@ class LiveSession:
         self._forecaster.start({"document": self._loaded.document, "numbers": self._numbers.to_dict()})
 
     def _foresee(self, settings: Settings, message: SetControl, before: Value | None) -> None:
-        """Tell what would come of new settings; the walk goes on as it does."""
+        """Forecast new settings; the walk goes on as it does."""
         if not self._forecaster.alive:
             self._start_forecaster()
         moment = self._loop.ask({"command": "moment"})
@@ -384,7 +384,7 @@ class LiveSession:
         }
         coming = self._forecaster.command(request, lambda answer: None)
         if settings.driving != self._settings.driving:  # held to the rules in the meantime
-            self._judge(settings)
+            self._check(settings)
         try:
             forecast = self._forecaster.answer(coming)["forecast"]
         except ParameterError as error:

@@ -42,7 +42,7 @@ def new_figure(run: Run, title: str, *, height: float, width: float = SCREEN_WID
     One for print has no title inside.
 
     Args:
-        run: For the second line of the title, and a third where faults struck or the monitor tripped.
+        run: For the second line of the title, and a third where faults acted or the monitor tripped.
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     events = [f"{event.text}, {event.time:.2f} s" for event in run.events]

@@ -24,7 +24,7 @@ _DEGREE = math.pi / 180.0
 FIRST_TIME = 1.0  # [s]: the gait is under way
 # As the table of outcomes lists them: best first.
 OUTCOMES = (Outcome.WALKED, Outcome.HELD, Outcome.STALLED, Outcome.HUNG, Outcome.FELL, Outcome.DIVERGED)
-REST = 2.0  # [s] after the last fault, to see what comes of it
+REST = 2.0  # [s] after the last fault, to see the outcome
 
 # Smallest and largest magnitude that is drawn, in SI units; from hardly noticeable to gross.
 MAGNITUDES = {

@@ -47,7 +47,7 @@ class SetControl:
         user: Who.
         control: Name of the control.
         value: In the unit of the control.
-        trying: Whether only to tell what would come of it.
+        trying: Whether only a forecast is wanted.
     """
 
     id: str

@@ -182,7 +182,7 @@ class Event:
 
     Attributes:
         serial: Number of the event, from 1 on.
-        response: Applied, refused, a note of the simulation, or what would come of a change that waits.
+        response: Applied, refused, a note of the simulation, or the forecast of a change that waits.
         text: One sentence; of a refusal the reason.
         tick: First tick with the change; of a refusal the last one known.
         id: Of the message, or empty.

@@ -19,7 +19,7 @@ from twin_gait.viewer.live.window import Outbox
 from twin_gait.viewer.loopback import LOOPBACK
 
 LOOPBACK_NAMES = frozenset({LOOPBACK, "localhost"})
-# What is longer is not read at all: the socket is closed with status 1009. Who judges the messages may set
+# What is longer is not read at all: the socket is closed with status 1009. Who checks the messages may set
 # a lower limit and answer.
 LONGEST_MESSAGE = 65536  # [B]
 MOST_SOCKETS = 64

@@ -1,7 +1,7 @@
 """Web server of the live page: the scene's, with a panel and a way to stop.
 
 Beside the scene a page has the web socket ``/panel``, which carries JSON both ways. What a page says is
-handed on as it came; who receives it judges it.
+handed on as it came; who receives it checks it.
 """
 
 from __future__ import annotations
