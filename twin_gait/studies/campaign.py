@@ -144,7 +144,7 @@ class Campaign:
         require(1.0 <= self.longest <= 600.0, "longest test", "1 to 600 s", self.longest)
 
     def plain_bench(self) -> BenchJoint:
-        """The bench to start from, with a friction ripple of 0.3 N m (an assumption: some teeth have more friction)."""
+        """The bench to start from, with a friction ripple of 0.3 N m (assumed: some teeth have more)."""
         if self.bench is not None:
             return self.bench
         return bench_joint(self.joint, friction=BenchFriction(law=BENCH_FRICTION[self.joint], ripple=0.3))
