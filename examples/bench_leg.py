@@ -22,7 +22,7 @@ def settings(gain: float) -> list[str]:
         "control.mode=transparent",
         "plant.gravity_m_per_s2=0",
         "scenario.start={hip_deg: 20, knee_deg: 20}",
-        "scenario.hand={joint: knee, amplitude_deg: 40, frequency_Hz: 0.25}",
+        "scenario.imposed_motion={joint: knee, amplitude_deg: 40, frequency_Hz: 0.25}",
         *gains,
     ]
 
@@ -47,5 +47,5 @@ for gain in (0.0, 0.2, 0.4):
 form.keep({"rows": rows})
 
 # %% [markdown]
-# Homework: end the imposed motion (`scenario.hand.release_s=1`) at G = 0.4 and G = 0.7. What does the knee
-# do?
+# Homework: end the imposed motion (`scenario.imposed_motion.release_s=1`) at G = 0.4 and G = 0.7. What does
+# the knee do?

@@ -46,6 +46,7 @@ def rows_of(table: pd.DataFrame) -> pd.DataFrame:
     return (
         table[[*SHORT, "outcome", "duration_s"]]
         .rename(columns=SHORT)
+        .round({"speed_m_per_s": 6})
         .assign(
             strides=table[[f"{side}_strides" for side in sides]].min(axis=1),
             further_contacts=table[[f"{side}_further_contacts" for side in sides]].sum(axis=1),

@@ -43,7 +43,6 @@ class Convention:
         """Turn an angle of that program into one of this package.
 
         Args:
-            joint: The joint.
             angle: In [rad], any shape.
 
         Returns:
@@ -55,7 +54,6 @@ class Convention:
         """Turn an angle of this package into one of that program.
 
         Args:
-            joint: The joint.
             angle: In [rad], flexion and dorsiflexion positive, any shape.
 
         Returns:
@@ -118,9 +116,6 @@ def find_convention(name: str) -> Convention:
 
     Args:
         name: For example ``opensim_gait2392``.
-
-    Returns:
-        The convention.
 
     Raises:
         ParameterError: If there is none of that name.

@@ -258,8 +258,6 @@ def default_integration(engine: Engine, scenario: Scenario, *, braced: bool = Fa
     Python and takes the largest step at which it still runs the contacts stably and faster than real time.
 
     Args:
-        engine: The engine.
-        scenario: The world.
         braced: Whether braces bind the wearer to the device.
 
     Returns:

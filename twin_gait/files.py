@@ -23,9 +23,6 @@ MOST_TEXT, LONGEST_LINE = 2**30, 65_536  # [bytes] of a log that is text; charac
 def finite_or_none(value: float) -> float | None:
     """A number as JSON holds it, which has no word for infinite ones and for none at all.
 
-    Args:
-        value: The number.
-
     Returns:
         The number, or None if it is not finite.
     """
@@ -60,7 +57,6 @@ def write_atomically(path: Path, content: str | bytes) -> None:
     """Write a file through a temporary one beside it; it is on the disk when this returns.
 
     Args:
-        path: The file.
         content: Text (written as UTF-8) or bytes.
 
     Raises:
@@ -99,11 +95,7 @@ def write_new(paths: Iterable[Path], content: str) -> Path:
     """Write a file under the first name that nothing has yet; nothing is overwritten.
 
     Args:
-        paths: Names to try, in order.
         content: Text (written as UTF-8).
-
-    Returns:
-        The file.
 
     Raises:
         RunDirectoryError: If it cannot be written.
@@ -123,11 +115,6 @@ def write_new(paths: Iterable[Path], content: str) -> Path:
 def require_table_size(path: Path, rows: int, columns: int) -> None:
     """Refuse a table that is larger than any log of a walk, before it fills the memory.
 
-    Args:
-        path: Its file.
-        rows: Of the table.
-        columns: Of the table.
-
     Raises:
         ParameterFileError: If it is too large.
     """
@@ -142,12 +129,6 @@ def require_table_size(path: Path, rows: int, columns: int) -> None:
 
 def read_parquet(path: Path) -> pd.DataFrame:
     """Read a parquet file, unless it unpacks to more than any log of a walk.
-
-    Args:
-        path: The file.
-
-    Returns:
-        Its table.
 
     Raises:
         ParameterFileError: If it is too large.
@@ -164,12 +145,6 @@ def read_parquet(path: Path) -> pd.DataFrame:
 
 def read_log_text(path: Path) -> str:
     """Read a log that is text, unless it or one of its lines is larger than that of any log of a walk.
-
-    Args:
-        path: The file.
-
-    Returns:
-        Its text.
 
     Raises:
         ParameterFileError: If it or a line is too long.

@@ -99,7 +99,6 @@ def phase_colour(phase: str, position: int = 0) -> str:
     """Colour of a phase, also of one that a user's table invented.
 
     Args:
-        phase: Name of the phase.
         position: Position of the phase in its table, which picks the colour of an unknown name.
 
     Returns:

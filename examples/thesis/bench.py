@@ -21,7 +21,7 @@ from twin_gait.scenario import (
     BenchFriction,
     BenchJoint,
     CurrentLoop,
-    HandParameters,
+    ImposedMotionParameters,
     LinkParameters,
     TorqueControl,
     bench_joint,
@@ -82,7 +82,7 @@ def moved_by_hand(
         control,
         ratio=ratio,
         start_angle=EQUILIBRIUM + reach,
-        hand=HandParameters(amplitude=-2.0 * reach, frequency=frequency),
+        imposed_motion=ImposedMotionParameters(amplitude=-2.0 * reach, frequency=frequency),
         duration=2.0 / frequency,
     )
 
@@ -91,8 +91,8 @@ def pushed_and_let_go(control: TorqueControl) -> BenchJoint:
     """A hand pushes the knee away from θ0 into extension, half a period, and lets go; 12 s without it."""
     frequency = frequency_of(REACH)
     way = 0.5 / frequency
-    hand = HandParameters(amplitude=-REACH, frequency=frequency, release_time=way)
-    return knee_test(control, start_angle=EQUILIBRIUM, hand=hand, duration=way + 12.0)
+    hand = ImposedMotionParameters(amplitude=-REACH, frequency=frequency, release_time=way)
+    return knee_test(control, start_angle=EQUILIBRIUM, imposed_motion=hand, duration=way + 12.0)
 
 
 def with_ideal_current(test: BenchJoint) -> BenchJoint:
@@ -103,7 +103,7 @@ def with_ideal_current(test: BenchJoint) -> BenchJoint:
 
 def last_period(run: BenchRun) -> slice:
     """Rows of the last period of the hand; the first one holds the start from rest."""
-    return slice(len(run.rows) - round(1.0 / (run.test.hand.frequency * TICK)), len(run.rows))
+    return slice(len(run.rows) - round(1.0 / (run.test.imposed_motion.frequency * TICK)), len(run.rows))
 
 
 def torque_per_ampere(run: BenchRun) -> float:

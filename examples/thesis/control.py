@@ -245,7 +245,7 @@ def impedance_numbers(run: BenchRun, slopes: Sequence[float]) -> dict[str, float
         "velocity": velocity_of_slope(MEASURED_SLOPE, slopes),
         "motor": work(run, electromechanical_torque(run)),
         "motor_closed": GAINS[0] * cycle,
-        "hand": work(run, run.column("hand_torque_Nm")),
+        "hand": work(run, run.column("imposed_motion_torque_Nm")),
         "hand_closed": left,
         "hand_low": 0.99 * left,
         "hand_high": 1.01 * left,
@@ -279,13 +279,13 @@ def loop_areas(ratio: float, seed: int = SEED) -> LoopAreas:
         test = moved_by_hand(torque_control(gain, stiffness=STIFFNESS), ratio=ratio)
         run = simulate_bench(with_ideal_current(test), seed=seed)
         motor.append(work(run, electromechanical_torque(run)))
-        hand.append(work(run, run.column("hand_torque_Nm")))
+        hand.append(work(run, run.column("imposed_motion_torque_Nm")))
     return LoopAreas(ratio, tuple(motor), tuple(hand))
 
 
 def overshoot(run: BenchRun) -> float:
     """How far in [deg] a joint swings beyond θ0 after the hand has let go."""
-    free = run.column("motor_angle_rad")[round(run.test.hand.release_time / TICK) :]
+    free = run.column("motor_angle_rad")[round(run.test.imposed_motion.release_time / TICK) :]
     return float(np.degrees(free.max() - EQUILIBRIUM))
 
 

@@ -80,7 +80,7 @@ def draw_spring(run: BenchRun) -> Figure:
     figure = Figure(figsize=(6.4, 4.2), layout="constrained")
     axes, rows = figure.subplots(), last_period(run)
     angle, motor = angle_from_rest(run, rows), -electromechanical_torque(run)[rows]
-    hand = run.column("hand_torque_Nm")[rows]
+    hand = run.column("imposed_motion_torque_Nm")[rows]
     axes.plot(angle, hand, color=REDDISH_PURPLE, label="hand, friction included")
     axes.plot(angle, motor, color=BLUE, label="motor, $-T_{em}$: the spring")
     axes.plot(SPRING_ANGLE, 1.0, "o", color=VERMILLION, label="thesis: 1 N m at about 20°")
@@ -135,7 +135,7 @@ def draw_impedance(run: BenchRun, slopes: Sequence[float]) -> Figure:
     motor, hand, speed = figure.subplots(1, 3)
     rows, slope = last_period(run), slope_per_deg(run)
     angle, torque = angle_from_rest(run, rows), -electromechanical_torque(run)[rows]
-    hand_torque = run.column("hand_torque_Nm")[rows]
+    hand_torque = run.column("imposed_motion_torque_Nm")[rows]
     regression = slope * angle + float(np.mean(torque - slope * angle))
     motor.plot(angle, torque, color=BLUE, linewidth=1.0, label="$-T_{em}$ (motor)")
     motor.plot(angle, regression, color=ORANGE, label=f"regression: {slope:.4f} N m/deg")
@@ -174,7 +174,7 @@ def draw_gain(led: Sequence[BenchRun], released: Sequence[BenchRun], areas: Sequ
         rows = last_period(run)
         angle, look = angle_from_rest(run, rows), {"color": colour, "label": f"G = {gain:.2f}"}
         motor.plot(angle, -electromechanical_torque(run)[rows], **look)
-        hand.plot(angle, run.column("hand_torque_Nm")[rows], **look)
+        hand.plot(angle, run.column("imposed_motion_torque_Nm")[rows], **look)
     for axes in (motor, hand):
         axes.plot(angle, STIFFNESS_PER_DEG * angle, color=REDDISH_PURPLE, label="$T_{des}$, 0.05 N m/deg")
         axes.set(xlabel="θ - θ0 (deg)", ylim=(-5.2, 5.2))
@@ -188,7 +188,7 @@ def draw_gain(led: Sequence[BenchRun], released: Sequence[BenchRun], areas: Sequ
             f"G = {gain:.2f}: {overshoot(run):.0f}°",
         )
         swing.plot(run.column("time_s"), angle, color=colour, label=label)
-    release = released[0].test.hand.release_time
+    release = released[0].test.imposed_motion.release_time
     swing.axvline(release, color=GREY, linestyle="--", label="the hand lets go")
     swing.set_xlabel("time (s)")
     swing.legend(**SMALL)

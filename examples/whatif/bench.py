@@ -28,7 +28,7 @@ from twin_gait.scenario import (
     BenchJoint,
     CurrentLoop,
     DriveParameters,
-    HandParameters,
+    ImposedMotionParameters,
     LinkParameters,
     TorqueControl,
     bench_joint,
@@ -166,10 +166,10 @@ PUSHED_DURATION = 32.0  # [s]; what shrinks to a limit cycle takes its time
 SPAN = 6.0  # [s]; the last two of this length are compared
 
 
-def push(speed: float, frequency: float = HAND_FREQUENCY) -> HandParameters:
+def push(speed: float, frequency: float = HAND_FREQUENCY) -> ImposedMotionParameters:
     """A hand that brings the joint to a speed in [rad] / [s], away from the near stop, and lets go there."""
     amplitude = -speed / (math.pi * frequency)
-    return HandParameters(
+    return ImposedMotionParameters(
         joint=JOINT, amplitude=amplitude, frequency=frequency, release_time=0.25 / frequency
     )
 
@@ -194,7 +194,7 @@ def outcome(run: BenchRun, span: float = SPAN) -> Outcome:
 
 def pushed(test: BenchJoint, speed: float = PUSH) -> Outcome:
     """Push a joint, let it go, and see what becomes of it."""
-    return outcome(simulate_bench(replace(test, hand=push(speed), duration=PUSHED_DURATION)))
+    return outcome(simulate_bench(replace(test, imposed_motion=push(speed), duration=PUSHED_DURATION)))
 
 
 HIGHEST_GAIN = 2.5
@@ -225,10 +225,15 @@ class Effort(NamedTuple):
 
 def imposed_motion(test: BenchJoint) -> Effort:
     """Impose two cycles on the joint through a spring and damper, and measure the second."""
-    hand = HandParameters(joint=JOINT, amplitude=HAND_AMPLITUDE, frequency=HAND_FREQUENCY)
-    run = simulate_bench(replace(test, hand=hand, duration=2.0 / HAND_FREQUENCY))
+    hand = ImposedMotionParameters(joint=JOINT, amplitude=HAND_AMPLITUDE, frequency=HAND_FREQUENCY)
+    run = simulate_bench(replace(test, imposed_motion=hand, duration=2.0 / HAND_FREQUENCY))
     cycle = slice(-round(1.0 / HAND_FREQUENCY / TICK), None)
-    names = ("hand_torque_Nm", "load_torque_Nm", "motor_acceleration_rad_per_s2", "motor_velocity_rad_per_s")
+    names = (
+        "imposed_motion_torque_Nm",
+        "load_torque_Nm",
+        "motor_acceleration_rad_per_s2",
+        "motor_velocity_rad_per_s",
+    )
     torque, load, acceleration, velocity = (run.column(name)[cycle] for name in names)
     left = torque + load + holding_torque(test) - inertia(test) * acceleration
     return Effort(root_mean_square(torque), root_mean_square(left), float(torque @ velocity) * TICK)

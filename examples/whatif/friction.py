@@ -174,7 +174,7 @@ def rests(setting: Setting) -> bool:
     if setting.spring > 0.0:
         return pushed(test, setting.push).ending is Ending.REST
     room = LinkParameters(mass=setting.load, lower_stop=-ENDLESS, upper_stop=ENDLESS)
-    free = replace(test, link=room, hand=push(setting.push), duration=PUSHED_DURATION)
+    free = replace(test, link=room, imposed_motion=push(setting.push), duration=PUSHED_DURATION)
     speed = simulate_bench(free).column("link_velocity_rad_per_s")[-1]
     return bool(abs(speed) < STOPPED * setting.push)
 

@@ -39,7 +39,7 @@ from twin_gait.scenario import (
     INERTIAL_NOISE,
     BenchFriction,
     BenchJoint,
-    HandParameters,
+    ImposedMotionParameters,
     InertialSensor,
     InertialUnit,
     Torsion,
@@ -92,7 +92,7 @@ def bench_of(setting: Setting, friction: FrictionParameters, **control: float) -
         sensors=sensors_of(setting),
         inertial_unit=unit_of(setting),
         torsion=Torsion() if setting.compliant else None,
-        hand=HandParameters(joint=JOINT, amplitude=0.0) if setting.held else None,
+        imposed_motion=ImposedMotionParameters(joint=JOINT, amplitude=0.0) if setting.held else None,
     )
     wanted = {"inertia_compensation": setting.share, "target_torque": holding_torque(bench), **control}
     return replace(bench, control=controlled(MODEL, **wanted))
@@ -382,8 +382,8 @@ def noise_row(setting: Setting) -> Row:
 
 
 def moved(setting: Setting, amplitude: float, frequency: float, cycles: float) -> BenchRun:
-    hand = HandParameters(joint=JOINT, amplitude=amplitude, frequency=frequency)
-    return simulate_bench(replace(linear_bench(setting), hand=hand, duration=cycles / frequency))
+    hand = ImposedMotionParameters(joint=JOINT, amplitude=amplitude, frequency=frequency)
+    return simulate_bench(replace(linear_bench(setting), imposed_motion=hand, duration=cycles / frequency))
 
 
 def simulated_noise(setting: Setting) -> float:
@@ -399,7 +399,12 @@ def simulated_inertia(setting: Setting) -> float:
     """Inertia over the true one in the hand's torque, by least squares over the last two of four cycles."""
     run = moved(setting._replace(noise=0.0), APPARENT_AMPLITUDE, APPARENT_FREQUENCY, 4.0)
     cycles = slice(-round(2.0 / APPARENT_FREQUENCY / TICK), None)
-    names = ("motor_acceleration_rad_per_s2", "motor_velocity_rad_per_s", "hand_torque_Nm", "load_torque_Nm")
+    names = (
+        "motor_acceleration_rad_per_s2",
+        "motor_velocity_rad_per_s",
+        "imposed_motion_torque_Nm",
+        "load_torque_Nm",
+    )
     acceleration, velocity, hand, load = (run.column(name)[cycles] for name in names)
     causes = np.column_stack([acceleration, velocity, np.ones_like(velocity)])
     found = np.linalg.lstsq(causes, hand + load, rcond=None)[0]

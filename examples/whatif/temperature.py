@@ -125,7 +125,7 @@ def case_row(case: Case) -> Row:
     return {
         **where(case),
         "gain": case.gain,
-        "hand_torque_Nm": round(effort.torque, 4),
+        "imposed_motion_torque_Nm": round(effort.torque, 4),
         "hand_friction_Nm": round(effort.friction, 4),
         "hand_work_J": round(effort.work, 4),
         "ending": str(end.ending),

@@ -51,8 +51,8 @@ def table_friction(w: float) -> float:
 
 def rigidly(test: BenchJoint) -> BenchJoint:
     """The same test with a hand that hardly gives way."""
-    assert test.hand is not None
-    return replace(test, hand=replace(test.hand, stiffness=4e4, damping=1e3))
+    assert test.imposed_motion is not None
+    return replace(test, imposed_motion=replace(test.imposed_motion, stiffness=4e4, damping=1e3))
 
 
 # ---------------------------------------------------------------------- all claims
@@ -206,7 +206,7 @@ def test_motor_gives_g_of_the_friction_and_the_hand_what_is_left(gain: float, ra
         lambda t: table_friction(fastest * math.sin(t)) * reach * math.sin(t), 0, 2 * math.pi, limit=400
     )
     motor = bench.work(run, bench.electromechanical_torque(run))
-    hand = bench.work(run, run.column("hand_torque_Nm"))
+    hand = bench.work(run, run.column("imposed_motion_torque_Nm"))
     assert motor == pytest.approx(gain * whole, rel=3e-3)
     assert hand == pytest.approx((ratio - gain) * whole, abs=3e-3 * whole)
 

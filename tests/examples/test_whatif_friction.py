@@ -51,7 +51,7 @@ from whatif.temperature import (
 from whatif_friction_map import GAINS, RATIOS, map_settings
 
 from twin_gait.parameters import FrictionParameters, SensorParameters
-from twin_gait.scenario import BenchFriction, HandParameters
+from twin_gait.scenario import BenchFriction, ImposedMotionParameters
 from twin_gait.simulation import simulate_bench
 
 NO_FRICTION = FrictionParameters(
@@ -97,7 +97,12 @@ def test_law_in_a_condition_is_the_friction_that_the_bench_feels(temperature: fl
         temperature=temperature,
     )
     # A light hand: the weight stays nearly level, where its torque does not change.
-    bench = knee(load, friction=friction, hand=HandParameters(amplitude=-0.02, frequency=4.0), duration=0.5)
+    bench = knee(
+        load,
+        friction=friction,
+        imposed_motion=ImposedMotionParameters(amplitude=-0.02, frequency=4.0),
+        duration=0.5,
+    )
     run = simulate_bench(replace(bench, control=controlled(friction_compensation_gain=0.0)))
     velocity = run.column("motor_velocity_rad_per_s")
     loads = run.column("load_torque_Nm")
@@ -107,9 +112,9 @@ def test_law_in_a_condition_is_the_friction_that_the_bench_feels(temperature: fl
 
 
 def test_push_lets_go_at_the_speed_that_was_asked_for() -> None:
-    test = replace(bench_of(Setting(spring=0.0)), hand=push(PUSH), duration=2.0)
+    test = replace(bench_of(Setting(spring=0.0)), imposed_motion=push(PUSH), duration=2.0)
     run = simulate_bench(test)
-    hand = run.column("hand_torque_Nm")
+    hand = run.column("imposed_motion_torque_Nm")
     assert (hand[:999] != 0.0).any() and (hand[1001:] == 0.0).all()
     assert_allclose(-run.column("link_velocity_rad_per_s")[1000], PUSH, rtol=0.05)
 
@@ -205,7 +210,7 @@ def test_work_of_the_hand_is_that_of_what_friction_is_left(gain: float) -> None:
     setting = Setting(gain=gain, spring=0.0, filter=FILTERS[0])
     time = np.linspace(0.0, 1.0 / HAND_FREQUENCY, 20001)
     # The grip is a spring and damper: the joint swings a little further than the hand.
-    w, grip = 2 * math.pi * HAND_FREQUENCY, HandParameters()
+    w, grip = 2 * math.pi * HAND_FREQUENCY, ImposedMotionParameters()
     pull = grip.stiffness + 1j * w * grip.damping
     follows = abs(pull / (pull - (3.342 + 0.02) * w * w))
     velocity = follows * math.pi * HAND_FREQUENCY * HAND_AMPLITUDE * np.sin(w * time)

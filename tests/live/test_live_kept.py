@@ -17,7 +17,7 @@ from test_live_loop import Rig, say, wait_for
 from twin_gait.cli.program import main
 from twin_gait.configuration import load_experiment
 from twin_gait.exceptions import RunDirectoryError
-from twin_gait.live import finishing, recovery
+from twin_gait.live import finishing
 from twin_gait.live.finishing import complete, complete_all
 from twin_gait.live.journal import Journal, locked, read_journal
 from twin_gait.live.loop import PIECE_TICKS
@@ -290,7 +290,7 @@ def test_both_processes_killed_at_random_moments_lose_a_second_at_most(tmp_path,
         assert found["ended"] is not None and "processes were killed" in found["log"][-1]["text"]
         assert len(found["log"]) - 1 >= events
         assert found["summary"]["duration_s"] * 1e3 == pytest.approx(len(load_run(folder).log))
-    assert list(recovery.recover(database)) == []
+    assert list(finishing.recover(database)) == []
 
 
 def test_a_walk_out_of_the_record_is_completed_by_name(loaded, problem, tmp_path, capsys):

@@ -25,7 +25,7 @@ from twin_gait.scenario import (
     CosinePath,
     CurrentLoop,
     DriveParameters,
-    HandParameters,
+    ImposedMotionParameters,
     InertialSensor,
     InertialUnit,
     LinkParameters,
@@ -99,7 +99,7 @@ def moved(sensor: InertialSensor | None, **changes: object) -> BenchJoint:
         "sensors": SensorParameters(ideal=True),
         "control": controlled(friction_compensation_gain=0.0, inertia_compensation=0.5),
         "friction": BenchFriction(law=KNEE_FRICTION),
-        "hand": HandParameters(amplitude=-0.7, frequency=0.5),
+        "hand": ImposedMotionParameters(amplitude=-0.7, frequency=0.5),
         "inertial_unit": unit,
         "duration": 1.0,
     }
@@ -156,7 +156,7 @@ def test_filter_behind_the_unit_is_of_the_first_order() -> None:
 def test_noise_of_the_unit_is_as_large_as_it_says_and_seeded(sensor: InertialSensor) -> None:
     unit = InertialUnit(sensor=sensor, delay=0, time_constant=0.0, noise=INERTIAL_NOISE[sensor], lever=0.3)
     # A heavy joint that does not answer to the torque.
-    still = moved(None, inertial_unit=unit, hand=None, gravity=0.0)
+    still = moved(None, inertial_unit=unit, imposed_motion=None, gravity=0.0)
     still = replace(still, link=replace(still.link, inertia=1e9))
     runs = [estimate(still, seed)[0] for seed in (1, 1, 2)]
     assert (runs[0] == runs[1]).all() and (runs[0] != runs[2]).any()
@@ -195,7 +195,9 @@ def test_reference_compensation_is_that_of_the_path() -> None:
 
 def test_compensation_behind_a_dead_zone_is_that_of_the_velocity_beyond_it() -> None:
     control = controlled(friction_compensation_gain=0.4, dead_zone=0.05)
-    run = simulate_bench(knee(control=control, hand=HandParameters(amplitude=-0.7), duration=2.0))
+    run = simulate_bench(
+        knee(control=control, imposed_motion=ImposedMotionParameters(amplitude=-0.7), duration=2.0)
+    )
     slow = run.column("velocity_slow_rad_per_s")
     beyond = np.sign(slow) * np.maximum(np.abs(slow) - 0.05, 0.0)
     expected = [0.4 * table_friction(w) for w in beyond]

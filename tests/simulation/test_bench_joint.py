@@ -38,7 +38,7 @@ from twin_gait.scenario.bench_joint import (
     Torsion,
     bench_joint,
 )
-from twin_gait.scenario.bench_leg import HandParameters
+from twin_gait.scenario.bench_leg import ImposedMotionParameters
 from twin_gait.simulation.bench_joint import BenchRun, BenchVariation, loop, loop_text, simulate_bench
 from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.run import RunStatus
@@ -181,7 +181,7 @@ def everything() -> BenchJoint:
         efficiency=CatalogueEfficiency(temperature=10.0),
         torsion=Torsion(),
         friction=BenchFriction(law=KNEE_FRICTION, coulomb_per_load=0.1, viscous_per_kelvin=-0.01, ripple=0.3),
-        hand=HandParameters(amplitude=0.1),
+        imposed_motion=ImposedMotionParameters(amplitude=0.1),
         sensors=SensorParameters(ideal=False, angle_noise=1e-6),
         drive=DriveParameters(inductance=L, resolution=0.02, delay=2),
         duration=0.06,
@@ -227,7 +227,10 @@ def test_same_seed_gives_the_same_log_and_another_seed_another_one() -> None:
 
 def test_torques_of_every_row_balance_the_acceleration() -> None:
     test = bench_joint(
-        KNEE, control=TorqueControl(controller=MODEL), hand=HandParameters(amplitude=-0.7), duration=3.0
+        KNEE,
+        control=TorqueControl(controller=MODEL),
+        imposed_motion=ImposedMotionParameters(amplitude=-0.7),
+        duration=3.0,
     )
     log = simulate_bench(test).log()
     assert np.abs(log["gear_loss_torque_Nm"]).max() == 0.0
@@ -247,7 +250,9 @@ def test_torques_of_every_row_balance_the_acceleration() -> None:
 
 def test_works_of_all_torques_add_up_to_the_kinetic_energy() -> None:
     test = knee(
-        control=TorqueControl(controller=MODEL, target_torque=4.0), hand=HandParameters(), duration=0.6
+        control=TorqueControl(controller=MODEL, target_torque=4.0),
+        imposed_motion=ImposedMotionParameters(),
+        duration=0.6,
     )
     log = simulate_bench(test).log()
     names = ("motor", "friction", "gear_loss", "load", "stop", "hand")
@@ -262,7 +267,7 @@ def led_by_hand(**control: object) -> BenchRun:
         KNEE,
         control=TorqueControl(controller=MODEL, **control),  # type: ignore[arg-type]
         link=LinkParameters(mass=0.0),
-        hand=HandParameters(amplitude=math.radians(-40)),
+        imposed_motion=ImposedMotionParameters(amplitude=math.radians(-40)),
         friction=BenchFriction(law=KNEE_FRICTION.scaled(0.6)),
         duration=8.0,
     )
@@ -279,7 +284,7 @@ def loop_area(run: BenchRun, column: str) -> float:
 def test_hand_needs_less_work_the_more_friction_is_compensated_and_the_motor_gives_it() -> None:
     gains = (0.0, 0.2, 0.35, 0.4, 0.45)
     runs = [led_by_hand(friction_compensation_gain=gain) for gain in gains]
-    hand = [loop_area(run, "hand_torque_Nm") for run in runs]
+    hand = [loop_area(run, "imposed_motion_torque_Nm") for run in runs]
     motor = [loop_area(run, "motor_torque_Nm") for run in runs]
     assert (np.diff(hand) < 0).all() and hand[-1] > 0.0
     assert (np.diff(motor) > 0).all()
@@ -293,7 +298,9 @@ def test_uncompensated_hand_feels_friction_and_inertia() -> None:
     expected = (ARMATURE + 0.02) * run.column("motor_acceleration_rad_per_s2") + 0.6 * np.array(
         [table_friction(w) for w in run.column("motor_velocity_rad_per_s")]
     )
-    assert_allclose(run.column("hand_torque_Nm"), expected + 0.0 - run.column("motor_torque_Nm"), atol=1e-9)
+    assert_allclose(
+        run.column("imposed_motion_torque_Nm"), expected + 0.0 - run.column("motor_torque_Nm"), atol=1e-9
+    )
     assert np.abs(run.column("motor_torque_Nm")).max() < 0.5  # the current loop's noise alone
 
 
@@ -305,13 +312,15 @@ def test_impedance_of_a_joint_without_friction_has_the_slope_that_was_asked_for(
         ),
         link=LinkParameters(mass=0.0),
         friction=NO_FRICTION,
-        hand=HandParameters(amplitude=0.7, frequency=0.02),
+        imposed_motion=ImposedMotionParameters(amplitude=0.7, frequency=0.02),
         start_angle=1.0,
         duration=25.0,
     )
     run = simulate_bench(test)
     settled = slice(3000, None)
-    slope = np.polyfit(run.column("link_angle_rad")[settled], run.column("hand_torque_Nm")[settled], 1)[0]
+    slope = np.polyfit(
+        run.column("link_angle_rad")[settled], run.column("imposed_motion_torque_Nm")[settled], 1
+    )[0]
     assert_allclose(slope, k, rtol=0.02)
 
 

@@ -138,7 +138,7 @@ CASES = {
         "duration_s=2",
         EULER,
         "control.mode=transparent",
-        "scenario.hand={joint: knee, amplitude_deg: 40, release_s: 1.5}",
+        "scenario.imposed_motion={joint: knee, amplitude_deg: 40, release_s: 1.5}",
     ),
     "gears that rub under load": (
         "treadmill",

@@ -153,7 +153,7 @@ def hand_settings(gain: float, joint: str = "knee") -> list[str]:
     return [
         "control.mode=transparent",
         "plant.gravity_m_per_s2=0",
-        f"scenario.hand={{joint: {joint}, amplitude_deg: 40, frequency_Hz: 0.25}}",
+        f"scenario.imposed_motion={{joint: {joint}, amplitude_deg: 40, frequency_Hz: 0.25}}",
         "scenario.start={hip_deg: 20, knee_deg: 20}",
         *gains,
     ]
@@ -177,7 +177,7 @@ def test_the_hand_needs_less_torque_with_more_friction_compensation():
 
 
 def settled_speed_after_release(gain: float) -> float:
-    free = ("scenario.hand.release_s=1", "plant.stops.stiffness_Nm_per_rad=0", UNWATCHED)
+    free = ("scenario.imposed_motion.release_s=1", "plant.stops.stiffness_Nm_per_rad=0", UNWATCHED)
     log = run_bench("duration_s=6", *hand_settings(gain), *free).log
     return abs(float(log["right_knee_velocity_rad_per_s"].iloc[-1]))
 

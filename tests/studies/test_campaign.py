@@ -234,9 +234,9 @@ def test_one_test_from_the_command_line_shows_what_no_bench_can_see(
     assert "synthetic" in printed and "the imposed motion needed" in printed
     log = pd.read_csv(out, comment="#")
     assert len(log) == 2000
-    assert {"hand_torque_Nm", "friction_torque_Nm", "current_A"} < set(log.columns)
+    assert {"imposed_motion_torque_Nm", "friction_torque_Nm", "current_A"} < set(log.columns)
     needed = float(printed.split("needed ")[1].split(" N m RMS")[0])
-    assert_allclose(needed, np.sqrt(np.mean(log["hand_torque_Nm"] ** 2)), atol=0.006)
+    assert_allclose(needed, np.sqrt(np.mean(log["imposed_motion_torque_Nm"] ** 2)), atol=0.006)
     with pytest.raises(TwinGaitError, match="--force"):
         called(*arguments)
     assert called(*arguments, "--force") == 0

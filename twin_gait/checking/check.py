@@ -79,7 +79,6 @@ def build_case(table: GaitTable, experiment: Experiment | None = None) -> CheckC
     """Lay out what is checked.
 
     Args:
-        table: The gait table.
         experiment: What it drives; its own table is replaced. None checks the table by itself.
 
     Returns:
@@ -117,10 +116,6 @@ def _velocity(world: World, joint: JointName) -> float:
 def check(case: CheckCase, chosen: Sequence[Rule] = RULES) -> list[Finding]:
     """Check a table.
 
-    Args:
-        case: What is checked.
-        chosen: The rules to apply.
-
     Returns:
         The findings, waived ones marked, the worst first and then in the order of the phases.
     """
@@ -131,14 +126,7 @@ def check(case: CheckCase, chosen: Sequence[Rule] = RULES) -> list[Finding]:
 
 
 def check_before_run(experiment: Experiment) -> list[Finding]:
-    """Check an experiment's own table for what matters to a run.
-
-    Args:
-        experiment: The experiment.
-
-    Returns:
-        Errors and warnings that nobody has waived.
-    """
+    """Check an experiment's own table for what matters to a run."""
     chosen = [rule for rule in RULES if rule not in NOTES]
     findings = check(build_case(experiment.table, experiment), chosen)
     return [item for item in findings if item.severity is not Severity.NOTE and not item.waived]

@@ -166,9 +166,6 @@ def _slope(torque: Callable[[np.ndarray], np.ndarray], angles: np.ndarray) -> np
 def hanging_legs(case: CheckCase) -> list[HangingLeg]:
     """Legs of a case that have numbers of their own.
 
-    Args:
-        case: What is checked.
-
     Returns:
         One leg where the table gives both sides the same numbers, else all; none without an experiment.
     """

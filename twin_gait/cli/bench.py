@@ -13,7 +13,7 @@ from twin_gait.cli.terminal import DONE, FAILED
 
 if TYPE_CHECKING:
     from twin_gait.scenario.bench_joint import BenchJoint, DutyControl, TorqueControl
-    from twin_gait.scenario.bench_leg import HandParameters
+    from twin_gait.scenario.bench_leg import ImposedMotionParameters
     from twin_gait.simulation.bench_joint import BenchRun
     from twin_gait.studies.campaign import CampaignResult
 
@@ -212,7 +212,7 @@ def run_test_command(arguments: argparse.Namespace) -> int:
         bench,
         link=replace(bench.link, mass=arguments.mass),
         control=_control_of(arguments),
-        hand=_imposed_motion_of(arguments),
+        imposed_motion=_imposed_motion_of(arguments),
         start_angle=math.radians(arguments.start_angle_deg),
         duration=arguments.duration,
     )
@@ -266,13 +266,13 @@ def _control_of(arguments: argparse.Namespace) -> DutyControl | TorqueControl | 
     )
 
 
-def _imposed_motion_of(arguments: argparse.Namespace) -> HandParameters | None:
-    from twin_gait.scenario.bench_leg import HandParameters
+def _imposed_motion_of(arguments: argparse.Namespace) -> ImposedMotionParameters | None:
+    from twin_gait.scenario.bench_leg import ImposedMotionParameters
     from twin_gait.vocabulary import JointName
 
     if arguments.imposed_amplitude_deg is None:
         return None
-    return HandParameters(
+    return ImposedMotionParameters(
         joint=JointName(arguments.joint),
         amplitude=math.radians(arguments.imposed_amplitude_deg),
         frequency=arguments.imposed_frequency_Hz,
@@ -293,7 +293,7 @@ def report_test(run: BenchRun, out: Path) -> Iterator[str]:
         if summary[name] is not None:
             yield f"  {words} after {summary[name]:g} s"
     yield f"  RMSE of target and measured current {summary['current_rmse_A']:.4f} A"
-    if run.test.hand is not None:
-        torque = run.column("hand_torque_Nm")
+    if run.test.imposed_motion is not None:
+        torque = run.column("imposed_motion_torque_Nm")
         rms, most = np.sqrt(np.mean(torque * torque)), np.abs(torque).max()
         yield f"  the imposed motion needed {rms:.2f} N m RMS, {most:.2f} N m at most"

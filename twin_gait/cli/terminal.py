@@ -20,7 +20,6 @@ def answer(arguments: argparse.Namespace, lines: Iterable[str], document: Callab
     """Print the result: lines for a reader or, with ``--json``, one document for a program.
 
     Args:
-        arguments: Of the command.
         lines: For a reader.
         document: Makes the mapping for a program; numbers that are not finite become null.
     """

@@ -13,7 +13,7 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.leg_model import LegJoints
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters
-from twin_gait.scenario import BenchLegScenario, HandParameters, LegSource, TreadmillScenario
+from twin_gait.scenario import BenchLegScenario, ImposedMotionParameters, LegSource, TreadmillScenario
 from twin_gait.vocabulary import JointName, Side
 
 
@@ -144,17 +144,17 @@ class TreadmillEntry(Section):
         return {"kind": "treadmill", **values, "leading_phase": leading, "trailing_phase": trailing}
 
 
-class HandEntry(Section):
+class ImposedMotionEntry(Section):
     """An imposed motion of one joint of the bench leg, as by a hand that lets go in the end."""
 
-    parameters: ClassVar = HandParameters
+    parameters: ClassVar = ImposedMotionParameters
     renamed: ClassVar[Mapping[str, str | None]] = {"release_s": "release_time"}
     joint: JointName = JointName.KNEE
     amplitude_deg: Number | None = None
     amplitude_rad: Number | None = None
-    frequency_Hz: Number = HandParameters.frequency
-    stiffness_Nm_per_rad: Number = HandParameters.stiffness
-    damping_Nms_per_rad: Number = HandParameters.damping
+    frequency_Hz: Number = ImposedMotionParameters.frequency
+    stiffness_Nm_per_rad: Number = ImposedMotionParameters.stiffness
+    damping_Nms_per_rad: Number = ImposedMotionParameters.damping
     release_s: Endless = math.inf
 
 
@@ -166,12 +166,12 @@ class BenchLegEntry(Section):
     kind: Literal["bench_leg"]
     start: AnglesEntry | None = None
     start_phase: str | None = None
-    hand: HandEntry | None = None
+    imposed_motion: ImposedMotionEntry | None = None
 
     @classmethod
     def document(cls, parameters: BenchLegScenario) -> dict[str, Any]:
         """As the mapping of a file, in SI."""
         values = {"kind": "bench_leg", **super().document(parameters)}
-        if parameters.hand is None:
-            del values["hand"]
+        if parameters.imposed_motion is None:
+            del values["imposed_motion"]
         return values

@@ -25,6 +25,7 @@ RENAMED = {
     "phase_overstay_s": "phase_time_out_s",
     "catch_speed_deg_per_s": "stretch_reflex_threshold_deg_per_s",
     "catch_speed_rad_per_s": "stretch_reflex_threshold_rad_per_s",
+    "hand": "imposed_motion",
     "catch_gain_Nms_per_rad": "stretch_reflex_gain_Nms_per_rad",
 }
 

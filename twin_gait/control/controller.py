@@ -116,9 +116,6 @@ def name_of(law: ControllerFunction) -> str:
 def require_arguments(law: ControllerFunction) -> None:
     """Refuse a control law that does not take what it is handed.
 
-    Args:
-        law: The law.
-
     Raises:
         ParameterError: If it takes more or fewer arguments.
     """
@@ -137,10 +134,6 @@ def require_arguments(law: ControllerFunction) -> None:
 
 def require_torques(law: ControllerFunction, answer: Any) -> None:
     """Refuse what is not two torques.
-
-    Args:
-        law: The law that answered.
-        answer: What it returned.
 
     Raises:
         ParameterError: If it is anything else; a torque that is not finite is for the safety monitor.

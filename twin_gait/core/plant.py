@@ -116,7 +116,7 @@ def brace_torque(
     return stiffness * (device - wearer) + damping * (device_velocity - wearer_velocity)
 
 
-def hand_torque(
+def imposed_motion_torque(
     time: float,
     angle: float,
     velocity: float,

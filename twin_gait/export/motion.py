@@ -74,7 +74,6 @@ def write_storage(path: Path, columns: Mapping[str, np.ndarray], *, in_degrees: 
     """Write a .mot or .sto file, with all digits.
 
     Args:
-        path: The file.
         columns: By name, ``time`` first, shape ``(n,)`` each.
         in_degrees: Whether its angles are in degrees.
     """

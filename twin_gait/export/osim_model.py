@@ -37,8 +37,6 @@ def osim_text(model: LegModel, name: str, convention: Convention, gravity: float
 
     Args:
         model: Device, wearer or both.
-        name: Of the model.
-        convention: Names and signs of the coordinates.
         gravity: In [m] / [s²].
     """
     turn, bodies = to_opensim(model.up_axis), export_bodies(model.model)

@@ -87,9 +87,6 @@ class PhaseLogic:
         It branches on a condition of the first exit that may open. Combinations that no measurements can
         have are left out.
 
-        Args:
-            chosen: Truths that all rows begin with.
-
         Returns:
             Rows that exclude each other and cover every combination that measurements can have.
         """
@@ -176,9 +173,6 @@ def number(value: float, digits: int = 10) -> str:
 def transition_table(table: GaitTable) -> str:
     """State-transition table: a row per transition, the exits of a phase in order of priority.
 
-    Args:
-        table: The gait table.
-
     Returns:
         Markdown, ending with a line break; guards as the file writes them.
     """
@@ -200,9 +194,6 @@ def transition_table(table: GaitTable) -> str:
 
 def truth_table(table: GaitTable) -> str:
     """Truth table of every phase, with what the phase sets.
-
-    Args:
-        table: The gait table.
 
     Returns:
         Markdown, ending with a line break. It holds every number of the table that has an effect, to ten

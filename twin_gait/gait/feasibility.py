@@ -88,7 +88,6 @@ def solve(bounds: Sequence[Bound], share: float = 0.0) -> dict[str, float] | Non
     """Find numbers that keep all bounds.
 
     Args:
-        bounds: The bounds.
         share: Share of the comfortable distance that is kept from each limit.
 
     Returns:
@@ -149,8 +148,6 @@ def ways(
         start: Phases of the other leg and bounds that hold anyway. Without another leg (``(None,)``) no
             comparison that reads it is open.
         requirements: What has to be open or closed.
-        bounds_of: Writes a comparison as bounds.
-        possible: Whether bounds can be kept together.
 
     Yields:
         The ways.
@@ -230,12 +227,7 @@ def translated(
     """A guard over other signals, for example those that the other leg has for its own.
 
     Args:
-        guard: The guard.
-        rename: New name of a signal.
         member: Truth of a membership where it is known; None to leave memberships as they are.
-
-    Returns:
-        The guard.
     """
 
     def changed(atom: Comparison | PhaseMembership) -> Guard:

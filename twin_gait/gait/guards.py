@@ -166,11 +166,6 @@ def parse_guard(text: str, joints: Sequence[str], phases: Sequence[str]) -> Guar
     Args:
         text: For example ``"hip.angle_deg < -8"``, ``"other.hip.angle_deg - hip.angle_deg > 10"``
             or ``"other.phase in [early_stance, middle_stance]"``.
-        joints: Joints of the table.
-        phases: Phases of the table.
-
-    Returns:
-        The guard.
 
     Raises:
         GaitTableError: If the text is not a guard, or names an unknown signal or phase.

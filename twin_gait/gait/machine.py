@@ -210,9 +210,7 @@ def signal_array(
     """Lay the signals of both legs out as the guard program reads them.
 
     Args:
-        table: The gait table.
         time_in_phase: Of this leg in [s].
-        own: Measurements of this leg.
         other: Measurements of the other leg, or None.
         other_time_in_phase: Of the other leg in [s].
 

@@ -21,7 +21,6 @@ def scale_table(
     """Apply the scaling laws of a table, see :class:`twin_gait.gait.table.Scaling`.
 
     Args:
-        table: The gait table.
         carried_mass: Mass of wearer and device times (1 - support) in [kg]; None switches its law off.
         speed: Belt speed in [m] / [s]; None switches its law off.
         height: Of the wearer in [m], as the controller knows it; None switches its law off.
@@ -88,8 +87,6 @@ def resolve_phases(table: GaitTable, side: Side, inertia_at: InertiaAt) -> np.nd
     """Lay the phases of one side out as numbers, damping ratios resolved.
 
     Args:
-        table: The gait table, already scaled.
-        side: The leg.
         inertia_at: Effective inertia in [kg m²] of a joint of a side at the equilibrium angles of
             all joints of a phase, armature included: M_jj with the pelvis fixed.
 

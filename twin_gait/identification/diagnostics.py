@@ -123,9 +123,7 @@ def drift_warnings(tests: Sequence[FrictionTest], residuals: np.ndarray, samples
     """Drift of the residuals along the tests, such as warming up.
 
     Args:
-        tests: The tests.
         residuals: Of the samples that are used, in [N m].
-        samples: All samples.
     """
     if samples.time is None or len(residuals) < 30:
         return []

@@ -77,11 +77,7 @@ def refine(
     """Descend to the minimum near a start.
 
     Args:
-        model: The model.
-        samples: The samples.
         start: Parameter vector within the bounds.
-        low: Lower bounds.
-        high: Upper bounds.
         threshold: Of Huber's loss in [N m]; infinite for least squares.
         tolerance: A step that lowers the loss by less than this share of it is the last.
     """

@@ -80,7 +80,6 @@ def hard_stop(
         angle: In [rad], shape ``(n,)``.
         acceleration: Its size in [rad] / [s²], shape ``(n,)``.
         limit: Beyond it the link has hit something.
-        reach: Samples before and after an impact.
         window: Samples over which the direction of motion is taken.
         margin: Samples so near to where the stop was hit count too, in [rad].
 

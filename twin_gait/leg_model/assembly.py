@@ -39,7 +39,6 @@ class Assembly:
         """Read a URDF and lock the joints that are not asked for.
 
         Args:
-            path: Of the URDF.
             legs: Joint names of each leg; a minus in front turns a joint round.
             pelvis: Fixed in the world, or free to move vertically.
             up_axis: ``"z"`` or ``"y"``.

@@ -34,11 +34,7 @@ def plain_names(legs: Mapping[Side, LegJoints], known: Collection[str]) -> dict[
     """Joint names without the sign in front of them.
 
     Args:
-        legs: Names as the user gave them.
         known: Joints of the URDF; a name that begins with a sign there keeps it.
-
-    Returns:
-        Names of the URDF.
     """
 
     def plain(name: str) -> str:
@@ -66,11 +62,7 @@ def reversed_joints(
     Args:
         path: Of the URDF, for messages.
         model: As the URDF has it, x forward.
-        legs: Names as the user gave them.
         up: Unit vector that points up, shape ``(3,)``.
-
-    Returns:
-        Their names in the URDF.
     """
     data = model.createData()
     pin.computeJointJacobians(model, data, pin.neutral(model))

@@ -98,11 +98,7 @@ def _axis(joint: pin.JointModel, name: str) -> tuple[bool, np.ndarray]:
 
 
 def contact_points(model: pin.Model, frames: Sequence[str]) -> list[ContactPoint]:
-    """Where named frames sit on their bodies.
-
-    Returns:
-        Points in the order of the names.
-    """
+    """Where named frames sit on their bodies."""
     points = []
     for name in frames:
         frame = model.frames[model.getFrameId(name)]

@@ -51,9 +51,6 @@ def find_urdf(path_or_name: str | Path) -> Path:
     Args:
         path_or_name: Path of a file, or for example ``twin.urdf``.
 
-    Returns:
-        Path of an existing file.
-
     Raises:
         ModelError: If there is no such file.
     """
@@ -70,9 +67,6 @@ def read_urdf(path: Path) -> str:
 
     Pinocchio gives a ``continuous`` joint two coordinates (cosine and sine). Every law here acts on
     one angle, so such joints become revolute ones without limits.
-
-    Returns:
-        URDF text for Pinocchio.
 
     Raises:
         ModelError: If the file cannot be read or is not a URDF.
@@ -161,7 +155,6 @@ def build_model(
     """Build a Pinocchio model of a URDF file.
 
     Args:
-        path: The file.
         root_joint: Joint between world and root link with its name; None fixes the root link.
         reversed_joints: Joints whose angle is counted the other way than in the file.
 

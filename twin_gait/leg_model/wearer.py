@@ -88,11 +88,7 @@ WINTER_SEGMENTS: dict[str, Segment] = {
 
 
 def segments_of(patient: Patient) -> Mapping[str, Segment]:
-    """Thigh, shank and foot of a wearer, from the table that is asked for.
-
-    Returns:
-        The segments by name.
-    """
+    """Thigh, shank and foot of a wearer, from the table that is asked for."""
     if patient.segment_model is SegmentModel.WINTER:
         return WINTER_SEGMENTS
     return SEGMENTS[patient.sex]
@@ -163,7 +159,6 @@ def segment_inertia(
     """Mass, centre of mass and rotational inertia of a limb segment.
 
     Args:
-        segment: Shares of the segment.
         body_mass: In [kg].
         axis: From the proximal to the distal joint in [m], shape ``(3,)``.
 

@@ -27,11 +27,7 @@ class Actions:
     """What can be done in one experiment, beside setting controls."""
 
     def __init__(self, problem: Problem) -> None:
-        """Keep what the fields depend on.
-
-        Args:
-            problem: The experiment as arrays, as the session began.
-        """
+        """Keep what the fields depend on."""
         self._problem = problem
 
     def specs(self) -> tuple[ActionSpec, ...]:
@@ -100,9 +96,6 @@ class Actions:
     def values_of(self, message: DoAction) -> dict[str, Value]:
         """Values of an action's fields, those left out as they begin.
 
-        Returns:
-            Value by name of the field.
-
         Raises:
             MessageRefused: If a value is unknown or out of its range.
         """
@@ -116,12 +109,6 @@ class Actions:
 
     def fault_of(self, values: dict[str, Value]) -> Fault:
         """The fault that the fields of the action ask for.
-
-        Args:
-            values: From :meth:`values_of`.
-
-        Returns:
-            The fault, at time 0.
 
         Raises:
             ParameterError: If kind, place and size do not fit together.

@@ -234,7 +234,6 @@ class Panel:
 
         Args:
             quantity: A key of ``QUANTITIES``.
-            joint: The joint.
 
         Returns:
             Angles: the stops. Stiffness: the published range, or what the table has if that is more.
@@ -300,11 +299,7 @@ class Panel:
         """Settings with one control, or everything, as the session began.
 
         Args:
-            settings: Before.
             name: Of the control, or ``all``.
-
-        Returns:
-            The settings after it.
 
         Raises:
             MessageRefused: If there is no such control.

@@ -98,10 +98,6 @@ def _write(
 def run_of(take: Take, problem: Problem) -> Run:
     """A live walk as a run like any other; faults that somebody let strike are faults of its experiment.
 
-    Args:
-        take: The walk.
-        problem: The experiment that it began with, as arrays.
-
     Returns:
         The run, as long as it was walked.
     """
@@ -137,7 +133,6 @@ def complete_all(
         journals: In the order of the walks; those that somebody has completed already are passed over.
         tell: Takes a mapping before each step (``kind`` ``writing`` with ``step``) and after each walk
             (``folder`` with ``folder``, ``summary`` and ``failed``).
-        pictures: Whether to draw the last one.
     """
     there = [path for path in journals if path.exists()]
     for number, journal in enumerate(there, start=1):

@@ -76,9 +76,7 @@ def foresee(
     Args:
         walk: Of the same experiment; what it did before is forgotten.
         moment: From :meth:`~twin_gait.live.walk.LiveWalk.moment`.
-        numbers: Settings that are to be tried.
         now: Time in [s], for the budget.
-        horizon: Ticks to look ahead at most.
 
     Returns:
         The forecast. Of a walk that is over, that of a new start.
@@ -121,11 +119,7 @@ def _run_ahead(
     ticks: range,
     enough: Callable[[], bool],
 ) -> int:
-    """Run on from a moment, or from the start if that walk is over, by the first to last ticks of a range.
-
-    Returns:
-        The tick that it began with.
-    """
+    """Run on from a moment, or from the start if that walk is over, by the first to last ticks of a range."""
     run = walk.run
     walk.go_on_from(moment)
     ended = run.tripped or run.status is not RunStatus.COMPLETED
@@ -199,11 +193,7 @@ def _deviations(sides: list[dict[str, Any]]) -> dict[str, float | None]:
 
 
 def main() -> int:
-    """Read the set-up, then requests, until the input ends.
-
-    Returns:
-        Exit status 0.
-    """
+    """Read the set-up, then requests, until the input ends."""
     for number in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM):
         signal.signal(number, signal.SIG_IGN)  # the end of the input ends us
     os.nice(NICENESS)

@@ -44,8 +44,6 @@ class LoopProcess:
 
         Args:
             module: The loop, or the one that looks ahead.
-            on_frame: Takes the line of a frame.
-            on_message: Takes any other message but answers.
             on_end: Called when the process is gone, with its exit status; negative: killed by that signal.
         """
         self._module = f"{__package__}.{module}"
@@ -101,10 +99,6 @@ class LoopProcess:
     def command(self, command: Mapping[str, Any], then: Callable[[Answer], None]) -> _Pending:
         """Send a command.
 
-        Args:
-            command: Its name and values.
-            then: Called with the answer, from the thread that reads.
-
         Raises:
             ParameterError: If the process is gone, or has not been started.
         """
@@ -124,9 +118,6 @@ class LoopProcess:
     def ask(self, command: Mapping[str, Any]) -> Answer:
         """Send a command and wait for the answer.
 
-        Returns:
-            The answer, with the tick.
-
         Raises:
             ParameterError: If the process is gone.
             MessageRefused: If the loop refuses it.
@@ -135,9 +126,6 @@ class LoopProcess:
 
     def answer(self, pending: _Pending) -> Answer:
         """Wait for the answer to a command.
-
-        Args:
-            pending: From :meth:`command`.
 
         Raises:
             ParameterError: If the process is gone.

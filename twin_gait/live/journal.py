@@ -40,7 +40,6 @@ def locked(journal: Path, *, make: bool = False) -> Iterator[None]:
     """Hold a journal, so that nobody else writes or completes it.
 
     Args:
-        journal: The file.
         make: Whether it is to be made; nobody but this user may read it.
 
     Raises:
@@ -82,8 +81,6 @@ class Journal:
         """Make the file, and its folder if there is none.
 
         Args:
-            path: The file.
-            columns: Of the log.
             setup: What the run folder needs beside the log, as JSON takes it.
             on_failure: Called once, from the thread, if it cannot be written any more.
 

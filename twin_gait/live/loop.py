@@ -83,7 +83,6 @@ class LiveLoop:
             commands: Gives the next command, or None; returns at once.
             send: Takes a frame or an answer; returns at once.
             keep: Takes the next piece of the walk, the last one of a walk marked so; returns at once.
-            longest: Ticks after which a walk ends.
             paused: Whether to wait for the command to walk.
         """
         self._run, self._now, self._sleep = run, now, sleep

@@ -113,11 +113,6 @@ class Take:
 def take_of(pieces: Iterable[Piece], n_columns: int, longest: int) -> Take:
     """Put the pieces of a walk together.
 
-    Args:
-        pieces: In order.
-        n_columns: Of the log.
-        longest: Ticks after which a walk ends by itself.
-
     Returns:
         The walk; one that nothing has ended before its time is marked as interrupted, with the reason.
     """

@@ -57,7 +57,6 @@ def judge(settings: Settings, known: frozenset[Place] = frozenset()) -> Verdict:
     """Hold settings to the rules whose errors make them unsafe.
 
     Args:
-        settings: The settings.
         known: Errors that are there already, and so are not the fault of a change.
 
     Returns:
@@ -74,25 +73,13 @@ def judge(settings: Settings, known: frozenset[Place] = frozenset()) -> Verdict:
 
 
 def refusal(verdict: Verdict, known: frozenset[Place]) -> str:
-    """Why settings are refused, in one sentence; empty if they are not.
-
-    Args:
-        verdict: From :func:`judge`.
-        known: Errors that were there before.
-
-    Returns:
-        Rule, place, reason and the way out.
-    """
+    """Why settings are refused, in one sentence; empty if they are not."""
     new = [item for item in verdict.errors if place_of(item) not in known]
     return described(new[0], way_out=True) if new else ""
 
 
 def warnings(settings: Settings) -> dict[Place, str]:
-    """What the check warns of, where the table does not waive it.
-
-    Returns:
-        One sentence by rule and place.
-    """
+    """What the check warns of, where the table does not waive it."""
     case = build_case(settings.driving.table, settings.driving)
     found: list[Finding] = []
     for rule in TOLD if settings.mode is Mode.WALK else TOLD_OF_MONITOR:
@@ -112,11 +99,7 @@ def place_of(finding: Finding) -> Place:
 
 
 def described(finding: Finding, *, way_out: bool = False) -> str:
-    """A finding in one sentence.
-
-    Returns:
-        Rule, place and reason.
-    """
+    """A finding in one sentence."""
     where = finding.transition or finding.phase or ""
     text = f"{finding.rule}{f' ({where})' if where else ''}: {finding.reason}"
     return f"{text}; {finding.suggestion}" if way_out else text

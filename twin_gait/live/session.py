@@ -94,11 +94,8 @@ class LiveSession:
 
         Args:
             loaded: Experiment; its duration is the longest time of a walk.
-            folder: Run folder to write.
-            user: Who.
             force: Whether an existing run folder may be replaced.
             pictures: Whether to draw figures and animation at the end.
-            paused: Whether to begin in a pause.
             records: Folder of the record of sessions, or None to keep no record.
             on_compile: Called if the walk has to be compiled first, which takes 10 to 20 s.
             on_step: Called at the end with the name of each file before it is written.
@@ -236,11 +233,7 @@ class LiveSession:
     # ------------------------------------------------------------------ what pages ask for
 
     def submit(self, message: Message) -> None:
-        """Take a message of a page; an event tells what became of it.
-
-        Args:
-            message: From :func:`twin_gait.live.protocol.read_message`.
-        """
+        """Take a message of a page; an event tells what became of it."""
         if isinstance(message, DoAction) and message.action in DIRECT:
             self._guarded(message, lambda: self._do_directly(message))
             return
@@ -249,13 +242,7 @@ class LiveSession:
             self._work.notify_all()
 
     def refuse(self, reason: str, *, id: str = "", user: str = "") -> Event:
-        """Record that a message could not even be read.
-
-        Args:
-            reason: One sentence.
-            id: Of the message, if it had one.
-            user: Who, if known.
-        """
+        """Record that a message could not even be read."""
         return self._emit(Response.REFUSED, reason, id=id, user=user)
 
     def newest_frame(self) -> LatestFrame:

@@ -68,12 +68,6 @@ class SessionRecorder:
     def __init__(self, folder: Path, *, user: str, experiment: str, document: Mapping[str, Any]) -> None:
         """Begin a session in the record, which is made if there is none; nobody else may read it.
 
-        Args:
-            folder: Of the record.
-            user: Who.
-            experiment: Name of the preset or file.
-            document: Mapping of the experiment, everything resolved.
-
         Raises:
             SessionError: If the record cannot be written.
         """
@@ -237,12 +231,8 @@ def close_killed(
     """Record how a session ended whose own processes no longer could.
 
     Args:
-        folder: Of the record.
-        session: Number.
         tick: Ticks that are kept of the last walk.
         text: What happened, in one sentence; becomes the last entry of the session's log.
-        summary: Of the last walk.
-        folders: Run folders.
 
     Raises:
         SessionError: If the record cannot be written.

@@ -97,16 +97,7 @@ class Settings:
 
 
 def monitored_table(table: GaitTable, monitor: MonitoredJoints, mode: Mode) -> GaitTable:
-    """A table whose phases all have what the monitor sets.
-
-    Args:
-        table: For the transitions and the names.
-        monitor: What the monitor sets.
-        mode: One of its three controls.
-
-    Returns:
-        The table; nothing of it is scaled.
-    """
+    """A table whose phases all have what the monitor sets."""
     sides = tuple(dict.fromkeys(side for side, _ in monitor))
     of_side = {
         side: PhaseParameters(
@@ -218,11 +209,6 @@ ROW_COLUMNS = JOINT_COLUMNS[-COLUMNS_PER_JOINT:]
 def effect_of(before: LoopNumbers, after: LoopNumbers, problem: Problem) -> dict[str, float]:
     """What a change does to the log.
 
-    Args:
-        before: Numbers before the change.
-        after: Numbers after it.
-        problem: For sides and joints.
-
     Returns:
         New values by column; those of a phase behind its name, such as
         ``late_stance: left_hip_stiffness_Nm_per_rad``.
@@ -290,7 +276,6 @@ def places(table: GaitTable, sides: tuple[Side, ...]) -> Iterator[Place]:
     """All places of a table.
 
     Args:
-        table: The table.
         sides: Legs that there are; phases that differ on one of them are places of their own.
 
     Yields:

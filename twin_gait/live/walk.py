@@ -27,14 +27,7 @@ class LiveWalk:
         self._belt_waits = False
 
     def advance(self, ticks: int) -> np.ndarray:
-        """Run some ticks; the belt stands while a leg waits for its step, else it would carry the leg away.
-
-        Args:
-            ticks: How many; the belt is looked after once.
-
-        Returns:
-            Their rows of the log.
-        """
+        """Run some ticks; the belt stands while a leg waits for its step, else it would carry it away."""
         waits = bool(self.run.waiting())
         if waits != self._belt_waits and self._belt_speed is not None:
             self._belt_waits = waits
@@ -49,11 +42,7 @@ class LiveWalk:
             self.run.set_belt_speed(self._belt_speed, fade_ticks=0)
 
     def set(self, numbers: Mapping[str, Any]) -> None:
-        """Let new settings fade in.
-
-        Args:
-            numbers: As :class:`~twin_gait.live.settings.LoopNumbers` gives them.
-        """
+        """Let new settings fade in."""
         run = self.run
         run.set_phase_rows(np.array(numbers["phase_rows"]))
         run.set_comparisons(np.array(numbers["comparisons"]).reshape(run.problem.program.comparisons.shape))
@@ -73,10 +62,6 @@ class LiveWalk:
         return {"run": self.run.moment(), "belt_speed": self._belt_speed, "belt_waits": self._belt_waits}
 
     def go_on_from(self, moment: Mapping[str, Any]) -> None:
-        """Take over a moment of another walk of the same experiment.
-
-        Args:
-            moment: From :meth:`moment`.
-        """
+        """Take over a moment of another walk of the same experiment."""
         self.run.go_on_from(moment["run"])
         self._belt_speed, self._belt_waits = moment["belt_speed"], moment["belt_waits"]

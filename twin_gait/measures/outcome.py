@@ -76,9 +76,6 @@ def gait_verdict(legs: Sequence[LegRecord]) -> Verdict:
 def flight_share(legs: Sequence[LegRecord]) -> float:
     """Share of the time in which no foot is on the ground.
 
-    Args:
-        legs: All legs of the run.
-
     Returns:
         Share in [0, 1] of the time in which the legs are to walk evenly; 0 without ground.
     """

@@ -77,9 +77,6 @@ def key_events(joint: JointName, *, speed: float, height: float) -> tuple[KeyEve
         speed: Walking speed in [m] / [s].
         height: Body height in [m].
 
-    Returns:
-        The events.
-
     Raises:
         ParameterError: If the regression does not reach the speed, or the height is not positive.
     """

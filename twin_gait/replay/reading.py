@@ -104,7 +104,6 @@ def shifted(recording: Recording, offsets: Mapping[JointName, float]) -> Recordi
     """Add a constant angle to joints.
 
     Args:
-        recording: A walk.
         offsets: Per joint in [rad].
     """
     if not offsets:

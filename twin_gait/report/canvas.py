@@ -43,12 +43,6 @@ def new_figure(run: Run, title: str, *, height: float, width: float = SCREEN_WID
 
     Args:
         run: For the second line of the title, and a third where faults struck or the monitor tripped.
-        title: What the picture shows.
-        height: In inches.
-        width: In inches.
-
-    Returns:
-        An empty figure.
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     events = [f"{event.text}, {event.time:.2f} s" for event in run.events]
@@ -94,10 +88,8 @@ def shade_phases(axes: Axes, places: np.ndarray, phases: np.ndarray, names: Sequ
     """Colour the background of a panel by phase.
 
     Args:
-        axes: The panel.
         places: Horizontal coordinate of each sample, ascending, shape ``(n,)``.
         phases: Index of the phase at each sample, or ``HELD``, shape ``(n,)``.
-        names: Names of the phases.
     """
     changes = np.flatnonzero(phases[1:] != phases[:-1]) + 1
     edges = [0, *changes.tolist(), len(phases)]
@@ -118,7 +110,6 @@ def phase_handles(names: Sequence[str], occurring: np.ndarray) -> list[Artist]:
     """Legend entries of the phases that occur.
 
     Args:
-        names: Names of the phases.
         occurring: Indices of phases, any shape.
     """
     return [
@@ -172,7 +163,6 @@ def picture_bytes(figure: Figure, ground: str = "auto") -> bytes:
     """A figure as PNG.
 
     Args:
-        figure: The figure.
         ground: Its colour; that of the figure by default, ``none`` for a transparent one.
     """
     room = io.BytesIO()

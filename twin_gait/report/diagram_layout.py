@@ -193,12 +193,6 @@ def lay_out(
 ) -> Layout:
     """Lay a whole diagram: boxes on a ring, enlarged until no label lies on a box, a label or an arrow.
 
-    Args:
-        groups: What the arrows stand for.
-        count: Number of boxes.
-        box: Width and height of a box.
-        labels: Width and height of the label of each arrow.
-
     Returns:
         The first layout in which nothing lies on anything; else the one with the least of it.
     """

@@ -86,14 +86,7 @@ def condition_lines(transition: Transition, width: int) -> list[str]:
 
 
 def state_diagram_mermaid(table: GaitTable) -> str:
-    """Write the state diagram in Mermaid's ``stateDiagram-v2``.
-
-    Args:
-        table: The gait table.
-
-    Returns:
-        Mermaid text, ending with a line break.
-    """
+    """Write the state diagram in Mermaid's ``stateDiagram-v2``."""
     names = _mermaid_names(table.phase_names)
     lines = ["stateDiagram-v2", f"    [*] --> {names[table.phase_names[0]]}"]
     lines += [f'    state "{_mermaid(readable(phase))}" as {name}' for phase, name in names.items()]

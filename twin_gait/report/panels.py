@@ -133,9 +133,7 @@ def leg_panels(
 
     Args:
         figure: An empty figure.
-        records: The legs.
         unit: Label of the vertical axes, by the name of the joint.
-        below: Rows that are left free below.
         share: ``sharex`` and ``sharey`` as matplotlib's ``subplots`` takes them.
     """
     joints = list(records[0].angles)
@@ -158,17 +156,7 @@ def draw_over_time(
     size: tuple[float, float],
     last: Callable[[Axes], list[Artist]] | None = None,
 ) -> Figure:
-    """Draw something of every joint of every leg over time, on the phases and with the events.
-
-    Args:
-        run: The run.
-        window: What is shown.
-        title: Of the figure.
-        unit: Label of the vertical axes, by the name of the joint.
-        draw: Draws into a panel and gives entries for the legend.
-        size: Width and height in inches.
-        last: Draws into one more panel below all others.
-    """
+    """Draw something of every joint of every leg over time, on the phases and with the events."""
     records, names = run.leg_records(), run.table.phase_names
     figure = new_figure(run, title, width=size[0], height=size[1])
     share = {} if last else {"sharex": True, "sharey": "row"}
@@ -196,7 +184,6 @@ def draw_cycle_curve(axes: Axes, angles: np.ndarray, **style: Any) -> list[Artis
     """Draw angles over the gait cycle, with an axis that says so.
 
     Args:
-        axes: The panel.
         angles: In [deg] at ``PERCENT``, shape ``(101,)``.
         style: As matplotlib's ``plot`` takes it.
     """
@@ -211,11 +198,8 @@ def draw_phase_bars(
     """Draw phases as bars over time, one row below the other.
 
     Args:
-        axes: The panel.
         time: Of each sample in [s], shape ``(n,)``.
         rows: Label and index of the phase at each sample, shape ``(n,)``.
-        names: Names of the phases.
-        style: Of the bars.
     """
     for place, (_, phases) in enumerate(rows):
         edges = [0, *(np.flatnonzero(np.diff(phases)) + 1).tolist(), len(phases)]

@@ -66,9 +66,6 @@ _STYLE = f"{_SHAPES}{_LIGHT}\n  @media (prefers-color-scheme: dark) {{{_DARK}\n 
 def phase_colours(table: GaitTable) -> dict[str, str]:
     """Colour of each phase; a phase with a name of its own takes one that the others leave.
 
-    Args:
-        table: The gait table.
-
     Returns:
         Colours as ``#RRGGBB`` by phase; they repeat in tables of more phases than there are colours.
     """
@@ -84,9 +81,6 @@ def phase_colours(table: GaitTable) -> dict[str, str]:
 
 def state_diagram_svg(table: GaitTable) -> str:
     """Draw the phases on a ring in the order of the cycle, with an arrow for each way out.
-
-    Args:
-        table: The gait table.
 
     Returns:
         SVG, ending with a line break; it needs no other file and follows a dark page.

@@ -85,7 +85,6 @@ def label_of(column: str, *, unit: bool = True) -> str:
 
     Args:
         column: For example ``table.phases.early_stance.knee.stiffness_Nm_per_deg``.
-        unit: Whether to say it.
 
     Returns:
         For example ``early stance knee stiffness [N m/deg]``.
@@ -168,12 +167,6 @@ def sweep_figures(
 ) -> dict[str, Figure]:
     """Draw a sweep: the share that walked, then each measure over the episodes that did.
 
-    Args:
-        table: One row per episode.
-        parameters: Columns that were varied; those with one value are left out.
-        measures: Columns to draw; the default ones if empty.
-        title: Of every picture.
-
     Returns:
         ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
     """
@@ -194,7 +187,6 @@ def values_of(table: pd.DataFrame, measure: str) -> np.ndarray:
     """A measure of every episode.
 
     Args:
-        table: One row per episode.
         measure: A column, or ``walked``.
 
     Returns:
@@ -215,8 +207,6 @@ def cell_means(values: np.ndarray, first: Axis, second: Axis) -> np.ndarray:
 
     Args:
         values: One per episode, shape ``(n,)``.
-        first: Rows.
-        second: Columns.
 
     Returns:
         Means, NaN where there is no episode, shape ``(k_first, k_second)``.

@@ -156,7 +156,6 @@ def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -
     """Draw the cost of the best candidate so far and the median of each generation.
 
     Args:
-        convergence: Of the outcome.
         worst: Cost of the worst walk; a median above it, of falls or forbidden tables, is drawn there.
     """
     figure, (axes,) = _figure(3.4)

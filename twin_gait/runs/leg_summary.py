@@ -161,9 +161,6 @@ def reference_error(run: Run, record: LegRecord, joint: JointName, bounds: np.nd
     """Root mean square distance of a joint's strides from healthy walking.
 
     Args:
-        run: The run.
-        record: A leg.
-        joint: The joint.
         bounds: First tick of each stride and of the next one, shape ``(n_strides, 2)``.
 
     Returns:

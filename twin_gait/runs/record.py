@@ -229,12 +229,6 @@ def describe(patient: Patient | None, belt_speed: float) -> str:
 def load_run(directory: Path) -> StoredRun:
     """Read a run back.
 
-    Args:
-        directory: A run directory.
-
-    Returns:
-        The run.
-
     Raises:
         RunDirectoryError: If it is not a complete run directory.
     """

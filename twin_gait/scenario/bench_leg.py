@@ -17,12 +17,12 @@ from twin_gait.parameters import (
     require_non_negative,
     require_positive,
 )
-from twin_gait.scenario.world import Hand, World, build_plant_rows
+from twin_gait.scenario.world import ImposedMotion, World, build_plant_rows
 from twin_gait.vocabulary import JointName
 
 
 @dataclass(frozen=True, kw_only=True)
-class HandParameters:
+class ImposedMotionParameters:
     """An imposed motion of one joint, as by a hand that leads it and then lets go.
 
     Attributes:
@@ -43,12 +43,12 @@ class HandParameters:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        require(self.joint is not JointName.ANKLE, "hand joint", "hip or knee", str(self.joint))
-        require(math.isfinite(self.amplitude), "hand amplitude", "a finite angle", self.amplitude)
-        require_positive("hand frequency", self.frequency)
-        require_non_negative("hand stiffness", self.stiffness)
-        require_non_negative("hand damping", self.damping)
-        require(self.release_time >= 0.0, "hand release_time", "0 or more", self.release_time)
+        require(self.joint is not JointName.ANKLE, "imposed motion joint", "hip or knee", str(self.joint))
+        require(math.isfinite(self.amplitude), "imposed motion amplitude", "a finite angle", self.amplitude)
+        require_positive("imposed motion frequency", self.frequency)
+        require_non_negative("imposed motion stiffness", self.stiffness)
+        require_non_negative("imposed motion damping", self.damping)
+        require(self.release_time >= 0.0, "imposed motion release_time", "0 or more", self.release_time)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,12 +58,12 @@ class BenchLegScenario:
     Attributes:
         start_angles: Hip and knee at time 0 in [rad].
         initial_phase: Phase at time 0; the first of the table if None.
-        hand: Imposed motion, or None.
+        imposed_motion: Imposed motion, or None.
     """
 
     start_angles: tuple[float, float] = (math.radians(20.0), math.radians(10.0))
     initial_phase: str | None = None
-    hand: HandParameters | None = None
+    imposed_motion: ImposedMotionParameters | None = None
 
     @property
     def pelvis(self) -> PelvisGuide:
@@ -98,17 +98,17 @@ class BenchLegScenario:
         q = np.zeros(model.nv)
         for joint, angle in zip((JointName.HIP, JointName.KNEE), self.start_angles, strict=True):
             q[model.index(side, joint)] = angle
-        hand = None
-        if self.hand is not None:
-            index = model.index(side, self.hand.joint)
-            hand = Hand(
+        imposed_motion = None
+        if self.imposed_motion is not None:
+            index = model.index(side, self.imposed_motion.joint)
+            imposed_motion = ImposedMotion(
                 index=index,
                 start_angle=float(q[index]),
-                amplitude=self.hand.amplitude,
-                frequency=self.hand.frequency,
-                stiffness=self.hand.stiffness,
-                damping=self.hand.damping,
-                release_time=self.hand.release_time,
+                amplitude=self.imposed_motion.amplitude,
+                frequency=self.imposed_motion.frequency,
+                stiffness=self.imposed_motion.stiffness,
+                damping=self.imposed_motion.damping,
+                release_time=self.imposed_motion.release_time,
             )
         return World(
             model=model,
@@ -119,5 +119,5 @@ class BenchLegScenario:
             start_v=np.zeros(model.nv),
             initial_phases={side: self.initial_phase},
             body_weight=model.total_mass * gravity,
-            hand=hand,
+            imposed_motion=imposed_motion,
         )

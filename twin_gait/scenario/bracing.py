@@ -22,8 +22,8 @@ _ROUNDING = 1e-6
 def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: BraceParameters) -> World:
     """Take device and wearer of a world apart and bind them by braces.
 
-    Motors, friction, stops, orthosis and hand stay with the device; the support and the feet go with the
-    wearer. Both start in the posture of the world.
+    Motors, friction, stops, orthosis and imposed motion stay with the device; the support and the feet go
+    with the wearer. Both start in the posture of the world.
     """
     rows = np.zeros_like(world.plant_rows)
     rows[:, plant.FRICTION_C] = 1.0
@@ -96,7 +96,6 @@ def carries(world: World, growth: Step, step: float) -> bool:
     way are not looked at.
 
     Args:
-        world: With braces.
         growth: :func:`rk4_growth` or :func:`semi_implicit_euler_growth`.
         step: In [s].
     """

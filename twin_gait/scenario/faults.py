@@ -188,9 +188,6 @@ def check_faults(faults: Collection[Fault], sides: Collection[Side], feet: bool,
     """Check that faults act on something that is there, within the run.
 
     Args:
-        faults: The faults.
-        sides: Legs that there are.
-        feet: Whether feet touch a ground.
         duration: Of the run in [s].
     """
     for fault in faults:

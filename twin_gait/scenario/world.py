@@ -39,8 +39,8 @@ class LegSource:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Hand:
-    """An imposed motion of one joint, as by a hand; see :func:`twin_gait.core.plant.hand_torque`.
+class ImposedMotion:
+    """An imposed motion of one joint, as by a hand; see :func:`twin_gait.core.plant.imposed_motion_torque`.
 
     Attributes:
         index: Coordinate that it moves.
@@ -96,7 +96,7 @@ class World:
         catch_dissipation: Of that harness in [s] / [m].
         body_weight: Weight of the wearer and device in [N].
         fall_height: Pelvis height in [m] below which the wearer has fallen, or None.
-        hand: Imposed motion of a joint of the device, or None.
+        imposed_motion: Imposed motion of a joint of the device, or None.
         braces: What binds the wearer to the device, or None if they are one.
     """
 
@@ -113,7 +113,7 @@ class World:
     catch_dissipation: float = 0.0
     body_weight: float = 0.0
     fall_height: float | None = None
-    hand: Hand | None = None
+    imposed_motion: ImposedMotion | None = None
     contact_frames: Mapping[Side, tuple[str, ...]] = field(default_factory=dict)
     braces: Braces | None = None
 
@@ -140,12 +140,9 @@ def build_leg_model(
     """Build the rigid-body model of a world.
 
     Args:
-        source: URDF and names.
         patient: The wearer, or None.
         actuators: For the armature of hip and knee.
-        pelvis: How the pelvis is held.
         gravity: In [m] / [s²].
-        bodies: Whose bodies it has.
     """
     return LegModel(
         source.urdf,

@@ -32,15 +32,7 @@ _CALLS = {
 
 
 def tree_values(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint]) -> list[float]:
-    """A model as the flat array that :mod:`twin_gait.core.articulated_body` reads.
-
-    Args:
-        bodies: The model.
-        points: Contact points.
-
-    Returns:
-        The values.
-    """
+    """A model as the flat array that :mod:`twin_gait.core.articulated_body` reads."""
     values: list[float] = []
     for body in bodies:
         values += [float(body.parent + 1), float(body.prismatic), *body.axis]
@@ -59,9 +51,6 @@ def write_call(name: str, up_axis: str = "z") -> str:
     Args:
         name: Of the function, from :mod:`twin_gait.simulation.kernel_interface`.
         up_axis: ``"z"`` or ``"y"``.
-
-    Returns:
-        Python source.
     """
     arguments, call = _CALLS[name]
     body = f"return articulated_body.{call.format(up=_UP[up_axis])}"

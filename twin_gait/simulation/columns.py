@@ -79,9 +79,6 @@ _UNITS = {
 def work_sources(columns: Container[str]) -> tuple[str, ...]:
     """Sources of work that a log has columns for.
 
-    Args:
-        columns: Of the log.
-
     Returns:
         Their names; the braces are one of them if there are any.
     """
@@ -92,7 +89,6 @@ def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], 
     """Columns that hold the state of a model.
 
     Args:
-        model: The leg model that was simulated.
         wearer: Whether the state is the wearer's own, where braces bind them to the device.
 
     Returns:
@@ -114,9 +110,6 @@ def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], 
 
 def unit_of(column: str) -> str:
     """Unit of a log column, from the suffix of its name.
-
-    Args:
-        column: Name of the column.
 
     Returns:
         The unit, for example ``N m/rad``.

@@ -63,7 +63,6 @@ class CompiledEngine:
         """Lay the problem out and get the compiled loop.
 
         Args:
-            problem: The experiment as arrays.
             controller: Control law that takes the place of the thesis's; numba must be able to compile it.
             record: Whether to keep the log; without it only the switches and the last state remain.
             on_compile: Called if the loop has to be compiled first.
@@ -111,7 +110,9 @@ class CompiledEngine:
         integers[episode_arrays.SUBSTEPS] = integration.substeps
         integers[episode_arrays.USE_RK4] = integration.method is IntegrationMethod.RK4
         integers[episode_arrays.PELVIS_INDEX] = -1 if pelvis is None else pelvis
-        integers[episode_arrays.HAND_INDEX] = -1 if world.hand is None else world.hand.index
+        integers[episode_arrays.IMPOSED_MOTION_INDEX] = (
+            -1 if world.imposed_motion is None else world.imposed_motion.index
+        )
         integers[episode_arrays.N_ANKLES] = len(ankles)
         integers[episode_arrays.RECORD] = record
         integers[episode_arrays.INERTIA_WANTED] = experiment.control.inertia_compensation > 0.0
@@ -164,7 +165,7 @@ class CompiledEngine:
             effort_noise=problem.wearer.noise,
             path=np.zeros((2, problem.joints_per_leg)) if path is None else path.angles,
             path_starts=np.zeros(legs) if path is None else path.starts,
-            hand=self._hand(),
+            imposed_motion=self._imposed_motion(),
             bounds=watch_bounds(problem),
             faults=faults.faults,
             magnitudes=faults.magnitudes,
@@ -231,18 +232,18 @@ class CompiledEngine:
             [[item.torque_constant, item.gear_ratio, item.gear_efficiency, item.resistance] for item in items]
         )
 
-    def _hand(self) -> np.ndarray:
-        hand = self.problem.world.hand
-        if hand is None:
+    def _imposed_motion(self) -> np.ndarray:
+        imposed_motion = self.problem.world.imposed_motion
+        if imposed_motion is None:
             return np.zeros(6)
         return np.array(
             [
-                hand.start_angle,
-                hand.amplitude,
-                hand.frequency,
-                hand.stiffness,
-                hand.damping,
-                hand.release_time,
+                imposed_motion.start_angle,
+                imposed_motion.amplitude,
+                imposed_motion.frequency,
+                imposed_motion.stiffness,
+                imposed_motion.damping,
+                imposed_motion.release_time,
             ]
         )
 

@@ -63,15 +63,7 @@ class CompiledLoop(NamedTuple):
 
 
 def compile_loop(text: str, controller: ControllerFunction | None = None) -> CompiledLoop:
-    """Compile a generated module.
-
-    Args:
-        text: From :func:`twin_gait.simulation.module_text.module_source`.
-        controller: Control law that takes the place of the thesis's.
-
-    Returns:
-        The loop.
-    """
+    """Compile a generated module."""
     register_core()
     module = ModuleType("twin_gait_episode")
     exec(compile(text, module.__name__, "exec"), module.__dict__)
@@ -116,9 +108,6 @@ def compiles(function: ControllerFunction) -> bool:
 
     Args:
         function: An ``njit`` function, or a Python function.
-
-    Returns:
-        Whether it can.
 
     Raises:
         ParameterError: If it does not take eight numbers, or gives anything but two.

@@ -56,13 +56,6 @@ def reference_path(experiment: Experiment, sides: tuple[Side, ...]) -> Path:
 
     The error is measured against healthy walking at the belt's speed and the wearer's height (Koopman et al.
     2014); :func:`device_walk` of it is followed.
-
-    Args:
-        experiment: The experiment.
-        sides: Legs in the order of the arrays.
-
-    Returns:
-        The path.
     """
     scenario = experiment.scenario
     height = (experiment.patient or Patient()).height
@@ -79,14 +72,7 @@ def reference_path(experiment: Experiment, sides: tuple[Side, ...]) -> Path:
 
 
 def device_walk(healthy: Path) -> Path:
-    """A walk that the motors can follow, made of the healthy one; see the constants of this module.
-
-    Args:
-        healthy: Hip and knee of healthy walking.
-
-    Returns:
-        The path.
-    """
+    """A walk that the motors can follow, made of the healthy one; see the constants of this module."""
     hip, knee = _few_harmonics(healthy.angles).T
     middle = hip[:-1].mean()
     hip = middle + HIP_OFFSET + HIP_EXCURSION * (hip - middle)
@@ -107,9 +93,6 @@ def starting_on_path(experiment: Experiment) -> Experiment:
     """In position tracking the legs begin where the path does, whatever the scenario says.
 
     Anything else is a step of the command as large as the spring is stiff, at which the monitor trips.
-
-    Args:
-        experiment: The experiment.
 
     Returns:
         The experiment with the joint angles of the path at the start; itself in the other modes.
@@ -140,12 +123,9 @@ def driven_rows(
     """Parameters of the phases of one leg in the mode of the controller.
 
     Args:
-        experiment: The experiment.
-        table: The gait table after scaling.
         rows: What the table says: k, b, θ0, G of each joint and the gravity share, shape
             ``(n_phases, n_columns)``.
         inertia: Effective inertia of a joint, for the damping of the path.
-        side: The leg.
 
     Returns:
         The same shape.

@@ -34,7 +34,7 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
     SUBSTEPS,
     USE_RK4,
     PELVIS_INDEX,
-    HAND_INDEX,
+    IMPOSED_MOTION_INDEX,
     N_ANKLES,
     RECORD,
     WATCHING,
@@ -77,8 +77,8 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
     CATCH_STIFFNESS,
     CATCH_DISSIPATION,
 ) = range(22)
-# Positions in the array of numbers that change: bus voltage, time of the step, hand, contact power.
-BUS_VOLTAGE, TIME, HAND_TORQUE, CONTACT_POWER, LAST_CONTACT_POWER = range(5)
+# Positions in the array of numbers that change: bus voltage, time of the step, imposed motion, contact power.
+BUS_VOLTAGE, TIME, IMPOSED_MOTION_TORQUE, CONTACT_POWER, LAST_CONTACT_POWER = range(5)
 # Positions in the array of what the monitor has done: tick of the trip or -1, its cause and place (a joint,
 # or the number of joints plus a leg), drives that are cut off, ticks with too low a bus voltage.
 TRIP_TICK, TRIP_CAUSE, TRIP_PLACE, DRIVES_OFF, LOW_VOLTAGE_STREAK = range(5)
@@ -130,7 +130,7 @@ class EpisodeInputs(NamedTuple):
         effort_noise: Of the wearer's effort, taken in turn, shape ``(n_ticks or 1, n_joints)``.
         path: Angles over the cycle, shape ``(n_samples, joints_per_leg)``.
         path_starts: Share of the cycle at which each leg begins, shape ``(n_legs,)``.
-        hand: Start angle, amplitude, frequency, stiffness, damping, release time, shape ``(6,)``.
+        imposed_motion: Start angle, amplitude, frequency, stiffness, damping, release time, shape ``(6,)``.
         bounds: Of the safety monitor, shape ``(n_joints, BOUND_COUNT)``.
         faults: Kind, place and first tick, shape ``(n, 3)``.
         magnitudes: Of the faults in SI units, shape ``(n,)``.
@@ -164,7 +164,7 @@ class EpisodeInputs(NamedTuple):
     effort_noise: Array
     path: Array
     path_starts: Array
-    hand: Array
+    imposed_motion: Array
     bounds: Array
     faults: Array
     magnitudes: Array

@@ -42,9 +42,6 @@ class FlatEpisode(NamedTuple):
 def lay_out(episode: Episode) -> FlatEpisode:
     """Lay an episode out in flat arrays.
 
-    Args:
-        episode: Its arrays; they are copied.
-
     Returns:
         The flat arrays and the same episode as views of them.
     """

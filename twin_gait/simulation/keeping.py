@@ -89,11 +89,7 @@ def private_folder(folder: Path, *, close: bool = False) -> Path | None:
     """A folder that is the user's alone to write, made if needed; a warning and None if it is not.
 
     Args:
-        folder: The folder.
         close: Whether it is this program's own, to be closed to others where an earlier version left it open.
-
-    Returns:
-        The folder.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
     if close and folder.stat().st_uid == os.geteuid():
@@ -115,14 +111,7 @@ def only_mine(status: os.stat_result) -> bool:
 
 
 def read_own(path: Path) -> bytes | None:
-    """Content of a file that is the user's own to write, and not a link; None of any other.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The content.
-    """
+    """Content of a file that is the user's own to write, and not a link; None of any other."""
     try:
         with open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC), "rb") as file:
             return file.read() if only_mine(os.fstat(file.fileno())) else None
@@ -135,7 +124,6 @@ def seal(name: str, content: bytes) -> str | None:
 
     Args:
         name: Of the file; one file in place of another is noticed too.
-        content: What is kept.
 
     Returns:
         The proof in hexadecimal digits, or None if there is no place for a secret.
@@ -173,9 +161,6 @@ def _home(variable: str, folder: str) -> Path:
 def source_key(what: str) -> str:
     """Hash over what is compiled and every source, package and processor that it depends on.
 
-    Args:
-        what: Text that tells one compiled loop from another.
-
     Returns:
         The hash; the sources are read once in a process, so that an edit during a long batch changes nothing.
     """
@@ -197,14 +182,7 @@ def episode_rooms() -> list[str]:
 
 
 def source_of(module: str) -> str:
-    """Source text of a module, which is not imported for it.
-
-    Args:
-        module: Its full name.
-
-    Returns:
-        The text.
-    """
+    """Source text of a module, which is not imported for it."""
     spec = importlib.util.find_spec(module)
     assert spec is not None and spec.origin is not None  # a module of this package is a file
     return Path(spec.origin).read_text(encoding="utf-8")

@@ -60,13 +60,6 @@ def body_values(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = (
     """Run-time inputs of a kernel, in the order in which it reads them; structural zeros left out.
 
     A model beyond the limit of straight-line kernels is given whole.
-
-    Args:
-        bodies: The model.
-        points: Contact points.
-
-    Returns:
-        The values.
     """
     if _in_loops(bodies):
         return articulated_body.tree_values(bodies, points)
@@ -262,11 +255,8 @@ def write_kernel(
     """Source of all functions of :mod:`twin_gait.simulation.kernel_interface` for one structure.
 
     Args:
-        bodies: The plant.
         points: Points of the plant that may touch the ground.
-        control_bodies: The controller's model.
         up_axis: ``"z"`` or ``"y"``.
-        guides: Bodies whose joints' wrench is observed.
 
     Returns:
         Python source; it needs ``math`` and ``ground_contact_force`` in its module.

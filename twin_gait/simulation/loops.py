@@ -69,13 +69,9 @@ def loop_of(
     Args:
         flat: The episode that it runs and changes.
         kernel: From :func:`twin_gait.simulation.kernel.write_kernel`.
-        columns: Of the log.
         controller: Control law that takes the place of the thesis's. The loop is then compiled once in this
             process and not kept on disk, because the sources that the function depends on are unknown.
         on_compile: Called if the loop has to be compiled, which takes 10 to 20 s.
-
-    Returns:
-        The loop.
     """
     ingredients = kernel, flat.places, _constants(flat.episode), columns
     if controller is None:
@@ -89,12 +85,6 @@ def bound(
     loop: Loop, numbers: np.ndarray, integers: np.ndarray, fields: Mapping[str, np.ndarray]
 ) -> RunTicks:
     """A compiled loop bound to the arrays that it reads and changes.
-
-    Args:
-        loop: The loop.
-        numbers: First array it takes, of floating-point numbers.
-        integers: Second one, of whole numbers.
-        fields: The loose arrays, by their names.
 
     Returns:
         The loop: first tick, one past the last, log; returns the ticks run since tick 0.
@@ -117,16 +107,7 @@ _loops: dict[str, Loop] = {}
 
 
 def kept_loop(key: str, write: Callable[[], str], on_compile: Callable[[], None] | None) -> Loop:
-    """The loop of a key, from this process, from the cache folder, or compiled and put there.
-
-    Args:
-        key: From :func:`twin_gait.simulation.keeping.source_key`.
-        write: Gives the text of the module to compile.
-        on_compile: Called if it has to be compiled.
-
-    Returns:
-        The loop.
-    """
+    """The loop of a key, from this process, from the cache folder, or compiled and put there."""
     if key not in _loops:
         folder = cache_folder()
         path = None if folder is None else folder / f"twin_gait_{key}.loop"
@@ -154,16 +135,7 @@ def _compiled_loop(path: Path | None, text: str, on_compile: Callable[[], None] 
 
 
 def loop_with(text: str, controller: ControllerFunction, on_compile: Callable[[], None] | None) -> Loop:
-    """A loop with a control law of the user's, compiled once in this process and not kept.
-
-    Args:
-        text: Of the module to compile.
-        controller: Takes the place of the thesis's law.
-        on_compile: Called before each use of it.
-
-    Returns:
-        The loop.
-    """
+    """A loop with a control law of the user's, compiled once in this process and not kept."""
     if on_compile is not None:
         on_compile()
     return _loop_with(text, controller)

@@ -39,12 +39,7 @@ class MachineCode(NamedTuple):
 
 
 def write_code(path: Path, code: MachineCode) -> None:
-    """Keep compiled code, sealed; where that is not possible it is not kept.
-
-    Args:
-        path: The file, replaced in one step.
-        code: The code.
-    """
+    """Keep compiled code, sealed; where that is not possible it is not kept."""
     content = json.dumps({"symbol": code.symbol, "arrays": code.arrays}).encode() + b"\n" + code.object_code
     proof = seal(path.name, content)
     if proof is not None:
@@ -55,9 +50,6 @@ def write_code(path: Path, code: MachineCode) -> None:
 
 def read_code(path: Path) -> MachineCode | None:
     """Read compiled code.
-
-    Args:
-        path: The file.
 
     Returns:
         The code, or None if there is none, it is not the user's own, or it is not what was kept.
@@ -75,7 +67,6 @@ def load_function(code: MachineCode, n_arguments: int) -> NativeFunction:
     """Link compiled code into the process.
 
     Args:
-        code: The code.
         n_arguments: Of the function; all are whole numbers, as is its result.
 
     Returns:

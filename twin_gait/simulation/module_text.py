@@ -33,10 +33,6 @@ def module_source(
         kernel: From :func:`twin_gait.simulation.kernel.write_kernel`.
         places: Where the arrays of the episode lie.
         constants: Whole numbers of the episode that are the same for every run of this kernel.
-        columns: Of the log.
-
-    Returns:
-        Python source.
     """
     loop = one_module({name: source_of(name) for name in episode_rooms()})
     loop = loop.replace("_step(acceleration, episode,", "_step(episode,")
@@ -131,14 +127,7 @@ _OWN_MODULES = frozenset(
 
 
 def one_module(rooms: Mapping[str, str]) -> str:
-    """Put the rooms of the loop in one module, without what they import from each other and the kernel.
-
-    Args:
-        rooms: Their source texts by their names.
-
-    Returns:
-        Python source.
-    """
+    """Put the rooms of the loop in one module, without what they import from each other and the kernel."""
     homes: dict[str, str] = {}
     imports, functions = set(), []
     for room, text in rooms.items():

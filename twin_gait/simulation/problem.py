@@ -103,14 +103,7 @@ class Problem:
 
 
 def build_problem(experiment: Experiment) -> Problem:
-    """Lay an experiment out.
-
-    Args:
-        experiment: The experiment.
-
-    Returns:
-        The problem.
-    """
+    """Lay an experiment out."""
     world = starting_on_path(experiment).build_world()
     control_model = experiment.build_control_model()
     table = scaled_table(experiment, world)

@@ -158,12 +158,8 @@ def newton_euler(
     """Torques of a motion: inertia, Coriolis, centrifugal, gravity, less the contact forces.
 
     Args:
-        bodies: The model.
-        poses: Of the bodies.
-        v: Velocities.
         a: Accelerations; zeros give the bias.
         gravity: Acceleration of gravity in the world frame.
-        contacts: Points that may touch the ground.
         contact_law: From number, position and velocity of a point in the world to its force along world x
             and z (first two results) and anything else.
 
@@ -336,20 +332,7 @@ def forward_dynamics(
     contacts: Sequence[ContactPoint] = (),
     contact_law: ContactLaw | None = None,
 ) -> Dynamics:
-    """Accelerations under joint torques and contact forces.
-
-    Args:
-        bodies: The model.
-        q: Coordinates.
-        v: Velocities.
-        tau: Torques.
-        gravity: Acceleration of gravity in the world frame.
-        contacts: Points that may touch the ground.
-        contact_law: See :func:`newton_euler`.
-
-    Returns:
-        Accelerations and contact results.
-    """
+    """Accelerations under joint torques and contact forces."""
     poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
     zero = [0.0] * len(bodies)
     bias = newton_euler(bodies, poses, v, zero, gravity, contacts, contact_law)

@@ -149,7 +149,6 @@ def log_table(rows: np.ndarray, layout: LogLayout, table: GaitTable) -> pd.DataF
 
     Args:
         rows: Shape ``(n_ticks, n_columns)`` in the order of the layout.
-        layout: Names of the columns.
         table: For the names of the phases.
 
     Returns:

@@ -78,7 +78,6 @@ def blend_arrays(old: np.ndarray, new: np.ndarray, share: float) -> np.ndarray:
     Args:
         old: Values at the start of the blend, any shape.
         new: Values at its end, the same shape.
-        share: Of the new values.
 
     Returns:
         The same shape.
@@ -167,9 +166,6 @@ class SteppedRun:
     def advance(self, ticks: int) -> np.ndarray:
         """Run some ticks, fewer if the wearer falls or the state diverges on the way.
 
-        Args:
-            ticks: How many.
-
         Returns:
             Rows of the log that they wrote, shape ``(ticks, n_columns)`` in the order of the layout.
         """
@@ -217,9 +213,6 @@ class SteppedRun:
     def rows(self, first: int = 0) -> np.ndarray:
         """The log from a tick on.
 
-        Args:
-            first: The tick; not one whose row has been forgotten.
-
         Returns:
             Shape ``(tick - first, n_columns)``.
         """
@@ -231,11 +224,7 @@ class SteppedRun:
         return np.concatenate([*parts, np.zeros((0, len(self.layout.names)))])[begin:end]
 
     def forget_rows(self, before: int) -> None:
-        """Let the memory of old rows go; a walk of an hour then needs no more of it than one of seconds.
-
-        Args:
-            before: First tick whose row is still wanted.
-        """
+        """Let the memory of old rows go; a walk of an hour then needs no more of it than one of seconds."""
         for number in [item for item in self._chunks if (item + 1) * CHUNK_TICKS <= before]:
             del self._chunks[number]
 
@@ -244,9 +233,6 @@ class SteppedRun:
 
         Args:
             interrupted: Whether to mark it so, unless it has ended by itself.
-
-        Returns:
-            Log, switches, status and trip.
         """
         status, reason = self._engine.ending(self.tick)
         if interrupted and status is RunStatus.COMPLETED:
@@ -254,14 +240,7 @@ class SteppedRun:
         return EngineResult(self.rows(), self._engine.switches(), status, reason, self._engine.trip())
 
     def switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
-        """Switches of the phases so far.
-
-        Args:
-            first: How many of them to leave out at the start.
-
-        Returns:
-            The switches in order.
-        """
+        """Switches of the phases so far."""
         return self._engine.switches(first)
 
     # ------------------------------------------------------------------ moments
@@ -282,11 +261,7 @@ class SteppedRun:
         }
 
     def go_on_from(self, moment: Mapping[str, Any]) -> None:
-        """Take over a moment of another run of the same problem; rows and switches before it are unknown.
-
-        Args:
-            moment: From :meth:`moment`.
-        """
+        """Take over a moment of another run of the same problem; rows and switches before it are unknown."""
         for name, array in self._changing().items():
             unpack(moment["arrays"][name], array)
         self._state.counters[0] = 0  # of the switches
@@ -328,19 +303,11 @@ class SteppedRun:
 
         They fade from the present ones by the minimum-jerk law, in all phases at once and also in a phase
         whose own fade is over.
-
-        Args:
-            rows: As in :attr:`~twin_gait.simulation.problem.Problem.phase_rows`.
-            fade_ticks: Length of the fade.
         """
         self._fade("phase_rows", rows, fade_ticks)
 
     def set_comparisons(self, comparisons: np.ndarray) -> None:
-        """Give the guards other thresholds, at once.
-
-        Args:
-            comparisons: As in :class:`~twin_gait.gait.program.GuardProgram`, the same guards.
-        """
+        """Give the guards other thresholds, at once."""
         self._inputs.comparisons[...] = comparisons
 
     def set_target_torque(self, torque: np.ndarray, *, fade_ticks: int = FADE_TICKS) -> None:
@@ -348,7 +315,6 @@ class SteppedRun:
 
         Args:
             torque: In [N m], shape ``(n_joints,)``.
-            fade_ticks: Length of the fade.
         """
         self._fade("target_torque", torque, fade_ticks)
 
@@ -357,7 +323,6 @@ class SteppedRun:
 
         Args:
             speed: In [m] / [s]; 0 stops it.
-            fade_ticks: Length of the fade.
         """
         self._fade("belt_speed", np.array([speed]), fade_ticks)
 
@@ -366,7 +331,6 @@ class SteppedRun:
 
         Args:
             force: In [N].
-            fade_ticks: Length of the fade.
 
         Raises:
             ParameterError: If the pelvis hangs in no support.
@@ -394,9 +358,6 @@ class SteppedRun:
 
     def inject(self, fault: Fault) -> None:
         """Inject a fault in the next tick, whatever time it has.
-
-        Args:
-            fault: Kind, place and magnitude.
 
         Raises:
             ParameterError: If the fault does not fit the experiment, or too many have been injected.
@@ -473,11 +434,7 @@ class SteppedRun:
             self.hold_phase(self._held)
 
     def watch_phases(self, watching: bool) -> None:
-        """Let the monitor watch how long a leg stays in a phase, or not.
-
-        Args:
-            watching: False while the phases drive nothing.
-        """
+        """Let the monitor watch how long a leg stays in a phase, or not."""
         self._watching = watching
         self._note_phase_time_out()
 

@@ -144,13 +144,6 @@ def compact(lines: Sequence[str], kept: Collection[str]) -> list[str]:
 
     The operations and their order stay the same; there are half as many names, which is what the time to
     compile goes by.
-
-    Args:
-        lines: Assignments in order, each with one operation.
-        kept: Names that have to remain.
-
-    Returns:
-        Assignments in order.
     """
     uses = Counter(_NAME.findall(" ".join(line.split(" = ", 1)[1] for line in lines)))
     inside: dict[str, str] = {}

@@ -109,9 +109,7 @@ def trip_of(problem: Problem, tick: int, cause: int, place: int) -> Trip | None:
     """What the engine's numbers say of a trip.
 
     Args:
-        problem: The problem.
         tick: Of the trip, or a negative number.
-        cause: Code of the cause.
         place: A joint, or the number of joints plus a leg, or a negative number for the supply.
 
     Returns:

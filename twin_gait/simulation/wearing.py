@@ -54,14 +54,6 @@ def wearer_arrays(
 ) -> WearerArrays:
     """Lay the wearer of an experiment out.
 
-    Args:
-        experiment: The experiment.
-        table: Its gait table.
-        joints: Actuated joints in the order of the arrays.
-
-    Returns:
-        The arrays.
-
     Raises:
         ParameterError: If the wearer makes an effort, and the table has other phases than the five.
     """

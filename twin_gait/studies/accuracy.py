@@ -26,11 +26,6 @@ def step_error(
     and from there the two walks differ by what a leg moves in that time. The error before the first
     switch at different ticks is the integrator's own.
 
-    Args:
-        run: The run.
-        progress: As in :func:`twin_gait.simulation.simulate`.
-        should_stop: As in :func:`twin_gait.simulation.simulate`.
-
     Returns:
         Steps, largest difference of any hip or knee angle in the common time, the same up to the
         first switch at different ticks, and whether the phases came in the same order.

@@ -204,9 +204,6 @@ def flat_summary(run: Run) -> Flat:
     side and joint in front: ``left_stride_time_mean_s``, ``left_knee_saturated_share``. Nothing in it depends
     on the machine's speed.
 
-    Args:
-        run: The run.
-
     Returns:
         ``RUN_COLUMNS``, then ``SIDE_COLUMNS`` of every leg and ``JOINT_COLUMNS`` of every joint of it; None
         where a number is not defined.
@@ -230,9 +227,6 @@ def _check(episodes: int, logs: Collection[int], seed: int | None) -> None:
 
 def episode_of(base: Experiment, override: Override, index: int, seed: int | None) -> Experiment:
     """Experiment of one episode.
-
-    Returns:
-        The experiment.
 
     Raises:
         ParameterFileError: If a change is wrong, naming episode and key.

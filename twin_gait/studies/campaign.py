@@ -212,11 +212,7 @@ def _variation(campaign: Campaign, rng: np.random.Generator) -> BenchVariation:
 
 
 def drop_amplitude(mass: float, step: int) -> float:
-    """A of the protocol for a weight: 140 to 150 counts for 3 kg, 185 to 195 for 1 kg, in between a line.
-
-    Returns:
-        A in counts.
-    """
+    """A of the protocol for a weight: 140 to 150 counts for 3 kg, 185 to 195 for 1 kg, in between a line."""
     lowest, highest = AMPLITUDE_RANGE
     lightness = (WEIGHTS[0] - mass) / (WEIGHTS[0] - WEIGHTS[-1])
     return lowest + lightness * (highest - lowest - 2.0 * AMPLITUDE_STEP) + step * AMPLITUDE_STEP
@@ -321,12 +317,8 @@ def log_text(run: BenchRun, header: Mapping[str, object], *, truth: bool = False
     """A log as text: comments, column names with units, one row per millisecond.
 
     Args:
-        run: The test.
         header: Lines ``# name: value`` under the one that says that the data are synthetic.
         truth: Also the columns that no bench can see.
-
-    Returns:
-        The text.
     """
     first = f"# synthetic data: simulated by twin_gait {__version__}, not measured"
     lines = [first, *(f"# {name}: {value}" for name, value in header.items())]

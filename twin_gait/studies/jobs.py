@@ -184,11 +184,8 @@ def portions(
     Args:
         function: As in :func:`run_jobs`.
         items: Its arguments, taken one by one when there is room.
-        total: Their number.
-        workers: Who works.
         chunk_seconds: Work handed over at a time in [s], as far as it can be foretold; 0 for single items.
         first: As in :func:`run_jobs`.
-        should_stop: Asked before each chunk.
 
     Yields:
         The portions; one with a problem is not the last unless the caller leaves.

@@ -167,10 +167,6 @@ def approval_text(table: GaitTable) -> str:
 def check_approved(path: Path, present: str) -> str | None:
     """Compare a text with the one that was approved.
 
-    Args:
-        path: File with the approved text.
-        present: The text of the table as it is.
-
     Returns:
         None if they are the same, else what is wrong: a unified diff, or that there is no such file.
 

@@ -98,8 +98,6 @@ def find(
     Args:
         phases: Allowed phases of the other leg; ``(None,)`` for a leg without another.
         requirements: What has to be open or closed.
-        window: Ticks in the phase.
-        pinned: Bounds on the signals in addition.
 
     Returns:
         The measurements, as far from all other thresholds as can be; None if there are none.

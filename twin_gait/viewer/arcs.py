@@ -36,9 +36,6 @@ class TorqueArc:
 
         Args:
             torque: Of the motor on the joint in [N m], positive in increasing angle.
-
-        Returns:
-            Visibility by place and property.
         """
         seen = level(torque, self.full_torque)
         return {(path, "visible"): number == seen for number, path in self.paths.items()}
@@ -68,9 +65,6 @@ def arc_arrow(radius: float, number: int, axis: np.ndarray, start: np.ndarray) -
         number: Level; a positive one turns by the right-hand rule about the axis.
         axis: Unit vector, shape ``(3,)``.
         start: Unit vector across the axis at which the arrow begins, shape ``(3,)``.
-
-    Returns:
-        The mesh, centred at the origin.
     """
     sweep = _FULL_SWEEP * number / LEVELS
     shaft_sweep = sweep - math.copysign(_HEAD_LENGTH / radius, sweep)

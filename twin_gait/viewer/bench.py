@@ -24,7 +24,6 @@ def draw_bench(window: Window, floor: float, hip: np.ndarray, far_side: float) -
     """Draw the bench.
 
     Args:
-        window: Where commands go.
         floor: Height of the floor in [m].
         hip: Position of the hip in [m], shape ``(3,)``.
         far_side: 1 if the table stands to the left of the leg, -1 if to its right.

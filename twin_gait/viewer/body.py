@@ -91,9 +91,6 @@ def draw_wearer(
     """Draw the wearer on a figure.
 
     Args:
-        figure: The figure.
-        legs: Joint names per side.
-        patient: The wearer.
         trunk_joint: Joint that carries the trunk, or None to draw the legs only.
     """
     for side, leg in legs.items():
@@ -184,8 +181,6 @@ def band(table: np.ndarray, top: float, bottom: float, *, rings: int = 2, column
         table: Rings of the limb from the highest down, as :func:`twin_gait.viewer.shapes.limb` takes them.
         top: Height of the upper edge in [m].
         bottom: Height of the lower edge in [m].
-        rings: Of the mesh.
-        columns: Facets of a full turn.
     """
     heights = np.linspace(top, bottom, rings)
     skin = np.array([np.interp(heights, table[::-1, 0], table[::-1, column]) for column in range(5)]).T

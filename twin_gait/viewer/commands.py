@@ -75,8 +75,6 @@ def set_object(path: str, shape: Shape, material: Material) -> Command:
 
     Args:
         path: Place in the scene, for example ``/robot/left_hip/shell``.
-        shape: The mesh.
-        material: Its surface.
     """
     geometry, surface = f"{path}:geometry", f"{path}:material"
     return {
@@ -95,7 +93,6 @@ def set_transform(path: str, placement: np.ndarray) -> Command:
     """Command that places a group.
 
     Args:
-        path: The group.
         placement: Homogeneous transform in the parent group, shape ``(4, 4)``.
     """
     return {"type": "set_transform", "path": path, "matrix": [float(value) for value in placement.T.ravel()]}
@@ -105,8 +102,6 @@ def set_property(path: str, name: str, value: Any) -> Command:
     """Command that sets a property of an object of three.js, such as ``visible`` or ``castShadow``.
 
     Args:
-        path: The object.
-        name: Property, with its capitals.
         value: A number, a truth value, a text or a list of numbers.
     """
     return {"type": "set_property", "path": path, "property": name, "value": value}

@@ -69,9 +69,6 @@ def faithful_curve(times: np.ndarray, values: np.ndarray, kept: np.ndarray) -> C
         times: In [s], shape ``(n,)``.
         values: Shape ``(n,)``.
         kept: Rows that stay as they are, sorted, with the first and the last one.
-
-    Returns:
-        The curve, exact at the rows kept.
     """
     finite = values[np.isfinite(values)]
     rows = corners(values, kept, FAITHFUL * float(np.ptp(finite)) if len(finite) else 0.0)

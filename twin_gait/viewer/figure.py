@@ -61,8 +61,6 @@ class Figure:
         """Make the groups.
 
         Args:
-            window: Where commands go.
-            model: The Pinocchio model.
             up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the model.
         """
         self.model = model
@@ -87,7 +85,6 @@ class Figure:
             joint: Name of the joint; ``universe`` for what does not move.
             name: Name of the part, once per joint.
             shape: Mesh in the frame of the joint.
-            material: Its surface.
         """
         path = f"{self.paths[joint]}/{name}"
         self._window.send(set_object(path, shape, material))
@@ -170,8 +167,6 @@ class Figure:
         """Size of the motor of a joint: the largest cylinder about its axis.
 
         Args:
-            joint: Name of the joint.
-            discs: Cylinders of the URDF.
             default_radius: Used if there is none, in [m].
         """
         index = self.model.getJointId(joint)
@@ -206,8 +201,6 @@ class Figure:
         They stand still in the link before the joint, on the outer face of the motor, and begin at the top.
 
         Args:
-            joint: Name of the joint.
-            motor: Size of the motor.
             outward: 1 if the outer face of the motor is its left one, -1 for the right one.
             full_torque: Torque that the longest arrow stands for in [N m].
         """
@@ -266,7 +259,6 @@ class Figure:
 
         Args:
             q: Coordinates, shape ``(nq,)``.
-            joint: Name of the joint.
             point: In the frame of the joint in [m], shape ``(3,)``; its origin if None.
 
         Returns:
@@ -281,7 +273,6 @@ class Figure:
 
         Args:
             q: Coordinates, shape ``(nq,)``.
-            frame: Its name.
 
         Returns:
             In [m], shape ``(3,)``.

@@ -79,11 +79,7 @@ class Rope:
         """Where the rope is when the figure stands in a posture.
 
         Args:
-            figure: The articulated figure.
             q: Coordinates, shape ``(nq,)``.
-
-        Returns:
-            Values by place and property.
         """
         lower = figure.world_point(q, self.joint, self.lower)
         span = self.upper - lower

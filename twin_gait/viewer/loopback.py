@@ -20,9 +20,6 @@ def bind_loopback(first_port: int) -> socket.socket:
     Args:
         first_port: If it is taken the next one is tried; 0 lets the system choose.
 
-    Returns:
-        The listening socket, which does not block.
-
     Raises:
         OSError: If no port is free.
     """

@@ -169,9 +169,6 @@ def frame_rate(duration: float) -> float:
 
     Args:
         duration: Of the run in [s].
-
-    Returns:
-        At most 30 a second.
     """
     return FRAMES_PER_SECOND if duration <= 0.0 else min(FRAMES_PER_SECOND, _MOST_FRAMES / duration)
 
@@ -283,9 +280,7 @@ def centre_of_pressure(model: LegModel, q: np.ndarray, frames: Sequence[str]) ->
     need velocities and moves the point little.
 
     Args:
-        model: The model.
         q: Its coordinates, shape ``(nv,)``.
-        frames: Heel and toe.
 
     Returns:
         The point on the ground in the scene in [m], shape ``(3,)``.

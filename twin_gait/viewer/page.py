@@ -89,17 +89,9 @@ def page_data(
 
     Args:
         mode: ``recorded``, ``live`` or ``model``.
-        title: Heading.
-        subtitle: Line below it.
-        missing_meshes: Mesh files that were not found.
-        view: Where the camera is to look.
-        phases: Names of the phases.
         legs: See :func:`leg_entry`.
-        arrows: Whether ground forces are drawn.
         duration: In [s], or None if there is no end.
         notes: What else the card is to say.
-        events: Events of the run.
-        more: Further entries.
     """
     return {
         "mode": mode,
@@ -124,7 +116,6 @@ def leg_entry(side: Side, shows: Sequence[str]) -> dict[str, Any]:
     """What a page needs to know of a leg.
 
     Args:
-        side: Which leg.
         shows: What is known of it: ``phase`` and names of curves.
     """
     label = str(side).capitalize()
@@ -224,7 +215,6 @@ def live_page(*, style: str = "", panel: str = "", script: str = "", socket: str
     """The page of a live viewer, which gets its data over a web socket.
 
     Args:
-        style: Further style.
         panel: Further HTML, between the curves and the bar.
         script: Further script, after the page's own; it finds ``window.twinGait``.
         socket: Path of the web socket on the same server, or None if the script brings the data itself.

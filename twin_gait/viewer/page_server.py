@@ -30,7 +30,6 @@ class PageServer:
         """Listen, and begin to answer.
 
         Args:
-            page: The HTML.
             port: First port to try; 0 lets the system choose.
             timeout: Longest wait for the thread in [s].
 
@@ -53,9 +52,6 @@ class PageServer:
 
     def call(self, function: Callable[[], _Result]) -> _Result:
         """Call a function in the thread of the server, and return what it returns.
-
-        Args:
-            function: Any; it must not block.
 
         Raises:
             ViewerError: If the server has been closed or does not answer.

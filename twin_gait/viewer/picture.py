@@ -81,8 +81,6 @@ def take_picture(
         page: HTML of :func:`twin_gait.viewer.page.recorded_page`.
         path: The PNG file; an existing one is replaced only by a complete one.
         time: Moment to show in [s].
-        size: Of the picture.
-        dark: Whether to draw the dark page.
         timeout: Longest wait for the browser in [s].
 
     Raises:

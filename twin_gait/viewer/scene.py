@@ -110,7 +110,6 @@ class Scene:
         """Draw ropes that go straight up, the mast and the bar.
 
         Args:
-            joint: Joint that carries the harness.
             hooks: Lower ends in the frame of the joint in [m], shape ``(3,)`` each.
             height: Of the upper ends in [m].
         """
@@ -184,9 +183,6 @@ class Scene:
 
         Args:
             q: Coordinates, shape ``(nq,)``.
-
-        Returns:
-            Values by place and property.
         """
         state: State = {}
         for path, (position, quaternion) in self.figure.posture(q).items():
@@ -199,9 +195,6 @@ class Scene:
 
         Args:
             q: Coordinates, shape ``(nq,)``.
-
-        Returns:
-            Values by place and property.
         """
         state: State = {}
         for rope in self.ropes:
@@ -212,11 +205,7 @@ class Scene:
         """Arrows of the motor torques of a leg.
 
         Args:
-            side: Which leg.
             torques: In [N m] by the name of the joint, positive in increasing angle.
-
-        Returns:
-            Values by place and property.
         """
         state: State = {}
         for joint, arc in self.arcs.get(side, {}).items():
@@ -228,12 +217,8 @@ class Scene:
         """Arrow of the ground force on a foot.
 
         Args:
-            side: Which leg.
             force: Forward and upward in [N], shape ``(2,)``.
             point: Where it acts in [m], shape ``(3,)``.
-
-        Returns:
-            Values by place and property.
         """
         path = self.arrows[side]
         forward, upward = float(force[0]), float(force[1])
@@ -252,12 +237,7 @@ class Scene:
         """Everything that a frame of a motion shows.
 
         Args:
-            motion: The motion.
-            frame: Which frame.
             belt_speed: In [m] / [s], or the way that the belt has gone by a time.
-
-        Returns:
-            Values by place and property.
         """
         time = float(motion.times[frame])
         state = self.posture_state(motion.q[frame])

@@ -38,10 +38,6 @@ def rounded_box(size: Sequence[float], radius: float, steps: int = 2) -> Shape:
     Args:
         size: Lengths along x, y and z in [m].
         radius: Of the edges in [m], 0 or more; at most half the shortest side is used.
-        steps: Facets of a quarter turn.
-
-    Returns:
-        The mesh, centred at the origin.
     """
     half = np.asarray(size, dtype=float) / 2.0
     # A box without any rounding would have no normals at its edges.
@@ -86,7 +82,6 @@ def turned(profile: Sequence[tuple[float, float]], columns: int = 28) -> Shape:
 
     Args:
         profile: Points (radius, height) in [m]; outward lies to the right of the way from point to point.
-        columns: Facets of a full turn.
     """
     angle = np.linspace(0.0, 2.0 * math.pi, columns + 1)
     around = np.stack((np.cos(angle), np.sin(angle)), axis=1)
@@ -108,9 +103,6 @@ def cylinder(radius: float, length: float, bevel: float = 0.004) -> Shape:
         radius: In [m].
         length: In [m].
         bevel: Of the edges in [m]; at most a third of radius and length is used.
-
-    Returns:
-        The mesh, centred at the origin.
     """
     half = length / 2.0
     bevel = min(bevel, radius / 3.0, length / 3.0)
@@ -135,9 +127,6 @@ def ring_cap(radius: float, length: float) -> Shape:
     Args:
         radius: In [m].
         length: In [m].
-
-    Returns:
-        The mesh, centred at the origin.
     """
     half, bevel, groove = length / 2.0, 0.14 * radius, 0.05 * radius
     upper = [
@@ -158,10 +147,6 @@ def ellipsoid(radii: Sequence[float], columns: int = 28) -> Shape:
 
     Args:
         radii: Half axes along x, y and z in [m].
-        columns: Facets of a full turn.
-
-    Returns:
-        The mesh, centred at the origin.
     """
     latitude = np.linspace(-math.pi / 2.0, math.pi / 2.0, columns // 2 + 1)[:, None]
     longitude = np.linspace(0.0, 2.0 * math.pi, columns + 1)[None, :]
@@ -183,9 +168,6 @@ def capsule(radius: float, length: float) -> Shape:
     Args:
         radius: In [m].
         length: Of the straight part in [m].
-
-    Returns:
-        The mesh, centred at the origin.
     """
     ball = ellipsoid((radius, radius, radius))
     shift = np.where(ball.vertices[:, 2] > 0.0, 0.5 * length, -0.5 * length)
@@ -200,7 +182,6 @@ def cone(radius: float, length: float, columns: int = 32) -> Shape:
     Args:
         radius: Of the base in [m].
         length: In [m].
-        columns: Facets of a full turn.
 
     Returns:
         The mesh, its middle height at the origin.
@@ -225,7 +206,6 @@ def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:
     Args:
         points: Of the path in [m], shape ``(n, 3)``; neighbours differ.
         radius: In [m].
-        columns: Facets of a full turn.
 
     Returns:
         The mesh; the first ``n * (columns + 1)`` vertices are the rings in the order of the points.
@@ -269,7 +249,6 @@ def limb(rings: Sequence[Sequence[float]], *, rows: int = 15, columns: int = 20)
     Args:
         rings: From end to end: height, centre x, centre y, half axis x and half axis y, all in [m].
         rows: Rings in the mesh, beside those of the ends.
-        columns: Facets of a full turn.
     """
     table = np.asarray(rings, dtype=float)
     curve = PchipInterpolator(np.arange(len(table)), table)(np.linspace(0.0, len(table) - 1.0, rows))
@@ -356,11 +335,7 @@ def moved(shape: Shape, placement: np.ndarray) -> Shape:
     """Move a mesh.
 
     Args:
-        shape: The mesh.
         placement: Homogeneous transform, shape ``(4, 4)``; a mirror turns the faces round.
-
-    Returns:
-        The mesh in the outer frame.
     """
     linear = placement[:3, :3]
     normals = shape.normals @ np.linalg.inv(linear)

@@ -29,7 +29,6 @@ def build_scene(window: Window, model: LegModel, *, patient: Patient | None = No
     """Draw a leg model with its wearer and its surroundings.
 
     Args:
-        window: Where commands go.
         model: The model; with a guided pelvis it stands on a treadmill, one leg alone hangs on a bench.
         patient: The wearer to draw, or None.
 
@@ -65,9 +64,6 @@ def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: s
     """Draw any URDF, with all coordinates at zero; one that shows nothing gets sticks from joint to joint.
 
     Args:
-        window: Where commands go.
-        model: Pinocchio model of it.
-        urdf: The file.
         up_axis: ``"x"``, ``"y"`` or ``"z"``: the vertical of the URDF.
 
     Raises:

@@ -61,7 +61,6 @@ def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
     """Draw a round floor that fades into the background.
 
     Args:
-        window: Where commands go.
         height: In [m].
         radius: At which it has faded out, in [m].
     """
@@ -94,7 +93,6 @@ def draw_mast(window: Window, hooks: np.ndarray) -> None:
     """Draw a mast beside the treadmill, its arm, and the bar above the wearer that the ropes hang from.
 
     Args:
-        window: Where commands go.
         hooks: Upper ends of the ropes in [m], shape ``(n, 3)``, all at one height.
     """
     middle = hooks.mean(axis=0)
@@ -150,10 +148,6 @@ def place(
     """Draw a part that does not move.
 
     Args:
-        window: Where commands go.
-        name: Name of the part.
-        shape: The mesh.
-        material: Its surface.
         centre: Where its origin stands in [m].
         under_shadows: Whether shadows fall on it; such a part casts none itself.
     """

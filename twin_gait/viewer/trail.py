@@ -68,7 +68,6 @@ def trail_shape(
     Args:
         times: Of the frames in [s], shape ``(n,)``.
         points: Of the path in [m], shape ``(n, 3)``.
-        phases: Phases of the leg.
         names: Phases in the order of their codes.
 
     Returns:

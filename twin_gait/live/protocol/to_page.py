@@ -272,10 +272,6 @@ def dump(data: Mapping[str, Any]) -> str:
 def checked(control: Control, value: Value) -> Value:
     """A value if the control can take it.
 
-    Args:
-        control: The control, or a field of an action.
-        value: What was asked for.
-
     Raises:
         MessageRefused: If it is of the wrong kind or out of range.
     """

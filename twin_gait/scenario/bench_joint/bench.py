@@ -21,9 +21,16 @@ from twin_gait.parameters import (
     require_positive,
 )
 from twin_gait.scenario.bench_joint.control import DutyControl, TorqueControl
-from twin_gait.scenario.bench_joint.drive import CatalogueEfficiency, DriveParameters, Torsion
-from twin_gait.scenario.bench_joint.link import HORIZONTAL, BenchFriction, InertialUnit, LinkParameters
-from twin_gait.scenario.bench_leg import HandParameters
+from twin_gait.scenario.bench_joint.link import (
+    HORIZONTAL,
+    BenchFriction,
+    CatalogueEfficiency,
+    DriveParameters,
+    InertialUnit,
+    LinkParameters,
+    Torsion,
+)
+from twin_gait.scenario.bench_leg import ImposedMotionParameters
 from twin_gait.vocabulary import JointName
 
 BENCH_ACTUATORS: Mapping[JointName, ActuatorParameters] = {
@@ -59,7 +66,7 @@ class BenchJoint:
         sensors: Encoder and velocity estimates.
         inertial_unit: On the link, for the inertia compensation; None for the differentiated encoder.
         limits: Of torque and current.
-        hand: Imposed motion of the link, or None.
+        imposed_motion: Imposed motion of the link, or None.
         start_angle: In [rad].
         start_velocity: In [rad] / [s].
         gravity: In [m] / [s²].
@@ -78,7 +85,7 @@ class BenchJoint:
     sensors: SensorParameters = field(default_factory=lambda: SensorParameters(ideal=False))
     inertial_unit: InertialUnit | None = None
     limits: LimitParameters = field(default_factory=LimitParameters)
-    hand: HandParameters | None = None
+    imposed_motion: ImposedMotionParameters | None = None
     start_angle: float = HORIZONTAL
     start_velocity: float = 0.0
     gravity: float = 9.81

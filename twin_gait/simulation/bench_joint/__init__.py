@@ -6,7 +6,6 @@ The rooms of the loop are plain Python over :mod:`twin_gait.core`: :mod:`.sensin
 
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.bench_joint.layout import BenchVariation
-from twin_gait.simulation.bench_joint.loop import loop_text
-from twin_gait.simulation.bench_joint.running import LOG_COLUMNS, BenchRun, simulate_bench
+from twin_gait.simulation.bench_joint.loop import LOG_COLUMNS, BenchRun, loop_text, simulate_bench
 
 __all__ = ["LOG_COLUMNS", "TICK", "BenchRun", "BenchVariation", "loop_text", "simulate_bench"]

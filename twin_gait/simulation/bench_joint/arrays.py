@@ -41,7 +41,7 @@ COLUMNS = (
     "gear_loss_torque_Nm",
     "load_torque_Nm",
     "stop_torque_Nm",
-    "hand_torque_Nm",
+    "imposed_motion_torque_Nm",
 )
 
 # Positions in a row.
@@ -133,12 +133,12 @@ COLUMNS = (
     EFFICIENCY_4,
     EFFICIENCY_5,
     LOSS_VELOCITY,
-    HAND_START,
-    HAND_AMPLITUDE,
-    HAND_FREQUENCY,
-    HAND_STIFFNESS,
-    HAND_DAMPING,
-    HAND_RELEASE,
+    IMPOSED_MOTION_START,
+    IMPOSED_MOTION_AMPLITUDE,
+    IMPOSED_MOTION_FREQUENCY,
+    IMPOSED_MOTION_STIFFNESS,
+    IMPOSED_MOTION_DAMPING,
+    IMPOSED_MOTION_RELEASE,
     OLD_MODEL,
     MODEL_A,
     MODEL_B,

@@ -46,12 +46,6 @@ class BenchVariation:
 def bench_arrays(test: BenchJoint, ticks: int, seed: int, variation: BenchVariation) -> at.BenchArrays:
     """Lay a test out as arrays.
 
-    Args:
-        test: The test.
-        ticks: Its length.
-        seed: Of the noise.
-        variation: What chance adds.
-
     Returns:
         The arrays, with the state at tick 0.
     """
@@ -126,7 +120,7 @@ def _plant_numbers(test: BenchJoint, variation: BenchVariation) -> dict[int, flo
         at.LOSS_VELOCITY: 1.0,
         at.REST_TICKS: test.rest_at_stop / TICK,
         at.DIVERGED_VELOCITY: DIVERGED_VELOCITY,
-        at.HAND_FREQUENCY: 1.0,
+        at.IMPOSED_MOTION_FREQUENCY: 1.0,
     }
     if test.torsion is not None:
         values[at.TORSION_STIFFNESS] = test.torsion.stiffness
@@ -137,13 +131,13 @@ def _plant_numbers(test: BenchJoint, variation: BenchVariation) -> dict[int, flo
         values[at.LOSS_VELOCITY] = test.efficiency.transition_velocity
         for place, coefficient in enumerate(test.efficiency.coefficients):
             values[at.EFFICIENCY_0 + place] = coefficient
-    if test.hand is not None:
-        values[at.HAND_START] = test.start_angle
-        values[at.HAND_AMPLITUDE] = test.hand.amplitude
-        values[at.HAND_FREQUENCY] = test.hand.frequency
-        values[at.HAND_STIFFNESS] = test.hand.stiffness
-        values[at.HAND_DAMPING] = test.hand.damping
-        values[at.HAND_RELEASE] = test.hand.release_time
+    if test.imposed_motion is not None:
+        values[at.IMPOSED_MOTION_START] = test.start_angle
+        values[at.IMPOSED_MOTION_AMPLITUDE] = test.imposed_motion.amplitude
+        values[at.IMPOSED_MOTION_FREQUENCY] = test.imposed_motion.frequency
+        values[at.IMPOSED_MOTION_STIFFNESS] = test.imposed_motion.stiffness
+        values[at.IMPOSED_MOTION_DAMPING] = test.imposed_motion.damping
+        values[at.IMPOSED_MOTION_RELEASE] = test.imposed_motion.release_time
     return values
 
 

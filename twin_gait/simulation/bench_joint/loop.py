@@ -5,18 +5,25 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 from types import ModuleType
 
 import numpy as np
+import pandas as pd
 
 from twin_gait.control import ControllerFunction
 from twin_gait.core.control_tick import controller_torques
+from twin_gait.exceptions import ParameterError
+from twin_gait.gait.table import TICK
+from twin_gait.scenario.bench_joint import BenchJoint, TorqueControl
 from twin_gait.simulation.bench_joint import arrays, tick
-from twin_gait.simulation.bench_joint.arrays import BenchArrays
+from twin_gait.simulation.bench_joint.arrays import COLUMNS, DIVERGED, BenchArrays
+from twin_gait.simulation.bench_joint.layout import BenchVariation, bench_arrays
 from twin_gait.simulation.keeping import source_key, source_of
 from twin_gait.simulation.loops import bound, kept_loop, loop_with
 from twin_gait.simulation.module_text import one_module
+from twin_gait.simulation.run import RunStatus
 
 RunTicks = Callable[[BenchArrays, int, int, np.ndarray], int]
 ROOMS = ("tick", "sensing", "command", "winding", "mechanics")  # modules that the loop is written in
@@ -25,9 +32,6 @@ _PACKAGE = __name__.rpartition(".")[0]
 
 def plain_loop(law: ControllerFunction) -> RunTicks:
     """The loop as plain Python.
-
-    Args:
-        law: Of the controller.
 
     Returns:
         Its ``run_ticks``.
@@ -43,10 +47,6 @@ def plain_loop(law: ControllerFunction) -> RunTicks:
 
 def compiled_loop(law: ControllerFunction, on_compile: Callable[[], None] | None) -> RunTicks:
     """The loop, compiled and kept; with a law of the user's compiled for this process only.
-
-    Args:
-        law: Of the controller.
-        on_compile: Called if it has to be compiled.
 
     Returns:
         Its ``run_ticks``.
@@ -115,3 +115,100 @@ _jit = numba.njit(
     nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False
 )
 """
+
+
+CHUNK_TICKS = 5000  # between two looks at progress and interruption
+# Columns of the thesis's log files, in this order; the others are what no bench can see.
+LOG_COLUMNS = COLUMNS[:9]
+
+
+@dataclass(frozen=True, eq=False)
+class BenchRun:
+    """What a test left behind.
+
+    Attributes:
+        test: The test.
+        rows: Log, shape ``(n_ticks, n_columns)``.
+        status: Completed, diverged or interrupted.
+    """
+
+    test: BenchJoint
+    rows: np.ndarray
+    status: RunStatus
+
+    def column(self, name: str) -> np.ndarray:
+        """A column by its name, shape ``(n_ticks,)``.
+
+        Args:
+            name: One of :data:`twin_gait.simulation.bench_joint.arrays.COLUMNS`.
+
+        Returns:
+            The values.
+
+        Raises:
+            ParameterError: If there is no such column.
+        """
+        if name not in COLUMNS:
+            raise ParameterError(f"{name}: no such column; there are {', '.join(COLUMNS)}")
+        return np.asarray(self.rows[:, COLUMNS.index(name)])
+
+    def log(self, *, truth: bool = True) -> pd.DataFrame:
+        """The log as a table.
+
+        Args:
+            truth: Also what no bench can see: friction, true motion, true current.
+
+        Returns:
+            One row per tick.
+        """
+        columns = COLUMNS if truth else LOG_COLUMNS
+        return pd.DataFrame(self.rows[:, : len(columns)], columns=list(columns))
+
+
+def simulate_bench(
+    test: BenchJoint,
+    *,
+    seed: int = 0,
+    variation: BenchVariation | None = None,
+    compiled: bool = True,
+    progress: Callable[[int, int], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+    on_compile: Callable[[], None] | None = None,
+) -> BenchRun:
+    """Simulate a test.
+
+    Args:
+        test: The bench and what is done on it.
+        seed: Of the noise of current and encoder.
+        variation: What chance adds to this test.
+        compiled: False runs the same loop as plain Python, some hundred times slower.
+        progress: Called with ticks done and in all.
+        should_stop: Asked between chunks; True ends the test there.
+        on_compile: Called if the loop has to be compiled.
+
+    Returns:
+        The run.
+
+    Raises:
+        ParameterError: If parts of the test do not go together.
+    """
+    law = test.control.controller.law if isinstance(test.control, TorqueControl) else controller_torques
+    run_ticks = compiled_loop(law, on_compile) if compiled else plain_loop(law)
+    ticks = max(1, round(test.duration / TICK))
+    bench = bench_arrays(test, ticks, seed, variation or BenchVariation())
+    rows = np.zeros((ticks, len(COLUMNS)))
+    done, status = 0, RunStatus.COMPLETED
+    while done < ticks:
+        if should_stop is not None and should_stop():
+            status = RunStatus.INTERRUPTED
+            break
+        end = min(done + CHUNK_TICKS, ticks)
+        reached = int(run_ticks(bench, done, end, rows))
+        done = reached
+        if progress is not None:
+            progress(done, ticks)
+        if bench.state[DIVERGED]:
+            status = RunStatus.DIVERGED
+        if reached < end or status is RunStatus.DIVERGED:
+            break
+    return BenchRun(test, rows[:done], status)

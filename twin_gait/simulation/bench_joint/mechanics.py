@@ -9,7 +9,7 @@ from twin_gait.core.contact import mechanical_stop_torque
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.friction_models import conditioned_torque, ripple_torque
 from twin_gait.core.motor_drive import drive_efficiency, gear_loss_torque, link_load_torque, torsion_torque
-from twin_gait.core.plant import hand_torque
+from twin_gait.core.plant import imposed_motion_torque
 from twin_gait.simulation.bench_joint.arrays import (
     CONDITIONED,
     COULOMB_PER_KELVIN,
@@ -29,13 +29,13 @@ from twin_gait.simulation.bench_joint.arrays import (
     GEAR_RATIO,
     GEAR_TEMPERATURE,
     GRAVITY,
-    HAND_AMPLITUDE,
-    HAND_DAMPING,
-    HAND_FREQUENCY,
-    HAND_RELEASE,
-    HAND_START,
-    HAND_STIFFNESS,
     HORIZONTAL_ANGLE,
+    IMPOSED_MOTION_AMPLITUDE,
+    IMPOSED_MOTION_DAMPING,
+    IMPOSED_MOTION_FREQUENCY,
+    IMPOSED_MOTION_RELEASE,
+    IMPOSED_MOTION_START,
+    IMPOSED_MOTION_STIFFNESS,
     LINK_ANGLE,
     LINK_INERTIA,
     LINK_MOMENT,
@@ -75,7 +75,7 @@ def rates(
     link_velocity: float,
     torque: float,
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Accelerations of motor and link, and the torques of friction, gear loss, load, stop and hand."""
+    """Accelerations of motor and link; torques of friction, gear loss, load, stop and imposed motion."""
     load: Any = link_load_torque(
         link_angle, numbers[LINK_MOMENT], numbers[GRAVITY], numbers[HORIZONTAL_ANGLE]
     )
@@ -119,20 +119,20 @@ def rates(
         numbers[STOP_STIFFNESS],
         numbers[STOP_DISSIPATION],
     )
-    hand = 0.0
-    if numbers[HAND_STIFFNESS] > 0.0 or numbers[HAND_DAMPING] > 0.0:
-        hand = hand_torque(
+    imposed_motion = 0.0
+    if numbers[IMPOSED_MOTION_STIFFNESS] > 0.0 or numbers[IMPOSED_MOTION_DAMPING] > 0.0:
+        imposed_motion = imposed_motion_torque(
             time,
             link_angle,
             link_velocity,
-            numbers[HAND_START],
-            numbers[HAND_AMPLITUDE],
-            numbers[HAND_FREQUENCY],
-            numbers[HAND_STIFFNESS],
-            numbers[HAND_DAMPING],
-            numbers[HAND_RELEASE],
+            numbers[IMPOSED_MOTION_START],
+            numbers[IMPOSED_MOTION_AMPLITUDE],
+            numbers[IMPOSED_MOTION_FREQUENCY],
+            numbers[IMPOSED_MOTION_STIFFNESS],
+            numbers[IMPOSED_MOTION_DAMPING],
+            numbers[IMPOSED_MOTION_RELEASE],
         )
-    on_motor, on_link = torque + friction + loss, load + stop + hand
+    on_motor, on_link = torque + friction + loss, load + stop + imposed_motion
     if numbers[TORSION_STIFFNESS] > 0.0:
         torsion = torsion_torque(
             motor_angle - link_angle,
@@ -145,7 +145,7 @@ def rates(
     else:
         motor_acceleration = (on_motor + on_link) / (numbers[MOTOR_INERTIA] + numbers[LINK_INERTIA])
         link_acceleration = motor_acceleration
-    return motor_acceleration, link_acceleration, friction, loss, load, stop, hand
+    return motor_acceleration, link_acceleration, friction, loss, load, stop, imposed_motion
 
 
 def mechanical_step(numbers: Array, state: Array, time: float, step: float) -> None:

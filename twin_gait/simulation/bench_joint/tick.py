@@ -72,8 +72,6 @@ def run_ticks(bench: BenchArrays, first: int, end: int, rows: Array) -> int:
 
     Args:
         bench: The test; its state is changed in place.
-        first: Tick to begin with.
-        end: Tick to stop before.
         rows: Log, shape ``(n_ticks, len(COLUMNS))``; changed in place.
 
     Returns:
@@ -108,7 +106,7 @@ def record(bench: BenchArrays, tick: int, row: Array) -> None:
     numbers, state = bench.numbers, bench.state
     angle = bench.measured[0, 0]
     torque = motor_torque(numbers, state[CURRENT])
-    acceleration, _, friction, loss, load, stop, hand = rates(
+    acceleration, _, friction, loss, load, stop, imposed_motion = rates(
         numbers,
         tick * numbers[PERIOD],
         state[MOTOR_ANGLE],
@@ -140,7 +138,7 @@ def record(bench: BenchArrays, tick: int, row: Array) -> None:
         row[COLUMN_LOAD_TORQUE],
         row[COLUMN_STOP_TORQUE],
         row[COLUMN_HAND_TORQUE],
-    ) = torque, friction, loss, load, stop, hand
+    ) = torque, friction, loss, load, stop, imposed_motion
 
 
 def advance_loop(bench: BenchArrays, tick: int, loop: int) -> None:

@@ -15,14 +15,14 @@ from twin_gait.core.plant import (
     STOP,
     STOP_WORK,
     brace_torque,
-    hand_torque,
+    imposed_motion_torque,
     passive_torque,
 )
 from twin_gait.simulation.episode_arrays import (
     CONTACT_POWER,
     GRAVITY,
-    HAND_INDEX,
-    HAND_TORQUE,
+    IMPOSED_MOTION_INDEX,
+    IMPOSED_MOTION_TORQUE,
     LAST_CONTACT_POWER,
     PERIOD,
     RECORD,
@@ -62,20 +62,20 @@ def acceleration(episode: Episode, offset: float, weight: float, q: Array, v: Ar
         state.passive[i, STOP] = stop
         state.passive[i, SPRING] = spring
         state.torque[i] = state.motor[i] + state.external[i] + (friction + stop + spring)
-    hand = inputs.integers[HAND_INDEX]
-    if hand >= 0:
-        state.changing[HAND_TORQUE] = hand_torque(
+    imposed_motion = inputs.integers[IMPOSED_MOTION_INDEX]
+    if imposed_motion >= 0:
+        state.changing[IMPOSED_MOTION_TORQUE] = imposed_motion_torque(
             state.changing[TIME] + offset * inputs.numbers[STEP],
-            q[hand],
-            v[hand],
-            inputs.hand[0],
-            inputs.hand[1],
-            inputs.hand[2],
-            inputs.hand[3],
-            inputs.hand[4],
-            inputs.hand[5],
+            q[imposed_motion],
+            v[imposed_motion],
+            inputs.imposed_motion[0],
+            inputs.imposed_motion[1],
+            inputs.imposed_motion[2],
+            inputs.imposed_motion[3],
+            inputs.imposed_motion[4],
+            inputs.imposed_motion[5],
         )
-        state.torque[hand] += state.changing[HAND_TORQUE]
+        state.torque[imposed_motion] += state.changing[IMPOSED_MOTION_TORQUE]
     if inputs.integers[WEARER_SHIFT] != 0:
         _bind(episode, q, v)
     state.changing[CONTACT_POWER] = dynamics(
@@ -139,6 +139,6 @@ def _add_work(episode: Episode, duration: float, contact_power: float, v: Array)
         for i in range(state.brace.shape[0]):
             apart = v[i + inputs.integers[WEARER_SHIFT]] - v[i]
             state.works[BRACE_WORK] += duration * state.brace[i] * apart
-    hand = inputs.integers[HAND_INDEX]
-    if hand >= 0:
-        state.works[PATIENT_WORK] += duration * state.changing[HAND_TORQUE] * v[hand]
+    imposed_motion = inputs.integers[IMPOSED_MOTION_INDEX]
+    if imposed_motion >= 0:
+        state.works[PATIENT_WORK] += duration * state.changing[IMPOSED_MOTION_TORQUE] * v[imposed_motion]

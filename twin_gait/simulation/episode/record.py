@@ -12,8 +12,8 @@ from twin_gait.simulation.episode_arrays import (
     FIRST_ROW,
     FOOT_WIDTH,
     GRAVITY,
-    HAND_INDEX,
-    HAND_TORQUE,
+    IMPOSED_MOTION_INDEX,
+    IMPOSED_MOTION_TORQUE,
     JOINT_WIDTH,
     N_ANKLES,
     N_LEGS,
@@ -48,8 +48,10 @@ def record(episode: Episode, tick: int, battery_power: float, rows: Array) -> No
         rows[row, first + 1] = state.v[index]
         rows[row, first + PASSIVE] = state.passive[index, FRICTION]
         rows[row, first + PASSIVE + 1] = state.passive[index, STOP]
-        hand = state.changing[HAND_TORQUE] if inputs.integers[HAND_INDEX] == index else 0.0
-        rows[row, first + PASSIVE + 2] = hand + state.external[index]
+        imposed_motion = (
+            state.changing[IMPOSED_MOTION_TORQUE] if inputs.integers[IMPOSED_MOTION_INDEX] == index else 0.0
+        )
+        rows[row, first + PASSIVE + 2] = imposed_motion + state.external[index]
         if inputs.integers[WEARER_SHIFT] != 0:
             rows[row, first + PASSIVE + 2] += state.external[index + inputs.integers[WEARER_SHIFT]]
     place = inputs.integers[N_LEGS] + JOINT_WIDTH * inputs.coordinates.shape[0]

@@ -36,8 +36,6 @@ def run_ticks(episode: Episode, first: int, end: int, rows: Array) -> int:
 
     Args:
         episode: Inputs and state; the state is changed in place.
-        first: First tick.
-        end: One past the last tick.
         rows: Log, shape ``(n_rows, n_columns)``; if the episode records, a tick is written to row
             ``tick - FIRST_ROW``.
 

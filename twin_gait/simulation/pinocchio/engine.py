@@ -47,9 +47,8 @@ from twin_gait.simulation.engine import (
     stopped_reason,
 )
 from twin_gait.simulation.pinocchio.monitor import MonitorOfLegs
-from twin_gait.simulation.pinocchio.path import PathOfLegs
 from twin_gait.simulation.pinocchio.plant import PinocchioPlant
-from twin_gait.simulation.pinocchio.record import RowOfTick
+from twin_gait.simulation.pinocchio.record import PathOfLegs, RowOfTick
 from twin_gait.simulation.pinocchio.sensors import SensorsOfLegs
 from twin_gait.simulation.pinocchio.wearer import WearerOfJoints
 from twin_gait.simulation.problem import ActuatedJoint, Problem
@@ -67,12 +66,7 @@ class PinocchioEngine:
     """Runs one problem from start to end."""
 
     def __init__(self, problem: Problem, controller: ControllerFunction | None = None) -> None:
-        """Set everything to time 0.
-
-        Args:
-            problem: The experiment as arrays.
-            controller: Control law of the joints; the thesis's by default.
-        """
+        """Set everything to time 0."""
         self.problem = problem
         experiment = problem.experiment
         models = experiment.control.friction_model

@@ -45,12 +45,7 @@ class MonitorOfLegs:
     """
 
     def __init__(self, problem: Problem, sensors: SensorsOfLegs) -> None:
-        """Begin without a trip.
-
-        Args:
-            problem: The experiment as arrays.
-            sensors: What the monitor looks at.
-        """
+        """Begin without a trip."""
         self.problem, self._sensors = problem, sensors
         n_joints = len(problem.joints)
         self._bounds = watch_bounds(problem)
@@ -69,9 +64,7 @@ class MonitorOfLegs:
         """Look at measurements, phases and the drives' last tick.
 
         Args:
-            tick: Of the episode.
             stays: Ticks that each leg has been in its phase since it was told to walk.
-            has_feet: Whether feet touch a ground.
             bus_voltage: In [V].
         """
         problem, sensors, joints = self.problem, self._sensors, len(self.problem.joints)
@@ -116,8 +109,6 @@ class MonitorOfLegs:
         """Trip on a command that no controller of this device gives.
 
         Args:
-            tick: Of the episode.
-            number: Of the joint.
             command: In [N m].
         """
         if not command_is_plausible(command, self._bound_rows[number][HIGHEST_COMMAND]):
@@ -133,7 +124,6 @@ class MonitorOfLegs:
         """Keep of a drive what the next tick is checked against.
 
         Args:
-            number: Of the joint.
             command: In [N m].
             current: Measured, in [A].
             expected: That the drive should have given, in [A].

@@ -23,7 +23,7 @@ from twin_gait.core.plant import (
     STOP_UPPER,
     STOP_WORK,
     brace_torque,
-    hand_torque,
+    imposed_motion_torque,
     passive_torque,
 )
 from twin_gait.experiment import IntegrationMethod
@@ -52,11 +52,7 @@ class PinocchioPlant:
     """
 
     def __init__(self, world: World) -> None:
-        """Set the plant to the start of the world.
-
-        Args:
-            world: Plant and surroundings.
-        """
+        """Set the plant to the start of the world."""
         self.world = world
         self._chains = [(chain.model, chain.data) for chain in world.chains]
         self.model, self.data = self._chains[-1]  # that stands on the ground
@@ -69,7 +65,7 @@ class PinocchioPlant:
         self.brace = np.zeros(own)
         self.passive = np.zeros((n, PASSIVE_COLUMNS))
         self._rows = [tuple(row) for row in world.plant_rows.tolist()]
-        self.hand = 0.0
+        self.imposed_motion = 0.0
         self.time = 0.0
         self.belt_speed = world.belt_speed
         self.contact_power = 0.0
@@ -162,9 +158,6 @@ class PinocchioPlant:
     def ground_wrench(self, side: Side) -> np.ndarray:
         """What the ground does on a foot at the last evaluation of the contacts.
 
-        Args:
-            side: Leg.
-
         Returns:
             Force in [N] and moment about the origin of the world in [N m], shape ``(6,)``.
         """
@@ -187,20 +180,20 @@ class PinocchioPlant:
         ]
         self.passive[:] = parts
         torque = self.motor + self.wearer + [friction + stop + spring for friction, stop, spring in parts]
-        hand = self.world.hand
-        if hand is not None:
-            self.hand = hand_torque(
+        imposed_motion = self.world.imposed_motion
+        if imposed_motion is not None:
+            self.imposed_motion = imposed_motion_torque(
                 self.time,
-                q[hand.index],
-                v[hand.index],
-                hand.start_angle,
-                hand.amplitude,
-                hand.frequency,
-                hand.stiffness,
-                hand.damping,
-                hand.release_time,
+                q[imposed_motion.index],
+                v[imposed_motion.index],
+                imposed_motion.start_angle,
+                imposed_motion.amplitude,
+                imposed_motion.frequency,
+                imposed_motion.stiffness,
+                imposed_motion.damping,
+                imposed_motion.release_time,
             )
-            torque[hand.index] += self.hand
+            torque[imposed_motion.index] += self.imposed_motion
         if self.world.braces is not None:
             self._bind(q, v, torque)
         if self._contacts_known:
@@ -265,8 +258,8 @@ class PinocchioPlant:
         if self.world.braces is not None:
             device, wearer = self._parts
             self.works[BRACE_WORK] += duration * (self.brace @ (v[wearer] - v[device]))
-        if self.world.hand is not None:
-            self.works[PATIENT_WORK] += duration * self.hand * v[self.world.hand.index]
+        if self.world.imposed_motion is not None:
+            self.works[PATIENT_WORK] += duration * self.imposed_motion * v[self.world.imposed_motion.index]
 
     def guide_wrench(self) -> tuple[float, float]:
         """Horizontal force [N] and pitching moment [N m] of the pelvis guide at the present state.

@@ -24,12 +24,7 @@ class SensorsOfLegs:
     """
 
     def __init__(self, problem: Problem, faults: FaultArrays) -> None:
-        """Set everything to time 0.
-
-        Args:
-            problem: The experiment as arrays.
-            faults: Of the experiment.
-        """
+        """Set everything to time 0."""
         self.problem, self._faults = problem, faults
         n_joints, n_legs = len(problem.joints), len(problem.sides)
         self.measured = np.zeros((n_joints, 3))
@@ -42,12 +37,7 @@ class SensorsOfLegs:
         self._ring = np.zeros((problem.experiment.sensors.window, n_joints))
 
     def measure(self, tick: int, plant: PinocchioPlant) -> None:
-        """Read encoders and foot load.
-
-        Args:
-            tick: Of the episode.
-            plant: Whose contacts have been looked at.
-        """
+        """Read encoders and foot load."""
         problem = self.problem
         noise = problem.noise[tick if len(problem.noise) > 1 else 0]
         self._read(tick, plant.q[self._index] + noise)

@@ -27,22 +27,12 @@ class WearerOfJoints:
     """Passive moments, spasticity and an effort with a delay."""
 
     def __init__(self, problem: Problem) -> None:
-        """Begin without an effort.
-
-        Args:
-            problem: The experiment as arrays.
-        """
+        """Begin without an effort."""
         self.problem = problem
         self._efforts = np.zeros((problem.wearer.delay + 1, len(problem.joints)))
 
     def act(self, tick: int, plant: PinocchioPlant, phases: Sequence[int]) -> None:
-        """Give the plant the torques of the wearer in a tick.
-
-        Args:
-            tick: Of the episode.
-            plant: Its torques of the wearer are changed in place.
-            phases: Phase of each leg.
-        """
+        """Give the plant the torques of the wearer in a tick."""
         problem, conditions = self.problem, self.problem.wearer.conditions
         if not problem.wearer.acts:
             return

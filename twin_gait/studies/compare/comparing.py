@@ -206,14 +206,6 @@ def compare(
 ) -> Comparison:
     """Run every controller on every day; all controllers meet the same days.
 
-    Args:
-        experiment: On the treadmill, with a wearer.
-        controllers: What drives the legs.
-        seeds: Number of days; the first is the experiment as it is.
-        progress: Called with runs done and in all.
-        should_stop: Asked before each run.
-        on_compile: Called if the engine has to be compiled for a controller.
-
     Raises:
         ParameterError: If there is no treadmill, no wearer, or not one seed.
         ComparisonInterrupted: If it was stopped.

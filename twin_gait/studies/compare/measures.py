@@ -173,11 +173,6 @@ def _effort(run: Run, leg: _Leg, joint: JointName) -> Measures:
 def voluntary_torque(run: Run, side: Side, joint: JointName) -> np.ndarray:
     """Torque of the wearer's effort at a joint: the whole torque less tissue and spastic muscles.
 
-    Args:
-        run: A run on the treadmill.
-        side: The leg.
-        joint: Hip or knee.
-
     Returns:
         Torque in [N m], one value a tick, shape ``(n_ticks,)``.
     """
@@ -227,8 +222,6 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
     """Share of the stiffness of its phases that a joint was given: in full 1, without springs 0.
 
     Args:
-        run: The run.
-        side: The leg.
         joint: Hip or knee.
         since: Stays in a phase that begin before this tick do not count.
 

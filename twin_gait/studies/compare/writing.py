@@ -84,12 +84,6 @@ def text_of(found: Interval, shown: Shown) -> str:
 def write_comparison(comparison: Comparison, who: str, target: Path, *, force: bool = False) -> None:
     """Write the folder of a comparison; it appears when all is written.
 
-    Args:
-        comparison: The comparison.
-        who: Name of the wearer.
-        target: The folder to make.
-        force: Whether the folder of an earlier comparison may be replaced.
-
     Raises:
         RunDirectoryError: If it exists, or cannot be written.
     """

@@ -50,11 +50,7 @@ class Range:
             raise ParameterError(f"expected from above 0 on a log scale, got {self.start:g}")
 
     def at(self, share: float) -> float:
-        """Value at a share of the way.
-
-        Returns:
-            The value; both ends exactly.
-        """
+        """Value at a share of the way."""
         if share in (0.0, 1.0):
             return self.stop if share else self.start
         if self.scale is Scale.LOG:
@@ -113,9 +109,6 @@ def _plain(value: Any) -> Any:
 def grid(parameters: Mapping[str, Levels], repetitions: int = 1) -> Design:
     """Every combination; the first key changes slowest.
 
-    Returns:
-        The design.
-
     Raises:
         ParameterError: If a range has no count, or there are too many episodes.
     """
@@ -136,9 +129,6 @@ def latin_hypercube(
 ) -> Design:
     """A Latin hypercube: each range is cut into as many slices as there are samples, each used once.
 
-    Returns:
-        The design.
-
     Raises:
         ParameterError: If there are too many episodes.
     """
@@ -154,9 +144,6 @@ def latin_hypercube(
 
 def listed(rows: Sequence[Mapping[str, Any]], repetitions: int = 1) -> Design:
     """The rows of a list, which need not change the same keys.
-
-    Returns:
-        The design.
 
     Raises:
         ParameterError: If there are no or too many episodes.

@@ -109,9 +109,6 @@ def sweep_from_mapping(
 ) -> Sweep:
     """Turn a mapping into a sweep.
 
-    Returns:
-        The sweep.
-
     Raises:
         ParameterFileError: If the mapping has a mistake.
         ParameterError: If an assignment or the experiment that it names does.

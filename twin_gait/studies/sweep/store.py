@@ -213,9 +213,6 @@ def _holds_something(directory: Path) -> bool:
 def read_table(directory: Path) -> pd.DataFrame:
     """Read the table of a sweep.
 
-    Returns:
-        One row per episode.
-
     Raises:
         RunDirectoryError: If there is none.
     """

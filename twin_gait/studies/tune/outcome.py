@@ -63,14 +63,10 @@ def write_tuning(
     """Choose the table, see how it degrades, and write everything beside the state.
 
     Args:
-        tuning: Completed.
-        experiment: What it was tuned for.
-        settings: How.
         directory: The folder of :func:`twin_gait.studies.tune.tune.tune`.
         wearer: For whom, in words.
         workers: Processes or a cluster that execute the walks; the calling process if None.
         progress: Called with walks done and in all.
-        should_stop: Asked before each walk.
 
     Returns:
         What was written; None if it was stopped before.

@@ -79,7 +79,6 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
     """Values of all parts of a walk.
 
     Args:
-        run: A walk on the treadmill.
         reference_speed: Speed of the reference walk in [m] / [s]; None for that of the belt.
 
     Returns:

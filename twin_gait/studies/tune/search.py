@@ -144,12 +144,6 @@ class Search:
     ) -> None:
         """Begin.
 
-        Args:
-            start: Coordinates from 0 to 1.
-            seed: Of all draws.
-            population: Candidates of a generation.
-            first_step: Standard deviation of the first population.
-
         Raises:
             MissingOptionalDependency: If cma is not installed.
         """
@@ -175,9 +169,6 @@ class Search:
 
     def replay(self, generations: Sequence[Generation]) -> None:
         """Come to the state after some generations.
-
-        Args:
-            generations: All from the first one on.
 
         Raises:
             ParameterError: If the populations are not those that this search draws.

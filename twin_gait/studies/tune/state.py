@@ -209,12 +209,6 @@ class Tuning:
 def open_state(directory: Path, identity: Mapping[str, Any], *, resume: bool, force: bool) -> State:
     """Begin a tuning's folder, or read how far it has come.
 
-    Args:
-        directory: The folder.
-        identity: What makes it this one, plain values.
-        resume: Whether to go on with what is there.
-        force: Whether an earlier tuning may be replaced.
-
     Raises:
         RunDirectoryError: If the folder may not be used, or holds another tuning.
     """

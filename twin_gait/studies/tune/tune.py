@@ -52,11 +52,9 @@ def tune(
         experiment: A treadmill with a wearer, and the table that is to be bettered. Where it is a shipped
             one, the search begins with that shipped one that suits the person best.
         directory: The folder; see :func:`twin_gait.studies.tune.state.open_state`.
-        settings: How.
         workers: Processes or a cluster that execute the walks; the calling process if None.
         resume: Whether to go on with what is in the folder.
         force: Whether an earlier tuning may be replaced.
-        progress: Called after every step.
         should_stop: Asked before each walk; True ends the tuning, which can be resumed.
         on_compile: Called if the engine has to be compiled, which takes 10 to 20 s.
 
@@ -139,14 +137,7 @@ def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
 
 
 def final_table(chosen: Chosen, experiment: Experiment, wearer: str, began_with: str) -> dict[str, Any]:
-    """Document of the table, with a name and a description of its own.
-
-    Args:
-        chosen: The table.
-        experiment: What it was tuned for.
-        wearer: For whom, in words.
-        began_with: Name of the table that the search began with.
-    """
+    """Document of the table, with a name and a description of its own."""
     start = experiment.table.name
     origin = (
         f"The table {start} as it was: the search found nothing better for {wearer}."

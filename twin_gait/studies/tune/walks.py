@@ -136,13 +136,10 @@ def walk_all(
     """Walk many tables in many cases; the results do not depend on the workers.
 
     Args:
-        asks: Tables and cases.
-        document: Of the experiment.
         workers: Processes or a cluster that execute the walks.
         quick: Whether ``QUICK_INTEGRATION`` will do.
         reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
         progress: Called with walks done and in all.
-        should_stop: Asked before each walk.
 
     Returns:
         One result for each, in their order; None if it was stopped.

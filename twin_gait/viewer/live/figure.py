@@ -65,11 +65,7 @@ class LiveFigure:
         """Draw.
 
         Args:
-            model: The model.
-            title: Heading of the page.
-            subtitle: Line below it.
             patient: The wearer to draw, or None.
-            phases: Names of the phases in order.
 
         Raises:
             ModelError: If the URDF cannot be read.
@@ -106,7 +102,6 @@ class LiveFigure:
             row: Row of the log of that moment, by column; a phase is a name.
             belt_speed: Of the treadmill since the last moment in [m] / [s].
             traces: What the curves did since the last moment, in order.
-            events: What befell the walk so far.
         """
         posture = np.asarray(q, dtype=float)
         if not np.isfinite(posture).all():

@@ -32,9 +32,6 @@ def is_loopback(host: str) -> bool:
 
     Another site can point its own name at this machine, and its page then counts as of the same origin; only
     the name tells.
-
-    Args:
-        host: The header, with or without a port.
     """
     try:
         return urlsplit(f"//{host}").hostname in LOOPBACK_NAMES
@@ -119,7 +116,6 @@ class Guarded(RequestHandler):  # type: ignore[misc]  # no type information in t
         """Answer with the reason as plain text.
 
         Args:
-            status_code: Of the answer.
             details: The exception, as ``exc_info``.
         """
         error = details.get("exc_info", (None, None, None))[1]

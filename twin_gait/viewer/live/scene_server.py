@@ -44,7 +44,6 @@ class SceneServer:
         """Listen.
 
         Args:
-            page: HTML of the page.
             first_port: If it is taken the next one is tried; 0 lets the system choose.
             scene: Packed commands for a scene that has just been opened.
 

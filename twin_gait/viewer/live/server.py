@@ -40,7 +40,6 @@ class LiveServer(SceneServer):
         """Listen.
 
         Args:
-            page: HTML of the page.
             first_port: If it is taken the next one is tried; 0 lets the system choose.
             on_message: Called with what a page says, which may be any text.
             on_stop: Called when a page asks to stop without its socket.
@@ -60,7 +59,6 @@ class LiveServer(SceneServer):
         """Tell all panels something.
 
         Args:
-            message: Anything that JSON can hold.
             key: A later message of the same key makes this one needless; None keeps every one.
         """
         text = json.dumps(message, allow_nan=False)
@@ -103,18 +101,12 @@ class Panel(GuardedSocket):
         """Tell this panel something.
 
         Args:
-            message: Anything that JSON can hold.
             key: A later message of the same key makes this one needless; None keeps every one.
         """
         self.post_text(json.dumps(message, allow_nan=False), key)
 
     def post_text(self, text: str, key: Hashable | None) -> None:
-        """Send a message as soon as the page takes it.
-
-        Args:
-            text: JSON.
-            key: See :meth:`tell`.
-        """
+        """Send a message as soon as the page takes it."""
         self._count += 1
         self.outbox.post([(self._count if key is None else ("last", key), text)])
 
