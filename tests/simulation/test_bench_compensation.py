@@ -99,7 +99,7 @@ def moved(sensor: InertialSensor | None, **changes: object) -> BenchJoint:
         "sensors": SensorParameters(ideal=True),
         "control": controlled(friction_compensation_gain=0.0, inertia_compensation=0.5),
         "friction": BenchFriction(law=KNEE_FRICTION),
-        "hand": ImposedMotionParameters(amplitude=-0.7, frequency=0.5),
+        "imposed_motion": ImposedMotionParameters(amplitude=-0.7, frequency=0.5),
         "inertial_unit": unit,
         "duration": 1.0,
     }

@@ -234,7 +234,7 @@ def test_torques_of_every_row_balance_the_acceleration() -> None:
     )
     log = simulate_bench(test).log()
     assert np.abs(log["gear_loss_torque_Nm"]).max() == 0.0
-    names = ("motor", "friction", "load", "stop", "hand")
+    names = ("motor", "friction", "load", "stop", "imposed_motion")
     total = sum(log[f"{name}_torque_Nm"] for name in names)
     inertia = ARMATURE + 0.02 + 2.0 * 0.09
     derived = np.gradient(log["motor_velocity_rad_per_s"], 1e-3)
@@ -255,7 +255,7 @@ def test_works_of_all_torques_add_up_to_the_kinetic_energy() -> None:
         duration=0.6,
     )
     log = simulate_bench(test).log()
-    names = ("motor", "friction", "gear_loss", "load", "stop", "hand")
+    names = ("motor", "friction", "gear_loss", "load", "stop", "imposed_motion")
     power = sum(log[f"{name}_torque_Nm"] for name in names) * log["motor_velocity_rad_per_s"]
     work = np.trapezoid(power, log["time_s"])
     inertia = ARMATURE + 0.02 + 2.0 * 0.09

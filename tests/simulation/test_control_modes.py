@@ -89,7 +89,9 @@ def test_mistake_in_the_control_block_is_one_line(setting, message):
 def test_stiffness_in_two_units_is_refused():
     document = experiment_document(experiment())
     document["control"]["path"]["stiffness_Nm_per_deg"] = {"hip": 5, "knee": 5}
-    with pytest.raises(TwinGaitError, match=r"file: control: path: expected .* got both; leave one out"):
+    with pytest.raises(
+        TwinGaitError, match=r"file: control: .* one of stiffness_Nm_per_deg or stiffness_Nm_per_rad"
+    ):
         experiment_from_mapping(document, "file", Path())
 
 

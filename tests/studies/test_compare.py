@@ -364,7 +364,7 @@ def test_command_writes_and_prints(tmp_path, capsys):
     ("words", "message"),
     [
         (("--controllers", "table,magic"), r"no 'magic'; there are table, position"),
-        (("--patient", "nobody"), r"nobody is called 'nobody'"),
+        (("--patient", "nobody"), r"no person 'nobody'"),
         (("--seeds", "0"), r"seeds: expected 1 or more, got 0"),
         (("--duration", "-1"), r"duration"),
     ],

@@ -555,7 +555,7 @@ def test_a_missing_optimiser_is_told_in_one_line(monkeypatch: pytest.MonkeyPatch
         (["--workers", "0"], "--workers: expected 1 or more, got 0"),
         (["--resume", "--force"], "--resume: does not go with --force"),
         (["--workers", "1", "--scheduler", "tcp://x"], "does not go with --scheduler"),
-        (["--patient", "nobody"], "nobody is called 'nobody'"),
+        (["--patient", "nobody"], "no person 'nobody'"),
         (["bench_leg"], "expected a treadmill with a wearer"),
     ],
 )
