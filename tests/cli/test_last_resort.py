@@ -11,6 +11,8 @@ import pytest
 
 from twin_gait.cli import main, tables
 
+pytestmark = pytest.mark.slow
+
 DEFECT = re.compile(r"twin-gait: this should not .* \(KeyError: 'lost'\); the report is in (\S+); .*\n")
 
 

@@ -32,6 +32,8 @@ from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.stepping import SteppedRun
 
+pytestmark = pytest.mark.slow
+
 MOST_LOST = 1000  # ticks: a second
 KILLS = 3
 

@@ -15,6 +15,8 @@ from twin_gait.simulation import keeping, machine_code
 from twin_gait.simulation.keeping import CACHE_VARIABLE, cache_folder
 from twin_gait.simulation.machine_code import MachineCode, read_code, write_code
 
+pytestmark = [pytest.mark.slow, pytest.mark.compile]
+
 CODE = MachineCode(bytes(range(256)), "f", ("a", "b"))
 
 

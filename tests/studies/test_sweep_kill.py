@@ -16,6 +16,8 @@ from twin_gait.studies.sweep.spec import load_sweep
 from twin_gait.studies.sweep.store import read_table
 from twin_gait.studies.sweep.sweep import run_sweep
 
+pytestmark = pytest.mark.slow
+
 EPISODES = 200
 
 
