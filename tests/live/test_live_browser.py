@@ -260,7 +260,7 @@ def bench_session(
             page.page.click(f'.chip[data-joint="right {joint}"]')
             own = [item for item in controls if item["group"] == "monitor" and item["joint"] == joint]
             monitor |= set_all(page, own)
-        page.wait(0.5)
+        page.wait(4.0)  # a stride: each phase is left once with its numbers in force
         for mode in ("torque_control", "friction_control", "walk"):
             drive(page, mode)
             page.wait(0.5)

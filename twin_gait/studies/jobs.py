@@ -23,8 +23,9 @@ from twin_gait.studies.cluster import ClusterWorkers, connected
 from twin_gait.studies.processes import Item, Processes, Result, WorkersLost
 
 MOST_IN_CHUNK = 1000
-# Where an edit changes no result: everything else belongs to the version of a worker.
-SHOWN_ONLY = frozenset({"cli", "live", "viewer", "checking", "testing", "export"})
+# Where an edit changes no result: everything else belongs to the version of a worker. An installed copy has the
+# script that makes the meshes, in urdf; a checkout keeps it outside of the package.
+SHOWN_ONLY = frozenset({"cli", "live", "viewer", "checking", "testing", "export", "urdf"})
 
 # A cluster's worker may have several threads, and silencing the URDF parser redirects the process's
 # standard error, which two of them would do to each other.
