@@ -23,7 +23,7 @@ from twin_gait.studies.cluster import ClusterWorkers, connected
 from twin_gait.studies.processes import Item, Processes, Result, WorkersLost
 
 MOST_IN_CHUNK = 1000
-# Where an edit changes no result: everything else belongs to the version of a worker. An installed copy has the
+# Where an edit changes no result: everything else belongs to the version of a worker. An installed copy has a
 # script that makes the meshes, in urdf; a checkout keeps it outside of the package.
 SHOWN_ONLY = frozenset({"cli", "live", "viewer", "checking", "testing", "export", "urdf"})
 
