@@ -84,7 +84,8 @@ def test_shipped_tables_state_the_law_that_the_documentation_shows(name: str) ->
     for cost in ("mean cost, fitted", "mean cost, others"):
         saved = rows.loc["no law", cost] - rows.loc["stated", cost]
         assert saved > 0.0
-        if name == "treadmill_normative":  # the law of treadmill is off its flat bottom, as docs/cohort.md says
+        # The stated law of treadmill is off the flat bottom, as docs/cohort.md says.
+        if name == "treadmill_normative":
             assert saved > 2.0 / 3.0 * (rows.loc["no law", cost] - rows[cost].min())
     assert rows.loc["stated", "fall"] == 0
 
