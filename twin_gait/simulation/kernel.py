@@ -12,18 +12,20 @@ the loops of :mod:`twin_gait.core.articulated_body` behind the same interface.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 from twin_gait.simulation import articulated_body, rigid_body
+from twin_gait.simulation.episode import Ground, Point
 from twin_gait.simulation.rigid_body import Vector
 from twin_gait.simulation.tracing import Scalar, Trace, compact, text
 
-KERNEL_VERSION = 2
 # Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32; the loops
 # once for all in 7 s.
 STRAIGHT_LINE_LIMIT = 15
 
-
+GROUND_FIELDS = tuple(item.name for item in fields(Ground))
+POINT_FIELDS = tuple(item.name for item in fields(Point))
 WRENCH = (
     (0, 1),
     (1, 0),
@@ -102,7 +104,7 @@ def _ground(trace: Trace, heights: list[Scalar], powers: list[Scalar]) -> rigid_
     """Contact law that calls the one in core, and keeps heights and powers."""
 
     def law(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
-        parameters = _inputs(trace, "contact", 5)
+        parameters = [trace.input(f"ground.{name}") for name in GROUND_FIELDS]
         forward, upward = trace.call(
             "ground_contact_force", [position[2], velocity[0], velocity[2], *parameters], 2
         )
@@ -143,12 +145,13 @@ def _point_stores(
 ) -> list[tuple[str, Scalar]]:
     stores = []
     for number, (forces, height) in enumerate(zip(contacts, heights, strict=True)):
-        stores += [(f"points[{number}, {column}]", value) for column, value in enumerate([*forces, height])]
+        parts = zip(POINT_FIELDS, [*forces, height], strict=True)
+        stores += [(f"points[{number}].{name}", value) for name, value in parts]
     return stores
 
 
 def write_dynamics(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str) -> str:
-    """Source of ``dynamics``; see :mod:`twin_gait.simulation.kernel_interface`."""
+    """Source of ``dynamics``; see :mod:`twin_gait.simulation.interface`."""
     if _in_loops(bodies):
         return articulated_body.write_call("dynamics", up_axis)
     trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
@@ -164,7 +167,7 @@ def write_dynamics(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint],
         _ground(trace, heights, powers),
     )
     stores = _stores("a", result.acceleration) + _point_stores(result.contacts, heights)
-    signature = "dynamics(q, v, torque, bodies, gravity, contact, a, points)"
+    signature = "dynamics(q, v, torque, bodies, gravity, ground, a, points)"
     return _function(signature, trace, stores, [_total(powers)])
 
 
@@ -185,7 +188,7 @@ def write_contact_forces(bodies: Sequence[BodyArrays], points: Sequence[ContactP
         _ground(trace, heights, powers),
     )
     stores = _point_stores(result.contacts, heights)
-    return _function("contact_forces(q, v, bodies, contact, points)", trace, stores, [_total(powers)])
+    return _function("contact_forces(q, v, bodies, ground, points)", trace, stores, [_total(powers)])
 
 
 def write_observe(
@@ -205,7 +208,7 @@ def write_observe(
     gravity = _gravity_vector(trace, up_axis)
 
     def known_force(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
-        return [trace.input(f"points[{number}, {column}]") for column in (0, 1)]
+        return [trace.input(f"points[{number}].{name}") for name in POINT_FIELDS[:2]]
 
     result = rigid_body.inverse_dynamics(inputs, q, v, a, gravity, places, known_force)
     potential = rigid_body.potential_energy(inputs, q, gravity)
@@ -252,7 +255,7 @@ def write_kernel(
     up_axis: str,
     guides: Sequence[int] = (0,),
 ) -> str:
-    """Source of all functions of :mod:`twin_gait.simulation.kernel_interface` for one structure.
+    """Source of all functions of :mod:`twin_gait.simulation.interface` for one structure.
 
     Args:
         points: Points of the plant that may touch the ground.
