@@ -28,7 +28,6 @@ from twin_gait import core
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 SECRET_BYTES = 32
 CORE_MODULES = (
-    "articulated_body",
     "actuator",
     "assistance",
     "belt",
