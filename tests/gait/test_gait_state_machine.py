@@ -213,9 +213,9 @@ def test_leg_said_to_be_there_must_be_measured() -> None:
 
 
 @pytest.mark.parametrize("length", [0, 6, 12, 14, 24])
-def test_signal_array_of_a_wrong_length_is_refused(length: int) -> None:
+def test_list_of_signals_of_a_wrong_length_is_refused(length: int) -> None:
     with pytest.raises(MeasurementError):
-        machine().advance(1, np.zeros(length), -1)
+        machine().advance(1, [0.0] * length, -1)
 
 
 def test_signals_are_laid_out_as_guards_read_them() -> None:

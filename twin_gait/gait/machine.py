@@ -14,7 +14,7 @@ from transitions import Machine
 
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram, next_transition
 from twin_gait.exceptions import MeasurementError
-from twin_gait.gait.guards import OTHER, WALK, all_signal_names
+from twin_gait.gait.guards import OTHER, all_signal_names
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.vocabulary import Side
@@ -95,7 +95,8 @@ class GaitStateMachine:
         self.program = compile_guards(table) if program is None else program
         self.entry_tick = 0
         self._debounce = [0] * len(table.transitions)
-        self._signal_names = all_signal_names(table.joints)
+        self._names = all_signal_names(table.joints)
+        self._own_places = [place for place, name in enumerate(self._names) if not name.startswith(OTHER)]
         initial = table.phase_names[0] if initial_phase is None else initial_phase
         table.phase_index(initial)
         self.machine = Machine(
@@ -178,17 +179,16 @@ class GaitStateMachine:
         return PhaseSwitch(tick, self.side, source, self.phase, item.cause, index)
 
     def _refuse_non_finite(self, signals: Sequence[float], other_phase: int) -> None:
-        names = self._signal_names
+        names = self._names
         if len(signals) != len(names):
             raise MeasurementError(f"{self.side} leg: expected {len(names)} signals, got {len(signals)}")
-        if other_phase < 0:
-            own = slice(len(names) // 2)
-            signals, names = [*signals[own], signals[-1]], [*names[own], WALK]
-        if all(map(math.isfinite, signals)):
-            return
-        name, value = next(pair for pair in zip(names, signals, strict=True) if not math.isfinite(pair[1]))
-        readable = name.replace(OTHER, "other leg's ")
-        raise MeasurementError(f"{self.side} leg: the {readable} is {value}; expected a finite measurement")
+        places = self._own_places if other_phase < 0 else range(len(names))
+        broken = [place for place in places if not math.isfinite(signals[place])]
+        if broken:
+            name = names[broken[0]].replace(OTHER, "other leg's ")
+            raise MeasurementError(
+                f"{self.side} leg: the {name} is {signals[broken[0]]}; expected a finite measurement"
+            )
 
 
 def signal_list(

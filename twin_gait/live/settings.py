@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
+from twin_gait.core.guards import Comparison
 from twin_gait.core.plant import CONSTANT_FORCE
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
@@ -143,7 +144,7 @@ class LoopNumbers:
 
     Attributes:
         phase_rows: k, b, θ0, G per joint and gravity share, by leg and phase.
-        comparisons: Thresholds of the guards.
+        comparisons: Of the guards, with their thresholds.
         target_torque: In [N m], by joint.
         belt_speed: In [m] / [s], or None on the bench; the belt stands while the monitor drives the joints.
         support_force: In [N], or None on the bench.
@@ -152,7 +153,7 @@ class LoopNumbers:
     """
 
     phase_rows: list[Any]
-    comparisons: list[Any]
+    comparisons: list[Comparison]
     target_torque: list[float]
     belt_speed: float | None
     support_force: float | None
@@ -176,7 +177,7 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
     treadmill, rows = isinstance(scenario, TreadmillScenario), walk.world.plant_rows
     return LoopNumbers(
         phase_rows=driven.phase_rows.tolist(),
-        comparisons=walk.program.comparisons.tolist(),
+        comparisons=walk.program.comparisons,
         target_torque=target_torques(settings, walk),
         belt_speed=_belt_speed(settings, walk) if treadmill else None,
         support_force=None
