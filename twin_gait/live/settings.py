@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
+from twin_gait.core.guards import Comparison
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.simulation.columns import JOINT_COLUMNS
+from twin_gait.simulation.log import JOINT_COLUMNS
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
@@ -142,7 +143,7 @@ class LoopNumbers:
 
     Attributes:
         phase_rows: k, b, θ0, G per joint and gravity share, by leg and phase.
-        comparisons: Thresholds of the guards.
+        comparisons: Of the guards, with their thresholds.
         target_torque: In [N m], by joint.
         belt_speed: In [m] / [s], or None on the bench; the belt stands while the monitor drives the joints.
         support_force: In [N], or None on the bench.
@@ -151,7 +152,7 @@ class LoopNumbers:
     """
 
     phase_rows: list[Any]
-    comparisons: list[Any]
+    comparisons: list[Comparison]
     target_torque: list[float]
     belt_speed: float | None
     support_force: float | None
@@ -175,7 +176,7 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
     treadmill, plant = isinstance(scenario, TreadmillScenario), walk.world.plant
     return LoopNumbers(
         phase_rows=driven.phase_rows.tolist(),
-        comparisons=walk.program.comparisons.tolist(),
+        comparisons=walk.program.comparisons,
         target_torque=target_torques(settings, walk),
         belt_speed=_belt_speed(settings, walk) if treadmill else None,
         support_force=None
