@@ -36,8 +36,8 @@ from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.scenario import TreadmillScenario, World
-from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.episode import Ground, Point
+from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.pinocchio_kernel import GroundContacts
 from twin_gait.simulation.record import taken_from
 from twin_gait.simulation.run import Run

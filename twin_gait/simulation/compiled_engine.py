@@ -156,12 +156,12 @@ class CompiledEngine:
 
     def phase_switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
         """Switches of the phases so far, from one of them on."""
-        return switches_of(self.problem, self.switches[first : self.episode["recording"]["n_switches"]].tolist())
+        return switches_of(
+            self.problem, self.switches[first : self.episode["recording"]["n_switches"]].tolist()
+        )
 
 
-def written_kernel(
-    problem: Problem, *, record: bool = True
-) -> tuple[str, Episode, dict[str, int | bool]]:
+def written_kernel(problem: Problem, *, record: bool = True) -> tuple[str, Episode, dict[str, int | bool]]:
     """Generated kernel of a problem, the episode that goes with it, and the constants to bind.
 
     Args:

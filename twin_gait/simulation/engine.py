@@ -57,7 +57,10 @@ def ending_of(status: int, ticks: int, problem: Problem) -> tuple[RunStatus, str
         status: Of the episode.
     """
     if status == DIVERGED:
-        return RunStatus.DIVERGED, f"the state diverged at {ticks * TICK:.3f} s; try a smaller integration step"
+        return (
+            RunStatus.DIVERGED,
+            f"the state diverged at {ticks * TICK:.3f} s; try a smaller integration step",
+        )
     if status == FELL:
         height = problem.world.fall_height
         return RunStatus.FELL, f"the pelvis fell below {height:.2f} m at {ticks * TICK:.3f} s"

@@ -116,9 +116,7 @@ class PinocchioKernel:
         self._contacts = GroundContacts(world)
         airborne = [no_forces(chain.model) for chain in world.chains[:-1]]
         parts = [slice(first, first + own) for first in range(0, len(world.start_q), own)]
-        self._chains = list(
-            zip(world.chains, parts, [*airborne, self._contacts.forces], strict=True)
-        )
+        self._chains = list(zip(world.chains, parts, [*airborne, self._contacts.forces], strict=True))
         self._guided = world.model.pelvis_index is not None
 
     @property
@@ -157,7 +155,13 @@ class PinocchioKernel:
         return self._contacts.update(np.array(q[part]), np.array(v[part]), ground, points)
 
     def observe(
-        self, q: list[float], v: list[float], a: list[float], bodies: list[float], gravity: float, points: object
+        self,
+        q: list[float],
+        v: list[float],
+        a: list[float],
+        bodies: list[float],
+        gravity: float,
+        points: object,
     ) -> tuple[float, float, float, float]:
         """Energies, and by inverse dynamics what the guides of the pelvis take, each about its own pelvis."""
         kinetic = potential = force = moment = 0.0

@@ -103,7 +103,9 @@ class ReferenceEngine:
         if progress is not None and status is RunStatus.COMPLETED:
             progress(total, total)
         trip = self.episode.trip
-        switches = [(item.tick, item.leg, item.source, item.target, item.transition) for item in self.switches]
+        switches = [
+            (item.tick, item.leg, item.source, item.target, item.transition) for item in self.switches
+        ]
         return EngineResult(
             rows[:done],
             switches_of(self.problem, switches),
