@@ -6,6 +6,7 @@ import math
 
 from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
+from twin_gait.core.contact import Ground, Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
 from twin_gait.core.friction import Friction
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
@@ -17,12 +18,10 @@ from twin_gait.simulation.episode import (
     ControlModel,
     Efforts,
     Episode,
-    Ground,
     Joint,
     Leg,
     Limits,
     Path,
-    Point,
     Rates,
     Recording,
     Stages,

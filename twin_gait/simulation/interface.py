@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from twin_gait.simulation.episode import Episode, Ground, Point, Switch
+from twin_gait.core.contact import Ground, Point
+from twin_gait.simulation.episode import Episode, Switch
 from twin_gait.simulation.log import LogRow
 
 # Legs, actuated joints of a leg, contact points of a foot; place of the pelvis, -1 without one; how far
