@@ -19,6 +19,7 @@ from twin_gait.parameters import (
     AnkleParameters,
     BatteryParameters,
     BraceParameters,
+    FrictionLaw,
     FrictionParameters,
     LimitParameters,
     Patient,
@@ -209,7 +210,7 @@ class PlantParameters:
 
     Attributes:
         friction_ratio: True friction over the model of table 3.1, per joint.
-        friction: The friction law that the ratio scales.
+        friction: The friction law that the ratio scales; any law, the compensator keeps its own.
         load_friction: Friction of the gear over the magnitude of the motor torque, per joint.
         actuators: Motor and gear per joint.
         battery: The pack.
@@ -221,7 +222,7 @@ class PlantParameters:
     friction_ratio: Mapping[JointName, float] = field(
         default_factory=lambda: {JointName.HIP: 0.5, JointName.KNEE: 0.5}
     )
-    friction: Mapping[JointName, FrictionParameters] = field(
+    friction: Mapping[JointName, FrictionLaw] = field(
         default_factory=lambda: {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
     )
     load_friction: Mapping[JointName, float] = field(default_factory=lambda: dict.fromkeys(MOTOR_JOINTS, 0.0))
@@ -242,7 +243,7 @@ class PlantParameters:
             require(0.0 <= coefficient < 1.0, name, "0 or more and below 1", coefficient)
         require_non_negative("gravity", self.gravity)
 
-    def true_friction(self) -> dict[JointName, FrictionParameters]:
+    def true_friction(self) -> dict[JointName, FrictionLaw]:
         """Friction of the plant: the law times the ratio, per joint."""
         return {joint: law.scaled(self.friction_ratio[joint]) for joint, law in self.friction.items()}
 

@@ -14,7 +14,7 @@ from twin_gait.parameters import (
     ActuatorParameters,
     AnkleParameters,
     ContactParameters,
-    FrictionParameters,
+    FrictionLaw,
     Patient,
     StopParameters,
 )
@@ -160,7 +160,7 @@ def build_leg_model(
 def build_plant_rows(
     model: LegModel,
     *,
-    friction: Mapping[JointName, FrictionParameters],
+    friction: Mapping[JointName, FrictionLaw],
     load_friction: Mapping[JointName, float],
     stops: StopParameters,
     ankle: AnkleParameters,
@@ -178,10 +178,10 @@ def build_plant_rows(
                 row[plant.SPRING_STIFFNESS] = ankle.stiffness
                 row[plant.SPRING_DAMPING] = ankle.damping
             else:
-                law = friction[joint].normalised()
+                law = friction[joint].in_plant(load_friction[joint])
                 row[plant.FRICTION_A] = law.breakaway_torque
                 row[plant.FRICTION_B] = law.coulomb_friction
-                row[plant.FRICTION_C] = law.breakaway_velocity
-                row[plant.FRICTION_D] = law.viscous_friction
+                row[plant.FRICTION_C] = law.stribeck_velocity
+                row[plant.FRICTION_D] = law.viscous_friction_forward
                 row[plant.LOAD_FRICTION] = load_friction[joint]
     return rows
