@@ -351,7 +351,7 @@ class Experiment:
 
         Raises:
             ModelError: If the URDF cannot be used.
-            ParameterError: If something does not fit together, or the step does not carry the braces.
+            ParameterError: If something does not fit together, or the step does not carry braces or bristles.
         """
         world = self.scenario.build(
             self._plant_model(Bodies.BOTH),
@@ -361,12 +361,15 @@ class Experiment:
             ankle=self.plant.ankle,
             gravity=self.plant.gravity,
         )
-        if self.interface is None:
-            return world
-        device, wearer = self._plant_model(Bodies.DEVICE), self._plant_model(Bodies.WEARER)
-        braced = brace_world(world, device, wearer, self.interface)
-        self._require_step_for(braced)
-        return braced
+        if self.interface is not None:
+            device, wearer = self._plant_model(Bodies.DEVICE), self._plant_model(Bodies.WEARER)
+            world = brace_world(world, device, wearer, self.interface)
+        stiff = {} if self.interface is None else {"interface": "braces"}
+        if any(plant.friction.bristle_stiffness > 0.0 for plant in world.plant):
+            stiff["plant.friction"] = "bristles"
+        if stiff:
+            self._require_step_for(world, " or ".join(stiff), " or ".join(stiff.values()))
+        return world
 
     def _plant_model(self, bodies: Bodies) -> LegModel:
         return build_leg_model(
@@ -378,8 +381,8 @@ class Experiment:
             bodies=bodies,
         )
 
-    def _require_step_for(self, world: World) -> None:
-        """Refuse braces whose oscillation would grow from step to step."""
+    def _require_step_for(self, world: World, keys: str, what: str) -> None:
+        """Refuse what would oscillate more from step to step."""
         runge_kutta = self.stepping.method is IntegrationMethod.RK4
         growth = rk4_growth if runge_kutta else semi_implicit_euler_growth
         if carries(world, growth, self.stepping.step):
@@ -388,8 +391,8 @@ class Experiment:
         enough = next((step for step in finer if carries(world, growth, step)), None)
         way_out = "take" if enough is None else f"set integration.step_ms to {1e3 * enough:g} or take"
         raise ParameterError(
-            f"interface: the braces are too stiff or too strongly damped for a step of "
-            f"{1e3 * self.stepping.step:g} ms ({self.stepping.method}); {way_out} softer braces"
+            f"{keys}: the {what} are too stiff or too strongly damped for a step of "
+            f"{1e3 * self.stepping.step:g} ms ({self.stepping.method}); {way_out} softer {what}"
         )
 
     def build_control_model(self) -> LegModel:

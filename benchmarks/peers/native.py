@@ -30,7 +30,7 @@ from twin_gait.core.control_tick import (
     measure_joints,
 )
 from twin_gait.core.friction import rotational_friction_torque
-from twin_gait.core.guards import NO_TRANSITION, TARGET, next_transition
+from twin_gait.core.guards import NO_TRANSITION, next_transition
 from twin_gait.core.plant import passive_torque
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model.bodies import export_bodies
@@ -154,7 +154,7 @@ def native_tick(problem: Problem) -> Callable[[Any, int], None]:
                 memory.debounce[leg],
             )
             if chosen != NO_TRANSITION:
-                memory.phase[leg] = memory.transitions[chosen, TARGET]
+                memory.phase[leg] = memory.transitions[chosen].target
                 memory.entry[leg] = tick
                 for column in range(share + 1):
                     memory.blend_start[leg, column] = memory.blended[leg, column]

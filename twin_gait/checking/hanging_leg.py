@@ -50,8 +50,7 @@ def friction_slope(law: FrictionLaw, velocity: float) -> float:
 
 def friction_stiffness(law: FrictionLaw, velocity: float) -> float:
     """What holds a joint at rest that sticks, in [N m] / [rad]; sliding bristles hold nothing."""
-    friction = law.in_plant()
-    return friction.bristle_stiffness if friction.law == core.BRISTLE and velocity == 0.0 else 0.0
+    return law.in_plant().bristle_stiffness if velocity == 0.0 else 0.0
 
 
 @dataclass(frozen=True)

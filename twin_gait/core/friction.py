@@ -40,7 +40,7 @@ class PlantFriction:
         transition_velocity: ω_t in [rad] / [s], above 0.
         stribeck_exponent: δ.
         viscous_exponent: α.
-        bristle_stiffness: σ0 in [N m] / [rad], above 0.
+        bristle_stiffness: σ0 in [N m] / [rad]; 0 for laws without bristles.
         bristle_damping: σ1 in [N m s] / [rad].
     """
 
@@ -55,8 +55,25 @@ class PlantFriction:
     transition_velocity: float = 1.0
     stribeck_exponent: float = 2.0
     viscous_exponent: float = 1.0
-    bristle_stiffness: float = 1.0
+    bristle_stiffness: float = 0.0
     bristle_damping: float = 0.0
+
+
+@dataclass(slots=True)
+class Friction:
+    """Parameters of :func:`rotational_friction_torque`.
+
+    Attributes:
+        breakaway_torque: a in [N m].
+        coulomb_friction: b in [N m].
+        breakaway_velocity: c in [rad] / [s].
+        viscous_friction: d in [N m s] / [rad].
+    """
+
+    breakaway_torque: float
+    coulomb_friction: float
+    breakaway_velocity: float
+    viscous_friction: float
 
 
 def rotational_friction_torque(

@@ -18,7 +18,6 @@ from twin_gait.core import friction, friction_models
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE, bristle_step
 from twin_gait.identification.samples import Samples
 from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiling import register_core
 
 # The laws of the plant, run over arrays: the same functions with NumPy's where they call math's.
 _NUMPY = {"math": np, "hyperbolic_tangent": np.tanh, "chosen": np.where, "sign_of": np.sign}
@@ -26,7 +25,8 @@ _NUMPY = {"math": np, "hyperbolic_tangent": np.tanh, "chosen": np.where, "sign_o
 
 def over_arrays(law: Callable[..., float]) -> Callable[..., np.ndarray]:
     """A static law that takes arrays of any shape."""
-    return bind(law, _NUMPY)
+    bound: Callable[..., np.ndarray] = bind(law, _NUMPY)
+    return bound
 
 
 asymmetric_torque = over_arrays(friction_models.asymmetric_torque)
@@ -246,8 +246,7 @@ def _start_of(fresh: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def _loop() -> Callable[..., np.ndarray]:
-    register_core()
-    compiled: Callable[..., np.ndarray] = numba.njit(_deflections)
+    compiled: Callable[..., np.ndarray] = bind(_deflections, {}, numba.njit)
     return compiled
 
 

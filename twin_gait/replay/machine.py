@@ -7,6 +7,7 @@ that lacks a signal which a guard reads is refused.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 
@@ -14,7 +15,7 @@ import numpy as np
 
 from twin_gait.core.control_tick import VELOCITY_FAST, leg_signals, measure_joints
 from twin_gait.core.estimation import first_order_gain
-from twin_gait.core.guards import END_NODE, FIRST_NODE, OP_COMPARE, OP_PHASE
+from twin_gait.core.guards import OP_COMPARE, OP_PHASE
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import OTHER, all_signal_names
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
@@ -109,7 +110,7 @@ class _Loop:
         self._decimated = np.zeros(n_joints)
         self._ring = np.zeros((sensors.window, n_joints))
         self._ideal = np.zeros(n_joints)
-        self._signals = np.full(len(all_signal_names(table.joints)), np.nan)
+        self._signals = [math.nan] * len(all_signal_names(table.joints))
         self._signals[-1] = 1.0  # who is recorded walking was told to
         program = compile_guards(table)
         self._machines = [
@@ -215,15 +216,15 @@ def _signals_of(table: GaitTable, index: int) -> Iterator[str]:
     """Signals that one transition compares, read off the compiled guards."""
     program = compile_guards(table)
     names = all_signal_names(table.joints)
-    first, end = program.transitions[index, FIRST_NODE], program.transitions[index, END_NODE]
-    for operation, operand in program.nodes[first:end]:
-        if operation == OP_PHASE:
+    rule = program.transitions[index]
+    for node in program.nodes[rule.first_node : rule.end_node]:
+        if node.operation == OP_PHASE:
             yield OTHER_PHASE
-        elif operation == OP_COMPARE:
-            signal, _, minus, minus_factor, _ = program.comparisons[operand]
-            yield names[int(signal)]
-            if minus_factor != 0.0:
-                yield names[int(minus)]
+        elif node.operation == OP_COMPARE:
+            comparison = program.comparisons[node.operand]
+            yield names[comparison.signal_a]
+            if comparison.factor_b != 0.0:
+                yield names[comparison.signal_b]
 
 
 def _check_signals(recording: Recording, table: GaitTable, body_weight: float | None) -> None:
