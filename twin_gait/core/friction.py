@@ -20,6 +20,8 @@ _SQRT_2E = math.sqrt(2.0 * math.e)
 
 # Laws of a :class:`PlantFriction`.
 FRICTIONLESS, ROTATIONAL, ASYMMETRIC, BRISTLE = range(4)
+# Whether there may be others than the first two; a loop whose plant has none is bound to False.
+OTHER_LAWS = True
 
 
 @dataclass(slots=True)
@@ -162,17 +164,23 @@ def friction_torque(friction: PlantFriction, velocity: float, deflection: float,
     """
     if friction.law == FRICTIONLESS:
         return 0.0
-    if friction.law == ROTATIONAL:
-        torque = rotational_friction_torque(
-            velocity,
-            friction.breakaway_torque,
-            friction.coulomb_friction,
-            friction.stribeck_velocity,
-            friction.viscous_friction_forward,
-        )
-        if friction.per_load != 0.0:
-            torque += load_friction_torque(velocity, load, friction.per_load, friction.stribeck_velocity)
-        return torque
+    if OTHER_LAWS:
+        if friction.law != ROTATIONAL:
+            return _directional_torque(friction, velocity, deflection, load)
+    torque = rotational_friction_torque(
+        velocity,
+        friction.breakaway_torque,
+        friction.coulomb_friction,
+        friction.stribeck_velocity,
+        friction.viscous_friction_forward,
+    )
+    if friction.per_load != 0.0:
+        torque += load_friction_torque(velocity, load, friction.per_load, friction.stribeck_velocity)
+    return torque
+
+
+def _directional_torque(friction: PlantFriction, velocity: float, deflection: float, load: float) -> float:
+    """Friction by the laws with directions of their own, with or without bristles."""
     if friction.law == ASYMMETRIC:
         raised = friction.per_load * abs(load)
         return asymmetric_torque(

@@ -11,7 +11,13 @@ import math
 from dataclasses import dataclass
 
 from twin_gait.core.contact import mechanical_stop_torque
-from twin_gait.core.friction import FRICTIONLESS, PlantFriction, advanced_deflection, friction_torque
+from twin_gait.core.friction import (
+    FRICTIONLESS,
+    OTHER_LAWS,
+    PlantFriction,
+    advanced_deflection,
+    friction_torque,
+)
 
 
 @dataclass(slots=True)
@@ -90,7 +96,9 @@ def passive_torque(plant: Plant, q: float, v: float, load: float, displacement: 
     law, limits, spring = plant.friction, plant.stop, plant.spring
     friction, stop = 0.0, 0.0
     if law.law != FRICTIONLESS:
-        deflection = advanced_deflection(law, displacement, v, plant.deflection, load)
+        deflection = plant.deflection
+        if OTHER_LAWS:
+            deflection = advanced_deflection(law, displacement, v, deflection, load)
         friction = -friction_torque(law, v, deflection, load)
     if limits.stiffness != 0.0:
         stop = mechanical_stop_torque(q, v, limits.lower, limits.upper, limits.stiffness, limits.dissipation)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from twin_gait.core.friction import advanced_deflection
+from twin_gait.core.friction import OTHER_LAWS, advanced_deflection
 from twin_gait.core.plant import brace_torque, imposed_motion_torque, passive_torque
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import BRISTLES, RK4, SHIFT, dynamics
+from twin_gait.simulation.interface import RK4, SHIFT, dynamics
 
 
 def integrate(e: Episode, tick: int) -> None:
@@ -97,7 +97,7 @@ def _runge_kutta_step(e: Episode) -> None:
 def _move(e: Episode, place: int, displacement: float) -> None:
     """End a step of a coordinate, its new velocity known; the bristles of its friction go along."""
     e.q[place] += displacement
-    if BRISTLES:
+    if OTHER_LAWS:
         plant = e.plant[place]
         plant.deflection = advanced_deflection(
             plant.friction, displacement, e.v[place], plant.deflection, e.motor[place]
