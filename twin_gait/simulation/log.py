@@ -51,7 +51,9 @@ class JointRow:
     velocity_slow: float = column("rad/s", "decimated and averaged estimate, for the friction compensation")
     impedance_torque: float = column("N m", "of virtual spring and damper; in the hold, of the brake")
     friction_compensation_torque: float = column("N m", "G times the friction of the model")
-    gravity_compensation_torque: float = column("N m", "share of the gravity torque that the controller gives")
+    gravity_compensation_torque: float = column(
+        "N m", "share of the gravity torque that the controller gives"
+    )
     inertia_compensation_torque: float = column("N m", "share of the inertia torque that it gives")
     target_torque: float = column("N m", "added to the command")
     motor_command_torque: float = column("N m", "sum of the five, before limits")
