@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from peers.engines import ENGINES, BatchSession
 from peers.measuring import ERROR, GOALS, WALK_LIMIT, Extent, goal_rows, measure
-from peers.plain import PLAIN
 from peers.scenarios import cases
 from peers.timing import Implementation, Timing, significant, speed_ratio, time_in_turn
 
@@ -17,7 +16,7 @@ from peers.timing import Implementation, Timing, significant, speed_ratio, time_
 SAME_MOTION = 1e-10  # [rad]
 TICKS = 900
 CASES = {(case.scenario, case.step): case for case in cases()}
-OURS = {item.name: item for item in (*ENGINES, PLAIN)}
+OURS = {item.name: item for item in ENGINES}
 
 
 def implementation(name: str) -> Implementation:
@@ -189,7 +188,7 @@ def test_numbers_of_tables_are_rounded():
 def test_native_code_runs_as_long_as_its_angles_are_compared(case, extent):
     alone = extent.ticks(case, OURS["compiled"])
     assert alone == extent.ticks(case, OURS["batch"]) >= case.compared_ticks
-    assert 1 <= extent.ticks(case, PLAIN) <= alone
+    assert 1 <= extent.ticks(case, OURS["plain Python"]) <= alone
 
 
 # ---------------------------------------------------------------------- ratios
