@@ -143,26 +143,30 @@ class BareSession:
 
 
 class ControlledSession(BareSession):
-    """The control loop as a callback; still one call of C."""
+    """The control loop as a callback; still one call of C.
+
+    Attributes:
+        callback: Of the loop.
+    """
 
     controlled = True
-    _callback: NativeCallback | PythonCallback | None = None
+    callback: NativeCallback | PythonCallback | None = None
 
     def __init__(self, case: Case, ticks: int, *, native: bool) -> None:
         """Make the callback, as a native function or in Python."""
         super().__init__(case, ticks)
         shared = self.problem, self.order, self.evaluations, ticks
-        self._callback = NativeCallback(*shared, self.data) if native else PythonCallback(*shared)
+        self.callback = NativeCallback(*shared, self.data) if native else PythonCallback(*shared)
 
     def reset(self) -> None:
         """Put state and controller back to the start."""
         super().reset()
-        if self._callback is not None:
-            self._callback.reset()
+        if self.callback is not None:
+            self.callback.reset()
 
     def run(self) -> None:
         """All steps in one call of C, which calls back."""
-        mujoco.set_mjcb_control(self._callback.function)
+        mujoco.set_mjcb_control(self.callback.function)
         try:
             super().run()
         finally:
@@ -170,7 +174,7 @@ class ControlledSession(BareSession):
 
     def angles(self) -> np.ndarray | None:
         """Coordinates at every tick; None on the treadmill, where MuJoCo's contacts make another motion."""
-        return self._callback.trace if self.problem.world.contact is None else None
+        return self.callback.trace if self.problem.world.contact is None else None
 
 
 class RolloutSession(BareSession):
