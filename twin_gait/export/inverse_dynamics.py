@@ -28,6 +28,7 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.conventions import DEGREES, Convention
+from twin_gait.core.contact import Ground, Point
 from twin_gait.core.plant import passive_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.export.motion import joint_angles, write_storage
@@ -37,7 +38,6 @@ from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.scenario import TreadmillScenario, World
 from twin_gait.simulation.log import state_columns
-from twin_gait.simulation.episode import Ground, Point
 from twin_gait.simulation.pinocchio_kernel import GroundContacts
 from twin_gait.simulation.record import taken_from
 from twin_gait.simulation.run import Run
@@ -248,7 +248,7 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
         # The log has the orthosis without its stops.
         plant = world.plant[index]
         states = zip(log[f"{name}_angle_rad"].tolist(), velocity.tolist(), strict=True)
-        return np.array([passive_torque(plant, angle, speed, 0.0) for angle, speed in states])
+        return np.array([passive_torque(plant, angle, speed, 0.0, 0.0) for angle, speed in states])
     motor, friction, stop = (
         log[f"{name}_{part}_torque_Nm"].to_numpy() for part in ("motor", "friction", "stop")
     )

@@ -6,9 +6,9 @@ import math
 
 from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
-from twin_gait.core.belt import Belt
+from twin_gait.core.contact import Ground, Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
-from twin_gait.core.friction import Friction
+from twin_gait.core.friction import ASYMMETRIC, BRISTLE, Friction
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.experiment import ControlMode, IntegrationMethod
@@ -18,19 +18,17 @@ from twin_gait.simulation.episode import (
     ControlModel,
     Efforts,
     Episode,
-    Ground,
     Joint,
     Leg,
     Limits,
     Path,
-    Point,
     Rates,
     Recording,
     Stages,
     Supply,
 )
-from twin_gait.simulation.problem import ActuatedJoint, Problem
-from twin_gait.simulation.record import copied, taken_from
+from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.record import Record, copied, taken_from
 from twin_gait.simulation.watching import (
     NEVER,
     fault_records,
@@ -61,6 +59,7 @@ def structure_of(problem: Problem, n_points: int) -> dict[str, int | bool]:
         "PELVIS": -1 if model.pelvis_index is None else model.pelvis_index,
         "SHIFT": problem.world.wearer_shift,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
+        "OTHER_LAWS": any(plant.friction.law in (ASYMMETRIC, BRISTLE) for plant in problem.world.plant),
         "RK4": experiment.stepping.method is IntegrationMethod.RK4,
         "FAULTY": bool(experiment.faults),
         "INERTIA_WANTED": control.inertia_compensation > 0.0,
@@ -186,13 +185,14 @@ def _capacity(count: int) -> int:
 def _padded(program: GuardProgram) -> GuardProgram:
     """A program with room, so that tables of like size share one loop."""
     padded = copied(program)
-    for entries, blank in (
-        (padded.transitions, TransitionRule(-1, 0, 0, 0, 0, 0)),
-        (padded.nodes, GuardNode(0, 0)),
-        (padded.comparisons, Comparison(0, 0, 0.0, 0.0, 0.0)),
-    ):
-        entries += [copied(blank) for _ in range(_capacity(len(entries)) - len(entries))]  # type: ignore[misc]
+    _pad(padded.transitions, TransitionRule(-1, 0, 0, 0, 0, 0))
+    _pad(padded.nodes, GuardNode(0, 0))
+    _pad(padded.comparisons, Comparison(0, 0, 0.0, 0.0, 0.0))
     return padded
+
+
+def _pad(entries: list[Record], blank: Record) -> None:
+    entries += [copied(blank) for _ in range(_capacity(len(entries)) - len(entries))]
 
 
 def _rates(problem: Problem) -> Rates:
@@ -232,9 +232,10 @@ def _limits(problem: Problem) -> Limits:
 
 
 def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
-    n = problem.control_model.nv
-    room = ([0.0] * n for _ in range(4))
-    return ControlModel(bodies, *room, inertia_gain=problem.experiment.control.inertia_compensation)
+    q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
+    return ControlModel(
+        bodies, q, a, gravity, inertia, inertia_gain=problem.experiment.control.inertia_compensation
+    )
 
 
 def _ground(problem: Problem) -> Ground:

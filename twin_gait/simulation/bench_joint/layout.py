@@ -94,7 +94,7 @@ def _numbers(test: BenchJoint, variation: BenchVariation) -> np.ndarray:
 
 def _plant_numbers(test: BenchJoint, variation: BenchVariation) -> dict[int, float]:
     link, friction = test.link, test.friction
-    law = friction.law.scaled(variation.friction_ratio).normalised()
+    law = friction.law.scaled(variation.friction_ratio).in_plant()
     values = {
         at.MOTOR_INERTIA: test.actuator.armature,
         at.LINK_INERTIA: link.total_inertia,
@@ -107,8 +107,8 @@ def _plant_numbers(test: BenchJoint, variation: BenchVariation) -> dict[int, flo
         at.STOP_DISSIPATION: link.stops.dissipation,
         at.FRICTION_A: law.breakaway_torque,
         at.FRICTION_B: law.coulomb_friction,
-        at.FRICTION_C: law.breakaway_velocity,
-        at.FRICTION_D: law.viscous_friction,
+        at.FRICTION_C: law.stribeck_velocity,
+        at.FRICTION_D: law.viscous_friction_forward,
         at.CONDITIONED: float(friction.depends_on_conditions),
         at.COULOMB_PER_LOAD: friction.coulomb_per_load,
         at.COULOMB_PER_KELVIN: friction.coulomb_per_kelvin,
