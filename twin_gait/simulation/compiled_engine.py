@@ -198,7 +198,7 @@ def _loop_of(
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop
 
-        names = {**structure, **bound_kernel(kernel), **_compiled_rows(episode, row)}
+        names = {**structure, **bound_kernel(kernel), **compiled_rows(episode, row)}
         return compile_loop(run_at, names, _ARGUMENTS, controller)
 
     key = source_key(repr((episode, row, kernel, structure)), "compiled_engine")
@@ -210,7 +210,7 @@ def bound_kernel(kernel: str) -> dict[str, Any]:
     return kernel_functions(kernel, {"math": math, "ground_contact_force": ground_contact_force})
 
 
-def _compiled_rows(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:
+def compiled_rows(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
     from twin_gait.simulation.compiling import jit, numbers_at, record_at, rows_at
 
