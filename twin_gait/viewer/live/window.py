@@ -9,7 +9,6 @@ from typing import Generic, TypeVar
 from twin_gait.viewer.commands import Command, Recorder, pack
 
 Change = tuple[Hashable, bytes]
-SCENE_ROOT = "/meshcat"  # under which everything is drawn
 
 
 class LiveWindow:
@@ -26,11 +25,6 @@ class LiveWindow:
         """Take a drawing command."""
         self._recorder.send(command)
         self._changes[command["type"], command["path"], command.get("property", "")] = command
-
-    def clear(self) -> None:
-        """Forget the scene, and take it out of open pages."""
-        self._recorder, self._notes = Recorder(), {}
-        self._changes = {"clear": {"type": "delete", "path": SCENE_ROOT}}
 
     def describe(self, page: Command) -> None:
         """Take the description of the page."""
