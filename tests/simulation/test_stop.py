@@ -15,7 +15,7 @@ from twin_gait.core.belt import treadmill_speed, treadmill_travel
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait.table import TICK
 from twin_gait.measures.foot_contact import CONTACT_FORCE
-from twin_gait.runs.record import belt_motion_of, trip_time_of
+from twin_gait.runs.run_page import belt_motion_of, trip_time_of
 from twin_gait.scenario import FaultKind
 from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation import RunStatus
