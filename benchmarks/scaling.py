@@ -1,6 +1,6 @@
-"""How the cost grows: forward dynamics with the number of joints, episodes with the size of a batch.
+"""How the cost of a batch grows with its size, beside MuJoCo, in one process and in turn.
 
-Beside Pinocchio called from Python and MuJoCo, in one process and in turn. Takes about three minutes in full.
+Takes about three minutes in full.
 """
 
 # %%
@@ -10,7 +10,6 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).parents[1] / "examples"))
 
 from gallery import form_of
-from peers.chains import CALLS, CHAINS
 from peers.engines import BatchSession
 from peers.figures import draw_scaling
 from peers.mujoco_peers import RolloutSession
@@ -19,17 +18,6 @@ from peers.timing import machine, significant, time_in_turn
 
 form = form_of("scaling", Path(__file__).parent)
 rounds = 3 if form.quick else 15
-
-# %% [markdown]
-# One evaluation of the forward dynamics of a chain; a step of MuJoCo integrates besides.
-
-# %%
-joints = []
-for count in (2, 4) if form.quick else (2, 4, 7, 12, 20, 30):
-    times = time_in_turn({name: (make(count), CALLS) for name, make in CHAINS.items()}, rounds)
-    medians = {f"{name} [ns]": significant(timing.median) for name, timing in times.items()}
-    joints.append({"joints": count, **medians})
-    print(joints[-1])
 
 # %% [markdown]
 # A second of the bench leg, many times over, on one thread and on two.
@@ -50,5 +38,5 @@ for episodes in (1, 10) if form.quick else (1, 10, 100, 1000):
         print(batches[-1])
 
 # %%
-form.keep({"machine": machine(), "rounds": rounds, "joints": joints, "batches": batches})
-draw_scaling(joints, batches, form.out / "scaling.png")
+form.keep({"machine": machine(), "rounds": rounds, "batches": batches})
+draw_scaling(batches, form.out / "scaling.png")

@@ -24,9 +24,6 @@ COLOURS = {
     "MuJoCo, native loop": VERMILLION,
     "MuJoCo, Python loop": ORANGE,
     "MuJoCo rollout": ORANGE,
-    "kernel": BLUE,
-    "pin.aba": GREY,
-    "mj_step": VERMILLION,
     "mujoco.rollout": ORANGE,
 }
 
@@ -82,28 +79,15 @@ def _draw_accuracy(axes: Axes, measured: Sequence[Mapping[str, Any]]) -> None:
     axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
 
 
-def draw_scaling(
-    joints: Sequence[Mapping[str, Any]], batches: Sequence[Mapping[str, Any]], path: Path
-) -> None:
-    """Draw cost over joints and over episodes.
+def draw_scaling(batches: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Draw cost over episodes.
 
     Args:
-        joints: Rows of ``scaling.py`` on chains.
-        batches: On batches.
+        batches: Rows of ``scaling.py``.
         path: The picture.
     """
-    figure = Figure(figsize=(11.5, 3.8), layout="constrained")
-    chains, legs = figure.subplots(1, 2).tolist()
-    for name in list(joints[0])[1:]:
-        colour, label = COLOURS[name.removesuffix(" [ns]")], name.removesuffix(" [ns]")
-        chains.loglog(
-            [row["joints"] for row in joints], [row[name] for row in joints], "o-", color=colour, label=label
-        )
-    style_panel(chains, "forward dynamics of a chain", "time per evaluation [ns]")
-    counts = [row["joints"] for row in joints]
-    chains.set_xticks(counts, [str(count) for count in counts])
-    chains.minorticks_off()
-    chains.set_xlabel("joints")
+    figure = Figure(figsize=(7.5, 3.8), layout="constrained")
+    legs = figure.subplots()
     for name in list(batches[0])[2:]:
         for threads, line in ((1, "o-"), (2, "s--")):
             chosen = [row for row in batches if row["threads"] == threads]
@@ -117,6 +101,5 @@ def draw_scaling(
             )
     style_panel(legs, "batch of bench legs", "time per tick of an episode [ns]")
     legs.set_xlabel("episodes")
-    chains.legend(fontsize="small")
     legs.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     figure.savefig(path, dpi=85)

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from peers.chains import CHAINS
 from peers.engines import ENGINES, BatchSession
 from peers.measuring import ERROR, GOALS, WALK_LIMIT, Extent, goal_rows, measure
 from peers.plain import PLAIN
@@ -136,25 +135,6 @@ def test_every_episode_of_a_batch_ends_where_a_single_run_ends():
         session.run()
         for engine in session.engines:
             np.testing.assert_array_equal(engine.episode.state.q, alone)
-
-
-@pytest.mark.parametrize(
-    ("name", "joints"),
-    [
-        ("kernel", 3),
-        ("mj_step", 3),
-        # Loops in the place of straight-line code, which take seconds to compile.
-        pytest.param("kernel", 16, marks=[pytest.mark.slow, pytest.mark.compile]),
-    ],
-)
-def test_chains_of_all_kinds_have_the_same_accelerations(name, joints):
-    if name == "mj_step":
-        pytest.importorskip("mujoco")
-    ours, expected = CHAINS[name](joints), CHAINS["pin.aba"](joints)
-    ours.run()
-    expected.run()
-    # The loop of the kernel nudges its state by 1e-300 only.
-    np.testing.assert_allclose(ours.acceleration, expected.acceleration, rtol=1e-9, atol=1e-9)
 
 
 # ---------------------------------------------------------------------- timing

@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -19,6 +20,8 @@ from twin_gait.cli import main
 from twin_gait.cli.program import build_parser
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.table_inheritance import gait_table_path
+from twin_gait.leg_model import packaged_urdf
+from twin_gait.simulation import kernel
 
 FAST = ["--no-pictures"]
 
@@ -201,6 +204,34 @@ def test_broken_urdf_is_one_line(tmp_path, monkeypatch, capsys):
     assert run("simulate", "--set", f"leg.urdf={broken}") == 2
     assert capsys.readouterr().err.count("\n") == 1
     assert list(tmp_path.iterdir()) == [broken]
+
+
+def test_a_model_too_large_for_the_compiled_engine_is_one_line_that_names_the_way_out(
+    tmp_path, monkeypatch, capsys
+):
+    """No experiment has so many joints today, see test_dynamics_kernels: the limit is lowered to meet one."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(kernel, "STRAIGHT_LINE_LIMIT", 13)
+    braced = ["simulate", "treadmill", "--duration", "0.05", "--out", "out", *FAST]
+    braced += ["--set", "patient.mass_kg=70", "--set", "interface=brace"]
+    assert run(*braced) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("twin-gait: ") and error.count("\n") == 1
+    assert "has 14 joints" in error and "at most 13" in error and "engine: pinocchio" in error
+    assert list(tmp_path.iterdir()) == []
+    assert run(*braced, "--set", "engine=pinocchio") == 0
+
+
+def test_of_a_urdf_with_many_joints_only_those_that_are_named_count(tmp_path, monkeypatch):
+    """Twenty flywheels on the thigh: locked, so that the model stays within the limit of the engine."""
+    monkeypatch.chdir(tmp_path)
+    wheel = (
+        '<link name="wheel{0}"/><joint name="spin{0}" type="continuous"><axis xyz="0 1 0"/>'
+        '<parent link="right_thigh"/><child link="wheel{0}"/></joint>'
+    )
+    text, wheels = packaged_urdf("twin_leg.urdf").read_text(), "".join(map(wheel.format, range(20)))
+    Path("wheels.urdf").write_text(text.replace("</robot>", f"{wheels}</robot>"))
+    assert run("simulate", "bench_leg", "--duration", "0.05", "--set", "leg.urdf=wheels.urdf", *FAST) == 0
 
 
 def test_existing_folder_is_refused(bench_run, capsys):

@@ -16,16 +16,18 @@ from types import FunctionType
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_dynamics_pinocchio import LOOPS, STRAIGHT_LINE, assert_equal, kernels, source_of
+from test_dynamics_pinocchio import assert_equal, kernel_of, source_of
 
 from twin_gait import core, load_experiment, simulate
 from twin_gait.core.contact import ground_contact_force
+from twin_gait.exceptions import ModelError
 from twin_gait.leg_model import LegModel, packaged_urdf
-from twin_gait.leg_model.bodies import contact_points, export_bodies
+from twin_gait.leg_model.bodies import export_bodies
 from twin_gait.simulation import columns, episode, episode_arrays, keeping, kernel, loops, pointers
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.module_text import one_module
 from twin_gait.simulation.problem import build_problem
+from twin_gait.vocabulary import JointName, Side
 
 GRAVITY = 9.81
 
@@ -49,75 +51,33 @@ def functions_of(text: str) -> dict:
     return functions
 
 
-# ------------------------------------------------------------------ which kernel
+# ------------------------------------------------------------------ the text
 
 
-def test_models_beyond_the_limit_share_one_kernel_of_loops():
-    texts = {}
-    for joints in (kernel.STRAIGHT_LINE_LIMIT, kernel.STRAIGHT_LINE_LIMIT + 1, 30):
-        bodies = export_bodies(chain(joints))
-        texts[joints] = kernel.write_kernel(bodies, [], bodies, "z")
-    small, large, larger = texts.values()
-    assert "articulated_body" not in small
-    assert "articulated_body" in large
-    assert large == larger
+def test_a_model_of_more_joints_than_the_limit_is_refused():
+    limit = kernel.STRAIGHT_LINE_LIMIT
+    fits, too_many = (export_bodies(chain(joints)) for joints in (limit, limit + 1))
+    control = export_bodies(chain(2))
+    assert "def dynamics(" in kernel.write_kernel(fits, [], control, "z")
+    with pytest.raises(ModelError, match=f"{limit + 1} joints.* at most {limit}; use engine: pinocchio"):
+        kernel.write_kernel(too_many, [], control, "z")
 
 
-def test_plant_and_controller_may_have_kernels_of_different_kinds():
-    plant, control = export_bodies(chain(20)), export_bodies(chain(2))
-    text = kernel.write_kernel(plant, [], control, "z")
-    functions, torque = functions_of(text), np.zeros(2)
-    assert text.count("import articulated_body") == 1
-    q = np.array([0.3, -0.4])
-    functions["control_gravity"](q, np.array(kernel.body_values(control)), GRAVITY, torque)
-    model = chain(2)
-    model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
-    assert_equal(torque, np.array(pin.computeGeneralizedGravity(model, model.createData(), q)))
-
-
-def test_loops_offer_the_episode_the_same_as_the_straight_line_kernel(worn_twin: LegModel, monkeypatch, rng):
-    """Feet in the ground: forces, powers, energies and what the guide carries, function by function."""
-    frames = [name for leg in worn_twin.legs.values() for name in leg.contact_frames]
-    bodies, points = export_bodies(worn_twin.model), contact_points(worn_twin.model, frames)
-    contact = np.array([0.8, 1.5e5, 0.8, 0.8, 0.05])
-    q, v, torque = (rng.uniform(-0.3, 0.3, worn_twin.nv) for _ in range(3))
-    q[worn_twin.pelvis_index] -= 0.05 + lowest_point(worn_twin, q, frames)
-    results = []
-    for limit in (LOOPS, STRAIGHT_LINE):
-        monkeypatch.setattr(kernel, "STRAIGHT_LINE_LIMIT", limit)
-        functions = functions_of(kernel.write_kernel(bodies, points, bodies, "z"))
-        values, control = np.array(kernel.body_values(bodies, points)), np.array(kernel.body_values(bodies))
-        a, forces, again = np.zeros(worn_twin.nv), np.zeros((len(points), 3)), np.zeros((len(points), 3))
-        gravity, inertia = np.zeros(worn_twin.nv), np.zeros(worn_twin.nv)
-        power = functions["dynamics"](q, v, torque, values, GRAVITY, contact, a, forces)
-        assert functions["contact_forces"](q, v, values, contact, again) == power
-        np.testing.assert_array_equal(again, forces)
-        functions["control_gravity"](q, control, GRAVITY, gravity)
-        functions["control_inertia"](q, a, control, inertia)
-        seen = functions["observe"](q, v, a, values, GRAVITY, forces)
-        results.append([a, forces, gravity, inertia, np.array([power, *seen])])
-    assert (results[0][1][:, 1] > 100.0).any()  # a foot is loaded
-    for looped, straight in zip(*results, strict=True):
-        assert_equal(looped, straight)
-
-
-def lowest_point(model: LegModel, q: np.ndarray, frames: list[str]) -> float:
-    data = model.model.createData()
-    pin.framesForwardKinematics(model.model, data, q)
-    return min(float(data.oMf[model.model.getFrameId(name)].translation[2]) for name in frames)
+def test_the_largest_model_of_an_experiment_is_within_the_limit():
+    """Every joint that there is, of both sides, on a moving pelvis, with the wearer in braces."""
+    case = load_experiment("treadmill", ["patient.mass_kg=70", "interface=brace"]).experiment
+    world = case.build_world()
+    assert world.model.nv == len(Side) * len(JointName) + 1
+    assert len(world.start_q) == 2 * world.model.nv <= kernel.STRAIGHT_LINE_LIMIT
 
 
 def test_gravity_may_point_along_y(rng):
     model, q = chain(5), rng.uniform(-1.0, 1.0, 5)
     model.gravity.linear = np.array([0.0, -GRAVITY, 0.0])
     bodies, expected = export_bodies(model), pin.computeGeneralizedGravity(model, model.createData(), q)
-    for limit in (LOOPS, STRAIGHT_LINE):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(kernel, "STRAIGHT_LINE_LIMIT", limit)
-            functions = functions_of(source_of(bodies, (), "y"))
-            torque = np.zeros(5)
-            functions["control_gravity"](q, np.array(kernel.body_values(bodies)), GRAVITY, torque)
-        assert_equal(torque, np.array(expected))
+    functions, torque = functions_of(source_of(bodies, (), "y")), np.zeros(5)
+    functions["control_gravity"](q, np.array(kernel.body_values(bodies)), GRAVITY, torque)
+    assert_equal(torque, np.array(expected))
 
 
 def test_other_masses_lengths_and_armature_need_no_other_text(bench: LegModel, rng):
@@ -133,24 +93,13 @@ def test_other_masses_lengths_and_armature_need_no_other_text(bench: LegModel, r
     assert source_of(after) == text
     q, v, torque = rng.uniform(-1.0, 1.0, (3, changed.nv))
     expected = np.array(pin.aba(changed, changed.createData(), q, v, torque))
-    for item in kernels(changed):
-        assert_equal(item.accelerations(q, v, torque), expected)
-    assert np.abs(kernels(bench.model)[1].accelerations(q, v, torque) - expected).max() > 0.1
+    assert_equal(kernel_of(changed).accelerations(q, v, torque), expected)
+    assert np.abs(kernel_of(bench.model).accelerations(q, v, torque) - expected).max() > 0.1
 
 
 # ------------------------------------------------------------------ engines
 
 STEPPING = "integration={method: semi_implicit_euler, step_ms: 0.5}"
-
-
-def test_an_episode_in_loops_is_that_of_the_straight_line_kernel(monkeypatch):
-    case = ("bench_leg", ["duration_s=0.5", STEPPING, "engine=compiled"])
-    straight = simulate(load_experiment(*case).experiment).log
-    monkeypatch.setattr(kernel, "STRAIGHT_LINE_LIMIT", LOOPS)
-    loops = simulate(load_experiment(*case).experiment).log
-    for column in straight.columns:
-        if not column.endswith("_phase"):
-            np.testing.assert_allclose(loops[column], straight[column], atol=1e-9, rtol=1e-9, err_msg=column)
 
 
 @pytest.mark.parametrize("engine", ["compiled", "pinocchio"])

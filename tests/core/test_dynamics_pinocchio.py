@@ -1,4 +1,4 @@
-"""Both kinds of kernel against Pinocchio: accelerations, gravity, mass matrix, points, on any model.
+"""The kernel against Pinocchio: accelerations, gravity, mass matrix, points, on any model.
 
 Pinocchio's ``aba``, ``rnea`` and ``crba`` are the reference, MuJoCo a second one on some of the same URDFs.
 """
@@ -18,7 +18,6 @@ from example_robots import robot_urdf
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from twin_gait.core import articulated_body
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import ContactPoint, export_bodies
@@ -31,7 +30,6 @@ TOLERANCE = 1e-12
 # their accelerations says nothing at 1e-12, and the residual of the equation of motion speaks alone.
 WELL_CONDITIONED = 1e3
 NO_GROUND = np.zeros(5)
-LOOPS, STRAIGHT_LINE = -1, 1000  # limits that every model is beyond, and none
 
 
 class Kernel(NamedTuple):
@@ -73,7 +71,7 @@ def telling_law(height: float, forward: float, upward: float, *ground: float) ->
 
 
 def source_of(bodies: list, points: tuple[ContactPoint, ...] = (), up_axis: str = "z") -> str:
-    """All functions of a kernel that know a contact law or a law of motion."""
+    """All functions of a kernel that know a contact law or a law of motion, whatever the number of joints."""
     return "\n\n".join(
         [
             kernel.write_dynamics(bodies, points, up_axis),
@@ -84,21 +82,11 @@ def source_of(bodies: list, points: tuple[ContactPoint, ...] = (), up_axis: str 
     )
 
 
-def kernels(
-    model: pin.Model, points: tuple[ContactPoint, ...] = (), law=ground_contact_force
-) -> list[Kernel]:
-    """The loops and the straight-line kernel of a model, whatever its number of joints."""
-    bodies, made = export_bodies(model), []
-    for limit in (LOOPS, STRAIGHT_LINE):
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(kernel, "STRAIGHT_LINE_LIMIT", limit)
-            text = source_of(bodies, points)
-            assert ("articulated_body" in text) == (limit == LOOPS)
-            functions = {"math": math, "ground_contact_force": law}
-            exec(compile(text, "kernel", "exec"), functions)
-            values = np.array(kernel.body_values(bodies, points))
-        made.append(Kernel(functions, values, len(bodies), len(points)))
-    return made
+def kernel_of(model: pin.Model, points: tuple[ContactPoint, ...] = (), law=ground_contact_force) -> Kernel:
+    bodies = export_bodies(model)
+    functions = {"math": math, "ground_contact_force": law}
+    exec(compile(source_of(bodies, points), "kernel", "exec"), functions)
+    return Kernel(functions, np.array(kernel.body_values(bodies, points)), len(bodies), len(points))
 
 
 def assert_equal(found: np.ndarray, expected: np.ndarray) -> None:
@@ -115,7 +103,7 @@ def condition(mass: np.ndarray) -> float:
 def check_dynamics(
     model: pin.Model, reference: pin.Model, rng: np.random.Generator, states: int = 1
 ) -> float:
-    """Compare both kernels of a model with Pinocchio on a reference.
+    """Compare the kernel of a model with Pinocchio on a reference.
 
     It is the same model, but may describe a continuous joint by cosine and sine.
 
@@ -124,7 +112,7 @@ def check_dynamics(
     """
     worst, data = 0.0, reference.createData()
     reference.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
-    made = kernels(model)
+    made = kernel_of(model)
     for _ in range(states):
         q, v, torque = (rng.uniform(-1.5, 1.5, model.nv) for _ in range(3))
         configuration = configuration_of(reference, q)
@@ -133,15 +121,14 @@ def check_dynamics(
         gravity = np.array(pin.computeGeneralizedGravity(reference, data, configuration))
         accelerations = np.array(pin.aba(reference, data, configuration, v, torque))
         worst = max(worst, condition(mass))
-        for item in made:
-            assert_equal(item.mass_matrix(q), mass)
-            assert_equal(item.gravity(q), gravity)
-            a = item.accelerations(q, v, torque)
-            residual = np.abs(mass @ a + bias - torque)
-            terms = np.abs(mass) @ np.abs(a) + np.abs(bias) + np.abs(torque)
-            assert (residual <= TOLERANCE * terms).all()
-            if condition(mass) <= WELL_CONDITIONED:
-                assert_equal(a, accelerations)
+        assert_equal(made.mass_matrix(q), mass)
+        assert_equal(made.gravity(q), gravity)
+        a = made.accelerations(q, v, torque)
+        residual = np.abs(mass @ a + bias - torque)
+        terms = np.abs(mass) @ np.abs(a) + np.abs(bias) + np.abs(torque)
+        assert (residual <= TOLERANCE * terms).all()
+        if condition(mass) <= WELL_CONDITIONED:
+            assert_equal(a, accelerations)
     return worst
 
 
@@ -311,10 +298,7 @@ def test_points_of_any_tree_move_as_in_pinocchio(tree, seed):
         velocity = pin.getVelocity(reference, data, joint, pin.LOCAL_WORLD_ALIGNED)
         forward, _, upward = velocity.linear + np.cross(velocity.angular, turned)
         expected.append([forward, upward, (data.oMi[joint].translation + turned)[2]])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(articulated_body, "ground_contact_force", telling_law)  # of the loops
-        for item in kernels(model, points, telling_law):
-            assert_equal(item.point_motion(q, v), np.array(expected))
+    assert_equal(kernel_of(model, points, telling_law).point_motion(q, v), np.array(expected))
 
 
 @settings(max_examples=25)
@@ -335,11 +319,10 @@ def test_accelerations_of_any_tree_equal_those_of_mujoco(tree, seed):
     data = mujoco.MjData(theirs)
     data.qpos[order], data.qvel[order], data.qfrc_applied[order] = q, v, torque
     mujoco.mj_forward(theirs, data)
-    for item in kernels(model):
-        # MuJoCo turns inertias to their principal axes, by an iteration that ends at 1e-12.
-        np.testing.assert_allclose(
-            item.accelerations(q, v, torque),
-            data.qacc[order],
-            atol=1e-9 * np.abs(data.qacc).max(),
-            rtol=0.0,
-        )
+    # MuJoCo turns inertias to their principal axes, by an iteration that ends at 1e-12.
+    np.testing.assert_allclose(
+        kernel_of(model).accelerations(q, v, torque),
+        data.qacc[order],
+        atol=1e-9 * np.abs(data.qacc).max(),
+        rtol=0.0,
+    )

@@ -3,10 +3,28 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from twin_gait.core.hyperbolic import hyperbolic_tangent
 
 _SQRT_2E = math.sqrt(2.0 * math.e)
+
+
+@dataclass(slots=True)
+class Friction:
+    """Parameters of :func:`rotational_friction_torque`.
+
+    Attributes:
+        breakaway_torque: a in [N m].
+        coulomb_friction: b in [N m].
+        breakaway_velocity: c in [rad] / [s].
+        viscous_friction: d in [N m s] / [rad].
+    """
+
+    breakaway_torque: float
+    coulomb_friction: float
+    breakaway_velocity: float
+    viscous_friction: float
 
 
 def rotational_friction_torque(

@@ -241,9 +241,9 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
     velocity = log[f"{name}_velocity_rad_per_s"].to_numpy()
     if f"{name}_motor_torque_Nm" not in log:
         # The log has the orthosis without its stops.
-        row = world.plant_rows[index].tolist()
+        plant = world.plant[index]
         states = zip(log[f"{name}_angle_rad"].tolist(), velocity.tolist(), strict=True)
-        return np.array([sum(passive_torque(angle, speed, 0.0, *row)) for angle, speed in states])
+        return np.array([passive_torque(plant, angle, speed, 0.0) for angle, speed in states])
     motor, friction, stop = (
         log[f"{name}_{part}_torque_Nm"].to_numpy() for part in ("motor", "friction", "stop")
     )

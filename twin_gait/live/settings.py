@@ -11,7 +11,6 @@ import numpy as np
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
 from twin_gait.core.guards import Comparison
-from twin_gait.core.plant import CONSTANT_FORCE
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
 from twin_gait.scenario import TreadmillScenario
@@ -174,7 +173,7 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
     walk = build_problem(settings.experiment)
     driven = walk if settings.mode is Mode.WALK else build_problem(settings.driving)
     scenario, pelvis = settings.experiment.scenario, walk.world.model.pelvis_index
-    treadmill, rows = isinstance(scenario, TreadmillScenario), walk.world.plant_rows
+    treadmill, plant = isinstance(scenario, TreadmillScenario), walk.world.plant
     return LoopNumbers(
         phase_rows=driven.phase_rows.tolist(),
         comparisons=walk.program.comparisons,
@@ -182,7 +181,7 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
         belt_speed=_belt_speed(settings, walk) if treadmill else None,
         support_force=None
         if pelvis is None
-        else float(rows[pelvis + walk.world.wearer_shift, CONSTANT_FORCE]),
+        else plant[pelvis + walk.world.wearer_shift].spring.force,
         held_phase=walk.table.phase_index(HELD_PHASE) if settings.manual else None,
         watching=settings.mode is Mode.WALK,
     )
@@ -190,7 +189,7 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
 
 def _belt_speed(settings: Settings, problem: Problem) -> float:
     """Speed of the belt in [m] / [s]: without a gait it would carry the feet away."""
-    return problem.world.belt_speed if settings.mode is Mode.WALK else 0.0
+    return problem.world.belt.cruise if settings.mode is Mode.WALK else 0.0
 
 
 def target_torques(settings: Settings, problem: Problem) -> list[float]:

@@ -24,7 +24,7 @@ class LiveWalk:
         """Begin with the settings of the run's own problem."""
         self.run = run
         world = run.problem.world
-        self._belt_speed: float | None = None if world.contact is None else world.belt_speed
+        self._belt_speed: float | None = None if world.contact is None else world.belt.cruise
         self._belt_waits = False
 
     def advance(self, ticks: int) -> np.ndarray:

@@ -17,7 +17,7 @@ from twin_gait.parameters import (
     require_non_negative,
     require_positive,
 )
-from twin_gait.scenario.world import ImposedMotion, World, build_plant_rows
+from twin_gait.scenario.world import World, build_plant
 from twin_gait.vocabulary import JointName
 
 
@@ -102,7 +102,7 @@ class BenchLegScenario:
         if self.imposed_motion is not None:
             index = model.index(side, self.imposed_motion.joint)
             imposed_motion = ImposedMotion(
-                index=index,
+                place=index,
                 start_angle=float(q[index]),
                 amplitude=self.imposed_motion.amplitude,
                 frequency=self.imposed_motion.frequency,
@@ -112,7 +112,7 @@ class BenchLegScenario:
             )
         return World(
             model=model,
-            plant_rows=build_plant_rows(
+            plant=build_plant(
                 model, friction=friction, load_friction=load_friction, stops=stops, ankle=ankle
             ),
             start_q=q,

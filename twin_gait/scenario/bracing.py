@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin_gait.core import plant
+from twin_gait.core.plant import Brace, free_coordinate
 from twin_gait.core.integrators import RK4_STAGES
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import BraceParameters
@@ -25,29 +25,24 @@ def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: Br
     Motors, friction, stops, orthosis and imposed motion stay with the device; the support and the feet go
     with the wearer. Both start in the posture of the world.
     """
-    rows = np.zeros_like(world.plant_rows)
-    rows[:, plant.FRICTION_C] = 1.0
-    device_rows, pelvis = world.plant_rows.copy(), world.model.pelvis_index
+    of_wearer, of_device = [free_coordinate() for _ in world.plant], list(world.plant)
+    pelvis = world.model.pelvis_index
     if pelvis is not None:
-        device_rows[pelvis], rows[pelvis] = rows[pelvis], world.plant_rows[pelvis]
+        of_device[pelvis], of_wearer[pelvis] = of_wearer[pelvis], of_device[pelvis]
     return replace(
         world,
-        plant_rows=np.vstack((device_rows, rows)),
+        plant=(*of_device, *of_wearer),
         start_q=np.tile(world.start_q, 2),
         start_v=np.tile(world.start_v, 2),
-        braces=Braces(device=device, wearer=wearer, rows=_brace_rows(world.model, parameters)),
+        braces=Braces(device=device, wearer=wearer, braces=_braces(world.model, parameters)),
     )
 
 
-def _brace_rows(model: LegModel, parameters: BraceParameters) -> np.ndarray:
-    rows = np.zeros((model.nv, 2))
-    if model.pelvis_index is not None:
-        rows[model.pelvis_index] = parameters.pelvis.stiffness, parameters.pelvis.damping
+def _braces(model: LegModel, parameters: BraceParameters) -> tuple[Brace, ...]:
+    laws = dict.fromkeys(range(model.nv), parameters.pelvis)  # the pelvis is what is no joint
     for side, leg in model.legs.items():
-        for joint, _ in leg.items():
-            brace = parameters.of(joint)
-            rows[model.index(side, joint)] = brace.stiffness, brace.damping
-    return rows
+        laws |= {model.index(side, joint): parameters.of(joint) for joint, _ in leg.items()}
+    return tuple(Brace(laws[index].stiffness, laws[index].damping) for index in range(model.nv))
 
 
 # ---------------------------------------------------------------------- the step
@@ -125,9 +120,9 @@ def _linear(world: World, q: np.ndarray) -> np.ndarray:
     inertia = np.zeros((2 * n, 2 * n))
     inertia[:n, :n], inertia[n:, n:] = braces.device.mass_matrix(q), braces.wearer.mass_matrix(q)
     coupling = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    stiffness, damping = (np.kron(coupling, np.diag(column)) for column in braces.rows.T)
-    rows = world.plant_rows
-    stiffness += np.diag(rows[:, plant.SPRING_STIFFNESS])
-    damping += np.diag(rows[:, plant.SPRING_DAMPING] + rows[:, plant.FRICTION_D])
+    stiffness = np.kron(coupling, np.diag([brace.stiffness for brace in braces.braces]))
+    damping = np.kron(coupling, np.diag([brace.damping for brace in braces.braces]))
+    stiffness += np.diag([plant.spring.stiffness for plant in world.plant])
+    damping += np.diag([plant.spring.damping + plant.friction.viscous_friction for plant in world.plant])
     accelerations = -np.linalg.solve(inertia, np.hstack((stiffness, damping)))
     return np.vstack((np.hstack((np.zeros_like(inertia), np.eye(2 * n))), accelerations))

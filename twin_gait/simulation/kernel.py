@@ -5,33 +5,32 @@ structural zeros are folded into the text; masses, inertias, lengths and armatur
 another wearer needs no new kernel.
 
 Straight-line code runs five to ten times faster than loops, but its text grows with the square of the number
-of joints, and the time to compile it faster still. Models of more than :data:`STRAIGHT_LINE_LIMIT` joints get
-the loops of :mod:`twin_gait.core.articulated_body` behind the same interface.
+of joints, and the time to compile it faster still: models of more than :data:`STRAIGHT_LINE_LIMIT` joints are
+refused.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 
+from twin_gait.exceptions import ModelError
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
-from twin_gait.simulation import articulated_body, rigid_body
+from twin_gait.simulation import rigid_body
+from twin_gait.simulation.episode import Ground, Point
 from twin_gait.simulation.rigid_body import Vector
 from twin_gait.simulation.tracing import Scalar, Trace, compact, text
 
-KERNEL_VERSION = 2
-# Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32; the loops
-# once for all in 7 s.
+# Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32. Two legs
+# with ankles on a moving pelvis have 7, and with a wearer in braces 14.
 STRAIGHT_LINE_LIMIT = 15
 
-
+GROUND_FIELDS = tuple(item.name for item in fields(Ground))
+POINT_FIELDS = tuple(item.name for item in fields(Point))
 WRENCH = (
     (0, 1),
     (1, 0),
 )  # of a guide: part of the joint's wrench and axis, pitching moment and forward force
-
-
-def _in_loops(bodies: Sequence[BodyArrays]) -> bool:
-    return len(bodies) > STRAIGHT_LINE_LIMIT
 
 
 def _map_values(
@@ -57,12 +56,7 @@ def _map_values(
 
 
 def body_values(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> list[float]:
-    """Run-time inputs of a kernel, in the order in which it reads them; structural zeros left out.
-
-    A model beyond the limit of straight-line kernels is given whole.
-    """
-    if _in_loops(bodies):
-        return articulated_body.tree_values(bodies, points)
+    """Run-time inputs of a kernel, in the order in which it reads them; structural zeros left out."""
     values: list[float] = []
 
     def visit(value: float) -> float:
@@ -102,7 +96,7 @@ def _ground(trace: Trace, heights: list[Scalar], powers: list[Scalar]) -> rigid_
     """Contact law that calls the one in core, and keeps heights and powers."""
 
     def law(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
-        parameters = _inputs(trace, "contact", 5)
+        parameters = [trace.input(f"ground.{name}") for name in GROUND_FIELDS]
         forward, upward = trace.call(
             "ground_contact_force", [position[2], velocity[0], velocity[2], *parameters], 2
         )
@@ -143,14 +137,13 @@ def _point_stores(
 ) -> list[tuple[str, Scalar]]:
     stores = []
     for number, (forces, height) in enumerate(zip(contacts, heights, strict=True)):
-        stores += [(f"points[{number}, {column}]", value) for column, value in enumerate([*forces, height])]
+        parts = zip(POINT_FIELDS, [*forces, height], strict=True)
+        stores += [(f"points[{number}].{name}", value) for name, value in parts]
     return stores
 
 
 def write_dynamics(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str) -> str:
-    """Source of ``dynamics``; see :mod:`twin_gait.simulation.kernel_interface`."""
-    if _in_loops(bodies):
-        return articulated_body.write_call("dynamics", up_axis)
+    """Source of ``dynamics``; see :mod:`twin_gait.simulation.interface`."""
     trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
     inputs, places = _as_inputs(trace, bodies, points)
     n = len(bodies)
@@ -164,14 +157,12 @@ def write_dynamics(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint],
         _ground(trace, heights, powers),
     )
     stores = _stores("a", result.acceleration) + _point_stores(result.contacts, heights)
-    signature = "dynamics(q, v, torque, bodies, gravity, contact, a, points)"
+    signature = "dynamics(q, v, torque, bodies, gravity, ground, a, points)"
     return _function(signature, trace, stores, [_total(powers)])
 
 
 def write_contact_forces(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint]) -> str:
     """Source of ``contact_forces``."""
-    if _in_loops(bodies):
-        return articulated_body.write_call("contact_forces")
     trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
     inputs, places = _as_inputs(trace, bodies, points)
     n = len(bodies)
@@ -185,7 +176,7 @@ def write_contact_forces(bodies: Sequence[BodyArrays], points: Sequence[ContactP
         _ground(trace, heights, powers),
     )
     stores = _point_stores(result.contacts, heights)
-    return _function("contact_forces(q, v, bodies, contact, points)", trace, stores, [_total(powers)])
+    return _function("contact_forces(q, v, bodies, ground, points)", trace, stores, [_total(powers)])
 
 
 def write_observe(
@@ -195,9 +186,6 @@ def write_observe(
     guides: Sequence[int] = (0,),
 ) -> str:
     """Source of ``observe``; the wrench is that of all guides, each about its own origin."""
-    if _in_loops(bodies):
-        assert tuple(guides) == (0,), "the loops know one guide"
-        return articulated_body.write_call("observe", up_axis)
     trace = Trace()
     inputs, places = _as_inputs(trace, bodies, points)
     n = len(bodies)
@@ -205,7 +193,7 @@ def write_observe(
     gravity = _gravity_vector(trace, up_axis)
 
     def known_force(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
-        return [trace.input(f"points[{number}, {column}]") for column in (0, 1)]
+        return [trace.input(f"points[{number}].{name}") for name in POINT_FIELDS[:2]]
 
     result = rigid_body.inverse_dynamics(inputs, q, v, a, gravity, places, known_force)
     potential = rigid_body.potential_energy(inputs, q, gravity)
@@ -218,8 +206,6 @@ def write_observe(
 
 def write_control_gravity(bodies: Sequence[BodyArrays], up_axis: str) -> str:
     """Source of ``control_gravity``."""
-    if _in_loops(bodies):
-        return articulated_body.write_call("control_gravity", up_axis)
     trace = Trace()
     inputs, _ = _as_inputs(trace, bodies, ())
     n = len(bodies)
@@ -234,8 +220,6 @@ def write_control_gravity(bodies: Sequence[BodyArrays], up_axis: str) -> str:
 
 def write_control_inertia(bodies: Sequence[BodyArrays]) -> str:
     """Source of ``control_inertia``."""
-    if _in_loops(bodies):
-        return articulated_body.write_call("control_inertia")
     trace = Trace()
     inputs, _ = _as_inputs(trace, bodies, ())
     n = len(bodies)
@@ -252,7 +236,7 @@ def write_kernel(
     up_axis: str,
     guides: Sequence[int] = (0,),
 ) -> str:
-    """Source of all functions of :mod:`twin_gait.simulation.kernel_interface` for one structure.
+    """Source of all functions of :mod:`twin_gait.simulation.interface` for one structure.
 
     Args:
         points: Points of the plant that may touch the ground.
@@ -260,16 +244,18 @@ def write_kernel(
 
     Returns:
         Python source; it needs ``math`` and ``ground_contact_force`` in its module.
+
+    Raises:
+        ModelError: If the plant has more than :data:`STRAIGHT_LINE_LIMIT` joints.
     """
-    structure = (
-        _structure(bodies, points),
-        _structure(control_bodies),
-        up_axis,
-        str(STRAIGHT_LINE_LIMIT),
-        str(tuple(guides)),
-    )
+    if len(bodies) > STRAIGHT_LINE_LIMIT:
+        raise ModelError(
+            f"the model has {len(bodies)} joints, those in braces counted twice, and the compiled engine "
+            f"takes at most {STRAIGHT_LINE_LIMIT}; use engine: pinocchio"
+        )
+    structure = (_structure(bodies, points), _structure(control_bodies), up_axis, str(tuple(guides)))
     if structure not in _written:
-        _written[structure] = _joined(
+        _written[structure] = "\n\n".join(
             [
                 write_dynamics(bodies, points, up_axis),
                 write_contact_forces(bodies, points),
@@ -288,10 +274,3 @@ _written: dict[tuple[str, ...], str] = {}
 def _structure(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> str:
     """All that the text of a kernel depends on: topology, axes, and which run-time inputs are zero."""
     return repr(_map_values(bodies, points, lambda value: float(value != 0.0)))
-
-
-def _joined(functions: Sequence[str]) -> str:
-    """Functions in one text, what they import only once and first."""
-    whole = "\n\n".join(functions)
-    bare = whole.replace(f"{articulated_body.IMPORT}\n\n", "")
-    return whole if bare == whole else f"{articulated_body.IMPORT}\n\n{bare}"

@@ -1,0 +1,113 @@
+"""One definition of a record: mypy reads its class, NumPy and numba a dtype of it, plain Python its instances.
+
+A record is a dataclass with slots whose fields are ``float``, ``int``, ``bool``, other records, or lists of
+them, all entries of a list alike. An instance gives the lengths of the lists, and so the dtype; a list that
+is empty, or a field that is :data:`ABSENT`, is left out of it, and only code that a constant rules out may
+name it. Records are never assigned as a whole: that copies in compiled code and aliases in plain Python.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from functools import lru_cache
+from typing import Any, TypeVar, get_args, get_type_hints
+
+import numpy as np
+
+Record = TypeVar("Record")
+
+ABSENT: Any = None  # what stands in a field that an episode does not have
+_CODES = {float: "f8", int: "i8", bool: "?"}
+
+
+@lru_cache(maxsize=256)
+def _kinds(kind: type) -> tuple[tuple[str, type], ...]:
+    """Name and type of each field of a record; of a list, of its entries."""
+    hints = get_type_hints(kind)
+    result = []
+    for item in fields(kind):
+        hint = hints[item.name]
+        while get_args(hint):
+            hint = get_args(hint)[0]
+        result.append((item.name, hint))
+    return tuple(result)
+
+
+def dtype_of(sample: Any) -> np.dtype[Any]:
+    """The dtype of a record, aligned as C would.
+
+    Args:
+        sample: An instance; its lists have the lengths of the dtype.
+    """
+    layout = []
+    for name, kind in _kinds(type(sample)):
+        value, shape = getattr(sample, name), []
+        while isinstance(value, list):
+            shape.append(len(value))
+            value = value[0] if value else ABSENT
+        if value is not ABSENT:
+            layout.append((name, _CODES.get(kind) or dtype_of(value), tuple(shape)))
+    return np.dtype(layout, align=True)
+
+
+def write(sample: Any, record: Any) -> None:
+    """Write an instance into a NumPy record of its dtype.
+
+    Args:
+        record: Entry of a structured array; changed in place.
+    """
+    for name, kind in _kinds(type(sample)):
+        if name not in record.dtype.names:
+            continue
+        value = getattr(sample, name)
+        if kind in _CODES:
+            record[name] = value
+        elif isinstance(value, list):
+            for place, entry in enumerate(value):
+                write(entry, record[name][place])
+        else:
+            write(value, record[name])
+
+
+def numbers_in(sample: Any) -> list[float]:
+    """All numbers of an instance in the order of its dtype."""
+    found: list[float] = []
+    _collect(sample, found)
+    return found
+
+
+def _collect(value: Any, found: list[float]) -> None:
+    for name in value.__slots__:
+        entry = getattr(value, name)
+        if type(entry) is list:
+            for item in entry:
+                if hasattr(item, "__slots__"):
+                    _collect(item, found)
+                else:
+                    found.append(item)
+        elif type(entry) is float or type(entry) is int:
+            found.append(entry)
+        elif entry is not ABSENT:
+            _collect(entry, found)
+
+
+def taken_from(kind: type[Record], source: Any, **more: Any) -> Record:
+    """A record whose fields are the attributes of the same name of something else.
+
+    Args:
+        source: For example the parameters of a law.
+        more: Fields that it does not have.
+    """
+    values = {item.name: getattr(source, item.name) for item in fields(kind) if item.name not in more}  # type: ignore[arg-type]
+    return kind(**values, **more)
+
+
+def copied(sample: Record) -> Record:
+    """A copy that shares nothing with a record."""
+
+    def copy(value: Any) -> Any:
+        if isinstance(value, list):
+            return [copy(item) for item in value]
+        return copied(value) if hasattr(value, "__slots__") else value
+
+    return type(sample)(**{name: copy(getattr(sample, name)) for name, _ in _kinds(type(sample))})
