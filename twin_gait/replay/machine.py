@@ -7,13 +7,14 @@ that lacks a signal which a guard reads is refused.
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from twin_gait.core.control_tick import VELOCITY_FAST, leg_signals, measure_joints
+from twin_gait.core.control_tick import joint_signals, leg_signals, measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.guards import OP_COMPARE, OP_PHASE
 from twin_gait.exceptions import GaitTableError
@@ -102,14 +103,12 @@ class _Loop:
         self._recording = recording
         self._angles = _angle_rows(recording, table)
         self._loads = _load_rows(recording, body_weight)
-        n_joints = self._angles.shape[1]
         time_constant = sensors.fast_time_constant if fast_time_constant is None else fast_time_constant
         self._fast_gain = first_order_gain(TICK, time_constant)
         self._decimation = sensors.decimation
-        self._measured = np.zeros((n_joints, 3))
-        self._decimated = np.zeros(n_joints)
-        self._ring = np.zeros((sensors.window, n_joints))
-        self._ideal = np.zeros(n_joints)
+        self._encoders = [
+            [new_encoder(0.0, 0.0, sensors.window) for _ in table.joints] for _ in recording.sides
+        ]
         self._signals = [math.nan] * len(all_signal_names(table.joints))
         self._signals[-1] = 1.0  # who is recorded walking was told to
         program = compile_guards(table)
@@ -126,7 +125,7 @@ class _Loop:
     def step(self, tick: int) -> None:
         """Measure, decide, record."""
         self._measure(tick)
-        ticks = np.array([tick - machine.entry_tick for machine in self._machines])
+        ticks = [tick - machine.entry_tick for machine in self._machines]
         before = [machine.phase_index for machine in self._machines]
         for leg, machine in enumerate(self._machines):
             self._write_signals(leg, tick, ticks, 0)
@@ -138,24 +137,18 @@ class _Loop:
             if switch is not None:
                 self._switches.append(switch)
         self._phase[tick] = [machine.phase_index for machine in self._machines]
-        self._velocity[tick] = self._measured[:, VELOCITY_FAST]
+        self._velocity[tick] = [encoder.velocity_fast for leg in self._encoders for encoder in leg]
 
     def _measure(self, tick: int) -> None:
-        measure_joints(
-            tick,
-            self._angles[tick],
-            self._ideal,
-            TICK,
-            self._fast_gain,
-            self._decimation,
-            self._measured,
-            self._decimated,
-            self._ring,
-        )
+        encoders = itertools.chain.from_iterable(self._encoders)
+        for encoder, angle in zip(encoders, self._angles[tick].tolist(), strict=True):
+            measure_joint(encoder, tick, angle, TICK, self._fast_gain, self._decimation)
 
-    def _write_signals(self, leg: int, tick: int, ticks: np.ndarray, offset: int) -> None:
-        joints = len(self._table.joints)
-        leg_signals(leg, joints, self._measured, self._loads[tick], ticks, TICK, self._signals, offset)
+    def _write_signals(self, leg: int, tick: int, ticks: Sequence[int], place: int) -> None:
+        for encoder in self._encoders[leg]:
+            joint_signals(encoder, self._signals, place)
+            place += 2
+        leg_signals(float(self._loads[tick, leg]), ticks[leg], TICK, self._signals, place)
 
     def result(self) -> Replay:
         """Phases, velocities and switches."""
