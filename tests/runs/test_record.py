@@ -18,7 +18,7 @@ from twin_gait.files import write_atomically
 from twin_gait.runs.folders import staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, load_run, trip_time_of, write_run
 from twin_gait.runs.summary import summarise
-from twin_gait.simulation.columns import LogLayout, unit_of
+from twin_gait.simulation.log import LogLayout, unit_of
 
 
 @pytest.fixture(scope="module")

@@ -36,7 +36,7 @@ from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.scenario import TreadmillScenario, World
-from twin_gait.simulation.columns import state_columns
+from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.pinocchio.plant import PinocchioPlant
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side

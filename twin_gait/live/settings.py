@@ -14,7 +14,7 @@ from twin_gait.core.guards import Comparison
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.simulation.columns import JOINT_COLUMNS
+from twin_gait.simulation.log import JOINT_COLUMNS
 from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 

@@ -31,7 +31,7 @@ from twin_gait.report.figures import write_figures
 from twin_gait.runs.folders import FolderKind, journal_of
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, unit_of
+from twin_gait.simulation.log import LOG_SCHEMA_VERSION, unit_of
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.viewer.animation import write_animation

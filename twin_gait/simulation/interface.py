@@ -71,6 +71,11 @@ def control_inertia(q: list[float], a: list[float], bodies: list[float], torque:
     raise NotImplementedError
 
 
+def episode_at(address: int) -> Episode:
+    """The episode at an address."""
+    raise NotImplementedError
+
+
 def log_row(e: Episode, tick: int) -> LogRow:
     """Row of the log for a tick."""
     raise NotImplementedError

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -10,8 +11,9 @@ import numpy as np
 
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.experiment import ControlMode, Experiment
-from twin_gait.gait.guards import all_signal_names, signal_names
-from twin_gait.gait.program import GuardProgram, compile_guards
+from twin_gait.gait.guards import all_signal_names
+from twin_gait.core.guards import GuardProgram
+from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
@@ -19,7 +21,7 @@ from twin_gait.parameters import ActuatorParameters
 from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.scenario.world import World
 from twin_gait.simulation.driving import Path, driven_rows, reference_path, starting_on_path
-from twin_gait.simulation.wearing import WearerArrays, wearer_arrays
+from twin_gait.simulation.wearing import Wearer, wearer_of
 from twin_gait.vocabulary import JointName, Side
 
 
@@ -68,7 +70,7 @@ class Problem:
     noise: np.ndarray
     resolution: np.ndarray
     fast_gain: float
-    wearer: WearerArrays
+    wearer: Wearer
     path: Path | None
 
     @property
@@ -81,21 +83,9 @@ class Problem:
         """Actuated joints of a leg."""
         return len(self.table.joints)
 
-    @property
-    def signals_per_leg(self) -> int:
-        """Signals of a leg in the signal array."""
-        return len(signal_names(self.table.joints))
-
-    def first_signals(self) -> np.ndarray:
-        """Signals before anything is measured, with the command to walk, shape ``(2 n + 1,)``."""
-        signals = np.full(len(all_signal_names(self.table.joints)), np.nan)
-        signals[-1] = 1.0
-        return signals
-
-    def first_assistance(self) -> np.ndarray:
-        """Share of the impedance that each joint is given at the start, shape ``(n_joints,)``."""
-        share = self.experiment.control.assistance.share
-        return np.array([share[joint.joint] for joint in self.joints])
+    def first_signals(self) -> list[float]:
+        """Signals before anything is measured, with the command to walk at the end."""
+        return [math.nan] * (len(all_signal_names(self.table.joints)) - 1) + [1.0]
 
     def actuator(self, joint: ActuatedJoint) -> ActuatorParameters:
         """Motor and gear of a joint."""
@@ -134,7 +124,7 @@ def build_problem(experiment: Experiment) -> Problem:
         noise=_noise(experiment, len(joints)),
         resolution=np.zeros(len(joints)) if sensors.ideal else 2.0 * np.pi / counts,
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
-        wearer=wearer_arrays(experiment, table, [(item.side, item.joint) for item in joints]),
+        wearer=wearer_of(experiment, table, [(item.side, item.joint) for item in joints]),
         path=_path(experiment, world.model.sides),
     )
 

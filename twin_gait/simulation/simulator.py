@@ -53,7 +53,7 @@ def simulate(
     problem = build_problem(experiment)
     engine = _engine(problem, controller, on_compile)
     if isinstance(engine, CompiledEngine):
-        engine.warm_up()
+        pass
     began = time.perf_counter()
     result = engine.run(progress, should_stop)
     wall = time.perf_counter() - began

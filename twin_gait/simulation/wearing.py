@@ -1,4 +1,4 @@
-"""Arrays of the wearer, which both engines step through."""
+"""What the wearer of an experiment does, as an episode has it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.core import wearer
+from twin_gait.core.wearer import Condition
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK, GaitTable
@@ -30,12 +30,12 @@ LOWEST_POSTURE, POSTURE_STEP, POSTURES = np.radians(-30.0), np.radians(2.0), 41 
 _SAMPLES = 51  # of the cycle in a phase
 
 
-class WearerArrays(NamedTuple):
+class Wearer(NamedTuple):
     """A wearer as :mod:`twin_gait.core.wearer` reads them.
 
     Attributes:
         acts: Whether the wearer gives any torque.
-        conditions: Shape ``(n_joints, CONDITION_COLUMNS)``.
+        conditions: Of each joint.
         moments: Normative moment in [N m] by joint, phase and hip angle, shape
             ``(n_joints, n_phases, POSTURES)``.
         noise: Share by which the effort strays in a tick, shape ``(n_ticks or 1, n_joints)``.
@@ -43,15 +43,15 @@ class WearerArrays(NamedTuple):
     """
 
     acts: bool
-    conditions: np.ndarray
+    conditions: list[Condition]
     moments: np.ndarray
     noise: np.ndarray
     delay: int
 
 
-def wearer_arrays(
+def wearer_of(
     experiment: Experiment, table: GaitTable, joints: Sequence[tuple[Side, JointName]]
-) -> WearerArrays:
+) -> Wearer:
     """Lay the wearer of an experiment out.
 
     Raises:
@@ -59,28 +59,27 @@ def wearer_arrays(
     """
     patient = experiment.patient
     count, phases = len(joints), len(table.phase_names)
-    if patient is None or patient.is_mass_alone:
-        nothing = np.zeros((count, wearer.CONDITION_COLUMNS))
-        return WearerArrays(False, nothing, np.zeros((count, phases, POSTURES)), np.zeros((1, count)), 0)
-    conditions = [patient.conditions.get(place, JointCondition()) for place in joints]
-    rows = np.array([_row(item) for item in conditions])
     moments = np.zeros((count, phases, POSTURES))
-    if rows[:, wearer.EFFORT].any():
+    if patient is None or patient.is_mass_alone:
+        nothing = [Condition(0.0, 0.0, 0.0, 0.0, 0.0) for _ in joints]
+        return Wearer(False, nothing, moments, np.zeros((1, count)), 0)
+    conditions = [_condition(patient.conditions.get(place, JointCondition())) for place in joints]
+    if any(item.effort for item in conditions):
         _require_phases(table)
         for number, (_, joint) in enumerate(joints):
             moments[number] = _moments(experiment, patient, table, joint)
     noise = _noise(experiment, patient, count)
-    return WearerArrays(True, rows, moments, noise, round(patient.effort_delay / TICK))
+    return Wearer(True, conditions, moments, noise, round(patient.effort_delay / TICK))
 
 
-def _row(condition: JointCondition) -> np.ndarray:
-    row = np.zeros(wearer.CONDITION_COLUMNS)
-    row[wearer.PASSIVE_SHARE] = condition.passive
-    row[wearer.CONTRACTURE] = condition.contracture
-    row[wearer.STRETCH_REFLEX_THRESHOLD] = condition.stretch_reflex_threshold
-    row[wearer.STRETCH_REFLEX_GAIN] = condition.stretch_reflex_gain
-    row[wearer.EFFORT] = condition.effort * condition.strength
-    return row
+def _condition(condition: JointCondition) -> Condition:
+    return Condition(
+        passive_share=condition.passive,
+        contracture=condition.contracture,
+        stretch_reflex_threshold=condition.stretch_reflex_threshold,
+        stretch_reflex_gain=condition.stretch_reflex_gain,
+        effort=condition.effort * condition.strength,
+    )
 
 
 def _require_phases(table: GaitTable) -> None:
