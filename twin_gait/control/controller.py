@@ -14,7 +14,6 @@ from twin_gait.core.control_tick import controller_torques
 from twin_gait.exceptions import MeasurementError, ParameterError
 from twin_gait.parameters import FrictionParameters
 
-
 # From angle, fast and slow velocity; k, b, θ0, G; and the friction torque of the compensator's model at the
 # slow velocity to the impedance and the friction-compensation torque, as
 # :func:`twin_gait.core.control_tick.controller_torques`.

@@ -95,9 +95,7 @@ def passive_torque(plant: Plant, q: float, v: float, load: float) -> float:
     if plant.load_friction != 0.0:
         friction -= load_friction_torque(v, load, plant.load_friction, law.breakaway_velocity)
     if limits.stiffness != 0.0:
-        stop = mechanical_stop_torque(
-            q, v, limits.lower, limits.upper, limits.stiffness, limits.dissipation
-        )
+        stop = mechanical_stop_torque(q, v, limits.lower, limits.upper, limits.stiffness, limits.dissipation)
     plant.friction_torque = friction
     plant.stop_torque = stop
     plant.spring_torque = spring.force - spring.stiffness * q - spring.damping * v

@@ -28,6 +28,7 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.conventions import DEGREES, Convention
+from twin_gait.core.contact import Ground, Point
 from twin_gait.core.plant import passive_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.export.motion import joint_angles, write_storage
@@ -37,7 +38,6 @@ from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.scenario import TreadmillScenario, World
 from twin_gait.simulation.log import state_columns
-from twin_gait.simulation.episode import Ground, Point
 from twin_gait.simulation.pinocchio_kernel import GroundContacts
 from twin_gait.simulation.record import taken_from
 from twin_gait.simulation.run import Run

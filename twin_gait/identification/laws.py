@@ -30,7 +30,7 @@ from twin_gait.core.friction_models import (
     two_velocity_torque,
 )
 from twin_gait.identification.samples import Samples
-from twin_gait.simulation.compiling import register_core
+from twin_gait.simulation.binding import bind
 
 
 def coulomb_viscous(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
@@ -58,8 +58,7 @@ def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarra
 @lru_cache(maxsize=1)
 def _law_of_the_engines() -> Callable[..., np.ndarray]:
     """Equation (3.1) over arrays: the function of the engines, compiled to run over samples."""
-    register_core()
-    law: Callable[..., np.ndarray] = numba.vectorize(rotational_friction_torque)
+    law: Callable[..., np.ndarray] = numba.vectorize(bind(rotational_friction_torque, {}, numba.njit).py_func)
     return law
 
 
@@ -245,8 +244,7 @@ def _start_of(fresh: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def _loop() -> Callable[..., np.ndarray]:
-    register_core()
-    compiled: Callable[..., np.ndarray] = numba.njit(_deflections)
+    compiled: Callable[..., np.ndarray] = bind(_deflections, {}, numba.njit)
     return compiled
 
 

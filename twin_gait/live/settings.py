@@ -179,9 +179,7 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
         comparisons=walk.program.comparisons,
         target_torque=target_torques(settings, walk),
         belt_speed=_belt_speed(settings, walk) if treadmill else None,
-        support_force=None
-        if pelvis is None
-        else plant[pelvis + walk.world.wearer_shift].spring.force,
+        support_force=None if pelvis is None else plant[pelvis + walk.world.wearer_shift].spring.force,
         held_phase=walk.table.phase_index(HELD_PHASE) if settings.manual else None,
         watching=settings.mode is Mode.WALK,
     )

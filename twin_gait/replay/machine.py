@@ -7,7 +7,6 @@ that lacks a signal which a guard reads is refused.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -106,9 +105,7 @@ class _Loop:
         time_constant = sensors.fast_time_constant if fast_time_constant is None else fast_time_constant
         self._fast_gain = first_order_gain(TICK, time_constant)
         self._decimation = sensors.decimation
-        self._encoders = [
-            [new_encoder(0.0, 0.0, sensors.window) for _ in table.joints] for _ in recording.sides
-        ]
+        self._encoders = [new_encoder(0.0, 0.0, sensors.window) for _ in range(self._angles.shape[1])]
         self._signals = [math.nan] * len(all_signal_names(table.joints))
         self._signals[-1] = 1.0  # who is recorded walking was told to
         program = compile_guards(table)
@@ -124,7 +121,8 @@ class _Loop:
 
     def step(self, tick: int) -> None:
         """Measure, decide, record."""
-        self._measure(tick)
+        for encoder, angle in zip(self._encoders, self._angles[tick].tolist(), strict=True):
+            measure_joint(encoder, tick, angle, TICK, self._fast_gain, self._decimation)
         ticks = [tick - machine.entry_tick for machine in self._machines]
         before = [machine.phase_index for machine in self._machines]
         for leg, machine in enumerate(self._machines):
@@ -137,18 +135,14 @@ class _Loop:
             if switch is not None:
                 self._switches.append(switch)
         self._phase[tick] = [machine.phase_index for machine in self._machines]
-        self._velocity[tick] = [encoder.velocity_fast for leg in self._encoders for encoder in leg]
-
-    def _measure(self, tick: int) -> None:
-        encoders = itertools.chain.from_iterable(self._encoders)
-        for encoder, angle in zip(encoders, self._angles[tick].tolist(), strict=True):
-            measure_joint(encoder, tick, angle, TICK, self._fast_gain, self._decimation)
+        self._velocity[tick] = [encoder.velocity_fast for encoder in self._encoders]
 
     def _write_signals(self, leg: int, tick: int, ticks: Sequence[int], place: int) -> None:
-        for encoder in self._encoders[leg]:
-            joint_signals(encoder, self._signals, place)
-            place += 2
-        leg_signals(float(self._loads[tick, leg]), ticks[leg], TICK, self._signals, place)
+        joints = len(self._table.joints)
+        for number, encoder in enumerate(self._encoders[leg * joints : (leg + 1) * joints]):
+            joint_signals(encoder, self._signals, place + 2 * number)
+        load = float(self._loads[tick, leg])
+        leg_signals(load, ticks[leg], TICK, self._signals, place + 2 * joints)
 
     def result(self) -> Replay:
         """Phases, velocities and switches."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from twin_gait.core.plant import ImposedMotion
 from twin_gait.leg_model import LegModel, PelvisGuide
 from twin_gait.parameters import (
     AnkleParameters,

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin_gait.core.plant import Brace, free_coordinate
 from twin_gait.core.integrators import RK4_STAGES
+from twin_gait.core.plant import Brace, free_coordinate
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import BraceParameters
 from twin_gait.scenario.world import Braces, World

@@ -140,9 +140,7 @@ class TreadmillScenario:
         require(all(frames.values()), "contact_frames", "heel and toe frames on both feet", frames)
         weight = model.total_mass * gravity
         support_force = self.support.share * weight
-        rows = build_plant(
-            model, friction=friction, load_friction=load_friction, stops=stops, ankle=ankle
-        )
+        rows = build_plant(model, friction=friction, load_friction=load_friction, stops=stops, ankle=ankle)
         pelvis = model.pelvis_index
         assert pelvis is not None  # the pelvis of this scenario is vertical
         rows[pelvis].spring.damping, rows[pelvis].spring.force = self.support.damping, support_force

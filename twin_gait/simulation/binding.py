@@ -59,4 +59,6 @@ def kernel_functions(text: str, called: Mapping[str, Any]) -> dict[str, Any]:
     """
     scope = {"__name__": f"{OURS}generated_kernel", **called}
     exec(compile(text, "generated kernel", "exec"), scope)
-    return {name: item for name, item in scope.items() if isinstance(item, FunctionType) and name not in called}
+    return {
+        name: item for name, item in scope.items() if isinstance(item, FunctionType) and name not in called
+    }

@@ -14,7 +14,7 @@ from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
 from twin_gait.simulation.binding import kernel_functions
-from twin_gait.simulation.engine import EngineResult, ending_of, log_layout, stopped_reason, switches_of
+from twin_gait.simulation.engine import EngineResult, ending_of, log_layout, run_in_chunks, switches_of
 from twin_gait.simulation.episode import Episode, Switch
 from twin_gait.simulation.filling import new_episode, structure_of
 from twin_gait.simulation.interface import episode_at
@@ -130,18 +130,11 @@ class CompiledEngine:
         """
         total = self.problem.experiment.n_ticks
         rows = np.zeros((total if self._record else 1, len(self.layout.names)))
-        done = 0
-        status, reason = RunStatus.COMPLETED, ""
-        while done < total and status is RunStatus.COMPLETED:
-            if progress is not None:
-                progress(done, total)
-            if should_stop is not None and should_stop():
-                status, reason = RunStatus.INTERRUPTED, stopped_reason(done)
-                break
-            done = self.run_ticks(done, min(done + CHUNK_TICKS, total), rows)
-            status, reason = self.ending(done)
-        if progress is not None:
-            progress(done, total)
+
+        def run_ticks(first: int, end: int) -> tuple[int, int]:
+            return self.run_ticks(first, end, rows), int(self.episode["status"])
+
+        done, status, reason = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
         rows = rows[:done] if self._record else rows[:0]
         return EngineResult(rows, self.phase_switches(), status, reason, self.trip())
 
@@ -156,12 +149,12 @@ class CompiledEngine:
 
     def phase_switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
         """Switches of the phases so far, from one of them on."""
-        return switches_of(self.problem, self.switches[first : self.episode["recording"]["n_switches"]].tolist())
+        return switches_of(
+            self.problem, self.switches[first : self.episode["recording"]["n_switches"]].tolist()
+        )
 
 
-def written_kernel(
-    problem: Problem, *, record: bool = True
-) -> tuple[str, Episode, dict[str, int | bool]]:
+def written_kernel(problem: Problem, *, record: bool = True) -> tuple[str, Episode, dict[str, int | bool]]:
     """Generated kernel of a problem, the episode that goes with it, and the constants to bind.
 
     Args:

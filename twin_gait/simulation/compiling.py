@@ -32,8 +32,8 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.machine_code import MachineCode, NativeFunction, function_at
 
-# LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops over the
-# coordinates for long ones and makes the treadmill 15 to 20 % slower.
+# LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops over
+# the coordinates for long ones and makes the treadmill 15 to 20 % slower.
 OPTIMISATION, VECTORISE = 1, 0
 _ENDLESS = 1 << 40  # rows behind an address, whose number the caller knows
 
@@ -74,7 +74,8 @@ def jit(function: Any, *, inline: bool = True) -> Any:
     made = numba.njit(**_OPTIONS, forceinline=inline)(function)
     template = made.get_call_template
     # Otherwise every literal 0, 1, -1 in a call is a type of its own, and compiled anew.
-    made.get_call_template = lambda args, kws: template(tuple(map(types.unliteral, args)), kws)
+    plain = types.unliteral  # type: ignore[attr-defined]  # numba has no types
+    made.get_call_template = lambda args, kws: template(tuple(map(plain, args)), kws)
     return made
 
 

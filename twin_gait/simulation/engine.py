@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -57,7 +57,10 @@ def ending_of(status: int, ticks: int, problem: Problem) -> tuple[RunStatus, str
         status: Of the episode.
     """
     if status == DIVERGED:
-        return RunStatus.DIVERGED, f"the state diverged at {ticks * TICK:.3f} s; try a smaller integration step"
+        return (
+            RunStatus.DIVERGED,
+            f"the state diverged at {ticks * TICK:.3f} s; try a smaller integration step",
+        )
     if status == FELL:
         height = problem.world.fall_height
         return RunStatus.FELL, f"the pelvis fell below {height:.2f} m at {ticks * TICK:.3f} s"
@@ -78,6 +81,39 @@ def switches_of(
         PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
         for tick, leg, source, target, chosen in switches
     )
+
+
+def run_in_chunks(
+    problem: Problem,
+    chunk: int,
+    run_ticks: Callable[[int, int], tuple[int, int]],
+    progress: Callable[[int, int], None] | None,
+    should_stop: Callable[[], bool] | None,
+) -> tuple[int, RunStatus, str]:
+    """Run to the end of the experiment, or to a fall, divergence or a request to stop.
+
+    Args:
+        chunk: Ticks between two looks at progress and requests.
+        run_ticks: From first tick and one past the last to the ticks run since the start and the status of
+            the episode.
+        progress: Called with ticks done and ticks in all.
+        should_stop: True ends the run.
+
+    Returns:
+        Ticks run, how it ended, and why.
+    """
+    total, done = problem.experiment.n_ticks, 0
+    status, reason = RunStatus.COMPLETED, ""
+    while done < total and status is RunStatus.COMPLETED:
+        if progress is not None:
+            progress(done, total)
+        if should_stop is not None and should_stop():
+            return done, RunStatus.INTERRUPTED, stopped_reason(done)
+        done, code = run_ticks(done, min(done + chunk, total))
+        status, reason = ending_of(code, done, problem)
+    if progress is not None:
+        progress(done, total)
+    return done, status, reason
 
 
 def stopped_reason(ticks: int) -> str:

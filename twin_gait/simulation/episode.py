@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
 from twin_gait.core.belt import Belt
+from twin_gait.core.contact import Ground, Point
 from twin_gait.core.control_tick import Encoder, Setpoint
 from twin_gait.core.faults import Fault
 from twin_gait.core.friction import Friction
@@ -114,40 +115,6 @@ class Leg:
     last_load: float = 0.0
     load_streak: int = 0
     stride_start: int = 0
-
-
-@dataclass(slots=True)
-class Ground:
-    """The ground under the feet, or the belt.
-
-    Attributes:
-        belt_speed: Present one, backwards positive, in [m] / [s].
-        stiffness: In [N] / [m]^1.5.
-        dissipation: In [s] / [m].
-        friction_coefficient: Coulomb coefficient.
-        transition_velocity: Of the regularised friction in [m] / [s].
-    """
-
-    belt_speed: float = 0.0
-    stiffness: float = 0.0
-    dissipation: float = 0.0
-    friction_coefficient: float = 0.0
-    transition_velocity: float = 0.0
-
-
-@dataclass(slots=True)
-class Point:
-    """A point of a sole.
-
-    Attributes:
-        forward: Force on it in [N].
-        upward: Likewise.
-        height: Above the ground in [m].
-    """
-
-    forward: float = 0.0
-    upward: float = 0.0
-    height: float = 0.0
 
 
 @dataclass(slots=True)

@@ -6,7 +6,7 @@ import math
 
 from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
-from twin_gait.core.belt import Belt
+from twin_gait.core.contact import Ground, Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
 from twin_gait.core.friction import Friction
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
@@ -18,19 +18,17 @@ from twin_gait.simulation.episode import (
     ControlModel,
     Efforts,
     Episode,
-    Ground,
     Joint,
     Leg,
     Limits,
     Path,
-    Point,
     Rates,
     Recording,
     Stages,
     Supply,
 )
-from twin_gait.simulation.problem import ActuatedJoint, Problem
-from twin_gait.simulation.record import copied, taken_from
+from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.record import Record, copied, taken_from
 from twin_gait.simulation.watching import (
     NEVER,
     fault_records,
@@ -186,13 +184,14 @@ def _capacity(count: int) -> int:
 def _padded(program: GuardProgram) -> GuardProgram:
     """A program with room, so that tables of like size share one loop."""
     padded = copied(program)
-    for entries, blank in (
-        (padded.transitions, TransitionRule(-1, 0, 0, 0, 0, 0)),
-        (padded.nodes, GuardNode(0, 0)),
-        (padded.comparisons, Comparison(0, 0, 0.0, 0.0, 0.0)),
-    ):
-        entries += [copied(blank) for _ in range(_capacity(len(entries)) - len(entries))]  # type: ignore[misc]
+    _pad(padded.transitions, TransitionRule(-1, 0, 0, 0, 0, 0))
+    _pad(padded.nodes, GuardNode(0, 0))
+    _pad(padded.comparisons, Comparison(0, 0, 0.0, 0.0, 0.0))
     return padded
+
+
+def _pad(entries: list[Record], blank: Record) -> None:
+    entries += [copied(blank) for _ in range(_capacity(len(entries)) - len(entries))]
 
 
 def _rates(problem: Problem) -> Rates:
@@ -232,9 +231,10 @@ def _limits(problem: Problem) -> Limits:
 
 
 def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
-    n = problem.control_model.nv
-    room = ([0.0] * n for _ in range(4))
-    return ControlModel(bodies, *room, inertia_gain=problem.experiment.control.inertia_compensation)
+    q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
+    return ControlModel(
+        bodies, q, a, gravity, inertia, inertia_gain=problem.experiment.control.inertia_compensation
+    )
 
 
 def _ground(problem: Problem) -> Ground:

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from twin_gait.simulation.episode import Episode, Ground, Point, Switch
+from twin_gait.core.contact import Ground, Point
+from twin_gait.simulation.episode import Episode, Switch
 from twin_gait.simulation.log import LogRow
 
-# Legs, actuated joints of a leg, contact points of a foot; place of the pelvis, -1 without one; how far behind
-# a coordinate of the device that of the wearer stands, 0 if they are one.
+# Legs, actuated joints of a leg, contact points of a foot; place of the pelvis, -1 without one; how far
+# behind a coordinate of the device that of the wearer stands, 0 if they are one.
 LEGS, JOINTS_PER_LEG, POINTS_PER_FOOT, PELVIS, SHIFT = 1, 2, 0, -1, 0
-# Whether legs have ankles, the integration is Runge-Kutta's, there are faults, inertia torques are wanted, the
-# wearer acts, the path is followed, the impedance is shared, and the share adapts.
+# Whether legs have ankles, the integration is Runge-Kutta's, there are faults, inertia torques are wanted,
+# the wearer acts, the path is followed, the impedance is shared, and the share adapts.
 ANKLES = RK4 = FAULTY = INERTIA_WANTED = WEARER = FOLLOWS = ASSISTS = ADAPTS = False
 
 

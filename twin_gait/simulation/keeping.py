@@ -126,15 +126,19 @@ def source_key(what: str, *more: str) -> str:
         more: Further sources, as :data:`SOURCES` names them.
 
     Returns:
-        The hash; the sources are read once in a process, so that an edit during a long batch changes nothing.
+        The hash.
     """
-    digest = hashlib.sha256(what.encode())
-    for path in source_files(*SOURCES, *more):
-        digest.update(path.read_bytes())
+    digest = hashlib.sha256(what.encode() + _content(*SOURCES, *more))
     for name in ("numba", "llvmlite", "numpy"):
         digest.update(f"{name} {metadata.version(name)}".encode())
     digest.update(f"{platform.python_version()} {platform.machine()} {_processor()}".encode())
     return digest.hexdigest()[:24]
+
+
+@lru_cache(maxsize=4)
+def _content(*names: str) -> bytes:
+    """Hash over modules, read once in a process: an edit during a long batch changes nothing in it."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in source_files(*names))).digest()
 
 
 def source_files(*names: str) -> list[Path]:

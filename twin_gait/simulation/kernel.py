@@ -14,10 +14,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 
+from twin_gait.core.contact import Point
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 from twin_gait.simulation import rigid_body
-from twin_gait.simulation.episode import Ground, Point
 from twin_gait.simulation.rigid_body import Vector
 from twin_gait.simulation.tracing import Scalar, Trace, compact, text
 
@@ -25,12 +25,9 @@ from twin_gait.simulation.tracing import Scalar, Trace, compact, text
 # with ankles on a moving pelvis have 7, and with a wearer in braces 14.
 STRAIGHT_LINE_LIMIT = 15
 
-GROUND_FIELDS = tuple(item.name for item in fields(Ground))
 POINT_FIELDS = tuple(item.name for item in fields(Point))
-WRENCH = (
-    (0, 1),
-    (1, 0),
-)  # of a guide: part of the joint's wrench and axis, pitching moment and forward force
+# Of a guide: part of the joint's wrench and axis, pitching moment and forward force.
+WRENCH = (0, 1), (1, 0)
 
 
 def _map_values(
@@ -96,10 +93,8 @@ def _ground(trace: Trace, heights: list[Scalar], powers: list[Scalar]) -> rigid_
     """Contact law that calls the one in core, and keeps heights and powers."""
 
     def law(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
-        parameters = [trace.input(f"ground.{name}") for name in GROUND_FIELDS]
-        forward, upward = trace.call(
-            "ground_contact_force", [position[2], velocity[0], velocity[2], *parameters], 2
-        )
+        state = [position[2], velocity[0], velocity[2]]
+        forward, upward = trace.call("ground_contact_force", [trace.input("ground"), *state], 2)
         heights.append(position[2])
         powers.append(forward * velocity[0] + upward * velocity[2])
         return [forward, upward]

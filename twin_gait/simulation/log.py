@@ -50,7 +50,9 @@ class JointRow:
     velocity_slow: float = column("rad/s", "decimated and averaged estimate, for the friction compensation")
     impedance_torque: float = column("N m", "of virtual spring and damper; in the hold, of the brake")
     friction_compensation_torque: float = column("N m", "G times the friction of the model")
-    gravity_compensation_torque: float = column("N m", "share of the gravity torque that the controller gives")
+    gravity_compensation_torque: float = column(
+        "N m", "share of the gravity torque that the controller gives"
+    )
     inertia_compensation_torque: float = column("N m", "share of the inertia torque that it gives")
     target_torque: float = column("N m", "added to the command")
     motor_command_torque: float = column("N m", "sum of the five, before limits")
@@ -225,6 +227,24 @@ def unit_of(name: str) -> str:
         return "code"
     units = {f"_{suffix}": unit for unit, suffix in _SUFFIXES.items()}
     return units.get(max((end for end in units if name.endswith(end)), key=len, default=""), "1")
+
+
+def meaning_of(name: str) -> str:
+    """What a column of a log means, as it is declared; empty for one that is not."""
+    rows = (
+        AnkleRow if JointName.ANKLE in name else JointRow,
+        FootRow,
+        PelvisRow,
+        WorkRow,
+        BraceWorkRow,
+        BraceRow,
+        PelvisBraceRow,
+        LogRow,
+    )
+    known = {
+        own: meaning for row in rows for own, (_, meaning) in columns_of(row).items() if name.endswith(own)
+    }
+    return known[max(known, key=len)] if known else ""
 
 
 @dataclass(frozen=True)

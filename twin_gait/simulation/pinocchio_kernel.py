@@ -12,11 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from twin_gait.core.contact import ground_contact_force
+from twin_gait.core.contact import Ground, Point, ground_contact_force
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.scenario.world import World
-from twin_gait.simulation.episode import Ground, Point
 from twin_gait.vocabulary import Side
 
 _Vector = tuple[float, float, float]
@@ -80,16 +79,8 @@ class GroundContacts:
             ux, uy, uz = lx + wy * z - wz * y, ly + wz * x - wx * z, lz + wx * y - wy * x
             forward = r00 * ux + r01 * uy + r02 * uz
             upward = r20 * ux + r21 * uy + r22 * uz
-            point.forward, point.upward = along, up = ground_contact_force(
-                point.height,
-                forward,
-                upward,
-                ground.belt_speed,
-                ground.stiffness,
-                ground.dissipation,
-                ground.friction_coefficient,
-                ground.transition_velocity,
-            )
+            along, up = ground_contact_force(ground, point.height, forward, upward)
+            point.forward, point.upward = along, up
             power += along * forward + up * upward
             px, py, pz = r00 * along + r20 * up, r01 * along + r21 * up, r02 * along + r22 * up
             fx, fy, fz = fx + px, fy + py, fz + pz
@@ -116,9 +107,7 @@ class PinocchioKernel:
         self._contacts = GroundContacts(world)
         airborne = [no_forces(chain.model) for chain in world.chains[:-1]]
         parts = [slice(first, first + own) for first in range(0, len(world.start_q), own)]
-        self._chains = list(
-            zip(world.chains, parts, [*airborne, self._contacts.forces], strict=True)
-        )
+        self._chains = list(zip(world.chains, parts, [*airborne, self._contacts.forces], strict=True))
         self._guided = world.model.pelvis_index is not None
 
     @property
@@ -157,7 +146,13 @@ class PinocchioKernel:
         return self._contacts.update(np.array(q[part]), np.array(v[part]), ground, points)
 
     def observe(
-        self, q: list[float], v: list[float], a: list[float], bodies: list[float], gravity: float, points: object
+        self,
+        q: list[float],
+        v: list[float],
+        a: list[float],
+        bodies: list[float],
+        gravity: float,
+        points: object,
     ) -> tuple[float, float, float, float]:
         """Energies, and by inverse dynamics what the guides of the pelvis take, each about its own pelvis."""
         kinetic = potential = force = moment = 0.0

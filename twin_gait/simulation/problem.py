@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.core.estimation import first_order_gain
+from twin_gait.core.guards import GuardProgram
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.gait.guards import all_signal_names
-from twin_gait.core.guards import GuardProgram
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
 from twin_gait.gait.table import TICK, GaitTable

@@ -1,4 +1,4 @@
-"""One definition of a record: mypy reads its class, NumPy and numba a dtype of it, plain Python its instances.
+"""One definition of a record: its class for mypy, a dtype of it for NumPy and numba, plain instances.
 
 A record is a dataclass with slots whose fields are ``float``, ``int``, ``bool``, other records, or lists of
 them, all entries of a list alike. An instance gives the lengths of the lists, and so the dtype; a list that
@@ -9,7 +9,6 @@ name it. Records are never assigned as a whole: that copies in compiled code and
 from __future__ import annotations
 
 from dataclasses import fields
-from functools import lru_cache
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
@@ -20,17 +19,21 @@ ABSENT: Any = None  # what stands in a field that an episode does not have
 _CODES = {float: "f8", int: "i8", bool: "?"}
 
 
-@lru_cache(maxsize=256)
-def _kinds(kind: type) -> tuple[tuple[str, type], ...]:
+def _kinds(kind: Any) -> tuple[tuple[str, type], ...]:
     """Name and type of each field of a record; of a list, of its entries."""
-    hints = get_type_hints(kind)
-    result = []
-    for item in fields(kind):
-        hint = hints[item.name]
-        while get_args(hint):
-            hint = get_args(hint)[0]
-        result.append((item.name, hint))
-    return tuple(result)
+    if kind not in _known:
+        hints = get_type_hints(kind)
+        result = []
+        for item in fields(kind):
+            hint = hints[item.name]
+            while get_args(hint):
+                hint = get_args(hint)[0]
+            result.append((item.name, hint))
+        _known[kind] = tuple(result)
+    return _known[kind]
+
+
+_known: dict[type, tuple[tuple[str, type], ...]] = {}  # reading hints takes longer than writing a record
 
 
 def dtype_of(sample: Any) -> np.dtype[Any]:

@@ -17,17 +17,16 @@ from twin_gait.core.guards import NO_TRANSITION
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import written_kernel
-from twin_gait.simulation.engine import EngineResult, ending_of, log_layout, stopped_reason, switches_of
+from twin_gait.simulation.engine import EngineResult, log_layout, run_in_chunks, switches_of
 from twin_gait.simulation.episode import COMPLETED, Episode, Switch
 from twin_gait.simulation.log import LogRow
 from twin_gait.simulation.pinocchio_kernel import PinocchioKernel
 from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import numbers_in
 from twin_gait.simulation.rooms.tick import run_ticks
-from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.watching import trip_of
 
-PROGRESS_TICKS = 100
+CHUNK_TICKS = 100  # between two looks at progress and interruption
 
 
 class ReferenceEngine:
@@ -87,23 +86,16 @@ class ReferenceEngine:
         Returns:
             The log up to there and how it ended.
         """
-        total = self.problem.experiment.n_ticks
-        rows = np.zeros((total, len(self.layout.names)))
-        done, status, reason = 0, RunStatus.COMPLETED, ""
-        while done < total and status is RunStatus.COMPLETED:
-            if done % PROGRESS_TICKS == 0:
-                if progress is not None:
-                    progress(done, total)
-                if should_stop is not None and should_stop():
-                    status, reason = RunStatus.INTERRUPTED, stopped_reason(done)
-                    break
-            done = self.run_ticks(done, done + 1, rows)
-            if self.episode.status != COMPLETED:
-                status, reason = ending_of(self.episode.status, done, self.problem)
-        if progress is not None and status is RunStatus.COMPLETED:
-            progress(total, total)
+        rows = np.zeros((self.problem.experiment.n_ticks, len(self.layout.names)))
+
+        def run_ticks(first: int, end: int) -> tuple[int, int]:
+            return self.run_ticks(first, end, rows), self.episode.status
+
+        done, status, reason = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
         trip = self.episode.trip
-        switches = [(item.tick, item.leg, item.source, item.target, item.transition) for item in self.switches]
+        switches = [
+            (item.tick, item.leg, item.source, item.target, item.transition) for item in self.switches
+        ]
         return EngineResult(
             rows[:done],
             switches_of(self.problem, switches),

@@ -136,7 +136,7 @@ Scalar = Symbol | Number
 
 _LONGEST = 90  # characters of an expression
 _NAME = re.compile(r"\bt\d+\b")
-_ELEMENT = re.compile(r"\b(?:[a-z]+\[\d+\](?:\.[a-z]+)?|ground\.[a-z_]+)")  # of an array, or a field
+_ELEMENT = re.compile(r"\b(?:[a-z]+\[\d+\](?:\.[a-z]+)?)")  # of an array, or its field
 
 
 def compact(lines: Sequence[str], kept: Collection[str]) -> list[str]:

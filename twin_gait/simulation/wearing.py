@@ -49,9 +49,7 @@ class Wearer(NamedTuple):
     delay: int
 
 
-def wearer_of(
-    experiment: Experiment, table: GaitTable, joints: Sequence[tuple[Side, JointName]]
-) -> Wearer:
+def wearer_of(experiment: Experiment, table: GaitTable, joints: Sequence[tuple[Side, JointName]]) -> Wearer:
     """Lay the wearer of an experiment out.
 
     Raises:

@@ -44,9 +44,7 @@ def _end_stride(e: Episode, number: int, tick: int) -> None:
     duration = tick - leg.stride_start
     for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
         joint = e.joints[place]
-        joint.assistance = adapted_assistance(
-            e.path.adaptation, joint.assistance, joint.tracking / duration
-        )
+        joint.assistance = adapted_assistance(e.path.adaptation, joint.assistance, joint.tracking / duration)
         joint.tracking = 0.0
     if leg.stride_start > 0:  # the first stride may have begun half-way
         leg.stride_ticks = duration

@@ -29,7 +29,7 @@ def decide(e: Episode, tick: int) -> None:
 
 
 def advance(e: Episode, number: int, tick: int, other: int) -> int:
-    """Transition that a leg takes in this tick, or ``NO_TRANSITION``; the reference engine asks its machine."""
+    """Transition that a leg takes now, or ``NO_TRANSITION``; the reference engine asks its machine."""
     leg = e.legs[number]
     return next_transition(e.program, leg.before, leg.ticks, e.signals, other, leg.debounce)
 
