@@ -529,6 +529,21 @@ def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_prob
     assert held[late[-1]] == pytest.approx(2.0 / DEGREE)
 
 
+def test_thresholds_reach_the_guards(bench_panel, bench_problem):
+    """With thresholds that nothing measured passes, phases end by their time-outs alone."""
+    numbers = json.loads(json.dumps(loop_numbers(bench_panel.preset).to_dict()))
+    shut = [{**entry, "threshold": 1e9} for entry in numbers["comparisons"]]
+    script = [
+        (0.0, {"serial": 1, "command": "settings", "numbers": {**numbers, "comparisons": shut}}),
+        (6.0, {"serial": 2, "command": "settings", "numbers": numbers}),
+    ]
+    rig = Rig(bench_problem, script, longest=9000)
+    rig.loop.run()
+    switches = rig.takes[0].result.switches
+    assert {item.cause for item in switches if item.tick < 6000} == {"time_out"}
+    assert "clearance" in {item.cause for item in switches if item.tick > 6000}
+
+
 def test_a_step_by_hand_is_waited_for(bench_panel, bench_problem):
     settings = bench_panel.set(bench_panel.preset, "manual", True)
     numbers = loop_numbers(settings).to_dict()
