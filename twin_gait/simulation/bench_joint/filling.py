@@ -16,7 +16,7 @@ from twin_gait.core.motor_drive import current_loop_gains
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import require
+from twin_gait.parameters import KNEE_FRICTION, require
 from twin_gait.scenario.bench_joint import (
     HORIZONTAL,
     TRANSPARENCY_STEPS,
@@ -159,7 +159,7 @@ def _imposed_motion(test: BenchJoint) -> ImposedMotion:
 def _torque_control(test: BenchJoint) -> TorqueControl:
     if isinstance(test.control, TorqueControl):
         return test.control
-    return TorqueControl(controller=Controller(friction_model=test.friction.law))
+    return TorqueControl(controller=Controller(friction_model=KNEE_FRICTION))  # nothing asks it
 
 
 def _transparency(test: BenchJoint) -> Transparency:

@@ -70,12 +70,11 @@ def rotor_friction(e: BenchEpisode, angle: float, velocity: float, load: float) 
     """Torque of the friction of motor and gear on the rotor in [N m]."""
     law, more = e.friction, e.test.friction
     friction: Any = -friction_torque(law, velocity, 0.0, 0.0)
-    # The laws of friction_models take arrays and numbers alike, their types say arrays.
     if more.coulomb_per_load != 0.0 or more.coulomb_per_kelvin != 0.0 or more.viscous_per_kelvin != 0.0:
         friction -= conditioned_torque(
-            velocity,  # type: ignore[arg-type]
-            load,  # type: ignore[arg-type]
-            more.temperature,  # type: ignore[arg-type]
+            velocity,
+            load,
+            more.temperature,
             0.0,
             more.coulomb_per_load,
             more.coulomb_per_kelvin,
@@ -85,7 +84,7 @@ def rotor_friction(e: BenchEpisode, angle: float, velocity: float, load: float) 
         )
     if e.ripple_cosine != 0.0 or e.ripple_sine != 0.0:
         order = 2.0 * e.motor.gear_ratio
-        friction -= ripple_torque(angle, e.ripple_cosine, e.ripple_sine, order)  # type: ignore[arg-type]
+        friction -= ripple_torque(angle, e.ripple_cosine, e.ripple_sine, order)
     return float(friction)
 
 
