@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
+from twin_gait.simulation.pinocchio.engine import PinocchioEngine
 
 from twin_gait import load_experiment
-from twin_gait.simulation.pinocchio.engine import PinocchioEngine
 from twin_gait.simulation.problem import build_problem
 
 mujoco = pytest.importorskip("mujoco")

@@ -122,7 +122,7 @@ def _run_ahead(
     """Run on from a moment, or from the start if that walk is over, by the first to last ticks of a range."""
     run = walk.run
     walk.go_on_from(moment)
-    ended = run.tripped or run.status is not RunStatus.COMPLETED
+    ended = run.trip is not None or run.status is not RunStatus.COMPLETED
     if numbers is not None:
         walk.set(numbers)
     if ended:
