@@ -60,17 +60,18 @@ def stored(sample: Any) -> np.ndarray[Any, np.dtype[Any]]:
     Returns:
         Shape ``(1,)``; its entry is the record.
     """
-    return np.array([_entries(sample)], dtype_of(sample))
+    return np.array([entries(sample)], dtype_of(sample))
 
 
-def _entries(sample: Any) -> tuple[Any, ...]:
+def entries(sample: Any) -> tuple[Any, ...]:
+    """Values of an instance in the order of its dtype, as NumPy takes them for a record."""
     result = []
     for name, kind in _kinds(type(sample)):
         value = getattr(sample, name)
         if value is ABSENT or value == []:
             continue
         if kind not in _CODES:
-            value = [_entries(item) for item in value] if isinstance(value, list) else _entries(value)
+            value = [entries(item) for item in value] if isinstance(value, list) else entries(value)
         result.append(value)
     return tuple(result)
 
