@@ -35,7 +35,6 @@ from twin_gait.scenario.bench_joint import (
 )
 from twin_gait.simulation.bench_joint import episode as record
 from twin_gait.simulation.bench_joint.interface import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE
-from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.record import taken_from
 
 _SOURCES = {
@@ -95,7 +94,6 @@ def bench_episode(test: BenchJoint, variation: BenchVariation) -> record.BenchEp
         test=replace(
             test, control=None, efficiency=None, torsion=None, inertial_unit=None, imposed_motion=None
         ),
-        period=TICK,
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
         encoder=new_encoder(0.0 if sensors.ideal else resolution, test.start_angle, sensors.window),
         motor=taken_from(Motor, test.actuator),
@@ -117,14 +115,11 @@ def bench_episode(test: BenchJoint, variation: BenchVariation) -> record.BenchEp
         acceleration=_acceleration(test, unit),
         torque_control=replace(torque, old_model=None, path=None),
         path=torque.path or path,
-        friction_model=taken_from(Friction, torque.controller.friction_model.normalised()),
         old_model=torque.old_model or OldFrictionModel(),
         old=torque.old_model is not None,
         follows_path=torque.compensation_velocity is CompensationVelocity.REFERENCE,
         transparency=_transparency(test),
         duty_start=variation.duty_start,
-        rest_ticks=test.rest_at_stop / TICK,
-        diverged_velocity=DIVERGED_VELOCITY,
     )
 
 
@@ -157,9 +152,10 @@ def _imposed_motion(test: BenchJoint) -> ImposedMotion:
 
 
 def _torque_control(test: BenchJoint) -> TorqueControl:
-    if isinstance(test.control, TorqueControl):
-        return test.control
-    return TorqueControl(controller=Controller(friction_model=test.friction.law))
+    if not isinstance(test.control, TorqueControl):
+        return TorqueControl(controller=Controller(friction_model=test.friction.law))
+    model = test.control.controller.friction_model.normalised()
+    return replace(test.control, controller=Controller(friction_model=model))
 
 
 def _transparency(test: BenchJoint) -> Transparency:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,8 @@ from twin_gait.simulation.bench_joint.filling import BenchVariation, bench_episo
 from twin_gait.simulation.bench_joint.interface import CURRENT_NOISE, bench_at
 from twin_gait.simulation.bench_joint.tick import run_ticks
 from twin_gait.simulation.binding import bind
-from twin_gait.simulation.episode import DIVERGED
+from twin_gait.simulation.engine import DIVERGED_VELOCITY
+from twin_gait.simulation.episode import COMPLETED, DIVERGED
 from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.loops import kept_loop
 from twin_gait.simulation.record import dtype_of, numbers_in, write
@@ -113,19 +115,15 @@ def simulate_bench(
         advance = _compiled(episode, noise, rows, own, on_compile)
     else:
         advance = _plain(episode, noise, rows, law)
-    done, status = 0, RunStatus.COMPLETED
-    while done < ticks:
+    done = end = ending = 0
+    while done == end < ticks and ending == COMPLETED:
         if should_stop is not None and should_stop():
-            status = RunStatus.INTERRUPTED
-            break
+            return BenchRun(test, rows[:done], RunStatus.INTERRUPTED)
         end = min(done + CHUNK_TICKS, ticks)
         done, ending = advance(done, end)
         if progress is not None:
             progress(done, ticks)
-        if ending == DIVERGED:
-            status = RunStatus.DIVERGED
-        if done < end or ending == DIVERGED:
-            break
+    status = RunStatus.DIVERGED if ending == DIVERGED else RunStatus.COMPLETED
     return BenchRun(test, rows[:done], status)
 
 
@@ -151,9 +149,14 @@ def _compiled(
 
         return compile_loop(run_at, _compiled_rows(store.dtype), _ARGUMENTS, law)
 
-    key = source_key(repr((store.dtype, _ROW)), "bench_joint")
-    loop = kept_loop(key, _ARGUMENTS, make, law, on_compile)
+    loop = kept_loop(_key(store.dtype), _ARGUMENTS, make, law, on_compile)
     return lambda first, end: (loop(store.ctypes.data, first, end), int(store[0]["status"]))
+
+
+@lru_cache(maxsize=8)
+def _key(episode: np.dtype[Any]) -> str:
+    """Key of the loop for tests of one layout; writing that out takes longer than a short test."""
+    return source_key(repr((episode, _ROW, TICK, DIVERGED_VELOCITY)), "bench_joint")
 
 
 def _compiled_rows(episode: np.dtype[Any]) -> dict[str, Any]:

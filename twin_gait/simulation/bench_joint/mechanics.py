@@ -28,19 +28,9 @@ def present_accelerations(e: BenchEpisode, time: float) -> tuple[float, float]:
 def accelerations(
     e: BenchEpisode, time: float, torque: float, q1: float, v1: float, q2: float, v2: float
 ) -> tuple[float, float]:
-    """Accelerations of rotor and link; what acts on them is kept in ``e.torques`` and the imposed motion.
+    """Accelerations of rotor and link, at angles and velocities of the rotor (1) and of the link (2).
 
-    Args:
-        e: The test.
-        time: In [s].
-        torque: Of the motor in [N m].
-        q1: Angle of the rotor in [rad].
-        v1: Its velocity.
-        q2: Angle of the link in [rad].
-        v2: Its velocity.
-
-    Returns:
-        Both in [rad] / [s²].
+    What acts on them beside the motor's torque is kept in ``e.torques`` and the imposed motion.
     """
     torques, motion, link = e.torques, e.imposed_motion, e.test.link
     stops = link.stops
