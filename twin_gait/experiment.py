@@ -19,6 +19,7 @@ from twin_gait.parameters import (
     AnkleParameters,
     BatteryParameters,
     BraceParameters,
+    FrictionLaw,
     FrictionParameters,
     LimitParameters,
     Patient,
@@ -209,7 +210,7 @@ class PlantParameters:
 
     Attributes:
         friction_ratio: True friction over the model of table 3.1, per joint.
-        friction: The friction law that the ratio scales.
+        friction: The friction law that the ratio scales; any law, the compensator keeps its own.
         load_friction: Friction of the gear over the magnitude of the motor torque, per joint.
         actuators: Motor and gear per joint.
         battery: The pack.
@@ -221,7 +222,7 @@ class PlantParameters:
     friction_ratio: Mapping[JointName, float] = field(
         default_factory=lambda: {JointName.HIP: 0.5, JointName.KNEE: 0.5}
     )
-    friction: Mapping[JointName, FrictionParameters] = field(
+    friction: Mapping[JointName, FrictionLaw] = field(
         default_factory=lambda: {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
     )
     load_friction: Mapping[JointName, float] = field(default_factory=lambda: dict.fromkeys(MOTOR_JOINTS, 0.0))
@@ -242,7 +243,7 @@ class PlantParameters:
             require(0.0 <= coefficient < 1.0, name, "0 or more and below 1", coefficient)
         require_non_negative("gravity", self.gravity)
 
-    def true_friction(self) -> dict[JointName, FrictionParameters]:
+    def true_friction(self) -> dict[JointName, FrictionLaw]:
         """Friction of the plant: the law times the ratio, per joint."""
         return {joint: law.scaled(self.friction_ratio[joint]) for joint, law in self.friction.items()}
 
@@ -350,7 +351,7 @@ class Experiment:
 
         Raises:
             ModelError: If the URDF cannot be used.
-            ParameterError: If something does not fit together, or the step does not carry the braces.
+            ParameterError: If something does not fit together, or the step does not carry braces or bristles.
         """
         world = self.scenario.build(
             self._plant_model(Bodies.BOTH),
@@ -360,12 +361,15 @@ class Experiment:
             ankle=self.plant.ankle,
             gravity=self.plant.gravity,
         )
-        if self.interface is None:
-            return world
-        device, wearer = self._plant_model(Bodies.DEVICE), self._plant_model(Bodies.WEARER)
-        braced = brace_world(world, device, wearer, self.interface)
-        self._require_step_for(braced)
-        return braced
+        if self.interface is not None:
+            device, wearer = self._plant_model(Bodies.DEVICE), self._plant_model(Bodies.WEARER)
+            world = brace_world(world, device, wearer, self.interface)
+        stiff = {} if self.interface is None else {"interface": "braces"}
+        if any(plant.friction.bristle_stiffness > 0.0 for plant in world.plant):
+            stiff["plant.friction"] = "bristles"
+        if stiff:
+            self._require_step_for(world, " or ".join(stiff), " or ".join(stiff.values()))
+        return world
 
     def _plant_model(self, bodies: Bodies) -> LegModel:
         return build_leg_model(
@@ -377,8 +381,8 @@ class Experiment:
             bodies=bodies,
         )
 
-    def _require_step_for(self, world: World) -> None:
-        """Refuse braces whose oscillation would grow from step to step."""
+    def _require_step_for(self, world: World, keys: str, what: str) -> None:
+        """Refuse what would oscillate more from step to step."""
         runge_kutta = self.stepping.method is IntegrationMethod.RK4
         growth = rk4_growth if runge_kutta else semi_implicit_euler_growth
         if carries(world, growth, self.stepping.step):
@@ -387,8 +391,8 @@ class Experiment:
         enough = next((step for step in finer if carries(world, growth, step)), None)
         way_out = "take" if enough is None else f"set integration.step_ms to {1e3 * enough:g} or take"
         raise ParameterError(
-            f"interface: the braces are too stiff or too strongly damped for a step of "
-            f"{1e3 * self.stepping.step:g} ms ({self.stepping.method}); {way_out} softer braces"
+            f"{keys}: the {what} are too stiff or too strongly damped for a step of "
+            f"{1e3 * self.stepping.step:g} ms ({self.stepping.method}); {way_out} softer {what}"
         )
 
     def build_control_model(self) -> LegModel:

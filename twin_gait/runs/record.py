@@ -31,7 +31,7 @@ from twin_gait.report.figures import write_figures
 from twin_gait.runs.folders import FolderKind, journal_of
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.simulation.log import LOG_SCHEMA_VERSION, unit_of
+from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
 from twin_gait.simulation.problem import scaled_table
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.viewer.animation import write_animation
@@ -138,7 +138,7 @@ def write_run(
 
 
 def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
-    """Write a log as parquet, with units, schema version and status in the metadata."""
+    """Write a log as parquet, with units, meanings, schema version and status in the metadata."""
     table = pa.Table.from_pandas(log, preserve_index=False)
     units = json.dumps({name: unit_of(name) for name in log.columns})
     metadata = {
@@ -146,6 +146,7 @@ def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
         b"twin_gait.schema_version": str(LOG_SCHEMA_VERSION).encode(),
         b"twin_gait.status": status.encode(),
         b"twin_gait.units": units.encode(),
+        b"twin_gait.meanings": json.dumps({name: meaning_of(name) for name in log.columns}).encode(),
     }
     buffer = io.BytesIO()
     pq.write_table(table.replace_schema_metadata(metadata), buffer, compression="zstd")

@@ -230,6 +230,24 @@ def unit_of(name: str) -> str:
     return units.get(max((end for end in units if name.endswith(end)), key=len, default=""), "1")
 
 
+def meaning_of(name: str) -> str:
+    """What a column of a log means, as it is declared; empty for one that is not."""
+    rows = (
+        AnkleRow if JointName.ANKLE in name else JointRow,
+        FootRow,
+        PelvisRow,
+        WorkRow,
+        BraceWorkRow,
+        BraceRow,
+        PelvisBraceRow,
+        LogRow,
+    )
+    known = {
+        own: meaning for row in rows for own, (_, meaning) in columns_of(row).items() if name.endswith(own)
+    }
+    return known[max(known, key=len)] if known else ""
+
+
 @dataclass(frozen=True)
 class LogLayout:
     """What a log has columns of.

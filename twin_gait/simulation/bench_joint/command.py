@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from twin_gait.core.control_tick import controller_torques, target_current
 from twin_gait.core.dead_zone import dead_zone
 from twin_gait.core.friction import rotational_friction_torque
@@ -69,8 +67,7 @@ def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
     measured = e.encoder.velocity_fast if e.old else e.encoder.velocity_slow
     velocity = dead_zone(path_velocity if e.follows_path else measured, e.torque_control.dead_zone)
     if e.old:
-        number: Any = velocity  # the law takes arrays and numbers alike, its types say arrays
-        return float(coulomb_viscous_tanh_torque(number, old.coulomb, old.viscous, old.steepness))
+        return coulomb_viscous_tanh_torque(velocity, old.coulomb, old.viscous, old.steepness)
     return rotational_friction_torque(
         velocity,
         model.breakaway_torque,

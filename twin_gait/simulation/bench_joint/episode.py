@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import Encoder
 from twin_gait.core.estimation import DelayLine
-from twin_gait.core.friction import Friction
+from twin_gait.core.friction import PlantFriction
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
 from twin_gait.scenario.bench_joint import (
@@ -179,6 +179,7 @@ class BenchEpisode:
         efficiency: Of the gear.
         lossy: Whether the gear loses torque beyond its friction.
         friction: Of motor and gear.
+        deflection: Of the bristles that some laws of friction have, at the start of the step, in [rad].
         ripple_cosine: Part in [N m] of the friction that repeats with the angle.
         ripple_sine: Likewise.
         imposed_motion: Of the link; its place is 0, or -1 for none.
@@ -211,7 +212,7 @@ class BenchEpisode:
     compliant: bool
     efficiency: CatalogueEfficiency
     lossy: bool
-    friction: Friction
+    friction: PlantFriction
     ripple_cosine: float
     ripple_sine: float
     imposed_motion: ImposedMotion
@@ -226,6 +227,7 @@ class BenchEpisode:
     duty_start: int
     ticks_at_stop: int = 0
     status: int = COMPLETED
+    deflection: float = 0.0
     torques: Torques = field(default_factory=Torques)
     log: int = 0
     noise: int = 0

@@ -11,12 +11,11 @@ from twin_gait.control import Controller
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import new_encoder
 from twin_gait.core.estimation import first_order_gain, new_delay_line
-from twin_gait.core.friction import Friction
 from twin_gait.core.motor_drive import current_loop_gains
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import require
+from twin_gait.parameters import KNEE_FRICTION, require
 from twin_gait.scenario.bench_joint import (
     HORIZONTAL,
     TRANSPARENCY_STEPS,
@@ -85,7 +84,6 @@ def bench_episode(test: BenchJoint, variation: BenchVariation) -> record.BenchEp
         ParameterError: If parts of the test do not go together.
     """
     link, friction, sensors = test.link, test.friction, test.sensors
-    law = friction.law.scaled(variation.friction_ratio).normalised()
     resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)
     torque = _torque_control(test)
     path = CosinePath(start_angle=torque.equilibrium_angle, amplitude=0.0, frequency=1.0)
@@ -107,7 +105,7 @@ def bench_episode(test: BenchJoint, variation: BenchVariation) -> record.BenchEp
         compliant=test.torsion is not None,
         efficiency=test.efficiency or CatalogueEfficiency(),
         lossy=test.efficiency is not None,
-        friction=taken_from(Friction, law),
+        friction=friction.law.scaled(variation.friction_ratio).in_plant(),
         ripple_cosine=friction.ripple * math.cos(variation.ripple_phase),
         ripple_sine=friction.ripple * math.sin(variation.ripple_phase),
         imposed_motion=_imposed_motion(test),
@@ -153,7 +151,7 @@ def _imposed_motion(test: BenchJoint) -> ImposedMotion:
 
 def _torque_control(test: BenchJoint) -> TorqueControl:
     if not isinstance(test.control, TorqueControl):
-        return TorqueControl(controller=Controller(friction_model=test.friction.law))
+        return TorqueControl(controller=Controller(friction_model=KNEE_FRICTION))  # not looked at
     model = test.control.controller.friction_model.normalised()
     return replace(test.control, controller=Controller(friction_model=model))
 

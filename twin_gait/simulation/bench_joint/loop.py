@@ -12,6 +12,7 @@ import pandas as pd
 
 from twin_gait.control import ControllerFunction
 from twin_gait.core.control_tick import controller_torques
+from twin_gait.core.friction import ASYMMETRIC, BRISTLE
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
 from twin_gait.scenario.bench_joint import BenchJoint, TorqueControl
@@ -147,16 +148,22 @@ def _compiled(
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop
 
-        return compile_loop(run_at, _compiled_rows(store.dtype), _ARGUMENTS, law)
+        return compile_loop(run_at, {**structure, **_compiled_rows(store.dtype)}, _ARGUMENTS, law)
 
-    loop = kept_loop(_key(store.dtype), _ARGUMENTS, make, law, on_compile)
+    structure = _structure(episode)
+    loop = kept_loop(_key(store.dtype, str(structure)), _ARGUMENTS, make, law, on_compile)
     return lambda first, end: (loop(store.ctypes.data, first, end), int(store[0]["status"]))
 
 
 @lru_cache(maxsize=8)
-def _key(episode: np.dtype[Any]) -> str:
+def _key(episode: np.dtype[Any], structure: str) -> str:
     """Key of the loop for tests of one layout; writing that out takes longer than a short test."""
-    return source_key(repr((episode, _ROW, TICK, DIVERGED_VELOCITY)), "bench_joint")
+    return source_key(repr((episode, _ROW, structure, TICK, DIVERGED_VELOCITY)), "bench_joint")
+
+
+def _structure(episode: BenchEpisode) -> dict[str, bool]:
+    """Constants that a loop is bound to; the laws beside (3.1) slow the others down."""
+    return {"OTHER_LAWS": episode.friction.law in (ASYMMETRIC, BRISTLE)}
 
 
 def _compiled_rows(episode: np.dtype[Any]) -> dict[str, Any]:
@@ -178,7 +185,7 @@ def _plain(episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray, law: Cont
     """The same rooms as plain Python, tick by tick."""
     log, table = [BenchRow() for _ in rows], noise.tolist()
     names = {"log_row": lambda e, tick: log[tick], "noise": lambda e, tick, place: table[tick][place]}
-    run = bind(run_ticks, {**names, "controller_torques": law})
+    run = bind(run_ticks, {**names, **_structure(episode), "controller_torques": law})
 
     def advance(first: int, end: int) -> tuple[int, int]:
         done = run(episode, first, end)
