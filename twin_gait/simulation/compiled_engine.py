@@ -10,6 +10,7 @@ import numpy as np
 
 from twin_gait.control import ControllerFunction, Trip
 from twin_gait.core.contact import ground_contact_force
+from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
@@ -22,7 +23,6 @@ from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.kernel import body_values, write_kernel
 from twin_gait.simulation.loops import kept_loop
 from twin_gait.simulation.machine_code import NativeFunction
-from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of, write
 from twin_gait.simulation.rooms.tick import run_ticks
 from twin_gait.simulation.run import RunStatus
@@ -198,7 +198,7 @@ def _loop_of(
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop
 
-        names = {**structure, **bound_kernel(kernel), **_compiled_rows(episode, row)}
+        names = {**structure, **bound_kernel(kernel), **compiled_rows(episode, row)}
         return compile_loop(run_at, names, _ARGUMENTS, controller)
 
     key = source_key(repr((episode, row, kernel, structure)), "compiled_engine")
@@ -210,7 +210,7 @@ def bound_kernel(kernel: str) -> dict[str, Any]:
     return kernel_functions(kernel, {"math": math, "ground_contact_force": ground_contact_force})
 
 
-def _compiled_rows(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:
+def compiled_rows(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
     from twin_gait.simulation.compiling import jit, numbers_at, record_at, rows_at
 

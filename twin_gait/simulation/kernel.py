@@ -14,11 +14,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 
+import numpy as np
+
 from twin_gait.core.contact import Point
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 from twin_gait.simulation import rigid_body
-from twin_gait.simulation.rigid_body import Vector
+from twin_gait.simulation.rigid_body import Vector, vector
 from twin_gait.simulation.tracing import Scalar, Trace, compact, text
 
 # Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32. Two legs
@@ -36,20 +38,23 @@ def _map_values(
     """Rebuild bodies and contact points with every run-time value passed through a function."""
     mapped = []
     for body in bodies:
-        inertia: list[list[Scalar]] = [[0.0] * 3 for _ in range(3)]
+        inertia = np.full((3, 3), 0.0, dtype=object)
         for i in range(3):
             for j in range(i, 3):
-                inertia[i][j] = inertia[j][i] = visit(body.inertia[i][j])
+                inertia[i, j] = inertia[j, i] = visit(body.inertia[i][j])
         mapped.append(
             body._replace(
-                position=[visit(value) for value in body.position],
+                axis=vector(body.axis),
+                rotation=vector(body.rotation),
+                position=vector([visit(value) for value in body.position]),
                 mass=visit(body.mass),
-                first_moment=[visit(value) for value in body.first_moment],
+                first_moment=vector([visit(value) for value in body.first_moment]),
                 inertia=inertia,
                 armature=visit(body.armature),
             )
         )
-    return mapped, [point._replace(position=[visit(value) for value in point.position]) for point in points]
+    moved = [vector([visit(value) for value in point.position]) for point in points]
+    return mapped, [point._replace(position=position) for point, position in zip(points, moved, strict=True)]
 
 
 def body_values(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> list[float]:
@@ -81,12 +86,12 @@ def _as_inputs(
 
 
 def _inputs(trace: Trace, name: str, count: int) -> Vector:
-    return [trace.input(f"{name}[{index}]") for index in range(count)]
+    return vector([trace.input(f"{name}[{index}]") for index in range(count)])
 
 
 def _gravity_vector(trace: Trace, up_axis: str) -> Vector:
     down = -trace.input("gravity")
-    return [0.0, 0.0, down] if up_axis == "z" else [0.0, down, 0.0]
+    return vector([0.0, 0.0, down] if up_axis == "z" else [0.0, down, 0.0])
 
 
 def _ground(trace: Trace, heights: list[Scalar], powers: list[Scalar]) -> rigid_body.ContactLaw:
@@ -166,7 +171,7 @@ def write_contact_forces(bodies: Sequence[BodyArrays], points: Sequence[ContactP
         _inputs(trace, "q", n),
         _inputs(trace, "v", n),
         [0.0] * n,
-        [0.0, 0.0, 0.0],
+        rigid_body.ZERO,
         places,
         _ground(trace, heights, powers),
     )
@@ -220,7 +225,7 @@ def write_control_inertia(bodies: Sequence[BodyArrays]) -> str:
     n = len(bodies)
     a = _inputs(trace, "a", n)
     matrix = rigid_body.joint_space_inertia(inputs, _inputs(trace, "q", n))
-    torques = [rigid_body.dot(row, a) for row in matrix]
+    torques = [vector(row) @ a for row in matrix]
     return _function("control_inertia(q, a, bodies, torque)", trace, _stores("torque", torques), [])
 
 
