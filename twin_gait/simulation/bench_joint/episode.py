@@ -180,6 +180,7 @@ class BenchEpisode:
         efficiency: Of the gear.
         lossy: Whether the gear loses torque beyond its friction.
         friction: Of motor and gear.
+        deflection: Of its bristles at the start of the step, in [rad].
         ripple_cosine: Part in [N m] of the friction that repeats with the angle.
         ripple_sine: Likewise.
         imposed_motion: Of the link; its place is 0, or -1 for none.
@@ -232,6 +233,7 @@ class BenchEpisode:
     duty_start: int
     rest_ticks: float
     diverged_velocity: float
+    deflection: float = 0.0
     ticks_at_stop: int = 0
     status: int = COMPLETED
     torques: Torques = field(default_factory=Torques)

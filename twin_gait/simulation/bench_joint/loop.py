@@ -11,6 +11,7 @@ import pandas as pd
 
 from twin_gait.control import ControllerFunction
 from twin_gait.core.control_tick import controller_torques
+from twin_gait.core.friction import ROTATIONAL
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
 from twin_gait.scenario.bench_joint import BenchJoint, TorqueControl
@@ -149,11 +150,17 @@ def _compiled(
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop
 
-        return compile_loop(run_at, _compiled_rows(store.dtype), _ARGUMENTS, law)
+        return compile_loop(run_at, {**names, **_compiled_rows(store.dtype)}, _ARGUMENTS, law)
 
-    key = source_key(repr((store.dtype, _ROW)), "bench_joint")
+    names = _structure(episode)
+    key = source_key(repr((store.dtype, _ROW, names)), "bench_joint")
     loop = kept_loop(key, _ARGUMENTS, make, law, on_compile)
     return lambda first, end: (loop(store.ctypes.data, first, end), int(store[0]["status"]))
+
+
+def _structure(episode: BenchEpisode) -> dict[str, Any]:
+    """Constants that the loop of a test is bound to."""
+    return {"OTHER_LAWS": episode.friction.law > ROTATIONAL}
 
 
 def _compiled_rows(episode: np.dtype[Any]) -> dict[str, Any]:
@@ -175,7 +182,7 @@ def _plain(episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray, law: Cont
     """The same rooms as plain Python, tick by tick."""
     log, table = [BenchRow() for _ in rows], noise.tolist()
     names = {"log_row": lambda e, tick: log[tick], "noise": lambda e, tick, place: table[tick][place]}
-    run = bind(run_ticks, {**names, "controller_torques": law})
+    run = bind(run_ticks, {**_structure(episode), **names, "controller_torques": law})
 
     def advance(first: int, end: int) -> tuple[int, int]:
         done = run(episode, first, end)

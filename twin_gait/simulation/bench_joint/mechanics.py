@@ -6,7 +6,7 @@ from typing import Any
 
 from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.contact import mechanical_stop_torque
-from twin_gait.core.friction import friction_torque
+from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, friction_torque
 from twin_gait.core.friction_models import conditioned_torque, ripple_torque
 from twin_gait.core.motor_drive import drive_efficiency, gear_loss_torque, link_load_torque, torsion_torque
 from twin_gait.core.plant import imposed_motion_torque
@@ -69,7 +69,10 @@ def accelerations(
 def rotor_friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> float:
     """Torque of the friction of motor and gear on the rotor in [N m]."""
     law, more = e.friction, e.test.friction
-    friction: Any = -friction_torque(law, velocity, 0.0, 0.0)
+    deflection = e.deflection
+    if OTHER_LAWS:
+        deflection = advanced_deflection(law, angle - e.rotor.angle, velocity, deflection, 0.0)
+    friction: Any = -friction_torque(law, velocity, deflection, 0.0)
     if more.coulomb_per_load != 0.0 or more.coulomb_per_kelvin != 0.0 or more.viscous_per_kelvin != 0.0:
         friction -= conditioned_torque(
             velocity,
@@ -115,3 +118,5 @@ def mechanical_step(e: BenchEpisode, time: float, step: float) -> None:
     link.angle = q2 + sixth * (v2 + 2.0 * v2b + 2.0 * v2c + v2d)
     rotor.velocity = v1 + sixth * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
     link.velocity = v2 + sixth * (b1 + 2.0 * b2 + 2.0 * b3 + b4)
+    if OTHER_LAWS:
+        e.deflection = advanced_deflection(e.friction, rotor.angle - q1, rotor.velocity, e.deflection, 0.0)
