@@ -11,6 +11,8 @@ with a format as in Python, or none, and a list of mappings with the same keys a
     ...
     <!-- / -->
 
+``<!-- columns JointRow -->`` is a table of the columns that a class of ``twin_gait.simulation.log`` declares.
+
 ``python docs/insert.py`` brings all pages up to date, ``--check`` only says which are not.
 """
 
@@ -25,7 +27,8 @@ from pathlib import Path
 from typing import Any
 
 DOCS = Path(__file__).parent
-QUOTED = re.compile(r"<!-- (value|table) (\S+) (\S+)(?: (\S+))? -->(.*?)<!-- / -->", re.DOTALL)
+_WORD = r"(?: ((?!-->)\S+))?"
+QUOTED = re.compile(rf"<!-- (value|table|columns) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", re.DOTALL)
 
 
 @cache
@@ -59,13 +62,26 @@ def table_of(rows: list[dict[str, Any]]) -> str:
     )
 
 
+def columns(row: str) -> list[dict[str, Any]]:
+    """Columns of the log that a class of rows declares."""
+    from twin_gait.simulation import log
+
+    declared = log.columns_of(getattr(log, row))
+    return [
+        {"column": f"`{name}`", "unit": unit, "meaning": meaning}
+        for name, (unit, meaning) in declared.items()
+    ]
+
+
 def with_results(page: str) -> str:
     """A page with every quoted number and table as the results have them."""
 
     def current(match: re.Match[str]) -> str:
         kind, name, key, spec, old = match.groups()
-        entry = looked_up(name, key)
-        text = format(entry, spec or "") if kind == "value" else f"\n{table_of(entry)}\n"
+        if kind == "value":
+            text = format(looked_up(name, key), spec or "")
+        else:
+            text = f"\n{table_of(columns(name) if kind == 'columns' else looked_up(name, key))}\n"
         return match.group().replace(f"-->{old}<!-- / -->", f"-->{text}<!-- / -->")
 
     return QUOTED.sub(current, page)

@@ -21,7 +21,7 @@ from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.measures.reference import reference_curve
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.simulation.columns import LogLayout
+from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 

@@ -436,6 +436,16 @@ def test_one_leg_cannot_swing_with_another() -> None:
     assert {(item.rule, item.phase) for item in found} == {("never_opens", "late_stance")}
 
 
+def test_one_leg_is_told_to_walk_too() -> None:
+    """Without another leg its signals are missing, the command to walk is not."""
+    data = copy.deepcopy(sound())
+    add(data, FLEXION, EXTENSION, "walk > 0.5")
+    table = gait_table_from_mapping(data, "table.yaml", "alone", draft=True)
+    bench = build_case(table, load_experiment("bench_leg").experiment)
+    (told,) = (index for index, item in enumerate(table.transitions) if item.cause == "planted")
+    assert SignalSpace(bench).opening(told) is not None
+
+
 def test_table_is_scaled_to_the_experiment() -> None:
     slow = load_experiment("treadmill", ["scenario.belt_speed_km_per_h=0.9"]).experiment
     table = load_gait_table("treadmill")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 from guard_solver import holds
 from hypothesis import given, settings
@@ -31,10 +30,10 @@ PHASES = ("stance", "swing")
 def evaluate(tree: Guard, signals: dict[str, float], other_phase: str | None) -> bool:
     """Compile a guard and let the core evaluate it; signals in the units of the table."""
     program = compile_guards(two_phase_table(transition("stance", "swing", tree, time_out_ticks=1)))
-    array = np.array([signals[name] * signal_scale(name) for name in NAMES])
+    measured = [signals[name] * signal_scale(name) for name in NAMES]
     index = -1 if other_phase is None else PHASES.index(other_phase)
-    first, end = program.transitions[0, 2:4]
-    return bool(guard_holds(program.nodes, int(first), int(end), program.comparisons, array, index))
+    rule = program.transitions[0]
+    return guard_holds(program, rule.first_node, rule.end_node, measured, index)
 
 
 def signals_of(**known: float) -> dict[str, float]:
@@ -111,10 +110,10 @@ def test_inequalities_are_strict(operator: str, threshold: float, name: str) -> 
 @pytest.mark.parametrize("name", ["hip.angle_deg", "other.knee.velocity_deg_per_s"])
 def test_thresholds_in_degrees_are_compared_in_radians(name: str) -> None:
     program = compile_guards(two_phase_table(transition("stance", "swing", f"{name} > 30")))
-    signals = np.zeros(len(NAMES))
+    signals = [0.0] * len(NAMES)
     for value, expected in ((0.5235, False), (0.5237, True)):  # π/6 = 0.523599
         signals[NAMES.index(name)] = value
-        assert bool(guard_holds(program.nodes, 0, 1, program.comparisons, signals, -1)) is expected
+        assert guard_holds(program, 0, 1, signals, -1) is expected
 
 
 @pytest.mark.parametrize("name", ["foot.load_bw", "time_in_phase_s"])
@@ -158,12 +157,22 @@ def test_debounce_of_every_exit_is_counted_and_others_are_reset() -> None:
             transition("stance", "swing", "knee.angle_deg > 10", debounce_ticks=100),
         )
     )
-    debounce = np.array([0, 7, 9])
-    signals = np.zeros(len(NAMES))
+    debounce = [0, 7, 9]
+    signals = [0.0] * len(NAMES)
     signals[NAMES.index("hip.angle_deg")] = 1.0
     for tick in range(1, 4):
-        chosen = next_transition(
-            0, tick, 0, program.transitions, program.nodes, program.comparisons, signals, -1, debounce
-        )
-        assert chosen == NO_TRANSITION
-        assert debounce.tolist() == [tick, 0, 0]
+        assert next_transition(program, 0, tick, signals, -1, debounce) == NO_TRANSITION
+        assert debounce == [tick, 0, 0]
+
+
+def test_entries_past_the_number_of_transitions_mean_nothing() -> None:
+    """The compiled engine fills its lists up."""
+    lifted = transition("stance", "swing", "hip.angle_deg > 10")
+    table = two_phase_table(lifted, transition("stance", "swing", "knee.angle_deg > 10"))
+    program, debounce = compile_guards(table), [0, 0, 0]
+    signals = [0.0] * len(NAMES)
+    signals[NAMES.index("knee.angle_deg")] = 1.0
+    assert next_transition(program, 0, 1, signals, -1, debounce) == 1
+    program.n_transitions = 1
+    assert next_transition(program, 0, 2, signals, -1, debounce) == NO_TRANSITION
+    assert debounce == [0, 1, 0]

@@ -14,7 +14,7 @@ from table_builder import JOINTS, guard, phase, transition, two_phase_table
 from twin_gait.exceptions import GaitTableError, MeasurementError
 from twin_gait.gait import GaitStateMachine, GaitTable, LegSignals, PhaseSwitch, compile_guards
 from twin_gait.gait.guards import AllOf, AnyOf, all_signal_names
-from twin_gait.gait.machine import signal_array
+from twin_gait.gait.machine import signal_list
 from twin_gait.vocabulary import Side
 
 
@@ -213,16 +213,16 @@ def test_leg_said_to_be_there_must_be_measured() -> None:
 
 
 @pytest.mark.parametrize("length", [0, 6, 12, 14, 24])
-def test_signal_array_of_a_wrong_length_is_refused(length: int) -> None:
+def test_list_of_signals_of_a_wrong_length_is_refused(length: int) -> None:
     with pytest.raises(MeasurementError):
-        machine().advance(1, np.zeros(length), -1)
+        machine().advance(1, [0.0] * length, -1)
 
 
 def test_signals_are_laid_out_as_guards_read_them() -> None:
     own = LegSignals((1.0, 2.0), (3.0, 4.0), 5.0, walk=0.25)
     other = LegSignals((7.0, 8.0), (9.0, 10.0), 11.0, walk=0.75)
-    array = signal_array(two_phase_table(), 6.0, own, other, 12.0)
-    named = dict(zip(all_signal_names(JOINTS), array.tolist(), strict=True))
+    array = signal_list(two_phase_table(), 6.0, own, other, 12.0)
+    named = dict(zip(all_signal_names(JOINTS), array, strict=True))
     assert named == {
         "hip.angle_deg": 1.0,
         "knee.angle_deg": 2.0,
@@ -238,7 +238,7 @@ def test_signals_are_laid_out_as_guards_read_them() -> None:
         "other.time_in_phase_s": 12.0,
         "walk": 0.25,  # a leg reads its own command
     }
-    assert np.isnan(signal_array(two_phase_table(), 6.0, own, None)[6:-1]).all()
+    assert np.isnan(signal_list(two_phase_table(), 6.0, own, None)[6:-1]).all()
 
 
 def test_unknown_phases_are_refused() -> None:

@@ -20,7 +20,7 @@ from twin_gait.runs.folders import staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, load_run, write_run
 from twin_gait.runs.run_page import trip_time_of
 from twin_gait.runs.summary import summarise
-from twin_gait.simulation.columns import LogLayout, unit_of
+from twin_gait.simulation.log import LogLayout, unit_of
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ from twin_gait.report.reference import reference_cycle
 from twin_gait.report.run_figures import draw_angles, draw_energy
 from twin_gait.runs.summary import summarise
 from twin_gait.scenario import World, bracing
-from twin_gait.simulation.columns import BRACED_WORK_SOURCES
+from twin_gait.simulation.log import BRACED_WORK_SOURCES
 from twin_gait.simulation.pinocchio.plant import PinocchioPlant
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side

@@ -20,11 +20,11 @@ from twin_gait.core.contact import ground_contact_force
 from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.leg_model.bodies import contact_points, export_bodies
 from twin_gait.simulation import compiled_engine, keeping, loops, rigid_body
-from twin_gait.simulation.columns import WORK_SOURCES
+from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.episode.tick import run_ticks
 from twin_gait.simulation.kernel import body_values, write_kernel
-from twin_gait.simulation.problem import build_problem
+from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.tracing import Trace, cosine
 
 GRAVITY = 9.81

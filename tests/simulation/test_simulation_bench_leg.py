@@ -10,7 +10,7 @@ import pytest
 
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.experiment import Integration, IntegrationMethod
-from twin_gait.simulation.columns import WORK_SOURCES
+from twin_gait.simulation.log import WORK_SOURCES
 
 # The safety monitor would end a motion that runs away or reaches for a stop.
 UNWATCHED = "control.safety.enabled=false"

@@ -11,7 +11,7 @@ import pytest
 
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.runs.summary import summarise
-from twin_gait.simulation.columns import WORK_SOURCES
+from twin_gait.simulation.log import WORK_SOURCES
 
 SIDES = ("left", "right")
 

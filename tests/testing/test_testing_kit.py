@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from random_tables import tables
@@ -160,26 +160,26 @@ def test_each_test_of_transitions_that_are_named_alike_has_a_name_of_its_own() -
 class ForgivesNaN(GaitStateMachine):
     """A broken sensor passes in silence."""
 
-    def _refuse_non_finite(self, signals: np.ndarray, other_phase: int) -> None:
-        signals[~np.isfinite(signals)] = 0.0
+    def _refuse_non_finite(self, signals: list[float], other_phase: int) -> None:
+        signals[:] = [value if math.isfinite(value) else 0.0 for value in signals]
 
 
 class CountsAllOpenTicks(GaitStateMachine):
     """A closed tick does not start the debounce anew."""
 
-    def advance(self, tick: int, signals: np.ndarray, other_phase: int) -> PhaseSwitch | None:
+    def advance(self, tick: int, signals: list[float], other_phase: int) -> PhaseSwitch | None:
         before = self._debounce.copy()
         phase = self._index
         switch = super().advance(tick, signals, other_phase)
         if self._index == phase:
-            np.maximum(self._debounce, before, out=self._debounce)
+            self._debounce = [max(pair) for pair in zip(self._debounce, before, strict=True)]
         return switch
 
 
 class NeverResetsItsClock(GaitStateMachine):
     """Time in the phase is time since the start."""
 
-    def advance(self, tick: int, signals: np.ndarray, other_phase: int) -> PhaseSwitch | None:
+    def advance(self, tick: int, signals: list[float], other_phase: int) -> PhaseSwitch | None:
         switch = super().advance(tick, signals, other_phase)
         self.entry_tick = 0
         return switch
@@ -188,14 +188,14 @@ class NeverResetsItsClock(GaitStateMachine):
 class IgnoresTheOtherLeg(GaitStateMachine):
     """The other leg is always thought to be in the same phase."""
 
-    def advance(self, tick: int, signals: np.ndarray, other_phase: int) -> PhaseSwitch | None:
+    def advance(self, tick: int, signals: list[float], other_phase: int) -> PhaseSwitch | None:
         return super().advance(tick, signals, other_phase if other_phase < 0 else self._index)
 
 
 class ReportsAnotherCause(GaitStateMachine):
     """The right phase for the wrong reason."""
 
-    def advance(self, tick: int, signals: np.ndarray, other_phase: int) -> PhaseSwitch | None:
+    def advance(self, tick: int, signals: list[float], other_phase: int) -> PhaseSwitch | None:
         switch = super().advance(tick, signals, other_phase)
         return None if switch is None else switch._replace(cause="something")
 
@@ -203,7 +203,7 @@ class ReportsAnotherCause(GaitStateMachine):
 class LeavesWithoutSaying(GaitStateMachine):
     """The phase changes and no switch is reported."""
 
-    def advance(self, tick: int, signals: np.ndarray, other_phase: int) -> None:
+    def advance(self, tick: int, signals: list[float], other_phase: int) -> None:
         super().advance(tick, signals, other_phase)
 
 

@@ -24,17 +24,14 @@ pytestmark = pytest.mark.slow  # it grades the kit, not a table
 # What no test can notice: a part of the mutant's text, and why it behaves the same.
 EQUIVALENT = {
     "stack = 0: 0 → 1": "a bit below all results is never joined",
-    "time_out = -1": "no time-out is any tick that every leg has stayed for: -2, -1 or 1",
-    ".reshape(-1, ": "numpy takes any negative size for the one to be worked out",
+    "time_out_ticks=-1": "no time-out is any tick that every leg has stayed for: -2, -1 or 1",
     "sign = 1.0 if": "both sides of the inequality are doubled",
-    "minus = 0.0 if": "the place of a second signal whose factor is zero",
+    "signal_b=0 if": "the place of a second signal whose factor is zero",
     "strict=True": "the lengths were compared before",
     "initial = table.phase_names[0]": "the kit always names the phase",
     "auto_transitions=False": "triggers that nobody calls",
     "other_index = -1": "any negative number is no other leg",
-    "signals, got {len(signals)}": "a leg with a joint missing is refused earlier, in signal_array",
-    'leg = "other leg': "words of the message",
-    "position = int(": "words of the message",
+    "signals, got {len(signals)}": "a leg with a joint missing is refused earlier, in signal_list",
 }
 
 
@@ -46,7 +43,7 @@ def evaluator() -> Iterator[tuple[str, Callable[[str], Any]]]:
 
 
 def compiler() -> Iterator[tuple[str, Callable[[str], Any]]]:
-    for text, names in source_mutants(program, {"compile_guards", "_emit", "_comparison_row"}):
+    for text, names in source_mutants(program, {"compile_guards", "_emit", "_comparison"}):
         compiled = names["compile_guards"]
 
         def build(phase: str, compiled: Callable[..., Any] = compiled) -> GaitStateMachine:
@@ -57,8 +54,8 @@ def compiler() -> Iterator[tuple[str, Callable[[str], Any]]]:
 
 
 def state_machine() -> Iterator[tuple[str, Callable[[str], Any]]]:
-    functions = {"__init__", "time_in_phase", "step", "advance", "_refuse_non_finite", "signal_array"}
-    for text, names in source_mutants(machine, {*functions, "_leg_array"}):
+    functions = {"__init__", "time_in_phase", "step", "advance", "_refuse_non_finite", "signal_list"}
+    for text, names in source_mutants(machine, {*functions, "_leg_list"}):
         changed = names["GaitStateMachine"]
         yield text, lambda phase, changed=changed: changed(rich_table(), Side.LEFT, initial_phase=phase)
 

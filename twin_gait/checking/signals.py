@@ -6,10 +6,8 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from twin_gait.checking.finding import CheckCase
-from twin_gait.core.guards import END_NODE, FIRST_NODE, NO_TRANSITION, guard_holds, next_transition
+from twin_gait.core.guards import NO_TRANSITION, guard_holds, next_transition
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.feasibility import (
     OTHER_TIME,
@@ -230,11 +228,12 @@ class SignalSpace:
 
     # ------------------------------------------------------------------ evaluation
 
-    def array(self, point: Point) -> np.ndarray:
-        """Signal array of a point as the evaluator reads it; signals that it leaves open are 0."""
-        values = np.array([point.signals.get(name, 0.0) * scale for name, scale in self._scales.items()])
+    def measured(self, point: Point) -> list[float]:
+        """Signals of a point as the evaluator reads them; those that it leaves open are 0."""
+        values = [point.signals.get(name, 0.0) * scale for name, scale in self._scales.items()]
         if point.other is None:
-            values[len(values) // 2 :] = np.nan
+            half = len(values) // 2  # the other leg's end before the command to walk
+            values[half:-1] = [math.nan] * half
         return values
 
     def _phase_number(self, phase: str | None) -> int:
@@ -242,22 +241,18 @@ class SignalSpace:
 
     def is_open(self, index: int, point: Point) -> bool:
         """Whether the guard of a transition is open at a point."""
-        program, other = self.program, self._phase_number(point.other)
-        first, end = program.transitions[index, [FIRST_NODE, END_NODE]].tolist()
-        return guard_holds(program.nodes, first, end, program.comparisons, self.array(point), other)
+        rule, other = self.program.transitions[index], self._phase_number(point.other)
+        return guard_holds(self.program, rule.first_node, rule.end_node, self.measured(point), other)
 
     def winner(self, phase: str, point: Point, time: float) -> int | None:
         """Transition that a leg takes after a time in [s] in a phase, the debounce of all exits over."""
         index = next_transition(
+            self.program,
             self.table.phase_index(phase),
             round(time / TICK),
-            int(self.program.minimum_ticks[self.table.phase_index(phase)]),
-            self.program.transitions,
-            self.program.nodes,
-            self.program.comparisons,
-            self.array(point),
+            self.measured(point),
             self._phase_number(point.other),
-            np.array([item.debounce_ticks - 1 for item in self.table.transitions], dtype=np.int64),
+            [item.debounce_ticks - 1 for item in self.table.transitions],
         )
         return None if index == NO_TRANSITION else index
 

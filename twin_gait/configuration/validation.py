@@ -202,13 +202,22 @@ def _paths(model: type[BaseModel]) -> Iterator[str]:
 def _model_at(model: type[BaseModel], location: tuple[Any, ...]) -> type[BaseModel] | None:
     """Schema at a place of another, as far as it can be followed."""
     current: type[BaseModel] | None = model
+    variants: list[type[BaseModel]] = []
     for part in location:
         if current is None:
             return None
         field = _field(current, part)
         if field is not None:
-            current = next(models_in(field.annotation), None)
+            variants = list(models_in(field.annotation))
+            current = next(iter(variants), None)
+        else:  # the name of a variant
+            current = next((item for item in variants if _is_variant(item, part)), current)
     return current
+
+
+def _is_variant(model: type[BaseModel], name: Any) -> bool:
+    """Whether a field of a schema has a name as its only value, such as ``kind: Literal["treadmill"]``."""
+    return any(getattr(info.annotation, "__args__", ()) == (name,) for info in model.model_fields.values())
 
 
 def _field(model: type[BaseModel], part: Any) -> Any:

@@ -5,58 +5,14 @@ from __future__ import annotations
 import inspect
 import math
 import reprlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import Any
 
 from twin_gait.core.control_tick import controller_torques
-from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.exceptions import MeasurementError, ParameterError
 from twin_gait.parameters import FrictionParameters
-
-
-class JointMeasurement(NamedTuple):
-    """What a controller sees of its joint.
-
-    Attributes:
-        angle: Encoder angle in [rad].
-        velocity_fast: First-order estimate in [rad] / [s].
-        velocity_slow: Decimated and averaged estimate in [rad] / [s].
-    """
-
-    angle: float
-    velocity_fast: float
-    velocity_slow: float
-
-
-class JointSetpoint(NamedTuple):
-    """What the gait table asks of a joint at this tick, blended.
-
-    Attributes:
-        stiffness: k in [N m] / [rad].
-        damping: b in [N m s] / [rad].
-        equilibrium_angle: θ0 in [rad].
-        friction_compensation_gain: G.
-    """
-
-    stiffness: float
-    damping: float
-    equilibrium_angle: float
-    friction_compensation_gain: float
-
-
-class ControllerTorques(NamedTuple):
-    """What a controller answers, as torques on the joint in [N m].
-
-    Attributes:
-        impedance: Of the virtual spring and damper, or whatever takes its place.
-        friction_compensation: Of the friction compensator.
-    """
-
-    impedance: float
-    friction_compensation: float
-
 
 # From angle, fast and slow velocity; k, b, θ0, G; and the friction torque of the compensator's model at the
 # slow velocity to the impedance and the friction-compensation torque, as
@@ -79,33 +35,24 @@ class Controller:
     friction_model: FrictionParameters
     law: ControllerFunction = controller_torques
 
-    def torques(self, measurement: JointMeasurement, setpoint: JointSetpoint) -> ControllerTorques:
-        """Torques for one tick; equations (2.17) and (2.18) of the thesis by default.
 
-        Args:
-            measurement: Of the joint.
-            setpoint: Blended parameters of the phase.
+def checked(law: ControllerFunction) -> ControllerFunction:
+    """A control law that is handed nothing that is not finite, and whose answer is looked at.
 
-        Returns:
-            Impedance and friction-compensation torque.
+    Returns:
+        The law; it raises MeasurementError if a measurement is not finite, ParameterError if the answer is
+        not two torques.
+    """
 
-        Raises:
-            MeasurementError: If the measurement is not finite.
-        """
-        if not math.isfinite(sum(measurement)):
-            _refuse(measurement)
-        model = self.friction_model
-        friction = rotational_friction_torque(
-            measurement.velocity_slow,
-            model.breakaway_torque,
-            model.coulomb_friction,
-            model.breakaway_velocity,
-            model.viscous_friction,
-        )
-        answer = self.law(*measurement, *setpoint, friction)
-        if self.law is not controller_torques:
-            require_torques(self.law, answer)
-        return ControllerTorques(*answer)
+    def torques(angle: float, fast: float, slow: float, *rest: float) -> tuple[float, float]:
+        if not math.isfinite(angle + fast + slow):
+            _refuse({"angle": angle, "velocity_fast": fast, "velocity_slow": slow})
+        answer = law(angle, fast, slow, *rest)
+        if law is not controller_torques:
+            require_torques(law, answer)
+        return answer
+
+    return torques
 
 
 def name_of(law: ControllerFunction) -> str:
@@ -150,7 +97,7 @@ def require_torques(law: ControllerFunction, answer: Any) -> None:
 EXPECTED_TORQUES = "expected two torques in [N m], of the impedance and of the friction compensation"
 
 
-def _refuse(measurement: JointMeasurement) -> None:
-    for name, value in measurement._asdict().items():
+def _refuse(measurement: Mapping[str, float]) -> None:
+    for name, value in measurement.items():
         if not math.isfinite(value):
             raise MeasurementError(f"{name} of a joint is {value}; expected a finite measurement")

@@ -6,6 +6,25 @@ of the motor's data sheet); torques are at the joint, behind the gear.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class Motor:
+    """Motor and gear of a joint.
+
+    Attributes:
+        torque_constant: K_t in [N m] / [A].
+        gear_ratio: Motor turns per joint turn.
+        gear_efficiency: In (0, 1].
+        resistance: Line to line in [Ω].
+    """
+
+    torque_constant: float
+    gear_ratio: float
+    gear_efficiency: float
+    resistance: float
+
 
 def saturate(value: float, limit: float) -> float:
     """Limit a value symmetrically to ``[-limit, limit]``.

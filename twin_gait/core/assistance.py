@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 
 def cycle_place(progress: float, samples: int) -> tuple[int, float]:
     """Where an instant of the gait cycle falls among evenly spaced samples of a path that closes.
@@ -18,9 +20,24 @@ def cycle_place(progress: float, samples: int) -> tuple[int, float]:
     return before, place - before
 
 
-def adapted_assistance(
-    assistance: float, error: float, forgetting: float, gain: float, allowance: float, least: float
-) -> float:
+@dataclass(slots=True)
+class Adaptation:
+    """How the assistance level follows the tracking error.
+
+    Attributes:
+        forgetting: f, from 0 to 1.
+        gain: g in 1 / [rad].
+        allowance: e_0 in [rad].
+        least: α_min.
+    """
+
+    forgetting: float
+    gain: float
+    allowance: float
+    least: float
+
+
+def adapted_assistance(adaptation: Adaptation, assistance: float, error: float) -> float:
     r"""Assistance level for the next stride, after the tracking error of the last one.
 
     .. math::
@@ -32,15 +49,13 @@ def adapted_assistance(
     IEEE ICORR (2005) 307-312.
 
     Args:
+        adaptation: f, g, e_0 and α_min.
         assistance: α_n, from 0 to 1.
         error: e_n, mean absolute error of the last stride in [rad].
-        forgetting: f, from 0 to 1.
-        gain: g in 1 / [rad].
-        allowance: e_0 in [rad].
-        least: α_min.
 
     Returns:
         α_{n+1}.
     """
-    wanted = forgetting * assistance + gain * max(0.0, error - allowance)
-    return min(1.0, max(least, wanted))
+    excess = max(0.0, error - adaptation.allowance)
+    wanted = adaptation.forgetting * assistance + adaptation.gain * excess
+    return min(1.0, max(adaptation.least, wanted))

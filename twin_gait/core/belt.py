@@ -1,20 +1,35 @@
 """The belt of a treadmill that starts, runs and stops, and the command to walk that goes with it.
 
-A belt without a profile (a ramp of 0) runs evenly. A trip of the safety monitor, or the operator's Stop,
-brings either to rest.
+A trip of the safety monitor, or the operator's Stop, brings a belt to rest with or without a profile.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend_share
 
-# Positions in the array of a belt: speed between the ramps, begin and end of the command to walk, length of a
-# ramp, how long after the command the belt follows, and the ramp to rest after a trip.
-BELT_CRUISE, BELT_START, BELT_STOP, BELT_RAMP, BELT_DELAY, BELT_STOP_RAMP = range(6)
-BELT_COUNT = BELT_STOP_RAMP + 1
-NO_BELT = (0.0, 0.0, math.inf, 0.0, 0.0, math.inf)
+
+@dataclass(slots=True)
+class Belt:
+    """What sets the speed of a treadmill.
+
+    Attributes:
+        cruise: Speed between the ramps in [m] / [s].
+        start: Begin of the command to walk in [s].
+        stop: Its end in [s].
+        ramp: Length of a ramp in [s]; 0 for a belt that runs evenly.
+        delay: From a command until the belt follows it in [s].
+        stop_ramp: Time to rest after a trip in [s]; infinite for a belt that runs on.
+    """
+
+    cruise: float = 0.0
+    start: float = 0.0
+    stop: float = math.inf
+    ramp: float = 0.0
+    delay: float = 0.0
+    stop_ramp: float = math.inf
 
 
 def belt_speed(time: float, cruise: float, start: float, stop: float, ramp: float) -> float:
@@ -64,16 +79,7 @@ def belt_travel(time: float, cruise: float, start: float, stop: float, ramp: flo
     return cruise * ramp * (_ramp_way((time - start) / ramp) - _ramp_way((time - stop) / ramp))
 
 
-def treadmill_speed(
-    time: float,
-    trip_time: float,
-    cruise: float,
-    start: float,
-    stop: float,
-    ramp: float,
-    delay: float,
-    stop_ramp: float,
-) -> float:
+def treadmill_speed(belt: Belt, time: float, trip_time: float) -> float:
     r"""Speed of the belt of a treadmill, with or without a profile, which a trip brings to rest.
 
     .. math::
@@ -81,59 +87,42 @@ def treadmill_speed(
         u(t) = u(t_0)\,\Bigl[1 - s\Bigl(\frac{t - t_0}{T_0}\Bigr)\Bigr] \quad\text{for}\quad t > t_0
 
     Args:
+        belt: Its profile; :math:`T_0` is ``stop_ramp``.
         time: In [s].
         trip_time: :math:`t_0` of the trip in [s]; infinite if there is none.
-        cruise: As in :func:`belt_speed`.
-        start: Likewise.
-        stop: Likewise.
-        ramp: Likewise; 0 for a belt that runs evenly at ``cruise``.
-        delay: From a command until the belt follows it in [s].
-        stop_ramp: Time :math:`T_0` to rest after a trip in [s], positive; infinite for one that runs on.
 
     Returns:
         Speed in [m] / [s], backwards positive.
     """
-    speed = cruise
-    if ramp > 0.0:
-        speed = belt_speed(min(time, trip_time) - delay, cruise, start, stop, ramp)
+    speed = belt.cruise
+    if belt.ramp > 0.0:
+        speed = belt_speed(min(time, trip_time) - belt.delay, belt.cruise, belt.start, belt.stop, belt.ramp)
     if time > trip_time:
-        speed *= 1.0 - blend_share((time - trip_time) / stop_ramp, BLEND_MINIMUM_JERK)
+        speed *= 1.0 - blend_share((time - trip_time) / belt.stop_ramp, BLEND_MINIMUM_JERK)
     return speed
 
 
-def treadmill_travel(
-    time: float,
-    trip_time: float,
-    cruise: float,
-    start: float,
-    stop: float,
-    ramp: float,
-    delay: float,
-    stop_ramp: float,
-) -> float:
+def treadmill_travel(belt: Belt, time: float, trip_time: float) -> float:
     """Way that the belt has gone since time 0: the integral of :func:`treadmill_speed`.
 
     Args:
+        belt: Its profile.
         time: In [s].
         trip_time: As in :func:`treadmill_speed`.
-        cruise: Likewise.
-        start: Likewise.
-        stop: Likewise.
-        ramp: Likewise.
-        delay: Likewise.
-        stop_ramp: Likewise.
 
     Returns:
         Way in [m], backwards positive.
     """
     before = min(time, trip_time)
-    way = belt_travel(before - delay, cruise, start, stop, ramp) if ramp > 0.0 else cruise * before
+    way = belt.cruise * before
+    if belt.ramp > 0.0:
+        way = belt_travel(before - belt.delay, belt.cruise, belt.start, belt.stop, belt.ramp)
     if time > trip_time:
-        speed = treadmill_speed(trip_time, trip_time, cruise, start, stop, ramp, delay, stop_ramp)
+        speed = treadmill_speed(belt, trip_time, trip_time)
         since = time - trip_time
         way += speed * since
-        if stop_ramp < math.inf:
-            way -= speed * stop_ramp * _ramp_way(since / stop_ramp)
+        if belt.stop_ramp < math.inf:
+            way -= speed * belt.stop_ramp * _ramp_way(since / belt.stop_ramp)
     return way
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from twin_gait.core.hyperbolic import hyperbolic_tangent
 
@@ -85,35 +86,61 @@ def mechanical_stop_torque(
     return 0.0
 
 
-def ground_contact_force(
-    height: float,
-    forward_velocity: float,
-    vertical_velocity: float,
-    belt_speed: float,
-    stiffness: float,
-    dissipation: float,
-    friction_coefficient: float,
-    transition_velocity: float,
-) -> tuple[float, float]:
-    """Force of a level belt on a point of the sole.
+@dataclass(slots=True)
+class Ground:
+    """The ground under the feet, or the belt.
 
-    Args:
-        height: Of the point above the belt in [m]; negative is penetration.
-        forward_velocity: Of the point in the world in [m] / [s].
-        vertical_velocity: Of the point in [m] / [s], up positive.
-        belt_speed: Of the belt, running backwards, in [m] / [s].
+    Attributes:
+        belt_speed: Present one, backwards positive, in [m] / [s].
         stiffness: In [N] / [m]^1.5.
         dissipation: In [s] / [m].
         friction_coefficient: Coulomb coefficient.
         transition_velocity: Of the regularised friction in [m] / [s].
+    """
+
+    belt_speed: float = 0.0
+    stiffness: float = 0.0
+    dissipation: float = 0.0
+    friction_coefficient: float = 0.0
+    transition_velocity: float = 0.0
+
+
+@dataclass(slots=True)
+class Point:
+    """A point of a sole.
+
+    Attributes:
+        forward: Force on it in [N].
+        upward: Likewise.
+        height: Above the ground in [m].
+    """
+
+    forward: float = 0.0
+    upward: float = 0.0
+    height: float = 0.0
+
+
+def ground_contact_force(
+    ground: Ground, height: float, forward_velocity: float, vertical_velocity: float
+) -> tuple[float, float]:
+    """Force of level ground, or a belt, on a point of the sole.
+
+    Args:
+        ground: Its parameters and the speed of the belt.
+        height: Of the point above it in [m]; negative is penetration.
+        forward_velocity: Of the point in the world in [m] / [s].
+        vertical_velocity: Of the point in [m] / [s], up positive.
 
     Returns:
         Forward and upward force on the point in [N].
     """
     if height >= 0.0:
         return 0.0, 0.0
-    normal = contact_normal_force(-height, -vertical_velocity, stiffness, dissipation)
+    normal = contact_normal_force(-height, -vertical_velocity, ground.stiffness, ground.dissipation)
     friction = contact_friction_force(
-        forward_velocity + belt_speed, normal, friction_coefficient, transition_velocity
+        forward_velocity + ground.belt_speed,
+        normal,
+        ground.friction_coefficient,
+        ground.transition_velocity,
     )
     return friction, normal

@@ -1,141 +1,174 @@
-"""What the firmware does in one tick of 1 ms, on plain arrays.
+"""What the firmware does in one tick of 1 ms, joint by joint.
 
-Joints are numbered leg by leg (left hip, left knee, right hip, …). Memory (last angles, rings) is
-handed in and changed in place; nothing is kept between calls.
+Memory (last angles, rings) is handed in and changed in place; nothing is kept between calls.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
+from dataclasses import dataclass
 
 from twin_gait.core.actuator import (
+    Motor,
     current_to_torque,
     saturate,
     torque_to_current,
     voltage_limited_current,
 )
-from twin_gait.core.blending import blend, blend_share
+from twin_gait.core.blending import blend
 from twin_gait.core.estimation import first_order_step, quantise
 from twin_gait.core.impedance import impedance_torque
 
-Array = np.ndarray[Any, np.dtype[Any]]
-
-# Columns of a measurement.
-ANGLE, VELOCITY_FAST, VELOCITY_SLOW = range(3)
-
-# Columns of the parameters of a phase: four per joint, then the share of gravity compensation.
+# Columns of the parameters of a phase as a gait table is resolved: four per joint, then the share of gravity
+# compensation.
 STIFFNESS, DAMPING, EQUILIBRIUM, GAIN = range(4)
 COLUMNS_PER_JOINT = 4
+_ROOM = 16  # windows of any length up to the next multiple share one compiled loop
 
 
-def measure_joints(
-    tick: int,
-    angles: Array,
-    resolution: Array,
-    period: float,
-    fast_gain: float,
-    decimation: int,
-    measured: Array,
-    decimated_angle: Array,
-    ring: Array,
+@dataclass(slots=True)
+class Encoder:
+    """Encoder of a joint with its two velocity estimates.
+
+    Attributes:
+        resolution: Angle of a count in [rad]; 0 for an ideal sensor.
+        angle: Measured in [rad].
+        velocity_fast: First-order estimate in [rad] / [s].
+        velocity_slow: Decimated and averaged estimate in [rad] / [s].
+        last_angle: Of the tick before.
+        last_fast: Fast velocity of the tick before.
+        decimated_angle: Angle at the last slow sample.
+        window: Slow samples that are averaged.
+        ring: Last slow samples in [rad] / [s], with room for more than the window.
+    """
+
+    resolution: float
+    angle: float
+    velocity_fast: float
+    velocity_slow: float
+    last_angle: float
+    last_fast: float
+    decimated_angle: float
+    window: int
+    ring: list[float]
+
+
+def new_encoder(resolution: float, angle: float, window: int) -> Encoder:
+    """An encoder that is referenced at an angle, at rest.
+
+    Args:
+        resolution: Angle of a count in [rad]; 0 for an ideal sensor.
+        angle: In [rad].
+        window: Slow samples that are averaged.
+    """
+    room = -(-window // _ROOM) * _ROOM
+    return Encoder(resolution, angle, 0.0, 0.0, 0.0, 0.0, 0.0, window, [0.0] * room)
+
+
+def measure_joint(
+    encoder: Encoder, tick: int, reading: float, period: float, fast_gain: float, decimation: int
 ) -> None:
-    r"""Encoders and the two velocity estimates of one tick.
+    r"""Encoder and the two velocity estimates of one tick.
 
     ``velocity_fast`` is the 1 kHz encoder difference through a first-order filter. ``velocity_slow``
     is the thesis's: the difference over ``decimation`` ticks, averaged over the last samples in the
     ring (thesis 2.3.1; about 50 ms late).
 
     Args:
-        tick: Present tick; in tick 0 only the angles are read.
-        angles: What the sensors read, noise included, in [rad], shape ``(n_joints,)``.
-        resolution: Encoder resolution in [rad], shape ``(n_joints,)``; 0 for ideal sensors.
+        encoder: Changed in place.
+        tick: Present tick; in tick 0 only the angle is read.
+        reading: What the sensor reads, noise included, in [rad].
         period: Length of a tick in [s].
         fast_gain: From :func:`~twin_gait.core.estimation.first_order_gain`.
         decimation: Ticks between two samples of the slow estimate.
-        measured: Columns angle, fast and slow velocity, shape ``(n_joints, 3)``; changed in place.
-        decimated_angle: Angle at the last slow sample, shape ``(n_joints,)``; changed in place.
-        ring: Last slow samples, shape ``(window, n_joints)``; changed in place.
     """
-    window = ring.shape[0]
-    for joint in range(angles.shape[0]):
-        angle = quantise(angles[joint], resolution[joint])
-        if tick == 0:
-            measured[joint, ANGLE] = angle
-            decimated_angle[joint] = angle
-            continue
-        difference = (angle - measured[joint, ANGLE]) / period
-        measured[joint, VELOCITY_FAST] = first_order_step(
-            measured[joint, VELOCITY_FAST], difference, fast_gain
-        )
-        measured[joint, ANGLE] = angle
-        if tick % decimation == 0:
-            sample = (angle - decimated_angle[joint]) / (decimation * period)
-            decimated_angle[joint] = angle
-            ring[(tick // decimation) % window, joint] = sample
-            total = 0.0
-            for position in range(window):
-                total += ring[position, joint]
-            measured[joint, VELOCITY_SLOW] = total / window
+    encoder.last_angle = encoder.angle
+    encoder.last_fast = encoder.velocity_fast
+    angle = quantise(reading, encoder.resolution)
+    if tick == 0:
+        encoder.angle = angle
+        encoder.decimated_angle = angle
+        return
+    encoder.velocity_fast = first_order_step(
+        encoder.velocity_fast, (angle - encoder.angle) / period, fast_gain
+    )
+    encoder.angle = angle
+    if tick % decimation == 0:
+        sample = (angle - encoder.decimated_angle) / (decimation * period)
+        encoder.decimated_angle = angle
+        window = encoder.window
+        encoder.ring[(tick // decimation) % window] = sample
+        total = 0.0
+        for position in range(window):
+            total += encoder.ring[position]
+        encoder.velocity_slow = total / window
 
 
-def leg_signals(
-    leg: int,
-    joints_per_leg: int,
-    measured: Array,
-    foot_load: Array,
-    ticks_in_phase: Array,
-    period: float,
-    signals: Array,
-    offset: int,
-) -> None:
-    """Write the measured signals of one leg in the order in which guards read them.
+def joint_signals(encoder: Encoder, signals: list[float], place: int) -> None:
+    """Write the signals of a joint in the order in which guards read them: angle, fast velocity.
 
     Args:
-        leg: Index of the leg.
-        joints_per_leg: Actuated joints of a leg.
-        measured: Shape ``(n_joints, 3)``.
-        foot_load: Foot load over body weight, shape ``(n_legs,)``.
-        ticks_in_phase: Shape ``(n_legs,)``.
+        signals: Changed in place.
+        place: Of the first one.
+    """
+    signals[place] = encoder.angle
+    signals[place + 1] = encoder.velocity_fast
+
+
+def leg_signals(load: float, ticks_in_phase: int, period: float, signals: list[float], place: int) -> None:
+    """Write the signals of a leg that follow those of its joints: foot load, time in phase.
+
+    Args:
+        load: Foot load over body weight.
         period: Length of a tick in [s].
-        signals: Signal array; changed in place.
-        offset: Where this leg's signals begin.
+        signals: Changed in place.
+        place: Of the first one.
     """
-    position = offset
-    for index in range(joints_per_leg):
-        joint = leg * joints_per_leg + index
-        signals[position] = measured[joint, ANGLE]
-        signals[position + 1] = measured[joint, VELOCITY_FAST]
-        position += 2
-    signals[position] = foot_load[leg]
-    signals[position + 1] = ticks_in_phase[leg] * period
+    signals[place] = load
+    signals[place + 1] = ticks_in_phase * period
 
 
-def blend_phase(
-    leg: int,
-    ticks_since_switch: int,
-    duration_ticks: int,
-    law: int,
-    start: Array,
-    target: Array,
-    blended: Array,
-) -> None:
-    """Fade the parameters of a leg from where they were at the switch to those of the phase.
+@dataclass(slots=True)
+class Setpoint:
+    """What a gait table asks of a joint.
+
+    Attributes:
+        stiffness: k in [N m] / [rad].
+        damping: b in [N m s] / [rad].
+        equilibrium: θ0 in [rad].
+        gain: G, of the friction compensation.
+    """
+
+    stiffness: float
+    damping: float
+    equilibrium: float
+    gain: float
+
+
+def blend_setpoint(start: Setpoint, target: Setpoint, share: float, blended: Setpoint) -> None:
+    """Fade the setpoint of a joint from where it was at the switch to that of the phase.
 
     Args:
-        leg: Index of the leg.
-        ticks_since_switch: Ticks since the phase was entered.
-        duration_ticks: Length of the fade.
-        law: Code of the blending law.
-        start: Values at the switch, shape ``(n_legs, n_columns)``.
-        target: Values of the phase, shape ``(n_columns,)``.
-        blended: Present values, shape ``(n_legs, n_columns)``; changed in place.
+        start: Values at the switch.
+        target: Values of the phase.
+        share: From :func:`~twin_gait.core.blending.blend_share`.
+        blended: Present values; changed in place.
     """
-    progress = 1.0 if duration_ticks <= 0 else ticks_since_switch / duration_ticks
-    share = blend_share(progress, law)
-    for column in range(target.shape[0]):
-        blended[leg, column] = blend(start[leg, column], target[column], share)
+    blended.stiffness = blend(start.stiffness, target.stiffness, share)
+    blended.damping = blend(start.damping, target.damping, share)
+    blended.equilibrium = blend(start.equilibrium, target.equilibrium, share)
+    blended.gain = blend(start.gain, target.gain, share)
+
+
+def copy_setpoint(source: Setpoint, target: Setpoint) -> None:
+    """Give a setpoint the values of another.
+
+    Args:
+        target: Changed in place.
+    """
+    target.stiffness = source.stiffness
+    target.damping = source.damping
+    target.equilibrium = source.equilibrium
+    target.gain = source.gain
 
 
 def controller_torques(
@@ -172,16 +205,30 @@ def controller_torques(
     return impedance, friction_compensation_gain * model_friction_torque
 
 
+def target_current(motor: Motor, command: float, torque_limit: float, current_limit: float) -> float:
+    """Current that the firmware asks the drive for: torque limit, conversion, current limit.
+
+    Args:
+        motor: Motor and gear.
+        command: Sum of the controller's torques in [N m].
+        torque_limit: In [N m].
+        current_limit: In [A].
+
+    Returns:
+        Current in [A].
+    """
+    limited = saturate(command, torque_limit)
+    wanted = torque_to_current(limited, motor.torque_constant, motor.gear_ratio, motor.gear_efficiency)
+    return saturate(wanted, current_limit)
+
+
 def drive_motor(
+    motor: Motor,
     command: float,
     joint_velocity: float,
     bus_voltage: float,
     torque_limit: float,
     current_limit: float,
-    torque_constant: float,
-    gear_ratio: float,
-    gear_efficiency: float,
-    resistance: float,
 ) -> tuple[float, float, float]:
     """From the commanded torque to the torque that the motor gives.
 
@@ -189,22 +236,19 @@ def drive_motor(
     present speed. The current loop (20 kHz) is ideal within the tick.
 
     Args:
+        motor: Motor and gear.
         command: Sum of the controller's torques in [N m].
         joint_velocity: True joint velocity in [rad] / [s], for the back-EMF.
         bus_voltage: In [V].
         torque_limit: In [N m].
         current_limit: In [A].
-        torque_constant: In [N m] / [A].
-        gear_ratio: Motor turns per joint turn.
-        gear_efficiency: In (0, 1].
-        resistance: In [Ω].
 
     Returns:
         Target current in [A], measured current in [A], motor torque at the joint in [N m].
     """
-    limited = saturate(command, torque_limit)
-    target = saturate(torque_to_current(limited, torque_constant, gear_ratio, gear_efficiency), current_limit)
+    target = target_current(motor, command, torque_limit, current_limit)
     current = voltage_limited_current(
-        target, joint_velocity, bus_voltage, resistance, torque_constant, gear_ratio
+        target, joint_velocity, bus_voltage, motor.resistance, motor.torque_constant, motor.gear_ratio
     )
-    return target, current, current_to_torque(current, torque_constant, gear_ratio, gear_efficiency)
+    torque = current_to_torque(current, motor.torque_constant, motor.gear_ratio, motor.gear_efficiency)
+    return target, current, torque

@@ -1,18 +1,9 @@
-"""Faults between the true state and what the controller sees, or between command and motor.
-
-The faults of an episode are two arrays, so that a campaign runs on one compiled loop: ``faults`` with the
-columns kind, place and first tick, and ``magnitudes`` in SI units. The place is a joint, a leg, or of no
-meaning for the supply.
-"""
+"""Faults between the true state and what the controller sees, or between command and motor."""
 
 from __future__ import annotations
 
 import math
-from typing import Any
-
-import numpy as np
-
-Array = np.ndarray[Any, np.dtype[Any]]
+from dataclasses import dataclass
 
 # Kinds of faults, as the array numbers them.
 (
@@ -27,7 +18,6 @@ Array = np.ndarray[Any, np.dtype[Any]]
     FOOT_LOAD_STUCK,
     SUPPLY_DIP,
 ) = range(10)
-KIND, PLACE, START_TICK = range(3)
 
 NO_FAULT = -1
 JUMP_TICKS = 5  # a jump is a glitch of so many ticks; what lasts is an offset
@@ -35,12 +25,29 @@ DIP_TICKS = 500  # length of a dip of the supply
 LEAST_BUS_VOLTAGE = 1.0  # [V]; the capacitors of the bus are never quite empty
 
 
+@dataclass(slots=True)
+class Fault:
+    """A fault of an episode.
+
+    Attributes:
+        kind: See above.
+        place: A joint, a leg, or of no meaning for the supply.
+        start_tick: First tick with the fault.
+        magnitude: In SI units: angle in [rad] of a jump or an offset, rate in [rad] / [s] of a drift, torque
+            in [N m] of a stuck motor, its rate in [N m] / [s] of a runaway, voltage in [V] of a dip.
+    """
+
+    kind: int
+    place: int
+    start_tick: int
+    magnitude: float
+
+
 def faulty_angle(
     joint: int,
     tick: int,
     period: float,
-    faults: Array,
-    magnitudes: Array,
+    faults: list[Fault],
     reading: float,
     last_reading: float,
 ) -> float:
@@ -50,106 +57,102 @@ def faulty_angle(
         joint: Index of the joint.
         tick: Present tick.
         period: Length of a tick in [s].
-        faults: Shape ``(n, 3)``.
-        magnitudes: Angle in [rad] of a jump or an offset, rate in [rad] / [s] of a drift, shape ``(n,)``.
+        faults: Of the episode.
         reading: Of the healthy encoder in [rad].
         last_reading: What it read in the tick before in [rad].
 
     Returns:
         Reading in [rad]; NaN if it is missing.
     """
-    for row in range(faults.shape[0]):
-        elapsed = tick - faults[row, START_TICK]
-        kind = faults[row, KIND]
-        if elapsed < 0 or kind > ENCODER_OFFSET or faults[row, PLACE] != joint:
+    for fault in faults:
+        elapsed = tick - fault.start_tick
+        if elapsed < 0 or fault.kind > ENCODER_OFFSET or fault.place != joint:
             continue
-        if kind == ENCODER_FREEZE:
+        if fault.kind == ENCODER_FREEZE:
             reading = last_reading
-        elif kind == ENCODER_MISSING:
+        elif fault.kind == ENCODER_MISSING:
             reading = math.nan
-        elif kind == ENCODER_DRIFT:
-            reading += magnitudes[row] * (elapsed * period)
-        elif kind == ENCODER_OFFSET or elapsed < JUMP_TICKS:
-            reading += magnitudes[row]
+        elif fault.kind == ENCODER_DRIFT:
+            reading += fault.magnitude * (elapsed * period)
+        elif fault.kind == ENCODER_OFFSET or elapsed < JUMP_TICKS:
+            reading += fault.magnitude
     return reading
 
 
-def faulty_load(leg: int, tick: int, faults: Array, load: float, last_load: float) -> float:
+def faulty_load(leg: int, tick: int, faults: list[Fault], load: float, last_load: float) -> float:
     """What the load sensor of a foot reads under its faults.
 
     Args:
         leg: Index of the leg.
         tick: Present tick.
-        faults: Shape ``(n, 3)``.
+        faults: Of the episode.
         load: Of the healthy sensor.
         last_load: What it read in the tick before.
 
     Returns:
         Reading, in the unit of the load.
     """
-    for row in range(faults.shape[0]):
-        stuck = faults[row, KIND] == FOOT_LOAD_STUCK and faults[row, PLACE] == leg
-        if stuck and tick >= faults[row, START_TICK]:
+    for fault in faults:
+        stuck = fault.kind == FOOT_LOAD_STUCK and fault.place == leg
+        if stuck and tick >= fault.start_tick:
             load = last_load
     return load
 
 
-def runaway_torque(joint: int, tick: int, period: float, faults: Array, magnitudes: Array) -> float:
+def runaway_torque(joint: int, tick: int, period: float, faults: list[Fault]) -> float:
     """Torque that a controller gone wrong adds: a ramp.
 
     Args:
         joint: Index of the joint.
         tick: Present tick.
         period: Length of a tick in [s].
-        faults: Shape ``(n, 3)``.
-        magnitudes: Rate in [N m] / [s], shape ``(n,)``.
+        faults: Of the episode.
 
     Returns:
         Torque in [N m].
     """
     torque = 0.0
-    for row in range(faults.shape[0]):
-        elapsed = tick - faults[row, START_TICK]
-        if faults[row, KIND] == CONTROLLER_RUNAWAY and faults[row, PLACE] == joint and elapsed >= 0:
-            torque += magnitudes[row] * (elapsed * period)
+    for fault in faults:
+        elapsed = tick - fault.start_tick
+        if fault.kind == CONTROLLER_RUNAWAY and fault.place == joint and elapsed >= 0:
+            torque += fault.magnitude * (elapsed * period)
     return torque
 
 
-def drive_fault(joint: int, tick: int, faults: Array) -> int:
+def drive_fault(joint: int, tick: int, faults: list[Fault]) -> int:
     """The fault of a joint's drive that is at work.
 
     Args:
         joint: Index of the joint.
         tick: Present tick.
-        faults: Shape ``(n, 3)``.
+        faults: Of the episode.
 
     Returns:
         Its row, the first one if there are several, or ``NO_FAULT``.
     """
-    for row in range(faults.shape[0]):
-        kind = faults[row, KIND]
-        broken = kind == MOTOR_DEAD or kind == MOTOR_STUCK
-        if broken and faults[row, PLACE] == joint and tick >= faults[row, START_TICK]:
+    for row in range(len(faults)):
+        fault = faults[row]
+        broken = fault.kind == MOTOR_DEAD or fault.kind == MOTOR_STUCK
+        if broken and fault.place == joint and tick >= fault.start_tick:
             return row
     return NO_FAULT
 
 
-def supply_drop(tick: int, faults: Array, magnitudes: Array) -> float:
+def supply_drop(tick: int, faults: list[Fault]) -> float:
     """Voltage that the supply lacks.
 
     Args:
         tick: Present tick.
-        faults: Shape ``(n, 3)``.
-        magnitudes: In [V], shape ``(n,)``.
+        faults: Of the episode.
 
     Returns:
         Voltage in [V], 0 without a dip.
     """
     drop = 0.0
-    for row in range(faults.shape[0]):
-        elapsed = tick - faults[row, START_TICK]
-        if faults[row, KIND] == SUPPLY_DIP and 0 <= elapsed < DIP_TICKS:
-            drop += magnitudes[row]
+    for fault in faults:
+        elapsed = tick - fault.start_tick
+        if fault.kind == SUPPLY_DIP and 0 <= elapsed < DIP_TICKS:
+            drop += fault.magnitude
     return drop
 
 

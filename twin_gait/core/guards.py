@@ -1,45 +1,97 @@
 """The one evaluator of gait-table guards, and the rule that picks a transition.
 
-A gait table is compiled (in :mod:`twin_gait.gait`) into plain arrays, the *guard program*; the
-state machine, the compiled engine, replay and checks all read it through these functions.
-
-Arrays of a program:
-
-``nodes``, shape ``(n_nodes, 2)``, integers
-    Guards in postfix order: operation (``OP_*``) and operand. ``OP_COMPARE`` takes a row of the
-    comparisons, ``OP_PHASE`` a bit mask of phases of the other leg, ``OP_ALL`` and ``OP_ANY`` the
-    number of results to join.
-``comparisons``, shape ``(n_comparisons, 5)``
-    ``signal_a, factor_a, signal_b, factor_b, threshold``: true while
-    ``factor_a x[a] + factor_b x[b] > threshold``. ``factor_b`` is 0 for a single signal.
-``transitions``, shape ``(n_transitions, 6)``, integers
-    ``source, target, first_node, end_node, debounce_ticks, time_out_ticks`` in the order of the table;
-    ``time_out_ticks`` is negative for a transition without a time-out.
+A gait table is compiled (in :mod:`twin_gait.gait`) into a :class:`GuardProgram`; the state machine, the
+compiled engine, replay and checks all read it through these functions.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 OP_COMPARE = 0
 OP_PHASE = 1
 OP_ALL = 2
 OP_ANY = 3
 
-SOURCE, TARGET, FIRST_NODE, END_NODE, DEBOUNCE_TICKS, TIME_OUT_TICKS = range(6)
-
 NO_TRANSITION = -1
 
 
+@dataclass(slots=True)
+class GuardNode:
+    """One step of a guard in postfix order.
+
+    Attributes:
+        operation: What to do, one of the ``OP_*``.
+        operand: For ``OP_COMPARE`` the index of the comparison, for ``OP_PHASE`` a bit mask of phases of
+            the other leg, for ``OP_ALL`` and ``OP_ANY`` the number of results to join.
+    """
+
+    operation: int
+    operand: int
+
+
+@dataclass(slots=True)
+class Comparison:
+    """True while ``factor_a x[signal_a] + factor_b x[signal_b] > threshold``, signals x in SI units.
+
+    Attributes:
+        signal_a: Index of the first signal.
+        signal_b: Index of the second signal; not read while ``factor_b`` is 0.
+        factor_a: Of the first signal, 1 or -1.
+        factor_b: Of the second signal, 1 or -1; 0 for a single signal.
+        threshold: In the SI unit of the signals: [rad], [rad] / [s], [s], or 1 for a ratio.
+    """
+
+    signal_a: int
+    signal_b: int
+    factor_a: float
+    factor_b: float
+    threshold: float
+
+
+@dataclass(slots=True)
+class TransitionRule:
+    """When a phase is left for another.
+
+    Attributes:
+        source: Index of the phase that is left.
+        target: Index of the phase that is entered.
+        first_node: First node of the guard.
+        end_node: One past its last node.
+        debounce_ticks: The guard has to be open for so many consecutive ticks of 1 [ms].
+        time_out_ticks: The phase has to last for so many ticks; negative without a time-out.
+    """
+
+    source: int
+    target: int
+    first_node: int
+    end_node: int
+    debounce_ticks: int
+    time_out_ticks: int
+
+
+@dataclass(slots=True)
+class GuardProgram:
+    """The transitions of a gait table with their guards.
+
+    Attributes:
+        n_transitions: Number of transitions; a list may go on with entries that mean nothing.
+        minimum_ticks: A phase is not left before so many ticks of 1 [ms], one for each phase.
+        transitions: In the order of the table, which is their priority.
+        nodes: Of all guards, each in postfix order.
+        comparisons: Of all guards.
+    """
+
+    n_transitions: int
+    minimum_ticks: list[int]
+    transitions: list[TransitionRule]
+    nodes: list[GuardNode]
+    comparisons: list[Comparison]
+
+
 def guard_holds(
-    nodes: np.ndarray[Any, np.dtype[np.int64]],
-    first: int,
-    end: int,
-    comparisons: np.ndarray[Any, np.dtype[np.float64]],
-    signals: np.ndarray[Any, np.dtype[np.float64]],
-    other_phase: int,
+    program: GuardProgram, first: int, end: int, signals: Sequence[float], other_phase: int
 ) -> bool:
     """Whether a guard is true for a set of measured signals.
 
@@ -47,10 +99,9 @@ def guard_holds(
     false, so a NaN never opens a guard.
 
     Args:
-        nodes: Guard program, shape ``(n_nodes, 2)``.
+        program: The guards.
         first: First node of the guard.
         end: One past its last node.
-        comparisons: Comparison rows, shape ``(n_comparisons, 5)``.
         signals: Signals of this leg and the other in SI units, shape ``(n_signals,)``.
         other_phase: Index of the phase of the other leg, or a negative number without one.
 
@@ -58,21 +109,21 @@ def guard_holds(
         True if the guard is open.
     """
     stack = 0
-    for node in range(first, end):
-        operation = nodes[node, 0]
-        operand = nodes[node, 1]
-        if operation == OP_COMPARE:
-            value = comparisons[operand, 1] * signals[int(comparisons[operand, 0])]
-            if comparisons[operand, 3] != 0.0:
-                value += comparisons[operand, 3] * signals[int(comparisons[operand, 2])]
-            result = 1 if value > comparisons[operand, 4] else 0
-        elif operation == OP_PHASE:
-            result = (operand >> other_phase) & 1 if other_phase >= 0 else 0
+    for index in range(first, end):
+        node = program.nodes[index]
+        if node.operation == OP_COMPARE:
+            comparison = program.comparisons[node.operand]
+            value = comparison.factor_a * signals[comparison.signal_a]
+            if comparison.factor_b != 0.0:
+                value += comparison.factor_b * signals[comparison.signal_b]
+            result = 1 if value > comparison.threshold else 0
+        elif node.operation == OP_PHASE:
+            result = (node.operand >> other_phase) & 1 if other_phase >= 0 else 0
         else:
-            mask = (1 << operand) - 1
+            mask = (1 << node.operand) - 1
             joined = stack & mask
-            stack = stack >> operand
-            if operation == OP_ALL:
+            stack = stack >> node.operand
+            if node.operation == OP_ALL:
                 result = 1 if joined == mask else 0
             else:
                 result = 1 if joined != 0 else 0
@@ -81,16 +132,12 @@ def guard_holds(
 
 
 def next_transition(
+    program: GuardProgram,
     phase: int,
     ticks_in_phase: int,
-    minimum_ticks: int,
-    transitions: np.ndarray[Any, np.dtype[np.int64]],
-    nodes: np.ndarray[Any, np.dtype[np.int64]],
-    comparisons: np.ndarray[Any, np.dtype[np.float64]],
-    signals: np.ndarray[Any, np.dtype[np.float64]],
+    signals: Sequence[float],
     other_phase: int,
-    debounce: np.ndarray[Any, np.dtype[np.int64]],
-    first_debounce: int = 0,
+    debounce: list[int],
 ) -> int:
     """Pick the transition that a leg takes in this tick, and count the debounce of all its exits.
 
@@ -99,41 +146,31 @@ def next_transition(
     time-out needs both.
 
     Args:
+        program: Transitions and guards.
         phase: Index of the present phase.
         ticks_in_phase: Ticks since it was entered (0 in the tick of entry).
-        minimum_ticks: The phase cannot be left before so many ticks.
-        transitions: Shape ``(n_transitions, 6)``.
-        nodes: Guard program, shape ``(n_nodes, 2)``.
-        comparisons: Comparison rows, shape ``(n_comparisons, 5)``.
-        signals: Signals of this leg and the other in SI units.
-        other_phase: Index of the phase of the other leg at the start of the tick.
-        debounce: Counters, one per transition; changed in place.
-        first_debounce: Where the counters of this leg begin.
+        signals: Signals of this leg and the other in SI units, shape ``(n_signals,)``.
+        other_phase: Index of the phase of the other leg at the start of the tick, or a negative number
+            without one.
+        debounce: Counters of this leg, one for each transition; changed in place.
 
     Returns:
         Index of the transition, or ``NO_TRANSITION``.
     """
     chosen = NO_TRANSITION
-    for index in range(transitions.shape[0]):
-        if transitions[index, SOURCE] != phase:
-            debounce[first_debounce + index] = 0
-            continue
-        if not guard_holds(
-            nodes,
-            transitions[index, FIRST_NODE],
-            transitions[index, END_NODE],
-            comparisons,
-            signals,
-            other_phase,
+    for index in range(program.n_transitions):
+        rule = program.transitions[index]
+        if rule.source != phase or not guard_holds(
+            program, rule.first_node, rule.end_node, signals, other_phase
         ):
-            debounce[first_debounce + index] = 0
+            debounce[index] = 0
             continue
-        debounce[first_debounce + index] += 1
+        debounce[index] += 1
         if (
             chosen == NO_TRANSITION
-            and debounce[first_debounce + index] >= transitions[index, DEBOUNCE_TICKS]
-            and ticks_in_phase >= transitions[index, TIME_OUT_TICKS]
-            and ticks_in_phase >= minimum_ticks
+            and debounce[index] >= rule.debounce_ticks
+            and ticks_in_phase >= rule.time_out_ticks
+            and ticks_in_phase >= program.minimum_ticks[phase]
         ):
             chosen = index
     return chosen

@@ -10,13 +10,9 @@ hold brakes on it, so that no broken encoder can drive the leg.
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
-import numpy as np
-
-from twin_gait.core.control_tick import ANGLE, VELOCITY_FAST
-
-Array = np.ndarray[Any, np.dtype[Any]]
+from twin_gait.core.control_tick import Encoder
 
 # Causes of a trip, as the log and the engines number them.
 (
@@ -38,35 +34,79 @@ Array = np.ndarray[Any, np.dtype[Any]]
     OPERATOR_TRIP,
 ) = range(16)
 
-# Columns of the bounds of a joint.
-(
-    LOWER,
-    UPPER,
-    HIGHEST_SPEED,
-    STOP_DISTANCE_FACTOR,
-    ANGLE_STEP,
-    FROZEN_SPEED,
-    FROZEN_TICKS,
-    MODEL_GAIN,
-    MODEL_DEVIATION,
-    HIGHEST_TORQUE,
-    TORQUE_TICKS,
-    HIGHEST_COMMAND,
-    HIGHEST_CURRENT,
-    HEATING,
-    COOLING,
-    DRIVE_DEVIATION,
-    DRIVE_TICKS,
-    EMF_CONSTANT,
-    MODEL_RESISTANCE,
-) = range(19)
-BOUND_COUNT = 19
 
-# Columns of what the monitor remembers of a joint: numbers, then consecutive ticks.
-MOTOR_SPEED, RESIDUAL, HEAT, MOTOR_CURRENT, CURRENT_DEVIATION, COMMANDED = range(6)
-MEMORY_COUNT = 6
-FROZEN_STREAK, TORQUE_STREAK, DRIVE_STREAK = range(3)
-STREAK_COUNT = 3
+@dataclass(slots=True)
+class Bounds:
+    """What the monitor holds the measurements of a joint against.
+
+    Attributes:
+        lower: Lowest angle in [rad].
+        upper: Highest angle in [rad].
+        highest_speed: In [rad] / [s].
+        stop_distance_factor: Half the inverse of the braking deceleration in [s²] / [rad].
+        angle_step: Largest change of the angle in a tick in [rad].
+        frozen_speed: Speed of the motor at which an encoder that stands still is broken in [rad] / [s].
+        frozen_ticks: How long it may.
+        model_gain: Period over the time constant in which the residual is forgotten.
+        model_deviation: Largest residual in [rad].
+        highest_torque: Command in [N m] that may be exceeded for a while.
+        torque_ticks: How long.
+        highest_command: Largest plausible command in [N m].
+        highest_current: In [A].
+        heating: Period over winding time constant and squared continuous current in 1 / [A²].
+        cooling: Period over winding time constant.
+        drive_deviation: Largest difference of current and target in [A].
+        drive_ticks: How long it may be larger.
+        emf_constant: Back-EMF at the joint in [V s] / [rad].
+        model_resistance: Of the winding as the monitor assumes it in [Ω].
+    """
+
+    lower: float
+    upper: float
+    highest_speed: float
+    stop_distance_factor: float
+    angle_step: float
+    frozen_speed: float
+    frozen_ticks: int
+    model_gain: float
+    model_deviation: float
+    highest_torque: float
+    torque_ticks: int
+    highest_command: float
+    highest_current: float
+    heating: float
+    cooling: float
+    drive_deviation: float
+    drive_ticks: int
+    emf_constant: float
+    model_resistance: float
+
+
+@dataclass(slots=True)
+class Watched:
+    """What the monitor remembers of a joint and its drive.
+
+    Attributes:
+        motor_speed: Joint speed that the drive infers in [rad] / [s].
+        residual: See :func:`model_residual`, in [rad].
+        heat: See :func:`winding_heat`.
+        motor_current: Measured in [A].
+        current_deviation: Of the measured current from what the drive should give in [A].
+        commanded: Command of the last tick in [N m].
+        frozen_streak: Consecutive ticks in which the encoder stood still while the motor turned.
+        torque_streak: Consecutive ticks with a command above the limit.
+        drive_streak: Consecutive ticks with a current that deviates.
+    """
+
+    motor_speed: float = 0.0
+    residual: float = 0.0
+    heat: float = 0.0
+    motor_current: float = 0.0
+    current_deviation: float = 0.0
+    commanded: float = 0.0
+    frozen_streak: int = 0
+    torque_streak: int = 0
+    drive_streak: int = 0
 
 
 def motor_speed(
@@ -152,71 +192,53 @@ def winding_heat(heat: float, current: float, heating: float, cooling: float) ->
     return heat + (heating * current * current - cooling * heat)
 
 
-def watch_joint(
-    joint: int,
-    period: float,
-    bounds: Array,
-    measured: Array,
-    last_angle: Array,
-    memory: Array,
-    streaks: Array,
-) -> int:
+def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: float) -> int:
     """Compare what is measured on one joint with its bounds.
 
-    Commands, currents and speeds in the memory are those of the tick before. NaN is outside every bound.
+    Commands, currents and speeds that the monitor remembers are those of the tick before. NaN is outside
+    every bound.
 
     Args:
-        joint: Index of the joint.
+        bounds: Of the joint.
+        watched: Residual, heat and streaks are changed in place.
+        encoder: Measured in this tick.
         period: Length of a tick in [s].
-        bounds: Shape ``(n_joints, BOUND_COUNT)``.
-        measured: Columns angle, fast and slow velocity of this tick, shape ``(n_joints, 3)``.
-        last_angle: Measured angles of the tick before in [rad], shape ``(n_joints,)``.
-        memory: Shape ``(n_joints, MEMORY_COUNT)``; residual and heat are changed in place.
-        streaks: Shape ``(n_joints, STREAK_COUNT)``; changed in place.
 
     Returns:
         Cause of a trip, or ``NO_TRIP``.
     """
-    angle = measured[joint, ANGLE]
-    velocity = measured[joint, VELOCITY_FAST]
-    speed = memory[joint, MOTOR_SPEED]
-    current = memory[joint, MOTOR_CURRENT]
-    change = angle - last_angle[joint]
-    residual = model_residual(memory[joint, RESIDUAL], change, speed, period, bounds[joint, MODEL_GAIN])
-    heat = winding_heat(memory[joint, HEAT], current, bounds[joint, HEATING], bounds[joint, COOLING])
-    stop = stopping_angle(angle, velocity, bounds[joint, STOP_DISTANCE_FACTOR])
-    memory[joint, RESIDUAL] = residual
-    memory[joint, HEAT] = heat
-    if change == 0.0 and abs(speed) > bounds[joint, FROZEN_SPEED]:
-        streaks[joint, FROZEN_STREAK] += 1
-    else:
-        streaks[joint, FROZEN_STREAK] = 0
-    if abs(memory[joint, COMMANDED]) > bounds[joint, HIGHEST_TORQUE]:
-        streaks[joint, TORQUE_STREAK] += 1
-    else:
-        streaks[joint, TORQUE_STREAK] = 0
-    if abs(memory[joint, CURRENT_DEVIATION]) > bounds[joint, DRIVE_DEVIATION]:
-        streaks[joint, DRIVE_STREAK] += 1
-    else:
-        streaks[joint, DRIVE_STREAK] = 0
+    angle, velocity = encoder.angle, encoder.velocity_fast
+    speed, current = watched.motor_speed, watched.motor_current
+    change = angle - encoder.last_angle
+    residual = model_residual(watched.residual, change, speed, period, bounds.model_gain)
+    heat = winding_heat(watched.heat, current, bounds.heating, bounds.cooling)
+    stop = stopping_angle(angle, velocity, bounds.stop_distance_factor)
+    watched.residual = residual
+    watched.heat = heat
+    frozen = change == 0.0 and abs(speed) > bounds.frozen_speed
+    watched.frozen_streak = watched.frozen_streak + 1 if frozen else 0
+    high = abs(watched.commanded) > bounds.highest_torque
+    watched.torque_streak = watched.torque_streak + 1 if high else 0
+    deviates = abs(watched.current_deviation) > bounds.drive_deviation
+    watched.drive_streak = watched.drive_streak + 1 if deviates else 0
     cause = NO_TRIP
-    if not abs(change) <= bounds[joint, ANGLE_STEP]:
+    if not abs(change) <= bounds.angle_step:
         cause = JUMP_TRIP if abs(angle) <= 1e300 else MISSING_TRIP
-    elif streaks[joint, FROZEN_STREAK] >= bounds[joint, FROZEN_TICKS]:
+    elif watched.frozen_streak >= bounds.frozen_ticks:
         cause = FROZEN_TRIP
-    elif not abs(residual) <= bounds[joint, MODEL_DEVIATION]:
+    elif not abs(residual) <= bounds.model_deviation:
         cause = MODEL_TRIP
-    elif abs(velocity) > bounds[joint, HIGHEST_SPEED]:
+    elif abs(velocity) > bounds.highest_speed:
         cause = SPEED_TRIP
-    elif stop < bounds[joint, LOWER] or stop > bounds[joint, UPPER]:
+    elif stop < bounds.lower or stop > bounds.upper:
         cause = RANGE_TRIP
-    elif streaks[joint, TORQUE_STREAK] >= bounds[joint, TORQUE_TICKS]:
+    elif watched.torque_streak >= bounds.torque_ticks:
         cause = TORQUE_TRIP
-    elif abs(current) > bounds[joint, HIGHEST_CURRENT]:
+    elif abs(current) > bounds.highest_current:
         cause = CURRENT_TRIP
     elif heat > 1.0:
         cause = HEAT_TRIP
-    elif streaks[joint, DRIVE_STREAK] >= bounds[joint, DRIVE_TICKS]:
+    elif watched.drive_streak >= bounds.drive_ticks:
         cause = DRIVE_TRIP
     return cause
 

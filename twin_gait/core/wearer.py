@@ -6,11 +6,27 @@ All torques act on the joint and are positive in the direction of flexion.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-# Columns of the condition of a joint: share of the passive moment, contracture, speed beyond which a spastic
-# muscle catches and its gain, share of the normative moment that the wearer gives.
-PASSIVE_SHARE, CONTRACTURE, STRETCH_REFLEX_THRESHOLD, STRETCH_REFLEX_GAIN, EFFORT = range(5)
-CONDITION_COLUMNS = 5
+
+@dataclass(slots=True)
+class Condition:
+    """What the wearer does at a joint.
+
+    Attributes:
+        passive_share: Of the passive moment of healthy people.
+        contracture: By which the passive moments are shifted in [rad].
+        stretch_reflex_threshold: Speed beyond which a spastic muscle catches in [rad] / [s].
+        stretch_reflex_gain: In [N m s] / [rad].
+        effort: Share of the normative moment that the wearer gives.
+    """
+
+    passive_share: float
+    contracture: float
+    stretch_reflex_threshold: float
+    stretch_reflex_gain: float
+    effort: float
+
 
 _DEGREES = 180.0 / math.pi
 

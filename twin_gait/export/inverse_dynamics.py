@@ -28,6 +28,7 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.conventions import DEGREES, Convention
+from twin_gait.core.contact import Ground, Point
 from twin_gait.core.plant import passive_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.export.motion import joint_angles, write_storage
@@ -36,8 +37,9 @@ from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.scenario import TreadmillScenario, World
-from twin_gait.simulation.columns import state_columns
-from twin_gait.simulation.pinocchio.plant import PinocchioPlant
+from twin_gait.simulation.log import state_columns
+from twin_gait.simulation.pinocchio_kernel import GroundContacts
+from twin_gait.simulation.record import taken_from
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 
@@ -145,30 +147,33 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     an acceleration at the tick is about that of the mean pull of both speeds. A belt that was changed by hand
     did not run as the scenario says; there the pull is the log's.
     """
-    scenario, plant = run.experiment.scenario, PinocchioPlant(world)
+    scenario, contacts = run.experiment.scenario, GroundContacts(world)
     assert isinstance(scenario, TreadmillScenario)  # the only world whose pelvis moves
+    ground = taken_from(Ground, scenario.contact, belt_speed=0.0)
+    points = [Point() for foot in contacts.feet.values() for _ in foot.points]
     positions, velocities = state_columns(world.model)
     if world.braces is not None:
         own = state_columns(world.model, wearer=True)
         positions, velocities = positions + own[0], velocities + own[1]
     q, v = run.log[positions].to_numpy(dtype=float), run.log[velocities].to_numpy(dtype=float)
-    found = {side: np.zeros((len(q), 6)) for side in plant.feet}
+    q, v = q[:, -world.model.nv :], v[:, -world.model.nv :]  # with braces, the wearer's
+    found = {side: np.zeros((len(q), 6)) for side in contacts.feet}
     tripped = math.inf if run.trip is None else run.trip.time
     logged = {side: run.log[f"{side}_foot_friction_force_N"].to_numpy() for side in found}
     for tick in range(len(q)):
-        plant.belt_speed = scenario.belt_speed_at(tick * TICK, tripped)
-        plant.update_contacts(q[tick], v[tick])
-        loaded = [side for side in found if plant.normal_force[side] > 0.0]
+        ground.belt_speed = scenario.belt_speed_at(tick * TICK, tripped)
+        contacts.update(q[tick], v[tick], ground, points)
+        loaded = [side for side in found if contacts.wrench(side).any()]
         for side in loaded:
-            found[side][tick] = plant.ground_wrench(side)
+            found[side][tick] = contacts.wrench(side)
             found[side][tick, 0] = logged[side][tick]
-        last, now = scenario.belt_speed_at(max(tick - 1, 0) * TICK, tripped), plant.belt_speed
+        last, now = scenario.belt_speed_at(max(tick - 1, 0) * TICK, tripped), ground.belt_speed
         if last != now:
-            new = {side: plant.ground_wrench(side) for side in loaded}
-            plant.belt_speed = last
-            plant.update_contacts(q[tick], v[tick])
+            new = {side: contacts.wrench(side) for side in loaded}
+            ground.belt_speed = last
+            contacts.update(q[tick], v[tick], ground, points)
             for side in loaded:
-                found[side][tick] += 0.5 * (plant.ground_wrench(side) - new[side])
+                found[side][tick] += 0.5 * (contacts.wrench(side) - new[side])
     return found
 
 
@@ -241,9 +246,9 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
     velocity = log[f"{name}_velocity_rad_per_s"].to_numpy()
     if f"{name}_motor_torque_Nm" not in log:
         # The log has the orthosis without its stops.
-        row = world.plant_rows[index].tolist()
+        plant = world.plant[index]
         states = zip(log[f"{name}_angle_rad"].tolist(), velocity.tolist(), strict=True)
-        return np.array([sum(passive_torque(angle, speed, 0.0, *row)) for angle, speed in states])
+        return np.array([passive_torque(plant, angle, speed, 0.0, 0.0) for angle, speed in states])
     motor, friction, stop = (
         log[f"{name}_{part}_torque_Nm"].to_numpy() for part in ("motor", "friction", "stop")
     )

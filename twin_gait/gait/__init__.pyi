@@ -1,7 +1,6 @@
 from .machine import GaitStateMachine as GaitStateMachine
 from .machine import LegSignals as LegSignals
 from .machine import PhaseSwitch as PhaseSwitch
-from .program import GuardProgram as GuardProgram
 from .program import compile_guards as compile_guards
 from .table import TICK as TICK
 from .table import Blending as Blending

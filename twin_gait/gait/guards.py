@@ -124,7 +124,7 @@ def _bracketed(guard: Guard) -> str:
 
 
 def signal_names(joints: Sequence[str]) -> list[str]:
-    """Signals of one leg in the order of the signal array: angles and velocities, foot load, time."""
+    """Signals of one leg in the order of the list of signals: angles and velocities, foot load, time."""
     names = []
     for joint in joints:
         names += [f"{joint}.angle_deg", f"{joint}.velocity_deg_per_s"]
@@ -132,7 +132,7 @@ def signal_names(joints: Sequence[str]) -> list[str]:
 
 
 def all_signal_names(joints: Sequence[str]) -> list[str]:
-    """Signals of this leg, those of the other, then the command, in the order of the signal array.
+    """Signals of this leg, those of the other, then the command, in the order of the list of signals.
 
     Their positions are the indices in the guard program.
     """

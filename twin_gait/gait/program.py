@@ -1,33 +1,22 @@
-"""Compile a gait table into the arrays that the core evaluates."""
+"""Compile a gait table into the program that the core evaluates."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
-import numpy as np
-
-from twin_gait.core.guards import OP_ALL, OP_ANY, OP_COMPARE, OP_PHASE
+from twin_gait.core import guards as core
+from twin_gait.core.guards import (
+    OP_ALL,
+    OP_ANY,
+    OP_COMPARE,
+    OP_PHASE,
+    GuardNode,
+    GuardProgram,
+    TransitionRule,
+)
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import AllOf, Comparison, Guard, PhaseMembership, all_signal_names, signal_scale
 from twin_gait.gait.table import GaitTable, Transition
 
 OPEN_RESULTS = 62  # results that wait to be joined are bits of a signed 64-bit integer
-
-
-class GuardProgram(NamedTuple):
-    """Transitions and guards as arrays; their meaning is in :mod:`twin_gait.core.guards`.
-
-    Attributes:
-        transitions: Shape ``(n_transitions, 6)``, integers.
-        nodes: Shape ``(n_nodes, 2)``, integers.
-        comparisons: Shape ``(n_comparisons, 5)``.
-        minimum_ticks: Minimum duration in each phase, shape ``(n_phases,)``, integers.
-    """
-
-    transitions: np.ndarray
-    nodes: np.ndarray
-    comparisons: np.ndarray
-    minimum_ticks: np.ndarray
 
 
 def compile_guards(table: GaitTable) -> GuardProgram:
@@ -39,37 +28,37 @@ def compile_guards(table: GaitTable) -> GuardProgram:
     Returns:
         The program, with thresholds in SI units.
     """
-    nodes: list[tuple[int, int]] = []
-    comparisons: list[tuple[float, ...]] = []
-    rows = []
+    nodes: list[GuardNode] = []
+    comparisons: list[core.Comparison] = []
+    rules = []
     for transition in table.transitions:
         first = len(nodes)
         _emit(transition.guard, table, nodes, comparisons)
         _check_size(transition, nodes[first:])
-        time_out = -1 if transition.time_out_ticks is None else transition.time_out_ticks
-        rows.append(
-            (
-                table.phase_index(transition.source),
-                table.phase_index(transition.target),
-                first,
-                len(nodes),
-                transition.debounce_ticks,
-                time_out,
+        rules.append(
+            TransitionRule(
+                source=table.phase_index(transition.source),
+                target=table.phase_index(transition.target),
+                first_node=first,
+                end_node=len(nodes),
+                debounce_ticks=transition.debounce_ticks,
+                time_out_ticks=-1 if transition.time_out_ticks is None else transition.time_out_ticks,
             )
         )
     return GuardProgram(
-        transitions=np.array(rows, dtype=np.int64).reshape(-1, 6),
-        nodes=np.array(nodes, dtype=np.int64).reshape(-1, 2),
-        comparisons=np.array(comparisons, dtype=np.float64).reshape(-1, 5),
-        minimum_ticks=np.array([item.minimum_ticks for item in table.phases.values()], dtype=np.int64),
+        n_transitions=len(rules),
+        minimum_ticks=[item.minimum_ticks for item in table.phases.values()],
+        transitions=rules,
+        nodes=nodes,
+        comparisons=comparisons,
     )
 
 
-def _check_size(transition: Transition, nodes: list[tuple[int, int]]) -> None:
+def _check_size(transition: Transition, nodes: list[GuardNode]) -> None:
     """Refuse a guard whose results the evaluator cannot hold."""
     waiting = most = 0
-    for operation, operand in nodes:
-        waiting += 1 - (operand if operation in (OP_ALL, OP_ANY) else 0)
+    for node in nodes:
+        waiting += 1 - (node.operand if node.operation in (OP_ALL, OP_ANY) else 0)
         most = max(most, waiting)
     if most > OPEN_RESULTS:
         raise GaitTableError(
@@ -78,30 +67,26 @@ def _check_size(transition: Transition, nodes: list[tuple[int, int]]) -> None:
         )
 
 
-def _emit(
-    guard: Guard, table: GaitTable, nodes: list[tuple[int, int]], comparisons: list[tuple[float, ...]]
-) -> None:
+def _emit(guard: Guard, table: GaitTable, nodes: list[GuardNode], comparisons: list[core.Comparison]) -> None:
     if isinstance(guard, Comparison):
-        comparisons.append(_comparison_row(guard, table))
-        nodes.append((OP_COMPARE, len(comparisons) - 1))
+        comparisons.append(_comparison(guard, table))
+        nodes.append(GuardNode(OP_COMPARE, len(comparisons) - 1))
     elif isinstance(guard, PhaseMembership):
         mask = sum(1 << table.phase_index(phase) for phase in guard.phases)
-        nodes.append((OP_PHASE, mask))
+        nodes.append(GuardNode(OP_PHASE, mask))
     else:
         for inner in guard.guards:
             _emit(inner, table, nodes, comparisons)
-        nodes.append((OP_ALL if isinstance(guard, AllOf) else OP_ANY, len(guard.guards)))
+        nodes.append(GuardNode(OP_ALL if isinstance(guard, AllOf) else OP_ANY, len(guard.guards)))
 
 
-def _comparison_row(guard: Comparison, table: GaitTable) -> tuple[float, ...]:
+def _comparison(guard: Comparison, table: GaitTable) -> core.Comparison:
     names = all_signal_names(table.joints)
     sign = 1.0 if guard.operator == ">" else -1.0
-    scale = signal_scale(guard.signal)
-    minus = 0.0 if guard.minus is None else float(names.index(guard.minus))
-    return (
-        float(names.index(guard.signal)),
-        sign,
-        minus,
-        0.0 if guard.minus is None else -sign,
-        sign * guard.threshold * scale,
+    return core.Comparison(
+        signal_a=names.index(guard.signal),
+        signal_b=0 if guard.minus is None else names.index(guard.minus),
+        factor_a=sign,
+        factor_b=0.0 if guard.minus is None else -sign,
+        threshold=sign * guard.threshold * signal_scale(guard.signal),
     )

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING
-from twin_gait.core.plant import CONSTANT_FORCE
+from twin_gait.core.guards import Comparison
 from twin_gait.experiment import Experiment
+from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.simulation.columns import JOINT_COLUMNS
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.log import JOINT_COLUMNS
 from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 # The step that waits for a hand in manual mode begins where this phase ends.
@@ -143,7 +143,7 @@ class LoopNumbers:
 
     Attributes:
         phase_rows: k, b, θ0, G per joint and gravity share, by leg and phase.
-        comparisons: Thresholds of the guards.
+        comparisons: Of the guards, with their thresholds.
         target_torque: In [N m], by joint.
         belt_speed: In [m] / [s], or None on the bench; the belt stands while the monitor drives the joints.
         support_force: In [N], or None on the bench.
@@ -152,7 +152,7 @@ class LoopNumbers:
     """
 
     phase_rows: list[Any]
-    comparisons: list[Any]
+    comparisons: list[Comparison]
     target_torque: list[float]
     belt_speed: float | None
     support_force: float | None
@@ -173,15 +173,13 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
     walk = build_problem(settings.experiment)
     driven = walk if settings.mode is Mode.WALK else build_problem(settings.driving)
     scenario, pelvis = settings.experiment.scenario, walk.world.model.pelvis_index
-    treadmill, rows = isinstance(scenario, TreadmillScenario), walk.world.plant_rows
+    treadmill, plant = isinstance(scenario, TreadmillScenario), walk.world.plant
     return LoopNumbers(
         phase_rows=driven.phase_rows.tolist(),
-        comparisons=walk.program.comparisons.tolist(),
+        comparisons=walk.program.comparisons,
         target_torque=target_torques(settings, walk),
         belt_speed=_belt_speed(settings, walk) if treadmill else None,
-        support_force=None
-        if pelvis is None
-        else float(rows[pelvis + walk.world.wearer_shift, CONSTANT_FORCE]),
+        support_force=None if pelvis is None else plant[pelvis + walk.world.wearer_shift].spring.force,
         held_phase=walk.table.phase_index(HELD_PHASE) if settings.manual else None,
         watching=settings.mode is Mode.WALK,
     )
@@ -189,7 +187,7 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
 
 def _belt_speed(settings: Settings, problem: Problem) -> float:
     """Speed of the belt in [m] / [s]: without a gait it would carry the feet away."""
-    return problem.world.belt_speed if settings.mode is Mode.WALK else 0.0
+    return problem.world.belt.cruise if settings.mode is Mode.WALK else 0.0
 
 
 def target_torques(settings: Settings, problem: Problem) -> list[float]:

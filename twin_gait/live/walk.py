@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from twin_gait.core.guards import Comparison
 from twin_gait.simulation.stepping import SteppedRun
 
 BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
@@ -23,7 +24,7 @@ class LiveWalk:
         """Begin with the settings of the run's own problem."""
         self.run = run
         world = run.problem.world
-        self._belt_speed: float | None = None if world.contact is None else world.belt_speed
+        self._belt_speed: float | None = None if world.contact is None else world.belt.cruise
         self._belt_waits = False
 
     def advance(self, ticks: int) -> np.ndarray:
@@ -45,7 +46,7 @@ class LiveWalk:
         """Let new settings fade in."""
         run = self.run
         run.set_phase_rows(np.array(numbers["phase_rows"]))
-        run.set_comparisons(np.array(numbers["comparisons"]).reshape(run.problem.program.comparisons.shape))
+        run.set_comparisons([Comparison(**entries) for entries in numbers["comparisons"]])
         run.set_target_torque(np.array(numbers["target_torque"]))
         if numbers["support_force"] is not None:
             run.set_support_force(numbers["support_force"])

@@ -7,14 +7,15 @@ that lacks a signal which a guard reads is refused.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from twin_gait.core.control_tick import VELOCITY_FAST, leg_signals, measure_joints
+from twin_gait.core.control_tick import joint_signals, leg_signals, measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
-from twin_gait.core.guards import END_NODE, FIRST_NODE, OP_COMPARE, OP_PHASE
+from twin_gait.core.guards import OP_COMPARE, OP_PHASE
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import OTHER, all_signal_names
 from twin_gait.gait.machine import GaitStateMachine, PhaseSwitch
@@ -101,15 +102,11 @@ class _Loop:
         self._recording = recording
         self._angles = _angle_rows(recording, table)
         self._loads = _load_rows(recording, body_weight)
-        n_joints = self._angles.shape[1]
         time_constant = sensors.fast_time_constant if fast_time_constant is None else fast_time_constant
         self._fast_gain = first_order_gain(TICK, time_constant)
         self._decimation = sensors.decimation
-        self._measured = np.zeros((n_joints, 3))
-        self._decimated = np.zeros(n_joints)
-        self._ring = np.zeros((sensors.window, n_joints))
-        self._ideal = np.zeros(n_joints)
-        self._signals = np.full(len(all_signal_names(table.joints)), np.nan)
+        self._encoders = [new_encoder(0.0, 0.0, sensors.window) for _ in range(self._angles.shape[1])]
+        self._signals = [math.nan] * len(all_signal_names(table.joints))
         self._signals[-1] = 1.0  # who is recorded walking was told to
         program = compile_guards(table)
         self._machines = [
@@ -124,8 +121,9 @@ class _Loop:
 
     def step(self, tick: int) -> None:
         """Measure, decide, record."""
-        self._measure(tick)
-        ticks = np.array([tick - machine.entry_tick for machine in self._machines])
+        for encoder, angle in zip(self._encoders, self._angles[tick].tolist(), strict=True):
+            measure_joint(encoder, tick, angle, TICK, self._fast_gain, self._decimation)
+        ticks = [tick - machine.entry_tick for machine in self._machines]
         before = [machine.phase_index for machine in self._machines]
         for leg, machine in enumerate(self._machines):
             self._write_signals(leg, tick, ticks, 0)
@@ -137,24 +135,14 @@ class _Loop:
             if switch is not None:
                 self._switches.append(switch)
         self._phase[tick] = [machine.phase_index for machine in self._machines]
-        self._velocity[tick] = self._measured[:, VELOCITY_FAST]
+        self._velocity[tick] = [encoder.velocity_fast for encoder in self._encoders]
 
-    def _measure(self, tick: int) -> None:
-        measure_joints(
-            tick,
-            self._angles[tick],
-            self._ideal,
-            TICK,
-            self._fast_gain,
-            self._decimation,
-            self._measured,
-            self._decimated,
-            self._ring,
-        )
-
-    def _write_signals(self, leg: int, tick: int, ticks: np.ndarray, offset: int) -> None:
+    def _write_signals(self, leg: int, tick: int, ticks: Sequence[int], place: int) -> None:
         joints = len(self._table.joints)
-        leg_signals(leg, joints, self._measured, self._loads[tick], ticks, TICK, self._signals, offset)
+        for number, encoder in enumerate(self._encoders[leg * joints : (leg + 1) * joints]):
+            joint_signals(encoder, self._signals, place + 2 * number)
+        load = float(self._loads[tick, leg])
+        leg_signals(load, ticks[leg], TICK, self._signals, place + 2 * joints)
 
     def result(self) -> Replay:
         """Phases, velocities and switches."""
@@ -215,15 +203,15 @@ def _signals_of(table: GaitTable, index: int) -> Iterator[str]:
     """Signals that one transition compares, read off the compiled guards."""
     program = compile_guards(table)
     names = all_signal_names(table.joints)
-    first, end = program.transitions[index, FIRST_NODE], program.transitions[index, END_NODE]
-    for operation, operand in program.nodes[first:end]:
-        if operation == OP_PHASE:
+    rule = program.transitions[index]
+    for node in program.nodes[rule.first_node : rule.end_node]:
+        if node.operation == OP_PHASE:
             yield OTHER_PHASE
-        elif operation == OP_COMPARE:
-            signal, _, minus, minus_factor, _ = program.comparisons[operand]
-            yield names[int(signal)]
-            if minus_factor != 0.0:
-                yield names[int(minus)]
+        elif node.operation == OP_COMPARE:
+            comparison = program.comparisons[node.operand]
+            yield names[comparison.signal_a]
+            if comparison.factor_b != 0.0:
+                yield names[comparison.signal_b]
 
 
 def _check_signals(recording: Recording, table: GaitTable, body_weight: float | None) -> None:

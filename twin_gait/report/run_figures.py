@@ -56,7 +56,7 @@ from twin_gait.report.panels import (
     window_of,
 )
 from twin_gait.report.reference import reference_cycle
-from twin_gait.simulation.columns import work_sources
+from twin_gait.simulation.log import work_sources
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from twin_gait.palette import BLUE, GREY
 from twin_gait.report.canvas import style_panel
-from twin_gait.simulation.columns import unit_of
+from twin_gait.simulation.log import unit_of
 from twin_gait.vocabulary import Outcome
 
 WALKED = "walked"

@@ -20,6 +20,7 @@ from twin_gait.configuration.experiments import load_experiment, resolved_docume
 from twin_gait.control import Trip, TripCause
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment
+from twin_gait.experiment.problem import scaled_table
 from twin_gait.files import read_parquet, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
@@ -28,8 +29,7 @@ from twin_gait.report.figures import write_figures
 from twin_gait.runs.folders import FolderKind, journal_of
 from twin_gait.runs.run_page import page_of, shown_run
 from twin_gait.runs.summary import summarise, versions
-from twin_gait.simulation.columns import LOG_SCHEMA_VERSION, unit_of
-from twin_gait.simulation.problem import scaled_table
+from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import JointName, Side
 
@@ -132,7 +132,7 @@ def write_run(
 
 
 def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
-    """Write a log as parquet, with units, schema version and status in the metadata."""
+    """Write a log as parquet, with units, meanings, schema version and status in the metadata."""
     table = pa.Table.from_pandas(log, preserve_index=False)
     units = json.dumps({name: unit_of(name) for name in log.columns})
     metadata = {
@@ -140,6 +140,7 @@ def write_log(log: pd.DataFrame, path: Path, status: str) -> None:
         b"twin_gait.schema_version": str(LOG_SCHEMA_VERSION).encode(),
         b"twin_gait.status": status.encode(),
         b"twin_gait.units": units.encode(),
+        b"twin_gait.meanings": json.dumps({name: meaning_of(name) for name in log.columns}).encode(),
     }
     buffer = io.BytesIO()
     pq.write_table(table.replace_schema_metadata(metadata), buffer, compression="zstd")

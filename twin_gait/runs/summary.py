@@ -20,7 +20,7 @@ from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.measures.switching import blend_windows, torque_jumps
 from twin_gait.report.reference import reference_stride_time
 from twin_gait.runs.leg_summary import blend_length, reference_error, summarise_side
-from twin_gait.simulation.columns import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
+from twin_gait.simulation.log import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import JointName, Side
 

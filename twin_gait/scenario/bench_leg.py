@@ -8,16 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from twin_gait.core.plant import ImposedMotion
 from twin_gait.leg_model import LegModel, PelvisGuide
 from twin_gait.parameters import (
     AnkleParameters,
-    FrictionParameters,
+    FrictionLaw,
     StopParameters,
     require,
     require_non_negative,
     require_positive,
 )
-from twin_gait.scenario.world import ImposedMotion, World, build_plant_rows
+from twin_gait.scenario.world import World, build_plant
 from twin_gait.vocabulary import JointName
 
 
@@ -74,7 +75,7 @@ class BenchLegScenario:
         self,
         model: LegModel,
         *,
-        friction: Mapping[JointName, FrictionParameters],
+        friction: Mapping[JointName, FrictionLaw],
         load_friction: Mapping[JointName, float],
         stops: StopParameters,
         ankle: AnkleParameters,
@@ -102,7 +103,7 @@ class BenchLegScenario:
         if self.imposed_motion is not None:
             index = model.index(side, self.imposed_motion.joint)
             imposed_motion = ImposedMotion(
-                index=index,
+                place=index,
                 start_angle=float(q[index]),
                 amplitude=self.imposed_motion.amplitude,
                 frequency=self.imposed_motion.frequency,
@@ -112,7 +113,7 @@ class BenchLegScenario:
             )
         return World(
             model=model,
-            plant_rows=build_plant_rows(
+            plant=build_plant(
                 model, friction=friction, load_friction=load_friction, stops=stops, ankle=ankle
             ),
             start_q=q,

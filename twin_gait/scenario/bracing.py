@@ -1,4 +1,4 @@
-"""The wearer bound to the device by braces instead of rigidly, and the step that carries the braces."""
+"""The wearer bound to the device by braces instead of rigidly, and the step that carries what is stiff."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin_gait.core import plant
 from twin_gait.core.integrators import RK4_STAGES
+from twin_gait.core.plant import Brace, Plant, free_coordinate
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import BraceParameters
 from twin_gait.scenario.world import Braces, World
@@ -25,29 +25,24 @@ def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: Br
     Motors, friction, stops, orthosis and imposed motion stay with the device; the support and the feet go
     with the wearer. Both start in the posture of the world.
     """
-    rows = np.zeros_like(world.plant_rows)
-    rows[:, plant.FRICTION_C] = 1.0
-    device_rows, pelvis = world.plant_rows.copy(), world.model.pelvis_index
+    of_wearer, of_device = [free_coordinate() for _ in world.plant], list(world.plant)
+    pelvis = world.model.pelvis_index
     if pelvis is not None:
-        device_rows[pelvis], rows[pelvis] = rows[pelvis], world.plant_rows[pelvis]
+        of_device[pelvis], of_wearer[pelvis] = of_wearer[pelvis], of_device[pelvis]
     return replace(
         world,
-        plant_rows=np.vstack((device_rows, rows)),
+        plant=(*of_device, *of_wearer),
         start_q=np.tile(world.start_q, 2),
         start_v=np.tile(world.start_v, 2),
-        braces=Braces(device=device, wearer=wearer, rows=_brace_rows(world.model, parameters)),
+        braces=Braces(device=device, wearer=wearer, braces=_braces(world.model, parameters)),
     )
 
 
-def _brace_rows(model: LegModel, parameters: BraceParameters) -> np.ndarray:
-    rows = np.zeros((model.nv, 2))
-    if model.pelvis_index is not None:
-        rows[model.pelvis_index] = parameters.pelvis.stiffness, parameters.pelvis.damping
+def _braces(model: LegModel, parameters: BraceParameters) -> tuple[Brace, ...]:
+    laws = dict.fromkeys(range(model.nv), parameters.pelvis)  # the pelvis is what is no joint
     for side, leg in model.legs.items():
-        for joint, _ in leg.items():
-            brace = parameters.of(joint)
-            rows[model.index(side, joint)] = brace.stiffness, brace.damping
-    return rows
+        laws |= {model.index(side, joint): parameters.of(joint) for joint, _ in leg.items()}
+    return tuple(Brace(laws[index].stiffness, laws[index].damping) for index in range(model.nv))
 
 
 # ---------------------------------------------------------------------- the step
@@ -90,10 +85,10 @@ def semi_implicit_euler_growth(system: np.ndarray, step: float) -> np.ndarray:
 
 
 def carries(world: World, growth: Step, step: float) -> bool:
-    """Whether an integrator carries the braces of a world without letting their oscillation grow.
+    """Whether an integrator carries braces and bristles of a world without letting their oscillation grow.
 
-    Braces, springs and viscous dampers are linear; gravity, contact and the change of the inertias on the
-    way are not looked at.
+    Braces, springs, viscous dampers and bristles that stick are linear; gravity, contact and the change of
+    the inertias on the way are not looked at.
 
     Args:
         growth: :func:`rk4_growth` or :func:`semi_implicit_euler_growth`.
@@ -119,15 +114,23 @@ def _bent(world: World) -> np.ndarray:
 
 
 def _linear(world: World, q: np.ndarray) -> np.ndarray:
-    """Device and wearer around a posture: the matrix of their positions and velocities."""
-    braces, n = world.braces, world.model.nv
-    assert braces is not None  # the caller asks for braces only
-    inertia = np.zeros((2 * n, 2 * n))
-    inertia[:n, :n], inertia[n:, n:] = braces.device.mass_matrix(q), braces.wearer.mass_matrix(q)
-    coupling = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    stiffness, damping = (np.kron(coupling, np.diag(column)) for column in braces.rows.T)
-    rows = world.plant_rows
-    stiffness += np.diag(rows[:, plant.SPRING_STIFFNESS])
-    damping += np.diag(rows[:, plant.SPRING_DAMPING] + rows[:, plant.FRICTION_D])
+    """A world around a posture: the matrix of its positions and velocities."""
+    n = len(world.plant)
+    inertia, masses = np.zeros((n, n)), [chain.mass_matrix(q) for chain in world.chains]
+    for number, mass in enumerate(masses):
+        own = slice(number * len(mass), (number + 1) * len(mass))
+        inertia[own, own] = mass
+    stiffness = np.diag([plant.spring.stiffness + plant.friction.bristle_stiffness for plant in world.plant])
+    damping = np.diag([_damping(plant) for plant in world.plant])
+    if world.braces is not None:
+        coupling, braces = np.array([[1.0, -1.0], [-1.0, 1.0]]), world.braces.braces
+        stiffness += np.kron(coupling, np.diag([brace.stiffness for brace in braces]))
+        damping += np.kron(coupling, np.diag([brace.damping for brace in braces]))
     accelerations = -np.linalg.solve(inertia, np.hstack((stiffness, damping)))
-    return np.vstack((np.hstack((np.zeros_like(inertia), np.eye(2 * n))), accelerations))
+    return np.vstack((np.hstack((np.zeros_like(inertia), np.eye(n))), accelerations))
+
+
+def _damping(plant: Plant) -> float:
+    """Of spring, gear and bristles that stick, in [N m s] / [rad]."""
+    friction = plant.friction
+    return plant.spring.damping + friction.viscous_friction_forward + friction.bristle_damping

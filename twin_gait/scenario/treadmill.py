@@ -8,19 +8,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from twin_gait.core import plant
-from twin_gait.core.belt import treadmill_speed, treadmill_travel
+from twin_gait.core.belt import Belt, treadmill_speed, treadmill_travel
 from twin_gait.leg_model import LegModel, PelvisGuide
 from twin_gait.parameters import (
     AnkleParameters,
     BeltProfile,
     ContactParameters,
-    FrictionParameters,
+    FrictionLaw,
     StopParameters,
     SupportParameters,
     require,
 )
-from twin_gait.scenario.world import World, build_plant_rows
+from twin_gait.scenario.world import World, build_plant
 from twin_gait.vocabulary import JointName, Side
 
 _DEGREE = math.pi / 180.0
@@ -70,12 +69,12 @@ class TreadmillScenario:
         )
         require(self.stop_ramp > 0.0, "stop_ramp", "a time above 0", self.stop_ramp)
 
-    def _belt(self) -> tuple[float, float, float, float, float, float]:
-        """The belt as :func:`twin_gait.core.belt.treadmill_speed` takes it."""
-        start, stop, ramp, delay = 0.0, math.inf, 0.0, 0.0
+    def _belt(self) -> Belt:
+        belt = Belt(self.belt_speed, stop_ramp=self.stop_ramp)
         if self.belt is not None:
-            start, stop, ramp, delay = self.belt.start, self.belt.stop, self.belt.ramp, self.belt.delay
-        return self.belt_speed, start, stop, ramp, delay, self.stop_ramp
+            belt.start, belt.stop = self.belt.start, self.belt.stop
+            belt.ramp, belt.delay = self.belt.ramp, self.belt.delay
+        return belt
 
     def belt_speed_at(self, time: float, trip_time: float = math.inf) -> float:
         """Speed of the belt at a time.
@@ -87,7 +86,7 @@ class TreadmillScenario:
         Returns:
             Speed in [m] / [s], backwards positive.
         """
-        return treadmill_speed(time, trip_time, *self._belt())
+        return treadmill_speed(self._belt(), time, trip_time)
 
     def belt_travel(self, time: float, trip_time: float = math.inf) -> float:
         """Way that the belt has gone since time 0.
@@ -99,7 +98,7 @@ class TreadmillScenario:
         Returns:
             Way in [m], backwards positive.
         """
-        return treadmill_travel(time, trip_time, *self._belt())
+        return treadmill_travel(self._belt(), time, trip_time)
 
     @property
     def steady(self) -> tuple[float, float]:
@@ -116,7 +115,7 @@ class TreadmillScenario:
         self,
         model: LegModel,
         *,
-        friction: Mapping[JointName, FrictionParameters],
+        friction: Mapping[JointName, FrictionLaw],
         load_friction: Mapping[JointName, float],
         stops: StopParameters,
         ankle: AnkleParameters,
@@ -141,13 +140,10 @@ class TreadmillScenario:
         require(all(frames.values()), "contact_frames", "heel and toe frames on both feet", frames)
         weight = model.total_mass * gravity
         support_force = self.support.share * weight
-        rows = build_plant_rows(
-            model, friction=friction, load_friction=load_friction, stops=stops, ankle=ankle
-        )
+        rows = build_plant(model, friction=friction, load_friction=load_friction, stops=stops, ankle=ankle)
         pelvis = model.pelvis_index
         assert pelvis is not None  # the pelvis of this scenario is vertical
-        rows[pelvis, plant.SPRING_DAMPING] = self.support.damping
-        rows[pelvis, plant.CONSTANT_FORCE] = support_force
+        rows[pelvis].spring.damping, rows[pelvis].spring.force = self.support.damping, support_force
         q = np.zeros(model.nv)
         phases: dict[Side, str | None] = {}
         for side in model.sides:
@@ -159,11 +155,10 @@ class TreadmillScenario:
         q[pelvis] = _stand_on_both_feet(model, q)
         return World(
             model=model,
-            plant_rows=rows,
+            plant=rows,
             start_q=q,
             start_v=np.zeros(model.nv),
             initial_phases=phases,
-            belt_speed=self.belt_speed,
             belt=self._belt(),
             contact=self.contact,
             support_force=support_force,

@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from twin_gait.core import plant
-from twin_gait.core.belt import NO_BELT
+from twin_gait.core.belt import Belt
+from twin_gait.core.plant import Brace, ImposedMotion, Plant, free_coordinate
 from twin_gait.leg_model import Bodies, LegJoints, LegModel, PelvisGuide
 from twin_gait.parameters import (
     ActuatorParameters,
     AnkleParameters,
     ContactParameters,
-    FrictionParameters,
+    FrictionLaw,
     Patient,
     StopParameters,
 )
@@ -39,41 +39,18 @@ class LegSource:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImposedMotion:
-    """An imposed motion of one joint, as by a hand; see :func:`twin_gait.core.plant.imposed_motion_torque`.
-
-    Attributes:
-        index: Coordinate that it moves.
-        start_angle: Where its path begins in [rad].
-        amplitude: In [rad].
-        frequency: In [Hz].
-        stiffness: In [N m] / [rad].
-        damping: In [N m s] / [rad].
-        release_time: In [s].
-    """
-
-    index: int
-    start_angle: float
-    amplitude: float
-    frequency: float
-    stiffness: float
-    damping: float
-    release_time: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class Braces:
     """Device and wearer apart, each with the coordinates of the whole, and what binds them.
 
     Attributes:
         device: Links and rotors of the device.
         wearer: Segments of the wearer.
-        rows: Stiffness and damping between each coordinate of the two, shape ``(nv, 2)``.
+        braces: Between each coordinate of the two.
     """
 
     device: LegModel
     wearer: LegModel
-    rows: np.ndarray
+    braces: tuple[Brace, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,9 +61,8 @@ class World:
 
     Attributes:
         model: The plant; with braces, device and wearer as if they were one.
-        plant_rows: Parameters of the passive torques, shape ``(n, PLANT_COLUMNS)``.
-        belt_speed: In [m] / [s], with a profile between its ramps; 0 on the bench.
-        belt: What sets its speed, as :func:`twin_gait.core.belt.treadmill_speed` takes it.
+        plant: What acts on each of the n coordinates by itself.
+        belt: What sets the speed of the treadmill; one at rest on the bench.
         contact: Contact parameters, or None without ground.
         start_q: Coordinates at time 0, shape ``(n,)``.
         start_v: Velocities at time 0, shape ``(n,)``.
@@ -101,12 +77,11 @@ class World:
     """
 
     model: LegModel
-    plant_rows: np.ndarray
+    plant: tuple[Plant, ...]
     start_q: np.ndarray
     start_v: np.ndarray
     initial_phases: Mapping[Side, str | None]
-    belt_speed: float = 0.0
-    belt: tuple[float, ...] = NO_BELT
+    belt: Belt = field(default_factory=Belt)
     contact: ContactParameters | None = None
     support_force: float = 0.0
     catch_stiffness: float = 0.0
@@ -157,31 +132,23 @@ def build_leg_model(
     )
 
 
-def build_plant_rows(
+def build_plant(
     model: LegModel,
     *,
-    friction: Mapping[JointName, FrictionParameters],
+    friction: Mapping[JointName, FrictionLaw],
     load_friction: Mapping[JointName, float],
     stops: StopParameters,
     ankle: AnkleParameters,
-) -> np.ndarray:
-    """Parameters of friction, stops and ankle springs for every coordinate."""
-    rows = np.zeros((model.nv, plant.PLANT_COLUMNS))
-    rows[:, plant.FRICTION_C] = 1.0
+) -> tuple[Plant, ...]:
+    """Friction, stops and ankle springs of every coordinate."""
+    result = tuple(free_coordinate() for _ in range(model.nv))
     for side, leg in model.legs.items():
         for joint, _ in leg.items():
-            row = rows[model.index(side, joint)]
-            row[plant.STOP_LOWER], row[plant.STOP_UPPER] = model.position_limits(side, joint)
-            row[plant.STOP_STIFFNESS] = stops.stiffness
-            row[plant.STOP_DISSIPATION] = stops.dissipation
+            plant = result[model.index(side, joint)]
+            plant.stop.lower, plant.stop.upper = model.position_limits(side, joint)
+            plant.stop.stiffness, plant.stop.dissipation = stops.stiffness, stops.dissipation
             if joint is JointName.ANKLE:
-                row[plant.SPRING_STIFFNESS] = ankle.stiffness
-                row[plant.SPRING_DAMPING] = ankle.damping
+                plant.spring.stiffness, plant.spring.damping = ankle.stiffness, ankle.damping
             else:
-                law = friction[joint].normalised()
-                row[plant.FRICTION_A] = law.breakaway_torque
-                row[plant.FRICTION_B] = law.coulomb_friction
-                row[plant.FRICTION_C] = law.breakaway_velocity
-                row[plant.FRICTION_D] = law.viscous_friction
-                row[plant.LOAD_FRICTION] = load_friction[joint]
-    return rows
+                plant.friction = friction[joint].in_plant(load_friction[joint])
+    return result

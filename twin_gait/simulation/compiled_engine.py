@@ -1,55 +1,55 @@
-"""The engine that runs a whole episode in compiled code, from the same laws as the Pinocchio engine."""
+"""The engine that runs the rooms of a tick compiled, over a kernel written for the structure of the model."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from twin_gait.control import ControllerFunction, Trip
-from twin_gait.core import safety
-from twin_gait.experiment import ControlMode, IntegrationMethod
+from twin_gait.core.contact import ground_contact_force
+from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import PhaseSwitch
-from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
-from twin_gait.simulation import episode_arrays
-from twin_gait.simulation.engine import (
-    DIVERGED_VELOCITY,
-    EngineResult,
-    diverged_reason,
-    fell_reason,
-    log_layout,
-    stopped_reason,
-)
-from twin_gait.simulation.flat_episode import lay_out
-from twin_gait.simulation.kernel import body_values, write_kernel
-from twin_gait.simulation.loops import loop_of
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.binding import kernel_functions
+from twin_gait.simulation.engine import EngineResult, ending_of, log_layout, run_in_chunks, switches_of
+from twin_gait.simulation.episode import Episode, Switch
+from twin_gait.simulation.filling import new_episode, structure_of
+from twin_gait.simulation.interface import episode_at
+from twin_gait.simulation.keeping import source_key
+from twin_gait.simulation.kernel import body_values, kernel_structure, write_kernel
+from twin_gait.simulation.loops import kept_loop
+from twin_gait.simulation.machine_code import NativeFunction
+from twin_gait.simulation.record import dtype_of, stored
+from twin_gait.simulation.rooms.tick import run_ticks
 from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.watching import (
-    fault_arrays,
-    phase_time_out_ticks,
-    start_angles,
-    ticks,
-    trip_of,
-    watch_bounds,
-)
-from twin_gait.simulation.wearing import LOWEST_POSTURE, POSTURE_STEP
-from twin_gait.vocabulary import JointName
+from twin_gait.simulation.watching import trip_of
+
+if TYPE_CHECKING:
+    from twin_gait.simulation.compiling import CompiledLoop
 
 CHUNK_TICKS = 2000  # between two looks at progress and interruption
-MOST_SWITCHES_PER_SECOND = 200
+_SWITCHES = dtype_of(Switch(0, 0, 0, 0, 0))
+_ARGUMENTS = 3  # address, first tick, end
+
+
+def run_at(address: int, first: int, end: int) -> int:
+    """:func:`~twin_gait.simulation.rooms.tick.run_ticks` of the episode at an address."""
+    return run_ticks(episode_at(address), first, end)
 
 
 class CompiledEngine:
     """Runs one problem from start to end in compiled code.
 
     Attributes:
-        problem: The experiment as arrays.
+        problem: The experiment as an engine needs it.
         layout: Names and positions of the log's columns.
-        episode: Inputs and state, which change as the loop runs.
-        run_ticks: The loop: first tick, one past the last, log; returns the ticks run since the start.
+        episode: The record, which changes as the loop runs.
+        switches: Room for the switches of the phases.
     """
 
     def __init__(
@@ -69,262 +69,50 @@ class CompiledEngine:
         """
         self.problem = problem
         self.layout = log_layout(problem)
-        world = problem.world
-        frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
-        bodies, points = _forest(world.chains, frames)
-        control_bodies = export_bodies(problem.control_model.model)
-        guides = range(0, len(bodies), world.model.nv)  # the first joint of each chain
-        kernel = write_kernel(bodies, points, control_bodies, world.model.up_axis, guides)
-        inputs = self._inputs(bodies, points, control_bodies, record)
-        flat = lay_out(episode_arrays.Episode(inputs, self._state(len(points))))
-        self.episode = flat.episode
-        self.run_ticks = loop_of(flat, kernel, len(self.layout.names), controller, on_compile)
         self._record = record
-
-    def _inputs(
-        self,
-        bodies: list[BodyArrays],
-        points: list[ContactPoint],
-        control_bodies: list[BodyArrays],
-        record: bool,
-    ) -> episode_arrays.EpisodeInputs:
-        problem = self.problem
-        experiment, world = problem.experiment, problem.world
-        legs = len(problem.sides)
-        blending, integration = problem.table.blending, experiment.stepping
-        pelvis = world.model.pelvis_index
-        ankles = [
-            world.model.index(side, JointName.ANKLE)
-            for side, leg in world.model.legs.items()
-            if leg.ankle is not None
-        ]
-        braced = [joint.coordinate for joint in problem.joints] + ankles
-        braced += [] if pelvis is None else [pelvis]
-        integers = np.zeros(episode_arrays.INTEGER_COUNT, dtype=np.int64)
-        integers[episode_arrays.N_LEGS] = legs
-        integers[episode_arrays.JOINTS_PER_LEG] = problem.joints_per_leg
-        integers[episode_arrays.POINTS_PER_FOOT] = len(points) // legs
-        integers[episode_arrays.DECIMATION] = experiment.sensors.decimation
-        integers[episode_arrays.BLEND_LAW] = blending.law.code
-        integers[episode_arrays.BLEND_TICKS] = blending.duration_ticks
-        integers[episode_arrays.SUBSTEPS] = integration.substeps
-        integers[episode_arrays.USE_RK4] = integration.method is IntegrationMethod.RK4
-        integers[episode_arrays.PELVIS_INDEX] = -1 if pelvis is None else pelvis
-        integers[episode_arrays.IMPOSED_MOTION_INDEX] = (
-            -1 if world.imposed_motion is None else world.imposed_motion.index
-        )
-        integers[episode_arrays.N_ANKLES] = len(ankles)
-        integers[episode_arrays.RECORD] = record
-        integers[episode_arrays.INERTIA_WANTED] = experiment.control.inertia_compensation > 0.0
-        integers[episode_arrays.WEARER] = problem.wearer.acts
-        control, path = experiment.control, problem.path
-        integers[episode_arrays.FOLLOWS] = control.mode is ControlMode.POSITION
-        integers[episode_arrays.ASSISTS] = not control.assistance.is_full
-        integers[episode_arrays.ADAPTS] = control.assistance.adaptive
-        integers[episode_arrays.CYCLE_TICKS] = 1 if path is None else path.cycle_ticks
-        integers[episode_arrays.WEARER_SHIFT] = world.wearer_shift
-        faults = fault_arrays(problem)
-        settings = experiment.control.safety
-        integers[episode_arrays.WATCHING] = settings.enabled
-        integers[episode_arrays.FAULTY] = len(faults.faults) > 0
-        integers[episode_arrays.FIRST_FAULT] = faults.first_tick
-        integers[episode_arrays.PHASE_TIME_OUT_TICKS] = phase_time_out_ticks(problem)
-        integers[episode_arrays.FROZEN_LOAD_TICKS] = ticks(settings.frozen_load_time)
-        integers[episode_arrays.VOLTAGE_TICKS] = ticks(settings.voltage_time)
-        integers[episode_arrays.LOWERING_TICKS] = ticks(settings.lowering_time)
-        return episode_arrays.EpisodeInputs(
-            integers=integers,
-            numbers=self._numbers(),
-            bodies=np.array(body_values(bodies, points)),
-            control_bodies=np.array(body_values(control_bodies)),
-            contact=self._contact(),
-            belt=np.array(world.belt),
-            plant_rows=np.ascontiguousarray(world.plant_rows),
-            coordinates=np.array([joint.coordinate for joint in problem.joints], dtype=np.int64),
-            control_coordinates=np.array(
-                [joint.control_coordinate for joint in problem.joints], dtype=np.int64
-            ),
-            ankles=np.array(ankles, dtype=np.int64),
-            braces=np.zeros((1, 2)) if world.braces is None else world.braces.rows,
-            braced=np.array(braced, dtype=np.int64),
-            transitions=problem.program.transitions,
-            nodes=problem.program.nodes,
-            comparisons=problem.program.comparisons,
-            minimum_ticks=problem.program.minimum_ticks,
-            phase_rows=problem.phase_rows,
-            noise=problem.noise,
-            resolution=problem.resolution,
-            friction_model=self._friction_model(),
-            actuators=self._actuators(),
-            target_torque=np.array(
-                [experiment.control.target_torque.get(joint.joint, 0.0) for joint in problem.joints]
-            ),
-            push=np.zeros(len(problem.joints)),
-            conditions=problem.wearer.conditions,
-            effort_moments=problem.wearer.moments,
-            effort_noise=problem.wearer.noise,
-            path=np.zeros((2, problem.joints_per_leg)) if path is None else path.angles,
-            path_starts=np.zeros(legs) if path is None else path.starts,
-            imposed_motion=self._imposed_motion(),
-            bounds=watch_bounds(problem),
-            faults=faults.faults,
-            magnitudes=faults.magnitudes,
+        bodies, episode, structure = laid_out(problem, record=record)
+        self._store = stored(episode)
+        self.episode = self._store[0]
+        self._give_rows(episode)
+        self._loop = _loop_of(
+            self._store.dtype, dtype_of(self.layout.row()), bodies, structure, controller, on_compile
         )
 
-    def _numbers(self) -> np.ndarray:
-        experiment, world = self.problem.experiment, self.problem.world
-        battery, limits = experiment.plant.battery, experiment.control.limits
-        numbers = np.zeros(episode_arrays.NUMBER_COUNT)
-        numbers[episode_arrays.PERIOD] = TICK
-        numbers[episode_arrays.FAST_GAIN] = self.problem.fast_gain
-        numbers[episode_arrays.GRAVITY] = experiment.plant.gravity
-        numbers[episode_arrays.STEP] = experiment.stepping.step
-        numbers[episode_arrays.TORQUE_LIMIT] = limits.torque
-        numbers[episode_arrays.CURRENT_LIMIT] = limits.current
-        numbers[episode_arrays.BATTERY_VOLTAGE] = battery.voltage
-        numbers[episode_arrays.BATTERY_RESISTANCE] = battery.internal_resistance
-        numbers[episode_arrays.BODY_WEIGHT] = world.body_weight
-        numbers[episode_arrays.FALL_HEIGHT] = -np.inf if world.fall_height is None else world.fall_height
-        numbers[episode_arrays.DIVERGED_VELOCITY] = DIVERGED_VELOCITY
-        numbers[episode_arrays.INERTIA_GAIN] = experiment.control.inertia_compensation
-        numbers[episode_arrays.LEAST_VOLTAGE] = (
-            experiment.control.safety.least_voltage_share * battery.voltage
-        )
-        numbers[episode_arrays.HOLD_DAMPING] = experiment.control.safety.hold_damping
-        numbers[episode_arrays.LOWEST_POSTURE] = LOWEST_POSTURE
-        numbers[episode_arrays.POSTURE_STEP] = POSTURE_STEP
-        assistance = experiment.control.assistance
-        numbers[episode_arrays.FORGETTING] = assistance.forgetting
-        numbers[episode_arrays.ASSISTANCE_GAIN] = assistance.gain
-        numbers[episode_arrays.ALLOWANCE] = assistance.allowance
-        numbers[episode_arrays.LEAST_ASSISTANCE] = assistance.least
-        numbers[episode_arrays.CATCH_STIFFNESS] = world.catch_stiffness
-        numbers[episode_arrays.CATCH_DISSIPATION] = world.catch_dissipation
-        return numbers
+    def _give_rows(self, episode: Episode) -> None:
+        """Rows behind addresses; they live as long as the engine."""
+        wearer, joints = self.problem.wearer, len(self.problem.joints)
+        self._efforts = np.zeros((episode.efforts.n_ring, joints))
+        self._noise = np.ascontiguousarray(self.problem.noise), np.ascontiguousarray(wearer.noise)
+        self.switches = np.zeros(episode.recording.most_switches, _SWITCHES)
+        self.point_at_rows()
 
-    def _contact(self) -> np.ndarray:
-        contact = self.problem.world.contact
-        if contact is None:
-            return np.zeros(5)
-        return np.array(
-            [
-                self.problem.world.belt_speed,
-                contact.stiffness,
-                contact.dissipation,
-                contact.friction_coefficient,
-                contact.transition_velocity,
-            ]
-        )
+    def point_at_rows(self) -> None:
+        """Write the addresses of all rows but the log's into the record."""
+        recording, efforts = self.episode["recording"], self.episode["efforts"]
+        recording["switches"] = self.switches.ctypes.data
+        recording["noise"], efforts["noise"] = (noise.ctypes.data for noise in self._noise)
+        efforts["ring"] = self._efforts.ctypes.data
 
-    def _friction_model(self) -> np.ndarray:
-        models = self.problem.experiment.control.friction_model
-        laws = [models[joint.joint] for joint in self.problem.joints]
-        return np.array(
-            [
-                [law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction]
-                for law in laws
-            ]
-        )
+    @property
+    def parts(self) -> tuple[np.ndarray, np.ndarray]:
+        """All that the loop changes, beside log and switches: the record and the wearer's last efforts."""
+        return self._store, self._efforts
 
-    def _actuators(self) -> np.ndarray:
-        items = [self.problem.actuator(joint) for joint in self.problem.joints]
-        return np.array(
-            [[item.torque_constant, item.gear_ratio, item.gear_efficiency, item.resistance] for item in items]
-        )
+    def run_ticks(self, first: int, end: int, rows: np.ndarray, first_row: int = 0) -> int:
+        """Run some ticks, fewer if the wearer falls or the state diverges on the way.
 
-    def _imposed_motion(self) -> np.ndarray:
-        imposed_motion = self.problem.world.imposed_motion
-        if imposed_motion is None:
-            return np.zeros(6)
-        return np.array(
-            [
-                imposed_motion.start_angle,
-                imposed_motion.amplitude,
-                imposed_motion.frequency,
-                imposed_motion.stiffness,
-                imposed_motion.damping,
-                imposed_motion.release_time,
-            ]
-        )
+        Args:
+            first: Tick to begin with.
+            end: One past the last.
+            rows: Log, shape ``(n, n_columns)``; changed in place.
+            first_row: Tick of its first row.
 
-    def _state(self, n_points: int) -> episode_arrays.EpisodeState:
-        problem = self.problem
-        world, experiment = problem.world, problem.experiment
-        n, legs, joints = len(world.start_q), len(problem.sides), len(problem.joints)
-        phases = np.array(
-            [
-                0 if name is None else problem.table.phase_index(name)
-                for name in (world.initial_phases[side] for side in problem.sides)
-            ],
-            dtype=np.int64,
-        )
-        start = problem.phase_rows[np.arange(legs), phases]
-        changing = np.zeros(episode_arrays.CHANGING_COUNT)
-        changing[episode_arrays.BUS_VOLTAGE] = experiment.plant.battery.voltage
-        n_control = problem.control_model.nv
-        measured = np.zeros((joints, 3))
-        measured[:, 0] = start_angles(problem)
-        watched = np.zeros(episode_arrays.SAFETY_COUNT, dtype=np.int64)
-        watched[episode_arrays.TRIP_TICK] = -1
-        capacity = max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration))
-        return episode_arrays.EpisodeState(
-            q=world.start_q.copy(),
-            v=world.start_v.copy(),
-            a=np.zeros(n),
-            measured=measured,
-            decimated_angle=np.zeros(joints),
-            ring=np.zeros((experiment.sensors.window, joints)),
-            rate=np.zeros(joints),
-            phase=phases,
-            entry_tick=np.zeros(legs, dtype=np.int64),
-            debounce=np.zeros(legs * len(problem.program.transitions), dtype=np.int64),
-            blend_start=start.copy(),
-            blended=start.copy(),
-            signals=problem.first_signals(),
-            motor=np.zeros(n),
-            external=np.zeros(n),
-            assistance=problem.first_assistance(),
-            lead=np.zeros(joints),
-            stride_start=np.zeros(legs, dtype=np.int64),
-            stride_ticks=np.full(legs, 1 if problem.path is None else problem.path.cycle_ticks),
-            tracking=np.zeros(joints),
-            efforts=np.zeros((problem.wearer.delay + 1, joints)),
-            torque=np.zeros(n),
-            passive=np.zeros((n, 3)),
-            points=np.zeros((max(n_points, 1), 3)),
-            brace=np.zeros(max(world.wearer_shift, 1)),
-            works=np.zeros(len(self.layout.work_sources)),
-            changing=changing,
-            stage_q=np.zeros(n),
-            stage_v=np.zeros(n),
-            sum_v=np.zeros(n),
-            sum_a=np.zeros(n),
-            mean_v=np.zeros(n),
-            angles=start_angles(problem),
-            last_angle=np.zeros(joints),
-            last_fast=np.zeros(joints),
-            model_friction=np.zeros(joints),
-            control_q=np.zeros(n_control),
-            control_a=np.zeros(n_control),
-            gravity_torque=np.zeros(n_control),
-            inertia_torque=np.zeros(n_control),
-            legs=np.zeros(legs),
-            leg_ticks=np.zeros(legs, dtype=np.int64),
-            before=np.zeros(legs, dtype=np.int64),
-            switches=np.zeros((capacity, 5), dtype=np.int64),
-            counters=np.zeros(3, dtype=np.int64),
-            watch_memory=np.zeros((joints, safety.MEMORY_COUNT)),
-            watch_streaks=np.zeros((joints, safety.STREAK_COUNT), dtype=np.int64),
-            load_streaks=np.zeros(legs, dtype=np.int64),
-            last_load=np.zeros(legs),
-            safety=watched,
-            drive_off=np.zeros(joints, dtype=np.int64),
-            hold_angle=np.zeros(joints),
-        )
-
-    def warm_up(self) -> None:
-        """Load or compile the loop without taking a tick, so that a clock started afterwards is right."""
-        self.run_ticks(0, 0, np.zeros((1, len(self.layout.names))))
+        Returns:
+            Ticks run since the start.
+        """
+        recording = self.episode["recording"]
+        recording["log"], recording["first_row"] = rows.ctypes.data, first_row
+        return self._loop(self._store.ctypes.data, first, end)
 
     def run(
         self,
@@ -342,45 +130,56 @@ class CompiledEngine:
         """
         total = self.problem.experiment.n_ticks
         rows = np.zeros((total if self._record else 1, len(self.layout.names)))
-        done = 0
-        status, reason = RunStatus.COMPLETED, ""
-        while done < total and status is RunStatus.COMPLETED:
-            if progress is not None:
-                progress(done, total)
-            if should_stop is not None and should_stop():
-                status, reason = RunStatus.INTERRUPTED, stopped_reason(done)
-                break
-            done = int(self.run_ticks(done, min(done + CHUNK_TICKS, total), rows))
-            status, reason = self.ending(done)
-        if progress is not None:
-            progress(done, total)
+
+        def run_ticks(first: int, end: int) -> tuple[int, int]:
+            return self.run_ticks(first, end, rows), int(self.episode["status"])
+
+        done, status, reason = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
         rows = rows[:done] if self._record else rows[:0]
-        return EngineResult(rows, self.switches(), status, reason, self.trip())
+        return EngineResult(rows, self.phase_switches(), status, reason, self.trip())
 
     def trip(self) -> Trip | None:
         """What the safety monitor has tripped on, or None."""
-        watched = self.episode.state.safety
-        places = [episode_arrays.TRIP_TICK, episode_arrays.TRIP_CAUSE, episode_arrays.TRIP_PLACE]
-        return trip_of(self.problem, *watched[places].tolist())
+        trip = self.episode["trip"]
+        return trip_of(self.problem, int(trip["tick"]), int(trip["cause"]), int(trip["place"]))
 
     def ending(self, done: int) -> tuple[RunStatus, str]:
         """How the run stands after some ticks, and why; completed as long as nothing has ended it."""
-        code = int(self.episode.state.counters[1])
-        if code == episode_arrays.DIVERGED:
-            return RunStatus.DIVERGED, diverged_reason(done)
-        if code == episode_arrays.FELL:
-            return RunStatus.FELL, fell_reason(done, self.problem.world.fall_height)
-        return RunStatus.COMPLETED, ""
+        return ending_of(int(self.episode["status"]), done, self.problem)
 
-    def switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
+    def phase_switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
         """Switches of the phases so far, from one of them on."""
-        names, sides = self.problem.table.phase_names, self.problem.sides
-        state = self.episode.state
-        causes = [item.cause for item in self.problem.table.transitions]
-        return tuple(
-            PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
-            for tick, leg, source, target, chosen in state.switches[first : state.counters[0]].tolist()
+        return switches_of(
+            self.problem, self.switches[first : self.episode["recording"]["n_switches"]].tolist()
         )
+
+
+class Bodies(NamedTuple):
+    """What a kernel is written for, as :func:`twin_gait.simulation.kernel.write_kernel` takes it."""
+
+    bodies: list[BodyArrays]
+    points: list[ContactPoint]
+    control_bodies: list[BodyArrays]
+    up_axis: str
+    guides: Sequence[int]
+
+
+def laid_out(problem: Problem, *, record: bool = True) -> tuple[Bodies, Episode, dict[str, int | bool]]:
+    """Bodies of a problem, its episode at tick 0, and the constants to bind.
+
+    Args:
+        record: Whether the log is written.
+    """
+    world = problem.world
+    frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
+    bodies, points = _forest(world.chains, frames)
+    control_bodies = export_bodies(problem.control_model.model)
+    guides = range(0, len(bodies), world.model.nv)  # the first joint of each chain
+    episode = new_episode(
+        problem, body_values(bodies, points), body_values(control_bodies), len(points), record=record
+    )
+    kernel = Bodies(bodies, points, control_bodies, world.model.up_axis, guides)
+    return kernel, episode, structure_of(problem, len(points))
 
 
 def _forest(chains: Sequence[LegModel], frames: Sequence[str]) -> tuple[list[BodyArrays], list[ContactPoint]]:
@@ -394,3 +193,62 @@ def _forest(chains: Sequence[LegModel], frames: Sequence[str]) -> tuple[list[Bod
         ]
     points = [point._replace(body=point.body + first) for point in contact_points(chains[-1].model, frames)]
     return bodies, points
+
+
+def _loop_of(
+    episode: np.dtype[Any],
+    row: np.dtype[Any],
+    bodies: Bodies,
+    structure: Mapping[str, int | bool],
+    controller: ControllerFunction | None,
+    on_compile: Callable[[], None] | None,
+) -> NativeFunction:
+    """The loop for episodes of one structure, compiled if need be."""
+
+    def make() -> CompiledLoop:
+        from twin_gait.simulation.compiling import compile_loop
+
+        names = {**structure, **bound_kernel(bodies), **compiled_rows(episode, row)}
+        return compile_loop(run_at, names, _ARGUMENTS, controller)
+
+    what = (_text(episode), _text(row), kernel_structure(*bodies), structure)
+    key = source_key(repr(what), "compiled_engine", "kernel", "rigid_body", "tracing")
+    return kept_loop(key, _ARGUMENTS, make, controller, on_compile)
+
+
+@lru_cache(maxsize=32)
+def _text(dtype: np.dtype[Any]) -> str:
+    """A dtype as text, which takes NumPy longer than all else in an episode's start."""
+    return repr(dtype)
+
+
+def bound_kernel(bodies: Bodies) -> dict[str, Any]:
+    """Functions of the generated kernel of some bodies by name, to be bound."""
+    return kernel_functions(
+        write_kernel(*bodies), {"math": math, "ground_contact_force": ground_contact_force}
+    )
+
+
+def compiled_rows(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:
+    """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
+    from twin_gait.simulation.compiling import jit, numbers_at, record_at, rows_at
+
+    logs, switches, numbers = rows_at(row), rows_at(_SWITCHES), numbers_at(episode["joints"].shape[0])
+
+    def log_row(e: Episode, tick: int) -> Any:
+        return logs(e.recording.log, tick - e.recording.first_row)
+
+    def switch_row(e: Episode, number: int) -> Any:
+        return switches(e.recording.switches, number)
+
+    def noise_row(e: Episode, tick: int) -> Any:
+        return numbers(e.recording.noise, tick % e.recording.n_noise)
+
+    def effort_row(e: Episode, tick: int) -> Any:
+        return numbers(e.efforts.ring, tick % e.efforts.n_ring)
+
+    def effort_noise_row(e: Episode, tick: int) -> Any:
+        return numbers(e.efforts.noise, tick % e.efforts.n_noise)
+
+    rows = (log_row, switch_row, noise_row, effort_row, effort_noise_row)
+    return {"episode_at": record_at(episode), **{item.__name__: jit(item) for item in rows}}

@@ -1,26 +1,27 @@
-"""Compile generated modules with numba.
+"""Compile a bound loop with numba.
 
-The functions of :mod:`twin_gait.core` are registered with numba from here, so that core stays free of it.
-What is compiled is kept by :mod:`twin_gait.simulation.loops`, under a key that covers every source; numba's
-own cache alone would miss an edit in a callee and silently run the old law.
+Two internals of numba are leaned on, as seen in numba 0.61 to 0.63; tests/simulation/test_compiling.py says
+when one of them changes: a pipeline of passes of one's own, and the template that types a call.
 """
 
 from __future__ import annotations
 
 import ctypes
 import gc
-import importlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import lru_cache
-from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 import numba
-from numba.core import types
+import numpy as np
+from numba.core import cgutils, types
+from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
-from numba.extending import register_jitable
+from numba.core.untyped_passes import DeadBranchPrune, ReconstructSSA
+from numba.extending import intrinsic
 
-from twin_gait import core
 from twin_gait.control.controller import (
     EXPECTED_TORQUES,
     ControllerFunction,
@@ -28,67 +29,130 @@ from twin_gait.control.controller import (
     require_arguments,
 )
 from twin_gait.exceptions import ParameterError
-from twin_gait.simulation.keeping import CORE_MODULES
+from twin_gait.simulation.binding import bind
 from twin_gait.simulation.machine_code import MachineCode, NativeFunction, function_at
 
-
-@lru_cache(maxsize=1)
-def register_core() -> None:
-    """Make every function of core callable from compiled code."""
-    for name in CORE_MODULES:
-        module = importlib.import_module(f"{core.__name__}.{name}")
-        for function in vars(module).values():
-            if isinstance(function, FunctionType) and function.__module__ == module.__name__:
-                register_jitable(function)
+# LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops over
+# the coordinates for long ones and makes the treadmill 15 to 20 % slower.
+OPTIMISATION, VECTORISE = 1, 0
+_ENDLESS = 1 << 40  # rows behind an address, whose number the caller knows
 
 
-# ------------------------------------------------------------------ the episode loop
+class Pruning(CompilerBase):  # type: ignore[misc]  # numba has no types
+    """numba's passes without its rewrites of array expressions, but with dead branches taken out."""
 
-# Optimisation level of LLVM: 3, numba's own, takes a third longer here and runs no faster.
-OPTIMISATION = 1
+    def define_pipelines(self) -> list[Any]:
+        """Passes of the one pipeline."""
+        self.state.flags.no_rewrites = True  # would leave out the pruning as well
+        manager = DefaultPassBuilder.define_nopython_pipeline(self.state, "pruning")
+        manager.add_pass_after(DeadBranchPrune, ReconstructSSA)
+        manager.finalize()
+        return [manager]
+
+
+_OPTIONS = {
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": Pruning,
+}
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _pointer(context: Any, address: Any) -> Any:
+    """A pointer from a whole number."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], cgutils.voidptr_t)
+
+    return types.voidptr(types.int64), generate
+
+
+def jit(function: Any, *, inline: bool = True) -> Any:
+    """A function of a loop, to be compiled with its callers' types."""
+    made = numba.njit(**_OPTIONS, forceinline=inline)(function)
+    template = made.get_call_template
+    # Otherwise every literal 0, 1, -1 in a call is a type of its own, and compiled anew.
+    plain = types.unliteral  # type: ignore[attr-defined]  # numba has no types
+    made.get_call_template = lambda args, kws: template(tuple(map(plain, args)), kws)
+    return made
+
+
+def record_at(dtype: np.dtype[Any]) -> Any:
+    """Compiled function from an address to the record there."""
+    return jit(lambda address: numba.carray(_pointer(address), 1, dtype)[0])
+
+
+def rows_at(dtype: np.dtype[Any]) -> Any:
+    """Compiled function from an address and a number to the record with that number."""
+    return jit(lambda address, number: numba.carray(_pointer(address), _ENDLESS, dtype)[number])
+
+
+def numbers_at(width: int) -> Any:
+    """Compiled function from an address and a number to the row of that number in a table of floats."""
+    return jit(lambda address, number: numba.carray(_pointer(address), (_ENDLESS, width), np.float64)[number])
 
 
 class CompiledLoop(NamedTuple):
-    """The episode loop, compiled in this process.
+    """A loop compiled in this process.
 
     Attributes:
-        function: Its ``run_ticks``.
-        arrays: Names of the loose arrays that it takes.
+        function: Takes whole numbers and returns one.
         code: What can be kept of it, or None if it needs more than the C library.
     """
 
     function: NativeFunction
-    arrays: tuple[str, ...]
     code: MachineCode | None
 
 
-def compile_loop(text: str, controller: ControllerFunction | None = None) -> CompiledLoop:
-    """Compile a generated module."""
-    register_core()
-    module = ModuleType("twin_gait_episode")
-    exec(compile(text, module.__name__, "exec"), module.__dict__)
+def compile_loop(
+    entry: Callable[..., int],
+    names: Mapping[str, Any],
+    n_arguments: int,
+    controller: ControllerFunction | None = None,
+) -> CompiledLoop:
+    """Bind and compile a loop.
+
+    Args:
+        entry: Takes and returns whole numbers; addresses are some.
+        names: What the loop is bound to.
+        n_arguments: Of the entry.
+        controller: Control law that takes the place of the thesis's.
+
+    Raises:
+        ParameterError: If numba cannot compile the controller.
+    """
     if controller is not None:
         if not compiles(controller):
             raise ParameterError(f"{name_of(controller)}: numba cannot compile it")
-        module.__dict__["controller_torques"] = _jitted(controller)
-    loop, arrays = module.__dict__["run_ticks"], tuple(module.__dict__["LOOSE_ARRAYS"])
-    signature = (numba.intp,) * loop.py_func.__code__.co_argcount
-    kept, collects = numba.config.OPT, gc.isenabled()
-    numba.config.OPT = type(kept)(OPTIMISATION)
-    gc.disable()  # looking through the compiler's millions of small objects takes a tenth of the time
-    try:
+        names = {**names, "controller_torques": _jitted(controller)}
+    loop = bind(entry, names, lambda function: jit(function, inline=function.__name__ != entry.__name__))
+    signature = (numba.intp,) * n_arguments
+    with _quick():
         loop.compile(signature)
-    finally:
-        numba.config.OPT = kept
-        if collects:
-            gc.enable()
     result = loop.overloads[signature]
     symbol = result.fndesc.llvm_func_name
     address = result.library.get_pointer_to_function(symbol)
-    code = MachineCode(result.library._get_compiled_object(), symbol, arrays)
+    law = None if controller is None else name_of(controller)
+    function = function_at(address, n_arguments, loop, law)
     standalone = controller is None and _stands_alone(result.library)
-    function = function_at(address, len(signature), loop, None if controller is None else name_of(controller))
-    return CompiledLoop(function, arrays, code if standalone else None)
+    code = MachineCode(result.library._get_compiled_object(), symbol) if standalone else None
+    return CompiledLoop(function, code)
+
+
+@contextmanager
+def _quick() -> Iterator[None]:
+    config, collects = numba.config, gc.isenabled()
+    kept = config.OPT, config.LOOP_VECTORIZE
+    config.OPT, config.LOOP_VECTORIZE = type(config.OPT)(OPTIMISATION), VECTORISE
+    gc.disable()  # looking through the compiler's millions of small objects takes a tenth of the time
+    try:
+        yield
+    finally:
+        config.OPT, config.LOOP_VECTORIZE = kept
+        if collects:
+            gc.enable()
 
 
 def _stands_alone(library: Any) -> bool:
@@ -112,7 +176,6 @@ def compiles(function: ControllerFunction) -> bool:
     Raises:
         ParameterError: If it does not take eight numbers, or gives anything but two.
     """
-    register_core()
     require_arguments(function)
     numbers = (numba.float64,) * 8
     try:

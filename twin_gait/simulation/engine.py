@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from twin_gait.control import Trip
+from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.columns import LogLayout
-from twin_gait.simulation.problem import Problem
+from twin_gait.simulation.episode import DIVERGED, FELL
+from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName
 
@@ -48,15 +50,70 @@ def log_layout(problem: Problem) -> LogLayout:
     )
 
 
-def diverged_reason(ticks: int) -> str:
-    """Why a run that diverged in its last tick ended."""
-    return f"the state diverged at {ticks * TICK:.3f} s; try a smaller integration step"
+def ending_of(status: int, ticks: int, problem: Problem) -> tuple[RunStatus, str]:
+    """How a run stands after some ticks, and why; completed as long as nothing has ended it.
+
+    Args:
+        status: Of the episode.
+    """
+    if status == DIVERGED:
+        return (
+            RunStatus.DIVERGED,
+            f"the state diverged at {ticks * TICK:.3f} s; try a smaller integration step",
+        )
+    if status == FELL:
+        height = problem.world.fall_height
+        return RunStatus.FELL, f"the pelvis fell below {height:.2f} m at {ticks * TICK:.3f} s"
+    return RunStatus.COMPLETED, ""
 
 
-def fell_reason(ticks: int, fall_height: float | None) -> str:
-    """Why a run in which the wearer fell in the last tick ended."""
-    assert fall_height is not None  # without a height there is no fall
-    return f"the pelvis fell below {fall_height:.2f} m at {ticks * TICK:.3f} s"
+def switches_of(
+    problem: Problem, switches: Iterable[tuple[int, int, int, int, int]]
+) -> tuple[PhaseSwitch, ...]:
+    """Changes of phase by name.
+
+    Args:
+        switches: Tick, leg, source, target and transition of each.
+    """
+    names, sides = problem.table.phase_names, problem.sides
+    causes = [item.cause for item in problem.table.transitions]
+    return tuple(
+        PhaseSwitch(tick, sides[leg], names[source], names[target], causes[chosen], chosen)
+        for tick, leg, source, target, chosen in switches
+    )
+
+
+def run_in_chunks(
+    problem: Problem,
+    chunk: int,
+    run_ticks: Callable[[int, int], tuple[int, int]],
+    progress: Callable[[int, int], None] | None,
+    should_stop: Callable[[], bool] | None,
+) -> tuple[int, RunStatus, str]:
+    """Run to the end of the experiment, or to a fall, divergence or a request to stop.
+
+    Args:
+        chunk: Ticks between two looks at progress and requests.
+        run_ticks: From first tick and one past the last to the ticks run since the start and the status of
+            the episode.
+        progress: Called with ticks done and ticks in all.
+        should_stop: True ends the run.
+
+    Returns:
+        Ticks run, how it ended, and why.
+    """
+    total, done = problem.experiment.n_ticks, 0
+    status, reason = RunStatus.COMPLETED, ""
+    while done < total and status is RunStatus.COMPLETED:
+        if progress is not None:
+            progress(done, total)
+        if should_stop is not None and should_stop():
+            return done, RunStatus.INTERRUPTED, stopped_reason(done)
+        done, code = run_ticks(done, min(done + chunk, total))
+        status, reason = ending_of(code, done, problem)
+    if progress is not None:
+        progress(done, total)
+    return done, status, reason
 
 
 def stopped_reason(ticks: int) -> str:

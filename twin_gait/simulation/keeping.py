@@ -1,7 +1,7 @@
 """Where compiled code is kept, and under which key.
 
-Whatever is compiled is kept under a hash over every source that it depends on: the generated text, all of
-core, the loop, the versions of numba, llvmlite, numpy and Python, and the processor. An edit of any of them
+Whatever is compiled is kept under a hash over every source that it depends on: the generated kernel, all of
+core, the rooms, the versions of numba, llvmlite, numpy and Python, and the processor. An edit of any of them
 is used by the next run. Code is loaded only from the user's own files, and only if a seal with the user's
 secret says that this program wrote them. Nothing here needs the compiler.
 """
@@ -11,7 +11,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import hmac
-import importlib.util
 import os
 import platform
 import secrets
@@ -23,48 +22,10 @@ from pathlib import Path
 
 from llvmlite import binding
 
-from twin_gait import core
-
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 SECRET_BYTES = 32
-CORE_MODULES = (
-    "actuator",
-    "assistance",
-    "belt",
-    "blending",
-    "contact",
-    "control_tick",
-    "dead_zone",
-    "estimation",
-    "faults",
-    "friction",
-    "friction_models",
-    "guards",
-    "hyperbolic",
-    "impedance",
-    "inertial",
-    "integrators",
-    "motor_drive",
-    "plant",
-    "safety",
-    "wearer",
-)
-# Modules of this package that a compiled loop is made of or made by, beside core.
-LOOP_MODULES = ("columns", "compiling", "episode_arrays", "flattening", "module_text", "pointers")
-# The loop itself.
-EPISODE_ROOMS = (
-    "tick",
-    "surroundings",
-    "sensors",
-    "monitor",
-    "phases",
-    "path",
-    "motors",
-    "wearer",
-    "motion",
-    "record",
-)
-_PACKAGE = __name__.rpartition(".")[0]
+# What a compiled loop is made of or made by, in this package; folders stand for all their modules.
+SOURCES = ("../core", "rooms", "binding", "compiling", "episode", "interface", "log", "record")
 
 
 def cache_folder() -> Path | None:
@@ -157,34 +118,37 @@ def _home(variable: str, folder: str) -> Path:
 
 
 @lru_cache(maxsize=8)
-def source_key(what: str) -> str:
+def source_key(what: str, *more: str) -> str:
     """Hash over what is compiled and every source, package and processor that it depends on.
 
+    Args:
+        what: Of the loop itself, beside its sources.
+        more: Further sources, as :data:`SOURCES` names them.
+
     Returns:
-        The hash; the sources are read once in a process, so that an edit during a long batch changes nothing.
+        The hash.
     """
-    digest = hashlib.sha256(what.encode())
-    names = [f"{_PACKAGE}.{name}" for name in LOOP_MODULES]
-    names += episode_rooms()
-    names += [f"{core.__name__}.{name}" for name in CORE_MODULES]
-    for name in names:
-        digest.update(source_of(name).encode())
+    digest = hashlib.sha256(what.encode() + _content(*SOURCES, *more))
     for name in ("numba", "llvmlite", "numpy"):
         digest.update(f"{name} {metadata.version(name)}".encode())
     digest.update(f"{platform.python_version()} {platform.machine()} {_processor()}".encode())
     return digest.hexdigest()[:24]
 
 
-def episode_rooms() -> list[str]:
-    """Full names of the modules that the compiled loop is written in, the tick first."""
-    return [f"{_PACKAGE}.episode.{name}" for name in EPISODE_ROOMS]
+@lru_cache(maxsize=4)
+def _content(*names: str) -> bytes:
+    """Hash over modules, read once in a process: an edit during a long batch changes nothing in it."""
+    return hashlib.sha256(b"".join(path.read_bytes() for path in source_files(*names))).digest()
 
 
-def source_of(module: str) -> str:
-    """Source text of a module, which is not imported for it."""
-    spec = importlib.util.find_spec(module)
-    assert spec is not None and spec.origin is not None  # a module of this package is a file
-    return Path(spec.origin).read_text(encoding="utf-8")
+def source_files(*names: str) -> list[Path]:
+    """Modules of this package by name, of a folder all of them."""
+    home = Path(__file__).parent
+    found = [
+        sorted((home / name).glob("*.py")) if (home / name).is_dir() else [home / f"{name}.py"]
+        for name in names
+    ]
+    return [path for paths in found for path in paths]
 
 
 def _processor() -> str:

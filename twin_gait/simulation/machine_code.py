@@ -30,17 +30,15 @@ class MachineCode(NamedTuple):
     Attributes:
         object_code: Object file.
         symbol: Name of the function in it.
-        arrays: Names of the loose arrays whose addresses it takes after those of the two flat ones.
     """
 
     object_code: bytes
     symbol: str
-    arrays: tuple[str, ...]
 
 
 def write_code(path: Path, code: MachineCode) -> None:
     """Keep compiled code, sealed; where that is not possible it is not kept."""
-    content = json.dumps({"symbol": code.symbol, "arrays": code.arrays}).encode() + b"\n" + code.object_code
+    content = json.dumps({"symbol": code.symbol}).encode() + b"\n" + code.object_code
     proof = seal(path.name, content)
     if proof is not None:
         # A full or read-only disk: the code is in memory and need not be kept.
@@ -59,8 +57,7 @@ def read_code(path: Path) -> MachineCode | None:
     if expected is None or not hmac.compare_digest(proof, expected.encode()):
         return None
     header, _, object_code = content.partition(b"\n")
-    known = json.loads(header)
-    return MachineCode(object_code, known["symbol"], tuple(known["arrays"]))
+    return MachineCode(object_code, json.loads(header)["symbol"])
 
 
 def load_function(code: MachineCode, n_arguments: int) -> NativeFunction:
@@ -72,6 +69,8 @@ def load_function(code: MachineCode, n_arguments: int) -> NativeFunction:
     Returns:
         The function; it runs without the interpreter's lock.
     """
+    binding.initialize_native_target()
+    binding.initialize_native_asmprinter()
     target = binding.Target.from_default_triple().create_target_machine()
     engine = binding.create_mcjit_compiler(binding.parse_assembly(""), target)
     engine.add_object_file(binding.ObjectFileRef.from_data(code.object_code))
@@ -106,9 +105,3 @@ def function_at(address: int, n_arguments: int, owner: Any, controller: str | No
         return result.value
 
     return call
-
-
-def prepare_linking() -> None:
-    """Let LLVM make and link code for this processor; to be called once before :func:`load_function`."""
-    binding.initialize_native_target()
-    binding.initialize_native_asmprinter()

@@ -18,7 +18,7 @@ from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import RunEvent, Verdict, gait_verdict, run_events
-from twin_gait.simulation.columns import LogLayout
+from twin_gait.simulation.log import LogLayout
 from twin_gait.vocabulary import Outcome, Side
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 from twin_gait.control.controller import ControllerFunction, require_arguments
 from twin_gait.experiment import Engine, Experiment
+from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.pinocchio.engine import PinocchioEngine
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run, log_table
 
 
@@ -36,7 +36,7 @@ def simulate(
         controller: Control law of the joints with the signature of
             :func:`twin_gait.core.control_tick.controller_torques`; that one by default. An ``njit``
             function, or a Python function that numba can compile, is fused into the compiled engine. Any
-            other steps through the Pinocchio engine, slower, with a :class:`SlowControllerWarning`.
+            other steps through the reference engine, slower, with a :class:`SlowControllerWarning`.
         progress: Called now and then with ticks done and ticks in all.
         should_stop: Asked now and then; True ends the run and marks it as interrupted.
         on_compile: Called if the engine has to be compiled for this model first, which takes 10 to 20 s.
@@ -52,8 +52,6 @@ def simulate(
     """
     problem = build_problem(experiment)
     engine = _engine(problem, controller, on_compile)
-    if isinstance(engine, CompiledEngine):
-        engine.warm_up()
     began = time.perf_counter()
     result = engine.run(progress, should_stop)
     wall = time.perf_counter() - began
@@ -78,11 +76,11 @@ def _compiles(controller: ControllerFunction) -> bool:
 
 def _engine(
     problem: Problem, controller: ControllerFunction | None, on_compile: Callable[[], None] | None
-) -> PinocchioEngine | CompiledEngine:
+) -> ReferenceEngine | CompiledEngine:
     if problem.experiment.engine is Engine.PINOCCHIO:
         if controller is not None:
             require_arguments(controller)
-        return PinocchioEngine(problem, controller)
+        return ReferenceEngine(problem, controller)
     if controller is None or _compiles(controller):
         return CompiledEngine(problem, controller=controller, on_compile=on_compile)
     warnings.warn(
@@ -91,4 +89,4 @@ def _engine(
         SlowControllerWarning,
         stacklevel=3,
     )
-    return PinocchioEngine(problem, controller)
+    return ReferenceEngine(problem, controller)

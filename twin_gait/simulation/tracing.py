@@ -136,7 +136,7 @@ Scalar = Symbol | Number
 
 _LONGEST = 90  # characters of an expression
 _NAME = re.compile(r"\bt\d+\b")
-_ELEMENT = re.compile(r"\b([a-z]+)\[([\d, ]+)\]")
+_ELEMENT = re.compile(r"\b(?:[a-z]+\[\d+\](?:\.[a-z]+)?)")  # of an array, or its field
 
 
 def compact(lines: Sequence[str], kept: Collection[str]) -> list[str]:
@@ -159,7 +159,7 @@ def compact(lines: Sequence[str], kept: Collection[str]) -> list[str]:
 
 
 def _reading_once(lines: Sequence[str]) -> list[str]:
-    """Read each element of an array that is used more than once into a name before its first use."""
+    """Read what lies in memory and is used more than once into a name before its first use."""
     uses = Counter(found[0] for line in lines for found in _ELEMENT.finditer(line))
     named: set[str] = set()
     result: list[str] = []
@@ -167,7 +167,7 @@ def _reading_once(lines: Sequence[str]) -> list[str]:
     def name(found: re.Match[str]) -> str:
         if uses[found[0]] == 1:
             return found[0]
-        short = f"{found[1]}_{found[2].replace(', ', '_')}"
+        short = re.sub(r"\W+", "_", found[0]).strip("_")
         if short not in named:
             named.add(short)
             result.append(f"{short} = {found[0]}")

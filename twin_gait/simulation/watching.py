@@ -1,47 +1,30 @@
-"""Arrays of the safety monitor and of the faults, which both engines step through."""
+"""What the safety monitor is set to, faults, and trips, as an episode has them."""
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
 from twin_gait.control import Trip, TripCause
-from twin_gait.core import safety
+from twin_gait.core.faults import Fault
+from twin_gait.core.safety import Bounds
 from twin_gait.experiment import ControlMode
+from twin_gait.experiment.problem import ActuatedJoint, Problem
 from twin_gait.gait.table import TICK
-from twin_gait.scenario.faults import Fault, FaultKind
-from twin_gait.simulation.problem import ActuatedJoint, Problem
+from twin_gait.scenario.faults import Fault as InjectedFault
+from twin_gait.scenario.faults import FaultKind
 
-NEVER = np.iinfo(np.int64).max
-
-
-class FaultArrays(NamedTuple):
-    """Faults as :mod:`twin_gait.core.faults` reads them.
-
-    Attributes:
-        faults: Kind, place and first tick, shape ``(n, 3)``, integers.
-        magnitudes: In SI units, shape ``(n,)``.
-        first_tick: Of the earliest fault, or ``NEVER``.
-    """
-
-    faults: np.ndarray
-    magnitudes: np.ndarray
-    first_tick: int
+NEVER = int(np.iinfo(np.int64).max)
 
 
-def fault_arrays(problem: Problem) -> FaultArrays:
-    """Lay the faults of an experiment out."""
-    faults = problem.experiment.faults
-    rows = [[fault.kind.code, _place(problem, fault), ticks(fault.time)] for fault in faults]
-    return FaultArrays(
-        np.array(rows, dtype=np.int64).reshape(len(rows), 3),
-        np.array([fault.strength for fault in faults], dtype=float),
-        min((row[2] for row in rows), default=NEVER),
-    )
+def fault_records(problem: Problem) -> list[Fault]:
+    """Faults of an experiment as :mod:`twin_gait.core.faults` reads them."""
+    return [
+        Fault(fault.kind.code, _place(problem, fault), ticks(fault.time), float(fault.strength))
+        for fault in problem.experiment.faults
+    ]
 
 
-def _place(problem: Problem, fault: Fault) -> int:
+def _place(problem: Problem, fault: InjectedFault) -> int:
     if fault.side is None:
         return -1
     if fault.kind is FaultKind.FOOT_LOAD_STUCK:
@@ -68,35 +51,34 @@ def start_angles(problem: Problem) -> np.ndarray:
     return problem.world.start_q[[joint.coordinate for joint in problem.joints]].copy()
 
 
-def watch_bounds(problem: Problem) -> np.ndarray:
-    """Bounds of the monitor, shape ``(n_joints, BOUND_COUNT)``."""
-    return np.array([_bounds_of(problem, joint) for joint in problem.joints])
-
-
-def _bounds_of(problem: Problem, joint: ActuatedJoint) -> np.ndarray:
+def watch_bounds(problem: Problem, joint: ActuatedJoint) -> Bounds:
+    """Bounds of the monitor for a joint."""
     control, model = problem.experiment.control, problem.control_model
     settings, motor = control.safety, problem.actuator(joint)
-    row = np.zeros(safety.BOUND_COUNT)
-    row[safety.LOWER], row[safety.UPPER] = model.position_limits(joint.side, joint.joint)
-    row[safety.HIGHEST_SPEED] = settings.speed_share * _speed_limit(problem, joint)
-    row[safety.STOP_DISTANCE_FACTOR] = 0.5 / settings.stopping_deceleration
-    row[safety.ANGLE_STEP] = settings.angle_step
-    row[safety.FROZEN_SPEED] = settings.frozen_speed
-    row[safety.FROZEN_TICKS] = ticks(settings.frozen_time)
-    row[safety.MODEL_GAIN] = min(1.0, TICK / settings.model_time_constant)
-    row[safety.MODEL_DEVIATION] = settings.model_deviation
-    row[safety.HIGHEST_TORQUE] = control.limits.torque
-    row[safety.TORQUE_TICKS] = ticks(settings.torque_time)
-    row[safety.HIGHEST_COMMAND] = settings.highest_command
-    row[safety.HIGHEST_CURRENT] = settings.current_share * control.limits.current
+    lower, upper = model.position_limits(joint.side, joint.joint)
     continuous = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio * motor.gear_efficiency)
-    row[safety.COOLING] = min(1.0, TICK / settings.thermal_time_constant)
-    row[safety.HEATING] = row[safety.COOLING] / (continuous * continuous)
-    row[safety.DRIVE_DEVIATION] = settings.drive_deviation
-    row[safety.DRIVE_TICKS] = ticks(settings.drive_time)
-    row[safety.EMF_CONSTANT] = motor.torque_constant * motor.gear_ratio
-    row[safety.MODEL_RESISTANCE] = settings.model_resistance_ratio * motor.resistance
-    return row
+    cooling = min(1.0, TICK / settings.thermal_time_constant)
+    return Bounds(
+        lower=lower,
+        upper=upper,
+        highest_speed=settings.speed_share * _speed_limit(problem, joint),
+        stop_distance_factor=0.5 / settings.stopping_deceleration,
+        angle_step=settings.angle_step,
+        frozen_speed=settings.frozen_speed,
+        frozen_ticks=ticks(settings.frozen_time),
+        model_gain=min(1.0, TICK / settings.model_time_constant),
+        model_deviation=settings.model_deviation,
+        highest_torque=control.limits.torque,
+        torque_ticks=ticks(settings.torque_time),
+        highest_command=settings.highest_command,
+        highest_current=settings.current_share * control.limits.current,
+        heating=cooling / (continuous * continuous),
+        cooling=cooling,
+        drive_deviation=settings.drive_deviation,
+        drive_ticks=ticks(settings.drive_time),
+        emf_constant=motor.torque_constant * motor.gear_ratio,
+        model_resistance=settings.model_resistance_ratio * motor.resistance,
+    )
 
 
 def _speed_limit(problem: Problem, joint: ActuatedJoint) -> float:

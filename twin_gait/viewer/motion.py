@@ -13,7 +13,7 @@ from twin_gait.control import SafetyState
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegModel
-from twin_gait.simulation.columns import state_columns
+from twin_gait.simulation.log import state_columns
 from twin_gait.viewer.curves import Curve, faithful_curve
 from twin_gait.vocabulary import HOLD, JointName, Side
 

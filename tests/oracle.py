@@ -1,0 +1,339 @@
+"""The loop written a second time, on purpose: numpy laws, ``transitions`` and ``pin.aba``.
+
+It shares data with the package (URDF, gait table, parameters) and none of its rooms, records of an episode
+or laws, so that the engines can be held to it. It knows ideal sensors, the thesis's controller and no safety
+monitor; the contact law is the package's own formula, written for arrays.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from transitions import Machine
+
+from twin_gait.experiment import ControlMode, IntegrationMethod
+from twin_gait.gait.guards import OTHER, AnyOf, Comparison, Guard, PhaseMembership, signal_scale
+from twin_gait.gait.table import TICK, BlendingLaw
+from twin_gait.experiment.problem import Problem
+from twin_gait.vocabulary import Side
+
+# Parameters a, b, c, d of equation (3.1) of the thesis.
+LAW = ("breakaway_torque", "coulomb_friction", "breakaway_velocity", "viscous_friction")
+
+
+def _columns(rows: Sequence[Any], names: Sequence[str]) -> np.ndarray:
+    """Attributes of all joints, shape ``(len(names), n)``."""
+    return np.array([[getattr(row, name) for row in rows] for name in names])
+
+
+def friction_torque(velocity: np.ndarray, law: np.ndarray) -> np.ndarray:
+    """Equation (3.1) of the thesis for all joints at once.
+
+    Args:
+        velocity: In [rad] / [s], shape ``(n,)``.
+        law: a, b, c, d in rows, shape ``(4, n)``.
+
+    Returns:
+        Torques with the sign of the velocity in [N m], shape ``(n,)``.
+    """
+    a, b, c, d = law
+    bump = np.sqrt(2.0 * np.e) * (a - b) * np.exp(-((velocity / c) ** 2)) * (velocity / c)
+    return np.asarray(bump + b * np.tanh(velocity / (c / 10.0)) + d * velocity)
+
+
+class Phases:
+    """Phase of one leg on ``transitions``, whose conditions are Python functions."""
+
+    def __init__(self, problem: Problem, side: Side) -> None:
+        """Add every transition of the gait table under one trigger."""
+        table = problem.table
+        self.signals: dict[str, float] = {}
+        self.other_phase: str | None = None
+        self.tick = self.entry = 0
+        self._debounce = [0] * len(table.transitions)
+        machine = Machine(
+            model=self,
+            states=list(table.phase_names),
+            initial=problem.world.initial_phases[side] or table.phase_names[0],
+            model_attribute="phase",
+            auto_transitions=False,
+        )
+        for number, item in enumerate(table.transitions):
+            ticks = max(item.time_out_ticks or 0, table.phases[item.source].minimum_ticks)
+            condition = self._condition(number, self._guard(item.guard), ticks, item.debounce_ticks)
+            machine.add_transition("advance", item.source, item.target, conditions=condition, after="enter")
+        # From here on the attribute is kept by the machine.
+        self.phase: str
+
+    def enter(self) -> None:
+        """Begin a phase."""
+        self.entry = self.tick
+        self._debounce = [0] * len(self._debounce)
+
+    def _condition(
+        self, number: int, guard: Callable[[], bool], ticks: int, debounce: int
+    ) -> Callable[[], bool]:
+        def due() -> bool:
+            self._debounce[number] = self._debounce[number] + 1 if guard() else 0
+            return self._debounce[number] >= debounce and self.tick - self.entry >= ticks
+
+        return due
+
+    def _guard(self, guard: Guard) -> Callable[[], bool]:
+        if isinstance(guard, PhaseMembership):
+            members = guard.phases
+            return lambda: self.other_phase in members
+        if isinstance(guard, Comparison):
+            return self._comparison(guard)
+        parts = [self._guard(part) for part in guard.guards]
+        if isinstance(guard, AnyOf):
+            return lambda: any(part() for part in parts)
+        return lambda: all(part() for part in parts)
+
+    def _comparison(self, guard: Comparison) -> Callable[[], bool]:
+        name, minus = guard.signal, guard.minus
+        threshold = guard.threshold * signal_scale(name)
+        above = guard.operator == ">"
+
+        def holds() -> bool:
+            value = self.signals[name] - (0.0 if minus is None else self.signals[minus])
+            return value > threshold if above else value < threshold
+
+        return holds
+
+
+class Controller:
+    """Measurement, state machines and control law of one run."""
+
+    def __init__(self, problem: Problem) -> None:
+        """Read the parameters; sensors are ideal."""
+        experiment = problem.experiment
+        self._problem = problem
+        self._sensors, self._gain = experiment.sensors, problem.fast_gain
+        self._limits, self._battery = experiment.control.limits, experiment.plant.battery
+        self._index = np.array([joint.coordinate for joint in problem.joints])
+        self._control_index = np.array([joint.control_coordinate for joint in problem.joints])
+        models = [experiment.control.friction_model[joint.joint] for joint in problem.joints]
+        self._law = _columns(models, LAW)
+        self._target = np.array(
+            [experiment.control.target_torque.get(joint.joint, 0.0) for joint in problem.joints]
+        )
+        actuators = [problem.actuator(joint) for joint in problem.joints]
+        self._constant = np.array([item.torque_constant * item.gear_ratio for item in actuators])
+        self._efficiency = np.array([item.gear_efficiency for item in actuators])
+        self._resistance = np.array([item.resistance for item in actuators])
+        count = len(problem.joints)
+        self._angle = self._sampled = np.zeros(count)
+        self._fast = self._slow = np.zeros(count)
+        window = self._sensors.window
+        self._samples: deque[np.ndarray] = deque([np.zeros(count)] * window, maxlen=window)
+        self._voltage = self._battery.voltage
+        self.machines = {side: Phases(problem, side) for side in problem.sides}
+        self._blended = problem.phase_rows[np.arange(len(self.machines)), self.phases()]
+        self._start = self._blended.copy()
+
+    def phases(self) -> list[int]:
+        """Phase of every leg, by its place in the table."""
+        return [self._problem.table.phase_index(machine.phase) for machine in self.machines.values()]
+
+    def torque(self, tick: int, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Motor torques of a tick on all coordinates in [N m], shape ``(nv,)``."""
+        self._measure(tick, q[self._index])
+        self._decide(tick)
+        stiffness, damping, equilibrium, gain = self._parameters()
+        command = -(stiffness * (self._angle - equilibrium) + damping * self._fast)
+        command = command + gain * friction_torque(self._slow, self._law) + self._gravity() + self._target
+        torque = np.zeros(len(q))
+        torque[self._index] = self._drive(command, v[self._index])
+        return torque
+
+    def _measure(self, tick: int, angle: np.ndarray) -> None:
+        if tick == 0:
+            self._angle = self._sampled = angle
+            return
+        self._fast = self._fast + self._gain * ((angle - self._angle) / TICK - self._fast)
+        self._angle = angle
+        decimation = self._sensors.decimation
+        if tick % decimation == 0:
+            self._samples.append((angle - self._sampled) / (decimation * TICK))
+            self._sampled = angle
+            self._slow = np.mean(self._samples, axis=0)
+
+    def _signals(self, leg: int, prefix: str) -> dict[str, float]:
+        joints = self._problem.table.joints
+        signals = {}
+        for position, joint in enumerate(joints):
+            number = leg * len(joints) + position
+            signals[f"{prefix}{joint}.angle_deg"] = float(self._angle[number])
+            signals[f"{prefix}{joint}.velocity_deg_per_s"] = float(self._fast[number])
+        return signals
+
+    def _decide(self, tick: int) -> None:
+        machines = list(self.machines.values())
+        before = [machine.phase for machine in machines]
+        entries = [machine.entry for machine in machines]
+        for leg, machine in enumerate(machines):
+            machine.tick = tick
+            machine.signals = {**self._signals(leg, ""), "time_in_phase_s": (tick - entries[leg]) * TICK}
+            if len(machines) == 2:
+                other = 1 - leg
+                machine.signals |= self._signals(other, OTHER)
+                machine.signals[f"{OTHER}time_in_phase_s"] = (tick - entries[other]) * TICK
+                machine.other_phase = before[other]
+            if machine.advance():
+                self._start[leg] = self._blended[leg]
+        self._blend(tick)
+
+    def _blend(self, tick: int) -> None:
+        table = self._problem.table
+        for leg, machine in enumerate(self.machines.values()):
+            share = 1.0
+            if table.blending.duration_ticks > 0 and table.blending.law is not BlendingLaw.NONE:
+                share = min((tick - machine.entry) / table.blending.duration_ticks, 1.0)
+            if table.blending.law is BlendingLaw.MINIMUM_JERK:
+                share = 10.0 * share**3 - 15.0 * share**4 + 6.0 * share**5
+            target = self._problem.phase_rows[leg, table.phase_index(machine.phase)]
+            self._blended[leg] = self._start[leg] + share * (target - self._start[leg])
+
+    def _parameters(self) -> np.ndarray:
+        """k, b, θ0 and G of all joints, shape ``(4, n_joints)``."""
+        return self._blended[:, :-1].reshape(-1, 4).T
+
+    def _gravity(self) -> np.ndarray:
+        model = self._problem.control_model
+        q = np.zeros(model.nv)
+        q[self._control_index] = self._angle
+        torque = pin.computeGeneralizedGravity(model.model, model.data, q)[self._control_index]
+        return np.asarray(np.repeat(self._blended[:, -1], self._problem.joints_per_leg) * torque)
+
+    def _drive(self, command: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        factor = self._constant * self._efficiency
+        limited = np.clip(command, -self._limits.torque, self._limits.torque)
+        current = np.clip(limited / factor, -self._limits.current, self._limits.current)
+        back_emf = self._constant * velocity
+        current = np.clip(
+            current,
+            (-self._voltage - back_emf) / self._resistance,
+            (self._voltage - back_emf) / self._resistance,
+        )
+        power = float(np.sum(self._resistance * current**2 + back_emf * current))
+        self._voltage = self._battery.voltage - self._battery.internal_resistance * power / self._voltage
+        return np.asarray(factor * current)
+
+
+class Leg:
+    """Passive torques, contact and forward dynamics."""
+
+    def __init__(self, problem: Problem) -> None:
+        """Read the parameters."""
+        world = problem.world
+        self.world, self.model, self.data = world, world.model.model, world.model.data
+        self._law = _columns([row.friction for row in world.plant], LAW)
+        self._stops = _columns(
+            [row.stop for row in world.plant], ("lower", "upper", "stiffness", "dissipation")
+        )
+        self._springs = _columns([row.spring for row in world.plant], ("stiffness", "damping", "force"))
+        self._load_friction = np.array([row.load_friction for row in world.plant])
+        frames = [name for names in world.contact_frames.values() for name in names]
+        self._frames = [self.model.getFrameId(name) for name in frames]
+
+    def passive_torque(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
+        """Friction, stops, springs and support on the coordinates, shape ``(nv,)``."""
+        lower, upper, hardness, dissipation = self._stops
+        below = hardness * np.maximum(lower - q, 0.0) * np.maximum(1.0 - dissipation * v, 0.0)
+        above = hardness * np.maximum(q - upper, 0.0) * np.maximum(1.0 + dissipation * v, 0.0)
+        stiffness, damping, force = self._springs
+        rubbing = self._load_friction * np.abs(motor) * np.tanh(v / (self._law[2] / 10.0))
+        rubbing = rubbing + friction_torque(v, self._law)
+        return np.asarray(force - stiffness * q - damping * v + below - above - rubbing)
+
+    def acceleration(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
+        """Accelerations under motors, passive torques and contact, shape ``(nv,)``."""
+        torque = motor + self.passive_torque(q, v, motor)
+        if not self._frames:
+            return np.asarray(pin.aba(self.model, self.data, q, v, torque))
+        return np.asarray(pin.aba(self.model, self.data, q, v, torque, self._contact_forces(q, v)))
+
+    def _contact_forces(self, q: np.ndarray, v: np.ndarray) -> Any:
+        law = self.world.contact
+        assert law is not None  # there are contact frames
+        pin.forwardKinematics(self.model, self.data, q, v)
+        forces = pin.StdVec_Force()
+        forces.extend([pin.Force.Zero() for _ in range(self.model.njoints)])
+        for number in self._frames:
+            frame = self.model.frames[number]
+            depth = -pin.updateFramePlacement(self.model, self.data, number).translation[2]
+            if depth <= 0.0:
+                continue
+            velocity = pin.getFrameVelocity(
+                self.model, self.data, number, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+            ).linear
+            normal = law.stiffness * depth**1.5 * max(0.0, 1.0 - 1.5 * law.dissipation * velocity[2])
+            slip = velocity[0] + self.world.belt.cruise
+            friction = -law.friction_coefficient * normal * np.tanh(slip / law.transition_velocity)
+            placement = self.data.oMf[number]
+            local = placement.rotation.T @ np.array([friction, 0.0, normal])
+            forces[frame.parentJoint] += frame.placement.act(pin.Force(local, np.zeros(3)))
+        return forces
+
+    def step(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray, h: float, rk4: bool) -> Any:
+        """Coordinates and velocities after a step of the semi-implicit Euler or the Runge-Kutta method."""
+        if not rk4:
+            v = v + h * self.acceleration(q, v, motor)
+            return q + h * v, v
+        a1 = self.acceleration(q, v, motor)
+        v2 = v + 0.5 * h * a1
+        a2 = self.acceleration(q + 0.5 * h * v, v2, motor)
+        v3 = v + 0.5 * h * a2
+        a3 = self.acceleration(q + 0.5 * h * v2, v3, motor)
+        v4 = v + h * a3
+        a4 = self.acceleration(q + h * v3, v4, motor)
+        return q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4), v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+
+
+class Motion(NamedTuple):
+    """What the loop did, tick by tick.
+
+    Attributes:
+        q: Coordinates, shape ``(n, nv)``.
+        motor: Motor torques on them in [N m], shape ``(n, nv)``.
+        phases: Phase of every leg, by its place in the table, shape ``(n, n_legs)``.
+    """
+
+    q: np.ndarray
+    motor: np.ndarray
+    phases: np.ndarray
+
+
+def motion(problem: Problem, ticks: int) -> Motion:
+    """Step through some ticks of a problem."""
+    _require_known(problem)
+    stepping, world = problem.experiment.stepping, problem.world
+    rk4 = stepping.method is IntegrationMethod.RK4
+    controller, leg = Controller(problem), Leg(problem)
+    q, v = world.start_q.copy(), world.start_v.copy()
+    trace = Motion(*(np.zeros((ticks, count)) for count in (len(q), len(q), len(problem.sides))))
+    for tick in range(ticks):
+        motor = controller.torque(tick, q, v)
+        trace.q[tick], trace.motor[tick], trace.phases[tick] = q, motor, controller.phases()
+        for _ in range(stepping.substeps):
+            q, v = leg.step(q, v, motor, stepping.step, rk4)
+    return trace
+
+
+def _require_known(problem: Problem) -> None:
+    """Refuse what the loop would leave out."""
+    experiment, world, control = problem.experiment, problem.world, problem.experiment.control
+    assert experiment.sensors.ideal
+    assert control.mode is ControlMode.IMPEDANCE
+    assert control.assistance.is_full
+    assert control.inertia_compensation == 0.0
+    assert not experiment.faults
+    assert not problem.wearer.acts
+    assert world.braces is None
+    assert world.imposed_motion is None
+    assert world.belt.ramp == 0.0

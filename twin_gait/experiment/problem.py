@@ -1,0 +1,167 @@
+"""An experiment laid out as the arrays that every engine steps through."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from twin_gait.core.estimation import first_order_gain
+from twin_gait.core.guards import GuardProgram
+from twin_gait.experiment.control import ControlMode
+from twin_gait.experiment.experiment import Experiment
+from twin_gait.experiment.path import Path, driven_rows, reference_path, starting_on_path
+from twin_gait.experiment.wearer import Wearer, wearer_of
+from twin_gait.gait.guards import all_signal_names
+from twin_gait.gait.program import compile_guards
+from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
+from twin_gait.gait.table import TICK, GaitTable
+from twin_gait.leg_model import LegModel
+from twin_gait.parameters import ActuatorParameters
+from twin_gait.scenario.treadmill import TreadmillScenario
+from twin_gait.scenario.world import World
+from twin_gait.vocabulary import JointName, Side
+
+
+class ActuatedJoint(NamedTuple):
+    """A joint with a motor.
+
+    Attributes:
+        side: Leg.
+        joint: Hip or knee.
+        coordinate: Position in ``q`` and ``v`` of the plant.
+        control_coordinate: Position in ``q`` of the controller's model.
+    """
+
+    side: Side
+    joint: JointName
+    coordinate: int
+    control_coordinate: int
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What an engine needs, beside the experiment.
+
+    Attributes:
+        experiment: The experiment.
+        world: Plant and surroundings.
+        control_model: The controller's rigid-body model.
+        table: The gait table after scaling.
+        program: Its guards.
+        joints: Actuated joints, leg by leg in the order of the table.
+        phase_rows: k, b, θ0, G per joint and gravity share: shape ``(n_legs, n_phases, n_columns)``.
+        noise: Sensor noise of every tick in [rad], shape ``(n_ticks, n_joints)`` or ``(1, n_joints)``.
+        resolution: Encoder resolution in [rad], shape ``(n_joints,)``.
+        fast_gain: Gain of the fast velocity filter.
+        wearer: What the wearer does at the joints.
+        path: The walk to follow, or against which the tracking error is measured; None if neither is.
+    """
+
+    experiment: Experiment
+    world: World
+    control_model: LegModel
+    table: GaitTable
+    program: GuardProgram
+    joints: tuple[ActuatedJoint, ...]
+    phase_rows: np.ndarray
+    noise: np.ndarray
+    resolution: np.ndarray
+    fast_gain: float
+    wearer: Wearer
+    path: Path | None
+
+    @property
+    def sides(self) -> tuple[Side, ...]:
+        """Legs in the order of the arrays."""
+        return self.world.model.sides
+
+    @property
+    def joints_per_leg(self) -> int:
+        """Actuated joints of a leg."""
+        return len(self.table.joints)
+
+    def first_signals(self) -> list[float]:
+        """Signals before anything is measured, with the command to walk at the end."""
+        return [math.nan] * (len(all_signal_names(self.table.joints)) - 1) + [1.0]
+
+    def actuator(self, joint: ActuatedJoint) -> ActuatorParameters:
+        """Motor and gear of a joint."""
+        return self.experiment.plant.actuators[joint.joint]
+
+
+def build_problem(experiment: Experiment) -> Problem:
+    """Lay an experiment out."""
+    world = starting_on_path(experiment).build_world()
+    control_model = experiment.build_control_model()
+    table = scaled_table(experiment, world)
+    joints = tuple(
+        ActuatedJoint(
+            side,
+            JointName(name),
+            world.model.index(side, JointName(name)),
+            control_model.index(side, JointName(name)),
+        )
+        for side in world.model.sides
+        for name in table.joints
+    )
+    inertia = _inertia_of(control_model)
+    resolved = [(side, resolve_phases(table, side, inertia)) for side in world.model.sides]
+    rows = np.array([driven_rows(experiment, table, row, inertia, side) for side, row in resolved])
+    sensors = experiment.sensors
+    ratio = np.array([experiment.plant.actuators[item.joint].gear_ratio for item in joints])
+    counts = sensors.encoder_counts * ratio
+    return Problem(
+        experiment=experiment,
+        world=world,
+        control_model=control_model,
+        table=table,
+        program=compile_guards(table),
+        joints=joints,
+        phase_rows=rows,
+        noise=_noise(experiment, len(joints)),
+        resolution=np.zeros(len(joints)) if sensors.ideal else 2.0 * np.pi / counts,
+        fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
+        wearer=wearer_of(experiment, table, [(item.side, item.joint) for item in joints]),
+        path=_path(experiment, world.model.sides),
+    )
+
+
+def _path(experiment: Experiment, sides: tuple[Side, ...]) -> Path | None:
+    control = experiment.control
+    wanted = control.mode is ControlMode.POSITION or control.assistance.adaptive
+    return reference_path(experiment, sides) if wanted else None
+
+
+def scaled_table(experiment: Experiment, world: World) -> GaitTable:
+    """Gait table adapted to carried mass, belt speed and the height that the controller knows."""
+    if not isinstance(experiment.scenario, TreadmillScenario):
+        return experiment.table
+    carried = world.model.total_mass * (1.0 - experiment.scenario.support.share)
+    known = experiment.control.patient or experiment.patient
+    return scale_table(
+        experiment.table,
+        carried_mass=carried,
+        speed=experiment.scenario.belt_speed,
+        height=None if known is None else known.height,
+    )
+
+
+def _inertia_of(model: LegModel) -> InertiaAt:
+    def inertia(side: Side, posture: Mapping[str, float], joint: str) -> float:
+        q = np.zeros(model.nv)
+        for name, angle in posture.items():
+            q[model.index(side, JointName(name))] = angle
+        return model.effective_inertia(q, model.index(side, JointName(joint)))
+
+    return inertia
+
+
+def _noise(experiment: Experiment, n_joints: int) -> np.ndarray:
+    if experiment.sensors.ideal or experiment.sensors.angle_noise == 0.0:
+        return np.zeros((1, n_joints))
+    generator = np.random.default_rng(experiment.seed)
+    return experiment.sensors.angle_noise * generator.standard_normal((experiment.n_ticks, n_joints))

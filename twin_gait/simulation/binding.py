@@ -1,0 +1,64 @@
+"""Give plain functions other globals, all the way down.
+
+The rooms of a loop name what they stand on: structure, kernel, rows. Bound, every function that a loop calls
+is a copy whose globals of these names are the real ones. Compiled, a branch on a constant that is 0 or False
+is never typed; uncompiled, the same functions are plain Python. No text is rewritten.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import FunctionType
+from typing import Any
+
+OURS = "twin_gait."  # modules whose functions are bound; all others are called as they are
+
+Wrap = Callable[[FunctionType], Any]
+
+
+def bind(entry: Callable[..., Any], names: Mapping[str, Any], wrap: Wrap = lambda function: function) -> Any:
+    """A function with other globals, and so every function of this package that it calls.
+
+    Args:
+        entry: Where the loop begins; it stays as it is.
+        names: What takes the place of globals of the same name.
+        wrap: What is made of every copy, for example its compiled form.
+
+    Returns:
+        What was made of the copy of the entry.
+    """
+    done: dict[FunctionType, Any] = {}
+
+    def visit(function: FunctionType) -> Any:
+        if function in done:
+            return done[function]
+        scope = dict(function.__globals__)
+        copy = FunctionType(
+            function.__code__, scope, function.__name__, function.__defaults__, function.__closure__
+        )
+        copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
+        bound = done[function] = wrap(copy)  # before what it calls, so that it may call itself
+        for name in function.__code__.co_names:
+            value = names.get(name, scope.get(name))
+            if isinstance(value, FunctionType) and (value.__module__ or "").startswith(OURS):
+                value = visit(value)
+            if name in names or name in scope:
+                scope[name] = value
+        return bound
+
+    assert isinstance(entry, FunctionType)
+    return visit(entry)
+
+
+def kernel_functions(text: str, called: Mapping[str, Any]) -> dict[str, Any]:
+    """Functions of a generated kernel by name, to be bound.
+
+    Args:
+        text: From :func:`twin_gait.simulation.kernel.write_kernel`.
+        called: What its functions call.
+    """
+    scope = {"__name__": f"{OURS}generated_kernel", **called}
+    exec(compile(text, "generated kernel", "exec"), scope)
+    return {
+        name: item for name, item in scope.items() if isinstance(item, FunctionType) and name not in called
+    }

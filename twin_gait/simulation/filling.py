@@ -1,0 +1,255 @@
+"""The episode of a problem: its record at tick 0, and what of it is structure."""
+
+from __future__ import annotations
+
+import math
+
+from twin_gait.core.actuator import Motor
+from twin_gait.core.assistance import Adaptation
+from twin_gait.core.contact import Ground, Point
+from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
+from twin_gait.core.friction import ASYMMETRIC, BRISTLE, Friction
+from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
+from twin_gait.core.plant import ImposedMotion
+from twin_gait.experiment import ControlMode, IntegrationMethod
+from twin_gait.experiment.problem import Problem
+from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP
+from twin_gait.gait.table import TICK
+from twin_gait.simulation.engine import DIVERGED_VELOCITY
+from twin_gait.simulation.episode import (
+    ControlModel,
+    Efforts,
+    Episode,
+    Joint,
+    Leg,
+    Limits,
+    Path,
+    Rates,
+    Recording,
+    Stages,
+    Supply,
+)
+from twin_gait.simulation.record import Record, copied, taken_from
+from twin_gait.simulation.watching import (
+    NEVER,
+    fault_records,
+    phase_time_out_ticks,
+    ticks,
+    watch_bounds,
+)
+from twin_gait.vocabulary import JointName
+
+MOST_SWITCHES_PER_SECOND = 200
+# Tables of any size up to the next multiple share one loop.
+_CAPACITY = 16
+
+
+def structure_of(problem: Problem, n_points: int) -> dict[str, int | bool]:
+    """Constants that a loop is bound to, by their names in :mod:`twin_gait.simulation.interface`.
+
+    Args:
+        n_points: Points of all soles.
+    """
+    experiment, model, control = problem.experiment, problem.world.model, problem.experiment.control
+    legs = len(problem.sides)
+    return {
+        "LEGS": legs,
+        "JOINTS_PER_LEG": problem.joints_per_leg,
+        "POINTS_PER_FOOT": n_points // legs,
+        "PELVIS": -1 if model.pelvis_index is None else model.pelvis_index,
+        "SHIFT": problem.world.wearer_shift,
+        "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
+        "OTHER_LAWS": any(plant.friction.law in (ASYMMETRIC, BRISTLE) for plant in problem.world.plant),
+        "RK4": experiment.stepping.method is IntegrationMethod.RK4,
+        "FAULTY": bool(experiment.faults),
+        "INERTIA_WANTED": control.inertia_compensation > 0.0,
+        "WEARER": problem.wearer.acts,
+        "FOLLOWS": control.mode is ControlMode.POSITION,
+        "ASSISTS": not control.assistance.is_full,
+        "ADAPTS": control.assistance.adaptive,
+    }
+
+
+def new_episode(
+    problem: Problem, bodies: list[float], control_bodies: list[float], n_points: int, *, record: bool = True
+) -> Episode:
+    """The episode of a problem at tick 0.
+
+    Args:
+        bodies: Run-time values of the plant's kernel.
+        control_bodies: Of the controller's.
+        n_points: Points of all soles.
+        record: Whether the log is written.
+    """
+    experiment, world = problem.experiment, problem.world
+    n, stepping = len(world.start_q), experiment.stepping
+    faults = fault_records(problem)
+    pelvis = [] if world.model.pelvis_index is None else [world.model.pelvis_index]
+    legs = [_leg(problem, number) for number in range(len(problem.sides))]
+    joints = [_joint(problem, number, legs) for number in range(len(problem.joints))]
+    return Episode(
+        step=stepping.step,
+        substeps=stepping.substeps,
+        gravity=experiment.plant.gravity,
+        body_weight=world.body_weight,
+        catch_stiffness=world.catch_stiffness,
+        catch_dissipation=world.catch_dissipation,
+        watching=experiment.control.safety.enabled,
+        first_fault=min((fault.start_tick for fault in faults), default=NEVER),
+        q=world.start_q.tolist(),
+        v=world.start_v.tolist(),
+        a=[0.0] * n,
+        motor=[0.0] * n,
+        external=[0.0] * n,
+        torque=[0.0] * n,
+        stages=Stages(*([0.0] * n for _ in range(5))),
+        bodies=bodies,
+        signals=problem.first_signals(),
+        rates=_rates(problem),
+        supply=_supply(problem),
+        limits=_limits(problem),
+        control=_control_model(problem, control_bodies),
+        joints=joints,
+        legs=legs,
+        plant=[copied(plant) for plant in world.plant],
+        ground=_ground(problem),
+        points=[Point() for _ in range(max(n_points, 1))],
+        belt=copied(world.belt),
+        program=_padded(problem.program),
+        imposed_motion=_imposed_motion(problem),
+        braces=[] if world.braces is None else [copied(brace) for brace in world.braces.braces],
+        braced=[*(joint.place for joint in joints), *(leg.ankle for leg in legs if leg.ankle >= 0), *pelvis],
+        faults=faults,
+        path=_path(problem),
+        efforts=Efforts(
+            float(LOWEST_POSTURE), float(POSTURE_STEP), problem.wearer.delay + 1, len(problem.wearer.noise)
+        ),
+        recording=Recording(
+            record, max(100, int(MOST_SWITCHES_PER_SECOND * experiment.duration)), len(problem.noise)
+        ),
+    )
+
+
+def setpoints_of(problem: Problem, number: int) -> list[Setpoint]:
+    """Setpoints of a joint by phase."""
+    leg, position = divmod(number, problem.joints_per_leg)
+    first = COLUMNS_PER_JOINT * position
+    rows = problem.phase_rows[leg, :, first : first + COLUMNS_PER_JOINT].tolist()
+    return [Setpoint(*row) for row in rows]
+
+
+def _joint(problem: Problem, number: int, legs: list[Leg]) -> Joint:
+    joint, experiment = problem.joints[number], problem.experiment
+    angle = float(problem.world.start_q[joint.coordinate])
+    setpoints = setpoints_of(problem, number)
+    first = setpoints[legs[number // problem.joints_per_leg].phase]
+    return Joint(
+        place=joint.coordinate,
+        control_place=joint.control_coordinate,
+        encoder=new_encoder(float(problem.resolution[number]), angle, experiment.sensors.window),
+        reading=angle,
+        motor=taken_from(Motor, problem.actuator(joint)),
+        friction_model=taken_from(Friction, experiment.control.friction_model[joint.joint]),
+        setpoints=setpoints,
+        blend_start=copied(first),
+        blended=copied(first),
+        target=experiment.control.target_torque.get(joint.joint, 0.0),
+        assistance=experiment.control.assistance.share[joint.joint],
+        bounds=watch_bounds(problem, joint),
+        condition=problem.wearer.conditions[number],
+        moments=problem.wearer.moments[number].tolist() if problem.wearer.acts else [],
+    )
+
+
+def _leg(problem: Problem, number: int) -> Leg:
+    side, model, path = problem.sides[number], problem.world.model, problem.path
+    name = problem.world.initial_phases[side]
+    phase = 0 if name is None else problem.table.phase_index(name)
+    shares = problem.phase_rows[number, :, -1].tolist()
+    return Leg(
+        ankle=-1 if model.legs[side].ankle is None else model.index(side, JointName.ANKLE),
+        phase=phase,
+        debounce=[0] * _capacity(problem.program.n_transitions),
+        gravity_shares=shares,
+        gravity_start=shares[phase],
+        gravity=shares[phase],
+        path_start=0.0 if path is None else float(path.starts[number]),
+        stride_ticks=1 if path is None else path.cycle_ticks,
+    )
+
+
+def _capacity(count: int) -> int:
+    return max(1, -(-count // _CAPACITY)) * _CAPACITY
+
+
+def _padded(program: GuardProgram) -> GuardProgram:
+    """A program with room, so that tables of like size share one loop."""
+    padded = copied(program)
+    _pad(padded.transitions, TransitionRule(-1, 0, 0, 0, 0, 0))
+    _pad(padded.nodes, GuardNode(0, 0))
+    _pad(padded.comparisons, Comparison(0, 0, 0.0, 0.0, 0.0))
+    return padded
+
+
+def _pad(entries: list[Record], blank: Record) -> None:
+    entries += [copied(blank) for _ in range(_capacity(len(entries)) - len(entries))]
+
+
+def _rates(problem: Problem) -> Rates:
+    blending = problem.table.blending
+    return Rates(
+        period=TICK,
+        fast_gain=problem.fast_gain,
+        decimation=problem.experiment.sensors.decimation,
+        blend_law=blending.law.code,
+        blend_ticks=blending.duration_ticks,
+    )
+
+
+def _supply(problem: Problem) -> Supply:
+    battery, settings = problem.experiment.plant.battery, problem.experiment.control.safety
+    return Supply(
+        voltage=battery.voltage,
+        resistance=battery.internal_resistance,
+        bus_voltage=battery.voltage,
+        least_voltage=settings.least_voltage_share * battery.voltage,
+        low_ticks=ticks(settings.voltage_time),
+    )
+
+
+def _limits(problem: Problem) -> Limits:
+    control, height = problem.experiment.control, problem.world.fall_height
+    return Limits(
+        torque=control.limits.torque,
+        current=control.limits.current,
+        fall_height=-math.inf if height is None else float(height),
+        diverged_velocity=DIVERGED_VELOCITY,
+        phase_ticks=phase_time_out_ticks(problem),
+        frozen_load_ticks=ticks(control.safety.frozen_load_time),
+        lowering_ticks=ticks(control.safety.lowering_time),
+        hold_damping=control.safety.hold_damping,
+    )
+
+
+def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
+    q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
+    return ControlModel(
+        bodies, q, a, gravity, inertia, inertia_gain=problem.experiment.control.inertia_compensation
+    )
+
+
+def _ground(problem: Problem) -> Ground:
+    contact = problem.world.contact
+    return Ground() if contact is None else taken_from(Ground, contact, belt_speed=problem.world.belt.cruise)
+
+
+def _imposed_motion(problem: Problem) -> ImposedMotion:
+    motion = problem.world.imposed_motion
+    return ImposedMotion(-1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0) if motion is None else copied(motion)
+
+
+def _path(problem: Problem) -> Path:
+    adaptation = taken_from(Adaptation, problem.experiment.control.assistance)
+    if problem.path is None:
+        return Path([], 1, adaptation)
+    return Path(problem.path.angles.tolist(), problem.path.cycle_ticks, adaptation)

@@ -1,0 +1,102 @@
+"""What a loop is bound to: the structure of an episode, a rigid-body kernel, and rows behind addresses.
+
+The rooms import these names; :mod:`twin_gait.simulation.binding` puts the real ones in their place, so that
+what a structure rules out is never compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from twin_gait.core.contact import Ground, Point
+from twin_gait.simulation.episode import Episode, Switch
+from twin_gait.simulation.log import LogRow
+
+# Legs, actuated joints of a leg, contact points of a foot; place of the pelvis, -1 without one; how far
+# behind a coordinate of the device that of the wearer stands, 0 if they are one.
+LEGS, JOINTS_PER_LEG, POINTS_PER_FOOT, PELVIS, SHIFT = 1, 2, 0, -1, 0
+# Whether legs have ankles, the integration is Runge-Kutta's, there are faults, inertia torques are wanted,
+# the wearer acts, the path is followed, the impedance is shared, and the share adapts.
+ANKLES = RK4 = FAULTY = INERTIA_WANTED = WEARER = FOLLOWS = ASSISTS = ADAPTS = False
+
+
+def dynamics(
+    q: list[float],
+    v: list[float],
+    torque: list[float],
+    bodies: list[float],
+    gravity: float,
+    ground: Ground,
+    a: list[float],
+    points: list[Point],
+) -> float:
+    """Accelerations under joint torques and contact forces.
+
+    Args:
+        q: Coordinates, n entries.
+        v: Velocities, n entries.
+        torque: On the coordinates, n entries.
+        bodies: Masses, inertias, lengths and armature, from :func:`~twin_gait.simulation.kernel.body_values`.
+        gravity: In [m] / [s²].
+        ground: Under the feet.
+        a: Accelerations, n entries; changed in place.
+        points: Of the soles; changed in place.
+
+    Returns:
+        Power of the contact forces in [W].
+    """
+    raise NotImplementedError
+
+
+def contact_forces(
+    q: list[float], v: list[float], bodies: list[float], ground: Ground, points: list[Point]
+) -> float:
+    """Contact forces of a state; as :func:`dynamics` without the accelerations."""
+    raise NotImplementedError
+
+
+def observe(
+    q: list[float], v: list[float], a: list[float], bodies: list[float], gravity: float, points: list[Point]
+) -> tuple[float, float, float, float]:
+    """Kinetic and potential energy in [J], force [N] and moment [N m] of the pelvis guides."""
+    raise NotImplementedError
+
+
+def control_gravity(q: list[float], bodies: list[float], gravity: float, torque: list[float]) -> None:
+    """Gravity torques of the controller's model; ``torque`` is changed in place."""
+    raise NotImplementedError
+
+
+def control_inertia(q: list[float], a: list[float], bodies: list[float], torque: list[float]) -> None:
+    """Inertia torques of the controller's model, armature included; ``torque`` is changed in place."""
+    raise NotImplementedError
+
+
+def episode_at(address: int) -> Episode:
+    """The episode at an address."""
+    raise NotImplementedError
+
+
+def log_row(e: Episode, tick: int) -> LogRow:
+    """Row of the log for a tick."""
+    raise NotImplementedError
+
+
+def switch_row(e: Episode, number: int) -> Switch:
+    """Room for a switch."""
+    raise NotImplementedError
+
+
+def noise_row(e: Episode, tick: int) -> Sequence[float]:
+    """Noise of the encoders in a tick in [rad], by joint."""
+    raise NotImplementedError
+
+
+def effort_row(e: Episode, tick: int) -> list[float]:
+    """Efforts of the wearer of a tick in [N m], by joint; kept for as long as the delay."""
+    raise NotImplementedError
+
+
+def effort_noise_row(e: Episode, tick: int) -> Sequence[float]:
+    """Share by which the effort strays in a tick, by joint."""
+    raise NotImplementedError

@@ -1,0 +1,319 @@
+"""The row of the log that every tick writes: each column's name, unit and meaning, once.
+
+A column's name is that of its field with the unit behind it, and side and joint in front of it where it
+belongs to one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import Field, dataclass, field, fields
+from functools import cached_property
+from typing import Any
+
+from twin_gait.leg_model import LegModel
+from twin_gait.simulation.record import ABSENT
+from twin_gait.vocabulary import JointName, Side
+
+LOG_SCHEMA_VERSION = 1
+# How a unit is written in a name.
+_SUFFIXES = {
+    "rad": "rad",
+    "rad/s": "rad_per_s",
+    "rad/s²": "rad_per_s2",
+    "N m": "Nm",
+    "A": "A",
+    "N m/rad": "Nm_per_rad",
+    "N m s/rad": "Nms_per_rad",
+    "N": "N",
+    "m": "m",
+    "m/s": "m_per_s",
+    "s": "s",
+    "V": "V",
+    "W": "W",
+    "J": "J",
+}
+
+
+def column(unit: str, meaning: str) -> Any:
+    """A field of the log; ``1`` and ``code`` are units that a name does not show."""
+    return field(default=0.0, metadata={"unit": unit, "meaning": meaning})
+
+
+@dataclass(slots=True)
+class JointRow:
+    """Columns of an actuated joint; torques act on the joint, positive in flexion."""
+
+    angle: float = column("rad", "true angle; of the device, if braces bind the wearer to it")
+    velocity: float = column("rad/s", "true velocity")
+    measured_angle: float = column("rad", "encoder angle")
+    velocity_fast: float = column("rad/s", "first-order estimate, for damper and guards")
+    velocity_slow: float = column("rad/s", "decimated and averaged estimate, for the friction compensation")
+    impedance_torque: float = column("N m", "of virtual spring and damper; in the hold, of the brake")
+    friction_compensation_torque: float = column("N m", "G times the friction of the model")
+    gravity_compensation_torque: float = column(
+        "N m", "share of the gravity torque that the controller gives"
+    )
+    inertia_compensation_torque: float = column("N m", "share of the inertia torque that it gives")
+    target_torque: float = column("N m", "added to the command")
+    motor_command_torque: float = column("N m", "sum of the five, before limits")
+    motor_torque: float = column("N m", "that the motor gives behind the gear")
+    friction_torque: float = column("N m", "of motor and gear on the joint")
+    stop_torque: float = column("N m", "of the mechanical stops")
+    patient_torque: float = column("N m", "of the wearer, a push or an imposed motion")
+    target_current: float = column("A", "that the drive is asked for")
+    measured_current: float = column("A", "that flows")
+    stiffness: float = column("N m/rad", "k of the impedance, blended")
+    damping: float = column("N m s/rad", "b of the impedance, blended")
+    equilibrium: float = column("rad", "θ0 of the impedance, blended")
+    friction_compensation_gain: float = column("1", "G of the friction compensation, blended")
+
+
+@dataclass(slots=True)
+class AnkleRow:
+    """Columns of an ankle."""
+
+    angle: float = column("rad", "dorsiflexion")
+    velocity: float = column("rad/s", "of it")
+    orthosis_torque: float = column("N m", "of the orthosis on the ankle")
+
+
+@dataclass(slots=True)
+class FootRow:
+    """Columns of a foot on the ground."""
+
+    normal_force: float = column("N", "of the ground")
+    friction_force: float = column("N", "of the ground, forwards positive")
+    clearance: float = column("m", "height of the lowest point of the sole")
+
+
+@dataclass(slots=True)
+class PelvisRow:
+    """Columns of the pelvis."""
+
+    pelvis_height: float = column("m", "above the belt")
+    pelvis_velocity: float = column("m/s", "upwards")
+    support_force: float = column("N", "of body-weight support and harness, upwards")
+    guide_force: float = column("N", "forward force of the guide")
+    guide_moment: float = column("N m", "pitching moment of the guide")
+
+
+@dataclass(slots=True)
+class WorkRow:
+    """Columns of the work done on the leg since the start, by source."""
+
+    motor_work: float = column("J", "of the motors")
+    friction_work: float = column("J", "of friction in motors and gears")
+    stop_work: float = column("J", "of the mechanical stops")
+    spring_work: float = column("J", "of orthosis and support")
+    contact_work: float = column("J", "of the ground")
+    patient_work: float = column("J", "of the wearer, a push or an imposed motion")
+
+
+@dataclass(slots=True)
+class BraceWorkRow:
+    """One more source of work where braces bind the wearer to the device."""
+
+    brace_work: float = column("J", "of the braces")
+
+
+@dataclass(slots=True)
+class BraceRow:
+    """Columns of a joint between device and wearer."""
+
+    wearer_angle: float = column("rad", "the wearer's own angle")
+    wearer_velocity: float = column("rad/s", "of it")
+    brace_torque: float = column("N m", "of the device on the wearer")
+
+
+@dataclass(slots=True)
+class PelvisBraceRow:
+    """Columns of the pelvis between device and wearer."""
+
+    wearer_pelvis_height: float = column("m", "of the wearer's own pelvis")
+    wearer_pelvis_velocity: float = column("m/s", "of it")
+    pelvis_brace_force: float = column("N", "of the device on the wearer, upwards")
+
+
+@dataclass(slots=True, kw_only=True)
+class LogRow:
+    """A row of the log: numbers only, so that the rows are a table."""
+
+    phases: list[float]
+    joints: list[JointRow]
+    ankles: list[AnkleRow]
+    feet: list[FootRow]
+    pelvis: PelvisRow
+    bus_voltage: float = column("V", "of the drives")
+    battery_power: float = column("W", "that the motors draw")
+    kinetic_energy: float = column("J", "of bodies and rotors")
+    potential_energy: float = column("J", "of gravity")
+    works: WorkRow = field(default_factory=WorkRow)
+    brace_work: BraceWorkRow
+    safety_state: float = column("code", "0 watching, 1 hold")
+    trip_cause: float = column("code", "of twin_gait.control.TripCause, 0 without a trip")
+    braces: list[BraceRow]
+    pelvis_brace: PelvisBraceRow
+
+
+def columns_of(row: type) -> dict[str, tuple[str, str]]:
+    """Columns that a class of rows declares.
+
+    Returns:
+        Unit and meaning by name, in order.
+    """
+    return {
+        _name_of(item): (item.metadata["unit"], item.metadata["meaning"])
+        for item in fields(row)
+        if "unit" in item.metadata
+    }
+
+
+def _name_of(item: Field[Any]) -> str:
+    unit = item.metadata["unit"]
+    return f"{item.name}_{_SUFFIXES[unit]}" if unit in _SUFFIXES else item.name
+
+
+JOINT_COLUMNS, BRACE_COLUMNS, PELVIS_BRACE_COLUMNS = (
+    tuple(columns_of(row)) for row in (JointRow, BraceRow, PelvisBraceRow)
+)
+# Work done on the leg since the start, by source; kinetic plus potential energy changes by their sum.
+WORK_SOURCES, BRACED_WORK_SOURCES = (
+    tuple(name.removesuffix("_work_J") for row in rows for name in columns_of(row))
+    for rows in ((WorkRow,), (WorkRow, BraceWorkRow))
+)
+
+
+def work_sources(columns: Container[str]) -> tuple[str, ...]:
+    """Sources of work that a log has columns for.
+
+    Returns:
+        Their names; the braces are one of them if there are any.
+    """
+    return BRACED_WORK_SOURCES if f"{BRACED_WORK_SOURCES[-1]}_work_J" in columns else WORK_SOURCES
+
+
+def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], list[str]]:
+    """Columns that hold the state of a model.
+
+    Args:
+        wearer: Whether the state is the wearer's own, where braces bind them to the device.
+
+    Returns:
+        Columns of its coordinates and of its velocities, in the order of the model.
+    """
+    own = "wearer_" * wearer
+    names = {
+        model.index(side, joint): (
+            f"{side}_{joint}_{own}angle_rad",
+            f"{side}_{joint}_{own}velocity_rad_per_s",
+        )
+        for side, leg in model.legs.items()
+        for joint, _ in leg.items()
+    }
+    if model.pelvis_index is not None:
+        names[model.pelvis_index] = (f"{own}pelvis_height_m", f"{own}pelvis_velocity_m_per_s")
+    return [names[index][0] for index in range(model.nv)], [names[index][1] for index in range(model.nv)]
+
+
+def unit_of(name: str) -> str:
+    """Unit of a column, from the end of its name.
+
+    Returns:
+        The unit, for example ``N m/rad``; ``name`` of a phase and ``code`` of a state.
+    """
+    if name.endswith("_phase"):
+        return "name"
+    if name in (item for item, (unit, _) in columns_of(LogRow).items() if unit == "code"):
+        return "code"
+    units = {f"_{suffix}": unit for unit, suffix in _SUFFIXES.items()}
+    return units.get(max((end for end in units if name.endswith(end)), key=len, default=""), "1")
+
+
+def meaning_of(name: str) -> str:
+    """What a column of a log means, as it is declared; empty for one that is not."""
+    rows = (
+        AnkleRow if JointName.ANKLE in name else JointRow,
+        FootRow,
+        PelvisRow,
+        WorkRow,
+        BraceWorkRow,
+        BraceRow,
+        PelvisBraceRow,
+        LogRow,
+    )
+    known = {
+        own: meaning for row in rows for own, (_, meaning) in columns_of(row).items() if name.endswith(own)
+    }
+    return known[max(known, key=len)] if known else ""
+
+
+@dataclass(frozen=True)
+class LogLayout:
+    """What a log has columns of.
+
+    ``time_s`` and the names of the phases are added when the table is made.
+
+    Attributes:
+        legs: Actuated joints per leg, in order.
+        ankles: Legs with an ankle.
+        feet: Legs with foot contact.
+        pelvis: Whether the pelvis moves.
+        braced: Whether braces bind the wearer to the device.
+    """
+
+    legs: Mapping[Side, Sequence[JointName]]
+    ankles: tuple[Side, ...]
+    feet: tuple[Side, ...]
+    pelvis: bool
+    braced: bool = False
+
+    def row(self) -> LogRow:
+        """An empty row."""
+        braces = [*self._joints, *self.ankles] if self.braced else []
+        return LogRow(
+            phases=[0.0] * len(self.legs),
+            joints=[JointRow() for _ in self._joints],
+            ankles=[AnkleRow() for _ in self.ankles],
+            feet=[FootRow() for _ in self.feet],
+            pelvis=PelvisRow() if self.pelvis else ABSENT,
+            brace_work=BraceWorkRow() if self.braced else ABSENT,
+            braces=[BraceRow() for _ in braces],
+            pelvis_brace=PelvisBraceRow() if self.braced and self.pelvis else ABSENT,
+        )
+
+    @property
+    def _joints(self) -> list[str]:
+        return [f"{side}_{joint}" for side, joints in self.legs.items() for joint in joints]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns, in the order of the numbers of a row."""
+        ankles = [f"{side}_{JointName.ANKLE}" for side in self.ankles]
+        prefixes = {
+            "joints": self._joints,
+            "ankles": ankles,
+            "feet": [f"{side}_foot" for side in self.feet],
+            "braces": [*self._joints, *ankles],
+        }
+        row, names = self.row(), [f"{side}_phase" for side in self.legs]
+        for item in fields(row):
+            value = getattr(row, item.name)
+            if item.name in prefixes:
+                places = zip(prefixes[item.name], value, strict=False)
+                names += [f"{place}_{name}" for place, entry in places for name in columns_of(type(entry))]
+            elif "unit" in item.metadata:
+                names.append(_name_of(item))
+            elif value is not ABSENT:
+                names += columns_of(type(value)) if item.name != "phases" else []
+        return tuple(names)
+
+    @property
+    def work_sources(self) -> tuple[str, ...]:
+        """Sources of work on the leg."""
+        return BRACED_WORK_SOURCES if self.braced else WORK_SOURCES
+
+    @cached_property
+    def positions(self) -> dict[str, int]:
+        """Position of each column."""
+        return {name: index for index, name in enumerate(self.names)}

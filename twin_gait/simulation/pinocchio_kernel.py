@@ -1,0 +1,187 @@
+"""Rigid-body dynamics by Pinocchio behind the interface of the generated kernels.
+
+It shares the laws of :mod:`twin_gait.core` and the rooms of a tick with the compiled engine, not the
+dynamics, and so is what that one is checked against.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from twin_gait.core.contact import Ground, Point, ground_contact_force
+from twin_gait.leg_model import LegModel
+from twin_gait.leg_model.joints import PELVIS_JOINT
+from twin_gait.scenario.world import World
+from twin_gait.vocabulary import Side
+
+_Vector = tuple[float, float, float]
+
+
+class _Foot(NamedTuple):
+    """A foot: Pinocchio's index of its joint, its first point among all, positions of its points in [m]."""
+
+    joint: int
+    first: int
+    points: tuple[_Vector, ...]
+
+
+class GroundContacts:
+    """Forces of the ground on the feet of a model, by the law of :mod:`twin_gait.core.contact`.
+
+    Attributes:
+        forces: On the bodies as Pinocchio takes them, of the last evaluation.
+    """
+
+    def __init__(self, world: World) -> None:
+        """Find the feet; with braces, those of the wearer."""
+        self.model, self.data = world.chains[-1].model, world.chains[-1].data
+        self.forces = no_forces(self.model)
+        self.feet: dict[Side, _Foot] = {}
+        first = 0
+        for side in world.model.sides:
+            names = world.contact_frames.get(side, ())
+            frames = [self.model.frames[self.model.getFrameId(name)] for name in names]
+            points = tuple(tuple(frame.placement.translation.tolist()) for frame in frames)
+            if frames:
+                self.feet[side] = _Foot(int(frames[0].parentJoint), first, points)
+            first += len(frames)
+
+    def update(self, q: np.ndarray, v: np.ndarray, ground: Ground, points: Sequence[Point]) -> float:
+        """Evaluate a state.
+
+        Args:
+            q: Coordinates of the model, shape ``(nv,)``.
+            v: Velocities, shape ``(nv,)``.
+            ground: Under the feet.
+            points: Of all soles; changed in place.
+
+        Returns:
+            Power of the forces in [W].
+        """
+        pin.forwardKinematics(self.model, self.data, q, v)
+        return sum(self._press(foot, ground, points) for foot in self.feet.values())
+
+    def _press(self, foot: _Foot, ground: Ground, points: Sequence[Point]) -> float:
+        """Forces on the points of a foot, and their sum on its joint."""
+        placement = self.data.oMi[foot.joint]
+        # Python numbers are several times faster here than numpy's scalars.
+        (r00, r01, r02), _, (r20, r21, r22) = placement.rotation.tolist()
+        height = placement.translation.tolist()[2]
+        lx, ly, lz, wx, wy, wz = self.data.v[foot.joint].vector.tolist()
+        power = fx = fy = fz = mx = my = mz = 0.0
+        for number, (x, y, z) in enumerate(foot.points, start=foot.first):
+            point = points[number]
+            point.height = height + r20 * x + r21 * y + r22 * z
+            ux, uy, uz = lx + wy * z - wz * y, ly + wz * x - wx * z, lz + wx * y - wy * x
+            forward = r00 * ux + r01 * uy + r02 * uz
+            upward = r20 * ux + r21 * uy + r22 * uz
+            along, up = ground_contact_force(ground, point.height, forward, upward)
+            point.forward, point.upward = along, up
+            power += along * forward + up * upward
+            px, py, pz = r00 * along + r20 * up, r01 * along + r21 * up, r02 * along + r22 * up
+            fx, fy, fz = fx + px, fy + py, fz + pz
+            mx, my, mz = mx + y * pz - z * py, my + z * px - x * pz, mz + x * py - y * px
+        self.forces[foot.joint] = pin.Force(np.array([fx, fy, fz, mx, my, mz]))
+        return power
+
+    def wrench(self, side: Side) -> np.ndarray:
+        """What the ground does on a foot at the last evaluation.
+
+        Returns:
+            Force in [N] and moment about the origin of the world in [N m], shape ``(6,)``.
+        """
+        joint = self.feet[side].joint
+        return np.array(self.data.oMi[joint].act(self.forces[joint]).vector)
+
+
+class PinocchioKernel:
+    """The functions of a kernel; see :mod:`twin_gait.simulation.interface`."""
+
+    def __init__(self, world: World, control_model: LegModel) -> None:
+        """Take the models of a world and of its controller."""
+        own, self._control = world.model.nv, control_model
+        self._contacts = GroundContacts(world)
+        airborne = [no_forces(chain.model) for chain in world.chains[:-1]]
+        parts = [slice(first, first + own) for first in range(0, len(world.start_q), own)]
+        self._chains = list(zip(world.chains, parts, [*airborne, self._contacts.forces], strict=True))
+        self._guided = world.model.pelvis_index is not None
+
+    @property
+    def functions(self) -> dict[str, Callable[..., Any]]:
+        """The functions by name, to be bound."""
+        found = (self.dynamics, self.contact_forces, self.observe, self.control_gravity, self.control_inertia)
+        return {function.__name__: function for function in found}
+
+    def dynamics(
+        self,
+        q: list[float],
+        v: list[float],
+        torque: list[float],
+        bodies: list[float],
+        gravity: float,
+        ground: Ground,
+        a: list[float],
+        points: list[Point],
+    ) -> float:
+        """Accelerations by the articulated-body algorithm."""
+        power = self.contact_forces(q, v, bodies, ground, points)
+        whole_q, whole_v, whole_torque = np.array(q), np.array(v), np.array(torque)
+        for chain, part, forces in self._chains:
+            a[part] = pin.aba(
+                chain.model, chain.data, whole_q[part], whole_v[part], whole_torque[part], forces
+            ).tolist()
+        return power
+
+    def contact_forces(
+        self, q: list[float], v: list[float], bodies: list[float], ground: Ground, points: list[Point]
+    ) -> float:
+        """Contact forces of a state."""
+        if not self._contacts.feet:
+            return 0.0
+        _, part, _ = self._chains[-1]
+        return self._contacts.update(np.array(q[part]), np.array(v[part]), ground, points)
+
+    def observe(
+        self,
+        q: list[float],
+        v: list[float],
+        a: list[float],
+        bodies: list[float],
+        gravity: float,
+        points: object,
+    ) -> tuple[float, float, float, float]:
+        """Energies, and by inverse dynamics what the guides of the pelvis take, each about its own pelvis."""
+        kinetic = potential = force = moment = 0.0
+        whole_q, whole_v, whole_a = np.array(q), np.array(v), np.array(a)
+        for chain, part, forces in self._chains:
+            kinetic += chain.kinetic_energy(whole_q[part], whole_v[part])
+            potential += chain.potential_energy(whole_q[part])
+            if self._guided:
+                pin.rnea(chain.model, chain.data, whole_q[part], whole_v[part], whole_a[part], forces)
+                wrench = chain.data.f[int(chain.model.getJointId(PELVIS_JOINT))]
+                force, moment = force + float(wrench.linear[0]), moment + float(wrench.angular[1])
+        return kinetic, potential, force, moment
+
+    def control_gravity(
+        self, q: list[float], bodies: list[float], gravity: float, torque: list[float]
+    ) -> None:
+        """Gravity torques of the controller's model."""
+        torque[:] = self._control.gravity_torque(np.array(q)).tolist()
+
+    def control_inertia(
+        self, q: list[float], a: list[float], bodies: list[float], torque: list[float]
+    ) -> None:
+        """Inertia torques of the controller's model."""
+        torque[:] = self._control.inertia_torque(np.array(q), np.array(a)).tolist()
+
+
+def no_forces(model: pin.Model) -> pin.StdVec_Force:
+    """Forces from outside on the bodies of a model: none."""
+    forces = pin.StdVec_Force()
+    for _ in range(model.njoints):
+        forces.append(pin.Force.Zero())
+    return forces

@@ -1,0 +1,119 @@
+"""One definition of a record: its class for mypy, a dtype of it for NumPy and numba, plain instances.
+
+A record is a dataclass with slots whose fields are ``float``, ``int``, ``bool``, other records, or lists of
+them, all entries of a list alike; parameters that do not change may stand in it as they are declared. An
+instance gives the lengths of the lists, and so the dtype; a list that is empty, or a field that is
+:data:`ABSENT` or of another kind, is left out of it, and only code that a constant rules out may name it.
+Records are never assigned as a whole: that copies in compiled code and aliases in plain Python.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields, is_dataclass
+from typing import Any, TypeVar, get_args, get_type_hints
+
+import numpy as np
+
+Record = TypeVar("Record")
+
+ABSENT: Any = None  # what stands in a field that an episode does not have
+_CODES = {float: "f8", int: "i8", bool: "?"}
+
+
+def _kinds(kind: Any) -> tuple[tuple[str, type], ...]:
+    """Name and type of each field of a record; of a list, of its entries."""
+    if kind not in _known:
+        hints = get_type_hints(kind)
+        result = []
+        for item in fields(kind):
+            hint = hints[item.name]
+            while get_args(hint):
+                hint = get_args(hint)[0]
+            result.append((item.name, hint))
+        _known[kind] = tuple(result)
+    return _known[kind]
+
+
+_known: dict[type, tuple[tuple[str, type], ...]] = {}  # reading hints takes longer than writing a record
+
+
+def dtype_of(sample: Any) -> np.dtype[Any]:
+    """The dtype of a record, aligned as C would.
+
+    Args:
+        sample: An instance; its lists have the lengths of the dtype.
+    """
+    layout = []
+    for name, kind in _kinds(type(sample)):
+        value, shape = getattr(sample, name), []
+        while isinstance(value, (list, tuple)):
+            shape.append(len(value))
+            value = value[0] if value else ABSENT
+        if value is not ABSENT and (kind in _CODES or is_dataclass(kind)):
+            layout.append((name, _CODES.get(kind) or dtype_of(value), tuple(shape)))
+    return np.dtype(layout, align=True)
+
+
+def stored(sample: Any) -> np.ndarray[Any, np.dtype[Any]]:
+    """An instance as a NumPy record.
+
+    Returns:
+        Shape ``(1,)``; its entry is the record.
+    """
+    return np.array([_entries(sample)], dtype_of(sample))
+
+
+def _entries(sample: Any) -> tuple[Any, ...]:
+    result = []
+    for name, kind in _kinds(type(sample)):
+        value = getattr(sample, name)
+        if value is ABSENT or value == []:
+            continue
+        if kind not in _CODES:
+            value = [_entries(item) for item in value] if isinstance(value, list) else _entries(value)
+        result.append(value)
+    return tuple(result)
+
+
+def numbers_in(sample: Any) -> list[float]:
+    """All numbers of an instance in the order of its dtype."""
+    found: list[float] = []
+    _collect(sample, found)
+    return found
+
+
+def _collect(value: Any, found: list[float]) -> None:
+    for name in value.__slots__:
+        entry = getattr(value, name)
+        if type(entry) is list:
+            for item in entry:
+                if hasattr(item, "__slots__"):
+                    _collect(item, found)
+                else:
+                    found.append(item)
+        elif type(entry) is float or type(entry) is int:
+            found.append(entry)
+        elif entry is not ABSENT:
+            _collect(entry, found)
+
+
+def taken_from(kind: type[Record], source: Any, **more: Any) -> Record:
+    """A record whose fields are the attributes of the same name of something else.
+
+    Args:
+        source: For example the parameters of a law.
+        more: Fields that it does not have.
+    """
+    values = {item.name: getattr(source, item.name) for item in fields(kind) if item.name not in more}  # type: ignore[arg-type]
+    return kind(**values, **more)
+
+
+def copied(sample: Record) -> Record:
+    """A copy that shares nothing with a record."""
+
+    def copy(value: Any) -> Any:
+        if isinstance(value, list):
+            return [copy(item) for item in value]
+        return copied(value) if hasattr(value, "__slots__") else value
+
+    return type(sample)(**{name: copy(getattr(sample, name)) for name, _ in _kinds(type(sample))})

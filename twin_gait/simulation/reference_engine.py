@@ -1,0 +1,154 @@
+"""The engine that runs the rooms of a tick as plain Python: the reference implementation.
+
+The rooms and laws are those of the compiled engine; the dynamics are Pinocchio's, and the phases of the legs
+are carried by machines of `transitions`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from twin_gait.control.controller import ControllerFunction, checked
+from twin_gait.core.control_tick import controller_torques
+from twin_gait.core.guards import NO_TRANSITION
+from twin_gait.experiment.problem import Problem
+from twin_gait.gait.machine import GaitStateMachine
+from twin_gait.simulation.binding import bind
+from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.simulation.engine import EngineResult, log_layout, run_in_chunks, switches_of
+from twin_gait.simulation.episode import COMPLETED, Episode, Switch
+from twin_gait.simulation.log import LogRow
+from twin_gait.simulation.pinocchio_kernel import PinocchioKernel
+from twin_gait.simulation.record import numbers_in
+from twin_gait.simulation.rooms.tick import run_ticks
+from twin_gait.simulation.watching import trip_of
+
+CHUNK_TICKS = 100  # between two looks at progress and interruption
+
+
+class ReferenceEngine:
+    """Runs one problem from start to end as plain Python.
+
+    Attributes:
+        problem: The experiment as an engine needs it.
+        layout: Names and positions of the log's columns.
+        episode: The record as a plain tree, which changes as the loop runs.
+        machines: State machine of each leg.
+        switches: Changes of phase so far.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        controller: ControllerFunction | None = None,
+        kernel: Mapping[str, Callable[..., Any]] | None = None,
+    ) -> None:
+        """Set everything to time 0.
+
+        Args:
+            controller: Control law that takes the place of the thesis's.
+            kernel: Dynamics by the names of :mod:`twin_gait.simulation.interface`; Pinocchio's by default.
+        """
+        self.problem = problem
+        self.layout = log_layout(problem)
+        _, self.episode, structure = laid_out(problem)
+        self.machines = [
+            GaitStateMachine(
+                problem.table, side, initial_phase=problem.world.initial_phases[side], program=problem.program
+            )
+            for side in problem.sides
+        ]
+        self.switches: list[Switch] = []
+        self._row = self.layout.row()
+        joints, efforts = len(problem.joints), self.episode.efforts
+        self._efforts = [[0.0] * joints for _ in range(efforts.n_ring)]
+        self._noise, self._effort_noise = problem.noise.tolist(), problem.wearer.noise.tolist()
+        kernel = PinocchioKernel(problem.world, problem.control_model).functions if kernel is None else kernel
+        rows = (self.log_row, self.switch_row, self.noise_row, self.effort_row, self.effort_noise_row)
+        names = {**structure, **kernel, **{item.__name__: item for item in (*rows, self.advance)}}
+        names["controller_torques"] = checked(controller or controller_torques)
+        self._run_ticks = bind(run_ticks, names)
+
+    def run(
+        self,
+        progress: Callable[[int, int], None] | None = None,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> EngineResult:
+        """Run to the end of the experiment, or to a fall, divergence or a request to stop.
+
+        Args:
+            progress: Called with ticks done and ticks in all, now and then.
+            should_stop: Asked now and then; True ends the run.
+
+        Returns:
+            The log up to there and how it ended.
+        """
+        rows = np.zeros((self.problem.experiment.n_ticks, len(self.layout.names)))
+
+        def run_ticks(first: int, end: int) -> tuple[int, int]:
+            return self.run_ticks(first, end, rows), self.episode.status
+
+        done, status, reason = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
+        trip = self.episode.trip
+        switches = [
+            (item.tick, item.leg, item.source, item.target, item.transition) for item in self.switches
+        ]
+        return EngineResult(
+            rows[:done],
+            switches_of(self.problem, switches),
+            status,
+            reason,
+            trip_of(self.problem, trip.tick, trip.cause, trip.place),
+        )
+
+    def run_ticks(self, first: int, end: int, rows: np.ndarray) -> int:
+        """Run some ticks, fewer if the wearer falls or the state diverges on the way.
+
+        Args:
+            first: Tick to begin with.
+            end: One past the last.
+            rows: Log, shape ``(n, n_columns)``; changed in place.
+
+        Returns:
+            Ticks run since the start.
+        """
+        for tick in range(first, end):
+            self._run_ticks(self.episode, tick, tick + 1)
+            if self.episode.recording.on:
+                rows[tick] = numbers_in(self._row)
+            if self.episode.status != COMPLETED:
+                return tick + 1
+        return end
+
+    # ------------------------------------------------------------------ what the rooms are bound to
+
+    def advance(self, e: Episode, number: int, tick: int, other: int) -> int:
+        """Transition that the machine of a leg takes in this tick, or ``NO_TRANSITION``."""
+        switch = self.machines[number].advance(tick, e.signals, other)
+        return NO_TRANSITION if switch is None else switch.transition
+
+    def log_row(self, e: Episode, tick: int) -> LogRow:
+        """The row of this tick."""
+        return self._row
+
+    def switch_row(self, e: Episode, number: int) -> Switch:
+        """Room for one more switch."""
+        self.switches.append(Switch(0, 0, 0, 0, 0))
+        return self.switches[-1]
+
+    def noise_row(self, e: Episode, tick: int) -> list[float]:
+        """Noise of the encoders in a tick in [rad]."""
+        row: list[float] = self._noise[tick % len(self._noise)]
+        return row
+
+    def effort_row(self, e: Episode, tick: int) -> list[float]:
+        """Efforts of the wearer of a tick in [N m]."""
+        return self._efforts[tick % len(self._efforts)]
+
+    def effort_noise_row(self, e: Episode, tick: int) -> list[float]:
+        """Share by which the effort strays in a tick."""
+        row: list[float] = self._effort_noise[tick % len(self._effort_noise)]
+        return row

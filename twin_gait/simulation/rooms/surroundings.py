@@ -1,0 +1,32 @@
+"""The belt, the command to walk and the harness, tick by tick."""
+
+from __future__ import annotations
+
+import math
+
+from twin_gait.core.belt import treadmill_speed, walk_command
+from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.interface import PELVIS, SHIFT
+
+
+def command(e: Episode, tick: int) -> None:
+    """Let the belt follow its profile or come to rest after a trip; tell the legs to walk or to stand."""
+    time = tick * e.rates.period
+    trip_time = e.trip.tick * e.rates.period if e.trip.tick >= 0 else math.inf
+    e.ground.belt_speed = treadmill_speed(e.belt, time, trip_time)
+    if e.belt.ramp > 0.0:
+        walk = walk_command(time, e.belt.start, e.belt.stop)
+        e.signals[len(e.signals) - 1] = walk
+        if walk == 0.0:
+            e.last_rest = tick
+
+
+def catch(e: Episode, tick: int) -> None:
+    """In the tick of a trip the harness locks at the height of the wearer's pelvis, a stop from below."""
+    if PELVIS >= 0:
+        if e.trip.tick == tick:
+            stop = e.plant[PELVIS + SHIFT].stop
+            stop.lower = e.q[PELVIS + SHIFT]
+            stop.upper = math.inf
+            stop.stiffness = e.catch_stiffness
+            stop.dissipation = e.catch_dissipation

@@ -1,0 +1,48 @@
+"""What acts on the joints from outside in a tick: a push, and the wearer."""
+
+from __future__ import annotations
+
+from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
+from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.interface import (
+    ANKLES,
+    JOINTS_PER_LEG,
+    SHIFT,
+    WEARER,
+    effort_noise_row,
+    effort_row,
+)
+
+
+def push(e: Episode, tick: int) -> None:
+    """Torques from outside for this tick: a push, and what the wearer does."""
+    for joint in e.joints:
+        e.external[joint.place] = joint.push
+    if WEARER:
+        if SHIFT > 0:
+            for joint in e.joints:
+                e.external[joint.place + SHIFT] = 0.0
+        for number, leg in enumerate(e.legs):
+            first = number * JOINTS_PER_LEG
+            hip_joint, knee_joint = e.joints[first], e.joints[first + 1]
+            hip, knee, ankle = e.q[hip_joint.place + SHIFT], e.q[knee_joint.place + SHIFT], 0.0
+            if ANKLES:
+                ankle = e.q[leg.ankle + SHIFT]
+            bent_hip = hip - hip_joint.condition.contracture
+            bent_knee = knee - knee_joint.condition.contracture
+            _wear(e, tick, first, passive_hip_torque(bent_hip, bent_knee), hip)
+            _wear(e, tick, first + 1, passive_knee_torque(bent_hip, bent_knee, ankle), hip)
+
+
+def _wear(e: Episode, tick: int, number: int, passive: float, hip: float) -> None:
+    """Add the wearer's torque on one joint; the effort comes with a delay."""
+    joint, phase = e.joints[number], e.legs[number // JOINTS_PER_LEG].phase
+    condition, place = joint.condition, joint.place + SHIFT
+    moments = joint.moments[phase]
+    below, share = posture_place(hip, e.efforts.lowest_posture, e.efforts.posture_step, len(moments))
+    moment = moments[below] + share * (moments[below + 1] - moments[below])
+    effort_row(e, tick)[number] = condition.effort * moment
+    effort = effort_row(e, tick + 1)[number]  # the oldest one
+    effort *= 1.0 + effort_noise_row(e, tick)[number]
+    reflex = spastic_torque(e.v[place], condition.stretch_reflex_threshold, condition.stretch_reflex_gain)
+    e.external[place] += condition.passive_share * passive + reflex + effort
