@@ -13,6 +13,7 @@ import mujoco
 import numba
 import numpy as np
 
+from twin_gait.experiment.problem import Problem
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import (
     CompiledEngine,
@@ -22,7 +23,6 @@ from twin_gait.simulation.compiled_engine import (
 )
 from twin_gait.simulation.compiling import jit, numbers_at, quickly, record_at
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.rooms.motion import acceleration

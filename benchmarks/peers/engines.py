@@ -9,10 +9,10 @@ from peers.scenarios import Case
 from peers.timing import Implementation
 
 from twin_gait import Run, simulate
+from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, written_kernel
 from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.log import state_columns
-from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 
 THREADS = 2

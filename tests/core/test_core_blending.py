@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from twin_gait.core.blending import (
     blend,
     blend_share,
 )
-from twin_gait.core.control_tick import blend_phase
+from twin_gait.core.control_tick import Setpoint, blend_setpoint, copy_setpoint
 
 LAWS = [BLEND_NONE, BLEND_LINEAR, BLEND_MINIMUM_JERK]
 FADING = [BLEND_LINEAR, BLEND_MINIMUM_JERK]
@@ -77,50 +78,46 @@ def test_blended_value_goes_from_old_to_new(old: float, new: float) -> None:
     assert_allclose(blend(old, new, 0.5), 0.5 * (old + new), atol=1e-13)
 
 
-def fade(duration: int, law: int, targets: list[np.ndarray], switches: list[int], ticks: int) -> np.ndarray:
-    """Blend one leg as an engine does: at each switch start from the present values."""
-    blended = targets[0].copy()[None, :]
-    start = blended.copy()
-    rows, entered, phase = [], switches[0], 0
+TARGETS = (Setpoint(100.0, 5.0, 0.1, 0.3), Setpoint(300.0, 2.0, -0.2, 0.5), Setpoint(50.0, 9.0, 0.4, 0.0))
+
+
+def fade(duration: int, law: int, switches: list[int], ticks: int) -> np.ndarray:
+    """Blend a joint through the targets as an engine does: at each switch start from the present values."""
+    blended, start = replace(TARGETS[0]), replace(TARGETS[0])
+    rows, entered, phase = [], 0, 0
     for tick in range(ticks):
         if tick in switches:
             phase, entered = switches.index(tick) + 1, tick
-            start[:] = blended
-        if phase:
-            blend_phase(0, tick - entered, duration, law, start, targets[phase], blended)
-        rows.append(blended[0].copy())
+            copy_setpoint(blended, start)
+        blend_setpoint(start, TARGETS[phase], blend_share((tick - entered) / duration, law), blended)
+        rows.append(astuple(blended))
     return np.array(rows)
 
 
 @pytest.mark.parametrize("law", FADING)
 def test_interrupted_fade_goes_on_from_the_present_values(law: int) -> None:
     """A second switch in the middle of a fade must not make the parameters jump."""
-    targets = [np.array([100.0, 0.1]), np.array([300.0, -0.2]), np.array([50.0, 0.4])]
     duration, second = 60, 35
-    rows = fade(duration, law, targets, [5, second], 150)
+    rows = fade(duration, law, [5, second], 150)
+    targets = np.array([astuple(target) for target in TARGETS])
     assert_allclose(rows[second], rows[second - 1], rtol=0.05)  # one tick of the first fade, no more
-    largest_distance = np.abs(np.diff(np.array(targets), axis=0)).max(axis=0)
+    largest_distance = np.abs(np.diff(targets, axis=0)).max(axis=0)
     steepest = {BLEND_LINEAR: 1.0, BLEND_MINIMUM_JERK: 15.0 / 8.0}[law]
     assert np.all(np.abs(np.diff(rows, axis=0)) <= 1.001 * steepest * largest_distance / duration)
-    assert_allclose(
-        rows[second + duration :], np.broadcast_to(targets[2], (150 - second - duration, 2)), atol=1e-12
-    )
+    settled = rows[second + duration :]
+    assert_allclose(settled, np.broadcast_to(targets[2], settled.shape), atol=1e-12)
 
 
-def test_present_values_are_kept_in_the_tick_of_the_switch() -> None:
-    start, target = np.array([[10.0, 1.0]]), np.array([20.0, 3.0])
-    blended = np.zeros((1, 2))
-    blend_phase(0, 0, 60, BLEND_MINIMUM_JERK, start, target, blended)
-    assert np.array_equal(blended, start)
+@pytest.mark.parametrize("law", FADING)
+def test_present_values_are_kept_in_the_tick_of_the_switch(law: int) -> None:
+    rows = fade(60, law, [5], 7)
+    assert np.array_equal(rows[5], astuple(TARGETS[0]))
+    assert np.all(rows[6] != rows[5])
 
 
-def test_fade_without_duration_is_a_switch() -> None:
-    blended = np.zeros((1, 2))
-    blend_phase(0, 0, 0, BLEND_MINIMUM_JERK, np.array([[10.0, 1.0]]), np.array([20.0, 3.0]), blended)
-    assert_allclose(blended, [[20.0, 3.0]])
-
-
-def test_fade_of_one_leg_leaves_the_other_alone() -> None:
-    blended = np.array([[1.0], [2.0]])
-    blend_phase(0, 60, 60, BLEND_LINEAR, np.array([[1.0], [2.0]]), np.array([9.0]), blended)
-    assert np.array_equal(blended, [[9.0], [2.0]])
+def test_copied_setpoint_is_no_second_name_of_its_source() -> None:
+    source, target = replace(TARGETS[1]), replace(TARGETS[2])
+    copy_setpoint(source, target)
+    assert target == source
+    source.stiffness = 0.0
+    assert target == TARGETS[1]

@@ -26,7 +26,7 @@ from twin_gait.leg_model.bodies import export_bodies
 from twin_gait.simulation import columns, episode, episode_arrays, keeping, kernel, loops, pointers
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.module_text import one_module
-from twin_gait.simulation.problem import build_problem
+from twin_gait.experiment.problem import build_problem
 from twin_gait.vocabulary import JointName, Side
 
 GRAVITY = 9.81

@@ -29,7 +29,7 @@ from twin_gait.runs.record import load_run
 from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation import stepping
 from twin_gait.simulation.engine import log_layout
-from twin_gait.simulation.problem import build_problem
+from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.stepping import SteppedRun
 
 pytestmark = pytest.mark.slow

@@ -24,7 +24,7 @@ from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.episode.tick import run_ticks
 from twin_gait.simulation.kernel import body_values, write_kernel
-from twin_gait.simulation.problem import build_problem
+from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.tracing import Trace, cosine
 
 GRAVITY = 9.81

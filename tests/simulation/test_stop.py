@@ -15,11 +15,11 @@ from twin_gait.core.belt import treadmill_speed, treadmill_travel
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait.table import TICK
 from twin_gait.measures.foot_contact import CONTACT_FORCE
-from twin_gait.runs.record import belt_motion_of, trip_time_of
+from twin_gait.runs.run_page import belt_motion_of, trip_time_of
 from twin_gait.scenario import FaultKind
 from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation import RunStatus
-from twin_gait.simulation.problem import build_problem
+from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.stepping import SteppedRun
 
 BELT = (0.42, 2.0, 10.0, 1.0, 0.2, 0.5)  # cruise, start, stop, ramp, delay, ramp to rest

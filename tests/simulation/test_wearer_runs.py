@@ -15,8 +15,8 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.simulation import Run
 from twin_gait.simulation.log import WORK_SOURCES
-from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.wearing import LOWEST_POSTURE, POSTURE_STEP, POSTURES
+from twin_gait.experiment.problem import build_problem
+from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP, POSTURES
 from twin_gait.vocabulary import JointName, Side
 
 # A leg in the air, from its swing on, stepped in Python so that nothing is compiled.

@@ -10,6 +10,7 @@ import numpy as np
 
 from twin_gait.control import ControllerFunction, Trip
 from twin_gait.core.contact import ground_contact_force
+from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
@@ -22,7 +23,6 @@ from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.kernel import body_values, write_kernel
 from twin_gait.simulation.loops import kept_loop
 from twin_gait.simulation.machine_code import NativeFunction
-from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import dtype_of, write
 from twin_gait.simulation.rooms.tick import run_ticks
 from twin_gait.simulation.run import RunStatus

@@ -23,6 +23,7 @@ from twin_gait.core.guards import DEBOUNCE_TICKS, SOURCE
 from twin_gait.core.plant import CONSTANT_FORCE, STOP_STIFFNESS
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
+from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.measures.outcome import RunEvent, run_events
@@ -31,7 +32,6 @@ from twin_gait.simulation import episode_arrays
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
 from twin_gait.simulation.flat_episode import fields_of
-from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.watching import NEVER, fault_arrays, phase_time_out_ticks
 
@@ -104,7 +104,7 @@ class SteppedRun:
         """Lay the walk out; no tick is run.
 
         Args:
-            problem: From :func:`twin_gait.simulation.problem.build_problem`.
+            problem: From :func:`twin_gait.experiment.problem.build_problem`.
             controller: Control law that takes the place of the thesis's; numba must be able to compile it.
             on_compile: Called if the loop has to be compiled first, which takes 10 to 20 s.
         """
