@@ -19,7 +19,7 @@ from twin_gait.simulation.compiled_engine import (
     CompiledEngine,
     bound_kernel,
     compiled_rows,
-    written_kernel,
+    laid_out,
 )
 from twin_gait.simulation.compiling import jit, numbers_at, quickly, record_at
 from twin_gait.simulation.episode import Episode
@@ -81,7 +81,7 @@ def _dynamics(
 
 def _names(problem: Problem, order: Sequence[int], evaluations: int) -> dict[str, Any]:
     """What both callbacks are bound to: structure, kernel, and MuJoCo's arrays."""
-    kernel, _, structure = written_kernel(problem, record=False)
+    kernel, _, structure = laid_out(problem, record=False)
     assert not structure["OTHER_LAWS"]
     places = {"PLACES": tuple(order), "EVALUATIONS": evaluations}
     return {**structure, **bound_kernel(kernel), **STRUCTURE, **places}

@@ -17,6 +17,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from test_dynamics_pinocchio import assert_equal, kernel_of, source_of
+from twin_gait.simulation.module_text import one_module
 
 from twin_gait import core, load_experiment, simulate
 from twin_gait.core.contact import ground_contact_force
@@ -25,7 +26,6 @@ from twin_gait.leg_model import LegModel, packaged_urdf
 from twin_gait.leg_model.bodies import export_bodies
 from twin_gait.simulation import columns, episode, episode_arrays, keeping, kernel, loops, pointers
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.module_text import one_module
 from twin_gait.experiment.problem import build_problem
 from twin_gait.vocabulary import JointName, Side
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from twin_gait.simulation.module_text import ARRAY_FUNCTIONS
 
 from twin_gait.control import TripCause
 from twin_gait.core import faults, safety
@@ -17,7 +18,6 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import KNEE_ACTUATOR, SafetyParameters
 from twin_gait.scenario import FaultKind
 from twin_gait.simulation.keeping import episode_rooms
-from twin_gait.simulation.module_text import ARRAY_FUNCTIONS
 
 PERIOD = 1e-3
 NUMBERS = st.floats(-20.0, 20.0)

@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from twin_gait.simulation.pinocchio.plant import PinocchioPlant
 
 from twin_gait import load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
@@ -29,7 +30,6 @@ from twin_gait.report.run_figures import draw_angles, draw_energy
 from twin_gait.runs.summary import summarise
 from twin_gait.scenario import World, bracing
 from twin_gait.simulation.log import BRACED_WORK_SOURCES
-from twin_gait.simulation.pinocchio.plant import PinocchioPlant
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side
 

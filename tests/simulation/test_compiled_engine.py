@@ -13,6 +13,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from twin_gait.simulation.episode.tick import run_ticks
 
 import twin_gait
 from twin_gait import load_experiment, simulate
@@ -20,10 +21,9 @@ from twin_gait.core.contact import ground_contact_force
 from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.leg_model.bodies import contact_points, export_bodies
 from twin_gait.simulation import compiled_engine, keeping, loops, rigid_body
-from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.episode.tick import run_ticks
 from twin_gait.simulation.kernel import body_values, write_kernel
+from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.tracing import Trace, cosine
 
