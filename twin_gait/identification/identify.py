@@ -109,10 +109,6 @@ class Identification:
     options: IdentificationOptions
     warnings: tuple[str, ...]
 
-    def model(self, name: str) -> IdentifiedModel | None:
-        """A model by name; None if it was not fitted."""
-        return next((item for item in self.models if item.name == name), None)
-
 
 def identify_logs(
     paths: Sequence[Path], options: IdentificationOptions, progress: Progress = lambda done, total: None

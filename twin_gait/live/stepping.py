@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.control import ControllerFunction, Trip
+from twin_gait.control import Trip
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.core.guards import Comparison
 from twin_gait.core.safety import OPERATOR_TRIP
@@ -47,18 +47,11 @@ class SteppedRun:
         held_phase: The phase that no leg leaves by itself, or None.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        *,
-        controller: ControllerFunction | None = None,
-        on_compile: Callable[[], None] | None = None,
-    ) -> None:
+    def __init__(self, problem: Problem, *, on_compile: Callable[[], None] | None = None) -> None:
         """Lay the walk out; no tick is run.
 
         Args:
             problem: From :func:`twin_gait.experiment.problem.build_problem`.
-            controller: Control law that takes the place of the thesis's; numba must be able to compile it.
             on_compile: Called if the loop has to be compiled first, which takes 10 to 20 s.
         """
         self.problem = problem
@@ -68,7 +61,6 @@ class SteppedRun:
         spare = (Fault(kind=FaultKind.SUPPLY_DIP, time=0.0),) * MOST_FAULTS
         self._engine = CompiledEngine(
             replace(problem, experiment=replace(experiment, faults=(*experiment.faults, *spare))),
-            controller=controller,
             on_compile=on_compile,
         )
         self._episode = self._engine.episode

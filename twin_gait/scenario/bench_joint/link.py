@@ -58,11 +58,6 @@ class BenchFriction:
             require(math.isfinite(value), name, "a finite number", value)
         require_non_negative("friction ripple", self.ripple)
 
-    @property
-    def depends_on_conditions(self) -> bool:
-        """Whether load or temperature matter."""
-        return any((self.coulomb_per_load, self.coulomb_per_kelvin, self.viscous_per_kelvin))
-
 
 @dataclass(frozen=True, kw_only=True)
 class LinkParameters:
