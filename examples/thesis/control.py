@@ -34,9 +34,9 @@ from thesis.bench import (
 from thesis.friction import rms
 from thesis.velocity import closed_delay
 
-from twin_gait.core import coulomb_viscous_tanh_torque
 from twin_gait.gait import TICK
 from twin_gait.identification import decimate, moving_average
+from twin_gait.identification.laws import coulomb_viscous_tanh_torque
 from twin_gait.scenario import OldFrictionModel
 from twin_gait.simulation import BenchRun, simulate_bench
 

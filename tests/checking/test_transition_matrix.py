@@ -22,7 +22,7 @@ from twin_gait.checking.linear_loop import (
     transition_matrix,
 )
 from twin_gait.configuration import load_experiment
-from twin_gait.core.control_tick import VELOCITY_SLOW, controller_torques, measure_joints
+from twin_gait.core.control_tick import controller_torques, measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.gait.table import TICK
@@ -54,36 +54,28 @@ def run_firmware(item: LinearLoop, start: np.ndarray, frames: int) -> np.ndarray
 
     The first tick that is measured is one of a slow sample, as in the matrix; before it all is still.
     """
-    measured, decimated = np.zeros((2, 3)), np.zeros(2)
-    ring = np.zeros((item.window, 2))
+    encoders = [new_encoder(0.0, 0.0, item.window) for _ in range(2)]
     q, v = start[:2].copy(), start[2:].copy()
     inverse = np.linalg.inv(MASS)
     seen = []
     for tick in range(item.decimation, item.decimation * (frames + 1)):
         if tick % item.decimation == 0:
             seen.append(np.concatenate([q, v]))
-        measure_joints(
-            tick,
-            q,
-            np.zeros(2),
-            TICK,
-            item.fast_gain,
-            item.decimation,
-            measured,
-            decimated,
-            ring,
-        )
-        torque = item.feed_forward @ measured[:, 0]
-        for joint in range(2):
+        for encoder, angle in zip(encoders, q.tolist(), strict=True):
+            measure_joint(encoder, tick, angle, TICK, item.fast_gain, item.decimation)
+        torque = item.feed_forward @ [encoder.angle for encoder in encoders]
+        for joint, encoder in enumerate(encoders):
             # A viscous law of coefficient d is linear: d stands for the slope of the model.
             torque[joint] += sum(
                 controller_torques(
-                    *measured[joint].tolist(),
+                    encoder.angle,
+                    encoder.velocity_fast,
+                    encoder.velocity_slow,
                     item.stiffness[joint],
                     item.damping[joint],
                     0.0,
                     item.gain[joint],
-                    rotational_friction_torque(measured[joint, VELOCITY_SLOW], 0.0, 0.0, 1.0, MODEL[joint]),
+                    rotational_friction_torque(encoder.velocity_slow, 0.0, 0.0, 1.0, MODEL[joint]),
                 )
             )
 

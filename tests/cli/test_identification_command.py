@@ -15,7 +15,7 @@ from twin_gait.cli import identify
 from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError
 from twin_gait.identification import MODELS
-from twin_gait.parameters import HIP_FRICTION
+from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, LuGreFriction
 from twin_gait.vocabulary import JointName
 
 
@@ -191,10 +191,56 @@ def test_what_keeps_the_parameter_files_from_being_written_is_said(tmp_path, cap
     )
     other = ("--joint", "knee", "--model", "coulomb_viscous")
     assert call(log, *COLUMNS, *other, "--out", tmp_path / "b", "--no-pictures") == DONE
-    assert "rotational law, which was not fitted; add --model rotational" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "no plant.yaml: it takes rotational, asymmetric, asymmetric_stribeck, dahl, lugre" in printed
+    assert "no compensator.yaml: it takes rotational, of which none was fitted; add --model" in printed
     assert call(log, *COLUMNS, "--joint", "knee", "--out", tmp_path / "c", "--no-pictures") == DONE
-    assert "plant.yaml" not in capsys.readouterr().out
+    assert "plant.yaml: rotational\ncompensator.yaml: rotational" in capsys.readouterr().out
     assert (tmp_path / "c" / "plant.yaml").is_file()
+
+
+def write_bristles(path, seed: int):
+    """Synthetic: a LuGre joint with directions, moved by a slow sine and a quick one; noise of 0.02 N m."""
+    rng = np.random.default_rng(seed)
+    time = 0.002 * np.arange(6000)
+    angle = 0.3 * np.cos(2.0 * time + seed) + 0.004 * np.sin((21.0 + seed) * time)
+    velocity = np.diff(angle, prepend=angle[0]) / 0.002
+    torque, z = np.zeros(6000), 0.0
+    for i, w in enumerate(velocity.tolist()):
+        level = 3.0 + 1.5 * math.exp(-((w / 0.1) ** 2))
+        # The deflection by twenty small steps of the differential equation, not by its solution.
+        for _ in range(20):
+            z += 1e-4 * (w - 1200.0 * abs(w) / level * z)
+        viscous = 2.0 * w if w > 0.0 else 1.2 * w
+        torque[i] = 0.4 + 1200.0 * z + 8.0 * (w - 1200.0 * abs(w) / level * z) + viscous
+    torque += 0.02 * rng.normal(size=6000)
+    return write_log(path, {"t": time, "dq2": velocity, "tau2": torque})
+
+
+def test_bristles_that_fit_best_are_the_friction_of_a_plant_that_runs(tmp_path, capsys):
+    """The whole way on synthetic data: logs, the best model, its parameter file, a run with it."""
+    logs = [write_bristles(tmp_path / f"arm_{seed}.csv", seed) for seed in range(3)]
+    models = ("--model", "rotational,asymmetric_stribeck,lugre_asymmetric", "--no-cross-validation")
+    assert (
+        call(*logs, *COLUMNS, *models, "--joint", "knee", "--no-pictures", "--out", tmp_path / "out") == DONE
+    )
+    printed = capsys.readouterr().out
+    assert "plant.yaml: lugre_asymmetric\ncompensator.yaml: rotational" in printed
+    document = json.loads((tmp_path / "out" / "identification.json").read_text())
+    assert document["parameter_files"]["plant.yaml"] == document["models"][0]["name"] == "lugre_asymmetric"
+    loaded = load_experiment(tmp_path / "out" / "plant.yaml", ["duration_s=1"]).experiment
+    law = loaded.plant.friction[JointName.KNEE]
+    assert isinstance(law, LuGreFriction)
+    assert law.bristle_stiffness == pytest.approx(1200.0, rel=0.05)
+    assert law.breakaway_torque == pytest.approx(4.5, rel=0.05)
+    assert (law.viscous_friction_forward, law.viscous_friction_backward) == pytest.approx(
+        (2.0, 1.2), rel=0.05
+    )
+    assert law.offset == pytest.approx(0.4, rel=0.05)
+    assert loaded.plant.friction[JointName.HIP] == HIP_FRICTION
+    compensator = load_experiment(tmp_path / "out" / "compensator.yaml").experiment
+    assert compensator.plant.friction[JointName.KNEE] == KNEE_FRICTION
+    assert compensator.control.friction_model[JointName.KNEE] != KNEE_FRICTION
 
 
 def test_a_mass_that_the_files_overrule_is_said(tmp_path, capsys):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -19,6 +20,8 @@ from twin_gait.configuration.gait_table_file import gait_table_from_mapping, loa
 from twin_gait.configuration.overrides import assign, merge, parse_assignment
 from twin_gait.configuration.table_inheritance import packaged_gait_tables
 from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, AsymmetricFriction, LuGreFriction
+from twin_gait.vocabulary import JointName
 
 
 def reread(document: dict, folder: Path = Path()):
@@ -170,6 +173,15 @@ BAD_SETTINGS = {
     "patient.segment_model=dempster": "'de_leva' or 'winter'",
     "plant.friction_ratio.knee=-1": "friction_ratio of the knee",
     "plant.load_friction.hip=1": "load_friction of the hip",
+    "plant.friction.knee={law: lugr}": "'rotational', 'asymmetric', 'lugre'",
+    "plant.friction.knee={law: lugre, coulomb_friction_Nm: 2}": "bristle_stiffness_Nm_per_rad: is missing",
+    "plant.friction.knee={law: lugre, sigma0: 2}": "plant.friction.knee.sigma0: unknown key; allowed:",
+    "plant.friction.knee={law: asymmetric, bristle_damping: 2}": "transition_velocity_rad_per_s",
+    "plant.friction.knee={law: lugre, coulomb_friction_Nm: -2, bristle_stiffness_Nm_per_rad: 9}": (
+        "knee.coulomb_friction: expected a number above 0, got -2.0"
+    ),
+    "control.friction_model.knee={law: lugre}": "input should be 'rotational', got 'lugre'",
+    "scenario.amplitude_m=1": "unknown key; allowed: kind, belt_speed_m_per_s",
     "table.phases.early_stance.hip.stiffness_Nm_per_deg=-2": "greater than or equal to 0",
     "table.phases.early_stance.hip.stiffness_Nm=2": "unknown key",
     "table.phases.early_stance.hip.friction_compensation_gain=1.5": "less than or equal to 1",
@@ -205,6 +217,65 @@ def test_bad_settings_end_in_one_line_that_helps(setting, message):
         simulate(load_experiment("treadmill", ["duration_s=0.01", setting]).experiment)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_mistake_in_a_variant_names_the_keys_of_that_variant():
+    with pytest.raises(
+        ParameterFileError, match=r"scenario.strat: .* did you mean 'start'\? allowed: kind, start,"
+    ):
+        load_experiment("bench_leg", ["scenario.strat=3"])
+
+
+LUGRE = "{law: lugre, coulomb_friction_Nm: 2, bristle_stiffness_Nm_per_rad: 900"
+FRICTION_LAWS = {
+    LUGRE + "}": LuGreFriction(coulomb_friction=2.0, bristle_stiffness=900.0),
+    LUGRE + ", viscous_friction_Nms_per_rad: 3}": LuGreFriction(
+        coulomb_friction=2.0,
+        bristle_stiffness=900.0,
+        viscous_friction_forward=3.0,
+        viscous_friction_backward=3.0,
+    ),
+    LUGRE + ", viscous_friction_forward_Nm: 3, viscous_friction_backward_Nm: 3}": LuGreFriction(
+        coulomb_friction=2.0,
+        bristle_stiffness=900.0,
+        viscous_friction_forward=3.0,
+        viscous_friction_backward=3.0,
+    ),
+    "{law: asymmetric, coulomb_friction_Nm: 2, transition_velocity_rad_per_s: 0.02, offset_Nm: -0.3, "
+    "viscous_friction_forward_Nm: 3, viscous_exponent: 0.6, breakaway_torque_Nm: 4, "
+    "stribeck_velocity_rad_per_s: 0.1}": AsymmetricFriction(
+        coulomb_friction=2.0,
+        transition_velocity=0.02,
+        offset=-0.3,
+        viscous_friction_forward=3.0,
+        viscous_exponent=0.6,
+        breakaway_torque=4.0,
+        stribeck_velocity=0.1,
+    ),
+    "{law: rotational, breakaway_torque_Nm: 2}": replace(KNEE_FRICTION.normalised(), breakaway_torque=2.0),
+}
+
+
+@pytest.mark.parametrize(("text", "law"), FRICTION_LAWS.items(), ids=range(len(FRICTION_LAWS)))
+def test_a_plant_takes_every_friction_law_and_writes_it_down(text, law, tmp_path):
+    if "rotational" in text:  # a law of other keys takes the place of the whole
+        text = text.replace("}", ", coulomb_friction_Nm: 3.193, breakaway_velocity_rad_per_s: 0.2031, "
+                                 "viscous_friction_Nms_per_rad: 2.06}")  # fmt: skip
+    loaded = load_experiment("bench_leg", [f"plant.friction.knee={text}"])
+    friction = loaded.experiment.plant.friction
+    assert friction == {JointName.HIP: HIP_FRICTION, JointName.KNEE: law}
+    for document in (loaded.document, experiment_document(loaded.experiment)):
+        path = tmp_path / "again.yaml"
+        path.write_text(dump_yaml(document))
+        assert load_experiment(path).experiment.plant.friction == friction
+    changed = load_experiment(path, ["plant.friction.knee.coulomb_friction_Nm=2.5"]).experiment
+    assert changed.plant.friction[JointName.KNEE] == replace(law, coulomb_friction=2.5)
+
+
+def test_a_linear_viscous_friction_is_not_given_beside_directions():
+    settings = [f"plant.friction.knee={LUGRE}, viscous_friction_forward_Nm: 3}}"]
+    with pytest.raises(ParameterFileError, match="viscous_friction_Nms_per_rad: 2 is linear and of both"):
+        load_experiment("bench_leg", [*settings, "plant.friction.knee.viscous_friction_Nms_per_rad=2"])
 
 
 def test_joint_that_is_not_in_the_urdf_lists_those_that_are():

@@ -11,11 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from twin_gait.core.control_tick import ANGLE, VELOCITY_FAST, VELOCITY_SLOW, measure_joints
+from twin_gait.core.control_tick import measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain, first_order_step, quantise
 from twin_gait.parameters import SensorParameters
 
 TICK = 1e-3
+ANGLE, VELOCITY_FAST, VELOCITY_SLOW = range(3)  # columns of the measurements
 SENSORS = SensorParameters()
 
 
@@ -28,21 +29,10 @@ def measurements(
 ) -> np.ndarray:
     """Measure a path of one joint; columns angle, fast and slow velocity, one row a tick."""
     gain = first_order_gain(TICK, sensors.fast_time_constant)
-    measured, decimated, ring = np.zeros((1, 3)), np.zeros(1), np.zeros((sensors.window, 1))
-    rows = []
+    encoder, rows = new_encoder(resolution, 0.0, sensors.window), []
     for tick in range(ticks):
-        measure_joints(
-            tick,
-            np.array([angle_at(tick * TICK)]),
-            np.array([resolution]),
-            TICK,
-            gain,
-            sensors.decimation,
-            measured,
-            decimated,
-            ring,
-        )
-        rows.append(measured[0].copy())
+        measure_joint(encoder, tick, angle_at(tick * TICK), TICK, gain, sensors.decimation)
+        rows.append([encoder.angle, encoder.velocity_fast, encoder.velocity_slow])
     return np.array(rows)
 
 

@@ -12,8 +12,9 @@ from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
 from twin_gait.core.friction import load_friction_torque, rotational_friction_torque
-from twin_gait.core.friction_models import REFERENCE_TEMPERATURE, conditioned_torque
+from twin_gait.core.friction_models import REFERENCE_TEMPERATURE
 from twin_gait.exceptions import ParameterError
+from twin_gait.identification.laws import conditioned_torque
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
 
 # Table 3.1 of the thesis as printed: a, b in [N m], c in [rad/s], d in [N m s/rad].

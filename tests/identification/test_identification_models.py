@@ -3,32 +3,34 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
-from twin_gait.core.friction import rotational_friction_torque
-from twin_gait.core.friction_models import (
+from twin_gait.core.friction import advanced_deflection, friction_torque, rotational_friction_torque
+from twin_gait.core.friction_models import bristle_rate, bristle_step
+from twin_gait.identification import MODELS
+from twin_gait.identification.fitting import bounds
+from twin_gait.identification.laws import (
     asymmetric_torque,
-    bristle_rate,
-    bristle_step,
+    bristle_deflection,
     conditioned_torque,
     coulomb_viscous_tanh_torque,
     coulomb_viscous_torque,
     directional_viscous_torque,
     lugre_torque,
+    remembered_start,
     stribeck_level,
     stribeck_torque,
     two_velocity_torque,
 )
-from twin_gait.identification import MODELS
-from twin_gait.identification.fitting import bounds
-from twin_gait.identification.laws import bristle_deflection, remembered_start
 from twin_gait.identification.models import inherited_starts
 from twin_gait.identification.refining import jacobian
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests
+from twin_gait.identification.writing import PARAMETER_FILES, PLANT_FILE
 
 SPEEDS = np.linspace(-3.0, 3.0, 241)
 
@@ -225,3 +227,24 @@ def test_a_model_starts_from_the_law_of_a_simpler_one(child, parent, tolerance):
 
 def test_coulomb_viscous_friction_is_odd():
     assert_allclose(coulomb_viscous_torque(-SPEEDS, 3.0, 2.0), -coulomb_viscous_torque(SPEEDS, 3.0, 2.0))
+
+
+@pytest.mark.parametrize("name", PARAMETER_FILES[PLANT_FILE])
+def test_a_plant_with_an_identified_law_has_the_torque_that_was_identified(name):
+    """Sample by sample, bristles bent by the way from each to the next."""
+    rows, model = samples(), MODELS[name]
+    x = np.abs(vector(name, 4, rows))  # no negative friction
+    count = len(model.coefficients)
+    x[count:] = np.log(np.clip(np.exp(vector(name, 4, rows)[count:]), 1e-3, 1e3))
+    if name.startswith(("asymmetric", "lugre_")):
+        x[count - 1] = 0.1  # an offset below what it adds to
+    friction = PARAMETER_FILES[PLANT_FILE][name](**model.parameters(x)).convert().in_plant()
+    # A test whose first torque is not the bristles' starts with straight ones.
+    directions = (friction.viscous_friction_forward, friction.viscous_friction_backward)
+    rest = directional_viscous_torque(rows.velocity[0], *directions, friction.viscous_exponent)
+    clean = replace(rows, torque=np.full(len(rows), rest + friction.offset))
+    z, torques = 0.0, []
+    for velocity, period, fresh in zip(rows.velocity, rows.period, rows.fresh, strict=True):
+        z = 0.0 if fresh else advanced_deflection(friction, velocity * period, velocity, z, 0.0)
+        torques.append(friction_torque(friction, velocity, z, 0.0))
+    assert_allclose(torques, model.predict(x, clean), rtol=1e-9, atol=1e-12)

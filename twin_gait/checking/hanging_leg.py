@@ -10,14 +10,14 @@ import numpy as np
 
 from twin_gait.checking.finding import CheckCase
 from twin_gait.checking.linear_loop import LinearLoop, leg_motion
+from twin_gait.core import friction as core
 from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
-from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.experiment import Experiment
+from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.leg_model import LegModel, PelvisGuide
-from twin_gait.parameters import ActuatorParameters, FrictionParameters
+from twin_gait.parameters import ActuatorParameters, FrictionLaw
 from twin_gait.scenario.world import build_leg_model
-from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName, Side
 
 # Steps of central differences; the errors of both are far below what any rule prints.
@@ -25,20 +25,32 @@ _VELOCITY_STEP = 1e-5  # [rad] / [s]; the steepest part of the friction law is 0
 _ANGLE_STEP = 1e-4  # [rad]
 
 
-def friction_torque(law: FrictionParameters, velocity: float) -> float:
-    """Friction torque of a law in [N m], with the sign of the velocity in [rad] / [s]."""
-    return rotational_friction_torque(
-        velocity, law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction
+def friction_torque(law: FrictionLaw, velocity: float) -> float:
+    """Friction torque of a law in [N m] at a steady velocity in [rad] / [s], with its sign."""
+    friction = law.in_plant()
+    return core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity, 0.0), 0.0)
+
+
+def friction_slope(law: FrictionLaw, velocity: float) -> float:
+    """Slope of a friction law in [N m s] / [rad] at a velocity in [rad] / [s].
+
+    That of the slower rise where the directions differ; at rest, of bristles that are held.
+    """
+    friction = law.in_plant()
+
+    def torque(speed: float) -> float:
+        deflection = core.steady_deflection(friction, speed if velocity else 0.0, 0.0)
+        return core.friction_torque(friction, speed, deflection, 0.0)
+
+    return min(
+        (torque(speed + _VELOCITY_STEP) - torque(speed - _VELOCITY_STEP)) / (2.0 * _VELOCITY_STEP)
+        for speed in (velocity, -velocity)
     )
 
 
-def friction_slope(law: FrictionParameters, velocity: float) -> float:
-    """Slope of a friction law in [N m s] / [rad] at a velocity in [rad] / [s]."""
-    above, below = (
-        friction_torque(law, velocity + _VELOCITY_STEP),
-        friction_torque(law, velocity - _VELOCITY_STEP),
-    )
-    return (above - below) / (2.0 * _VELOCITY_STEP)
+def friction_stiffness(law: FrictionLaw, velocity: float) -> float:
+    """What holds a joint at rest that sticks, in [N m] / [rad]; sliding bristles hold nothing."""
+    return law.in_plant().bristle_stiffness if velocity == 0.0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -143,8 +155,9 @@ class HangingLeg:
         experiment, angles = self.problem.experiment, self.column(EQUILIBRIUM)[phase]
         true, model = experiment.plant.true_friction(), experiment.control.friction_model
         friction = np.array([friction_slope(true[joint], velocity) for joint in self.joints])
+        held = np.diag([friction_stiffness(true[joint], velocity) for joint in self.joints])
         return LinearLoop(
-            motion=leg_motion(self.mass(angles), _slope(self.gravity, angles), friction),
+            motion=leg_motion(self.mass(angles), _slope(self.gravity, angles) + held, friction),
             stiffness=self.column(STIFFNESS)[phase],
             damping=self.column(DAMPING)[phase],
             gain=self.column(GAIN)[phase],

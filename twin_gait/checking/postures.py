@@ -44,19 +44,22 @@ def in_contact(leg: HangingLeg, phase: str) -> bool:
 def left_over_friction(leg: HangingLeg, phase: int) -> np.ndarray:
     r"""Friction that can still hold each joint while it creeps, compensation counted.
 
-    The largest :math:`T_{plant}(\omega) - G\,T_{model}(\omega)` up to the break-away velocity of the plant's
-    law, with the stated friction ratio; above that velocity friction slows a joint but no longer holds it. In
-    [N m], 0 or more, shape ``(n_joints,)``.
+    The largest :math:`T_{plant}(\omega) - G\,T_{model}(\omega)` in either direction up to the break-away or
+    Stribeck velocity of the plant's law, with the stated friction ratio; above that velocity friction slows a
+    joint but no longer holds it. In [N m], 0 or more, shape ``(n_joints,)``.
     """
     experiment = leg.problem.experiment
     true, model = experiment.plant.true_friction(), experiment.control.friction_model
     left = []
     for joint, gain in zip(leg.joints, leg.column(GAIN)[phase], strict=True):
-        speeds = np.linspace(0.0, abs(true[joint].breakaway_velocity), _SPEEDS)[1:].tolist()
+        fastest = true[joint].in_plant().stribeck_velocity
+        speeds = np.linspace(0.0, fastest, _SPEEDS)[1:].tolist()
         left.append(
             max(
-                friction_torque(true[joint], speed) - gain * friction_torque(model[joint], speed)
+                sign * friction_torque(true[joint], sign * speed)
+                - gain * friction_torque(model[joint], speed)
                 for speed in speeds
+                for sign in (1.0, -1.0)
             )
         )
     return np.maximum(left, 0.0)

@@ -17,7 +17,7 @@ from twin_gait.checking.linear_loop import (
     transition_matrix,
 )
 
-# Friction is linearised at rest and at 1 rad/s; the laws are odd, so that −1 rad/s has the slopes of 1 rad/s.
+# Friction is linearised at rest and at 1 rad/s, in the direction in which it rises less.
 VELOCITIES = (0.0, 1.0)  # [rad] / [s]
 LEAST_DAMPING_RATIO = 0.5
 # A joint without a spring has a mode at exactly 1, which rounding moves; this much is 1 % in 17 minutes.

@@ -93,12 +93,7 @@ def _add_bench(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Identify, write and print."""
     from twin_gait.identification import identify_logs
-    from twin_gait.identification.writing import (
-        COMPENSATOR_FILE,
-        IDENTIFICATION,
-        PLANT_FILE,
-        write_identification,
-    )
+    from twin_gait.identification.writing import IDENTIFICATION, write_identification
     from twin_gait.runs.folders import check_target
     from twin_gait.vocabulary import JointName
 
@@ -111,23 +106,27 @@ def run(arguments: argparse.Namespace) -> int:
     document = write_identification(
         result, arguments.out, joint, force=arguments.force, pictures=not arguments.no_pictures
     )
-    lines = list(summary_lines(document))
-    if not (arguments.out / PLANT_FILE).exists():
-        lines.append(f"no {PLANT_FILE} and no {COMPENSATOR_FILE}: {_why_no_file(document)}")
+    lines = [*summary_lines(document), *_parameter_file_lines(document)]
     answer(arguments, [*lines, str(arguments.out)], lambda: {**document, "directory": arguments.out})
     return DONE
 
 
-def _why_no_file(document: Mapping[str, Any]) -> str:
-    from twin_gait.identification.writing import LAW_OF_THE_PLANT
+def _parameter_file_lines(document: Mapping[str, Any]) -> Iterator[str]:
+    """Which law each parameter file has, or why there is none."""
+    from twin_gait.identification.writing import PARAMETER_FILES
 
+    written, fitted = document["parameter_files"], {item["name"] for item in document["models"]}
     if document["joint"] is None:
-        return "say whose friction it is with --joint"
-    if any(item["name"] == LAW_OF_THE_PLANT for item in document["models"]):
-        return f"the {LAW_OF_THE_PLANT} law, as fitted, would drive the joint; try --physical"
-    return (
-        f"simulations know the {LAW_OF_THE_PLANT} law, which was not fitted; add --model {LAW_OF_THE_PLANT}"
-    )
+        yield f"no {' and no '.join(PARAMETER_FILES)}: say whose friction it is with --joint"
+        return
+    for file, laws in PARAMETER_FILES.items():
+        known = fitted.intersection(laws)
+        if file in written:
+            yield f"{file}: {written[file]}"
+        elif known:
+            yield f"no {file}: {', '.join(sorted(known))}, as fitted, would drive the joint; try --physical"
+        else:
+            yield f"no {file}: it takes {', '.join(laws)}, of which none was fitted; add --model"
 
 
 def make_options(arguments: argparse.Namespace) -> IdentificationOptions:
@@ -166,8 +165,9 @@ def _bench(arguments: argparse.Namespace) -> Any:
     """The bench; None without a joint, whose motor would be unknown."""
     import math
 
-    from twin_gait.identification import BenchSetup, LoadAngle
+    from twin_gait.identification import BenchSetup
     from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
+    from twin_gait.scenario import LoadAngle
 
     if arguments.joint is None:
         return None

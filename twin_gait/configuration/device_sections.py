@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from twin_gait.configuration.people import PatientEntry
 from twin_gait.configuration.sections import JointNumbers, PerJoint, Section
@@ -22,21 +22,25 @@ from twin_gait.experiment import (
 from twin_gait.parameters import (
     ActuatorParameters,
     AnkleParameters,
+    AsymmetricFriction,
     BatteryParameters,
     BraceParameters,
     FrictionParameters,
     LimitParameters,
+    LuGreFriction,
     SafetyParameters,
     SpringDamper,
     StopParameters,
+    StribeckFriction,
 )
 from twin_gait.vocabulary import JointName
 
 
 class FrictionEntry(Section):
-    """Rotational friction, equation (3.1)."""
+    """Rotational friction, equation (3.1): the law where none is named."""
 
     parameters: ClassVar = FrictionParameters
+    law: Literal["rotational"] = "rotational"
     breakaway_torque_Nm: Number
     coulomb_friction_Nm: Number
     breakaway_velocity_rad_per_s: Number
@@ -44,10 +48,87 @@ class FrictionEntry(Section):
 
 
 class JointFrictionEntry(PerJoint):
-    """Friction of hip and knee."""
+    """Friction of hip and knee as the compensator models it."""
 
     hip: FrictionEntry
     knee: FrictionEntry
+
+
+_DIRECTIONS = ("viscous_friction_forward", "viscous_friction_backward")
+
+
+class StribeckFrictionEntry(Section):
+    """Friction with a Stribeck curve and directions of its own; keys as ``identify`` reports them."""
+
+    parameters: ClassVar[type[StribeckFriction]] = StribeckFriction
+    coulomb_friction_Nm: Number
+    breakaway_torque_Nm: Number | None = None
+    stribeck_velocity_rad_per_s: Number | None = None
+    stribeck_exponent: Number | None = None
+    viscous_friction_Nms_per_rad: Number | None = None
+    viscous_friction_forward_Nm: Number | None = None
+    viscous_friction_backward_Nm: Number | None = None
+    viscous_exponent: Number | None = None
+    offset_Nm: Number | None = None
+
+    def values(self) -> dict[str, Any]:
+        """Fields that are given; a linear viscous friction is that of both directions."""
+        values, both = super().values(), self.viscous_friction_Nms_per_rad
+        if both is None:
+            return values
+        linear = dict.fromkeys(_DIRECTIONS, both) | {"viscous_exponent": 1.0}
+        if any(values[name] != linear[name] for name in linear if name in values):
+            raise ParameterError(
+                f"viscous_friction_Nms_per_rad: {both:g} is linear and of both directions; leave it out "
+                "beside viscous_friction_forward_Nm, viscous_friction_backward_Nm or viscous_exponent"
+            )
+        return {**values, **linear}
+
+    @classmethod
+    def document(cls, parameters: Any) -> dict[str, Any]:
+        """As the mapping of a file: the name of the law and what is given."""
+        given = {key: value for key, value in super().document(parameters).items() if value is not None}
+        forward, backward = (getattr(parameters, name) for name in _DIRECTIONS)
+        if forward == backward and parameters.viscous_exponent == 1.0:
+            for key in ("viscous_friction_forward_Nm", "viscous_friction_backward_Nm", "viscous_exponent"):
+                del given[key]
+            given["viscous_friction_Nms_per_rad"] = forward
+        return {"law": cls.model_fields["law"].default, **given}
+
+
+class AsymmetricFrictionEntry(StribeckFrictionEntry):
+    """A static law that differs between the directions."""
+
+    parameters: ClassVar = AsymmetricFriction
+    law: Literal["asymmetric"] = "asymmetric"
+    transition_velocity_rad_per_s: Number
+
+
+class LuGreFrictionEntry(StribeckFrictionEntry):
+    """LuGre's bristles; Dahl's without break-away torque and bristle damping."""
+
+    parameters: ClassVar = LuGreFriction
+    law: Literal["lugre"] = "lugre"
+    bristle_stiffness_Nm_per_rad: Number
+    bristle_damping_Nms_per_rad: Number | None = None
+
+
+def _with_law(value: Any) -> Any:
+    return {"law": "rotational", **value} if isinstance(value, Mapping) else value
+
+
+PlantFrictionEntry = Annotated[
+    FrictionEntry | AsymmetricFrictionEntry | LuGreFrictionEntry,
+    Field(discriminator="law"),
+    BeforeValidator(_with_law),
+]
+
+
+class PlantFrictionsEntry(PerJoint):
+    """True friction of hip and knee."""
+
+    hip: PlantFrictionEntry
+    knee: PlantFrictionEntry
 
 
 class ActuatorEntry(Section):
@@ -101,7 +182,7 @@ class PlantEntry(Section):
 
     parameters: ClassVar = PlantParameters
     friction_ratio: JointNumbers | None = None
-    friction: JointFrictionEntry | None = None
+    friction: PlantFrictionsEntry | None = None
     load_friction: JointNumbers | None = None
     actuators: ActuatorsEntry | None = None
     battery: BatteryEntry = BatteryEntry()

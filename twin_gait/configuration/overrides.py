@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.vocabulary import JointName
 
 # Keys that name the same quantity in another unit; the longest suffix wins.
 _UNIT_SUFFIX = re.compile(
@@ -17,11 +18,12 @@ _UNIT_SUFFIX = re.compile(
 )
 # "friction_ratio" is a name, not "friction" in another unit; only damping has a ratio as unit.
 _NO_UNIT = frozenset({"friction_ratio"})
+_JOINTS = frozenset(JointName)
 
 
 def quantity_of(key: str) -> str:
     """Name of a key without its unit: ``damping_ratio`` and ``damping_Nms_per_rad`` are one quantity."""
-    return key if key in _NO_UNIT else _UNIT_SUFFIX.sub("", key)
+    return key if key.rpartition(".")[2] in _NO_UNIT else _UNIT_SUFFIX.sub("", key)
 
 
 def refuse_two_units(data: Mapping[str, Any], source: str) -> None:
@@ -50,18 +52,25 @@ def refuse_two_units(data: Mapping[str, Any], source: str) -> None:
 
 
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Lay changes over a mapping; a quantity given in another unit replaces the old one."""
+    """Lay changes over a mapping; a quantity given in another unit replaces the old one.
+
+    A friction law of a joint that is named where none was has other keys and takes the place of the old one.
+    """
     merged = copy.deepcopy(dict(base))
     for key, value in changes.items():
         if key not in merged:
             for other in [name for name in merged if quantity_of(name) == quantity_of(key)]:
                 del merged[other]
         old = merged.get(key)
-        if isinstance(old, Mapping) and isinstance(value, Mapping):
+        if isinstance(old, Mapping) and isinstance(value, Mapping) and not _another_law(key, old, value):
             merged[key] = merge(old, value)
         else:
             merged[key] = copy.deepcopy(value)
     return merged
+
+
+def _another_law(key: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> bool:
+    return key in _JOINTS and "law" in new and "law" not in old
 
 
 _DIGITS, _SHOWN = 9, 100  # of a list position, no list is longer; of a text in a message

@@ -10,6 +10,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import AfterValidator
 
 from twin_gait.configuration.validation import DEGREE, Number, Strict, models_in, one_of
+from twin_gait.exceptions import ParameterError
 from twin_gait.vocabulary import JointName
 
 # Units that are not SI, over SI, by the end of a key; the first that fits counts.
@@ -85,8 +86,14 @@ class PerJoint(Strict):
 
     def convert(self) -> dict[JointName, Any]:
         """By joint, in SI."""
-        items = {JointName.HIP: self.hip, JointName.KNEE: self.knee}
-        return {joint: item.convert() if hasattr(item, "convert") else item for joint, item in items.items()}
+        return {joint: self._of(joint) for joint in (JointName.HIP, JointName.KNEE)}
+
+    def _of(self, joint: JointName) -> Any:
+        item = getattr(self, joint)
+        try:
+            return item.convert() if hasattr(item, "convert") else item
+        except ParameterError as error:
+            raise ParameterError(f"{joint}.{error}") from error
 
     @classmethod
     def document(cls, items: Mapping[JointName, Any]) -> dict[str, Any]:
@@ -109,9 +116,10 @@ def _in_si(value: Any, unit: float) -> Any:
 
 def _plain(value: Any, annotation: Any) -> Any:
     """A value as YAML holds it."""
-    section = next((item for item in models_in(annotation) if hasattr(item, "document")), None)
-    if section is not None and value is not None:
-        return section.document(value)
+    sections = [item for item in models_in(annotation) if hasattr(item, "document")]
+    if sections and value is not None:
+        same = [item for item in sections if getattr(item, "parameters", None) is type(value)]
+        return (same or sections)[0].document(value)
     if isinstance(value, tuple):
         return list(value)
     if isinstance(value, str):

@@ -131,11 +131,9 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
         raise ParameterFileError(source, key, str(error)) from error
 
 
-def one_of(entry: Strict, factors: Mapping[str, float], default: float | None = None) -> float:
+def one_of(entry: Strict, factors: Mapping[str, float]) -> float:
     """Value of the one key that is given, in SI."""
     given = [(key, factor) for key, factor in factors.items() if getattr(entry, key) is not None]
-    if not given and default is not None:
-        return default
     if len(given) != 1:
         names = [key for key, _ in given]
         raise ParameterError(f"expected exactly one of {' or '.join(factors)}, got {names or 'none'}")
@@ -204,13 +202,22 @@ def _paths(model: type[BaseModel]) -> Iterator[str]:
 def _model_at(model: type[BaseModel], location: tuple[Any, ...]) -> type[BaseModel] | None:
     """Schema at a place of another, as far as it can be followed."""
     current: type[BaseModel] | None = model
+    variants: list[type[BaseModel]] = []
     for part in location:
         if current is None:
             return None
         field = _field(current, part)
         if field is not None:
-            current = next(models_in(field.annotation), None)
+            variants = list(models_in(field.annotation))
+            current = next(iter(variants), None)
+        else:  # the name of a variant
+            current = next((item for item in variants if _is_variant(item, part)), current)
     return current
+
+
+def _is_variant(model: type[BaseModel], name: Any) -> bool:
+    """Whether a field of a schema has a name as its only value, such as ``kind: Literal["treadmill"]``."""
+    return any(getattr(info.annotation, "__args__", ()) == (name,) for info in model.model_fields.values())
 
 
 def _field(model: type[BaseModel], part: Any) -> Any:

@@ -5,9 +5,60 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from twin_gait.core.friction_models import (
+    asymmetric_torque,
+    bristle_rate,
+    bristle_step,
+    directional_viscous_torque,
+    lugre_torque,
+    sign_of,
+    stribeck_level,
+)
 from twin_gait.core.hyperbolic import hyperbolic_tangent
 
 _SQRT_2E = math.sqrt(2.0 * math.e)
+
+# Laws of a :class:`PlantFriction`.
+FRICTIONLESS, ROTATIONAL, ASYMMETRIC, BRISTLE = range(4)
+# Whether there may be others than the first two; a loop whose plant has none is bound to False.
+OTHER_LAWS = True
+
+
+@dataclass(slots=True)
+class PlantFriction:
+    """Friction of a coordinate of the plant: which law, and the parameters of all of them.
+
+    A law leaves alone what it does not know; :func:`friction_torque` says who reads what.
+
+    Attributes:
+        law: ``FRICTIONLESS``, ``ROTATIONAL``, ``ASYMMETRIC`` or ``BRISTLE``.
+        breakaway_torque: a of (3.1), F_s of the others, in [N m].
+        coulomb_friction: b of (3.1), F_c of the others, in [N m].
+        stribeck_velocity: c of (3.1), ω_s of the others, in [rad] / [s], not zero.
+        viscous_friction_forward: d of (3.1) in [N m s] / [rad]; F_v+ of the others, in [N m] at 1 rad/s.
+        viscous_friction_backward: F_v- in [N m] at 1 rad/s.
+        per_load: Share of the load's magnitude that becomes friction; 0 for none.
+        offset: T_0 in [N m].
+        transition_velocity: ω_t in [rad] / [s], above 0.
+        stribeck_exponent: δ.
+        viscous_exponent: α.
+        bristle_stiffness: σ0 in [N m] / [rad]; 0 for laws without bristles.
+        bristle_damping: σ1 in [N m s] / [rad].
+    """
+
+    law: int = FRICTIONLESS
+    breakaway_torque: float = 0.0
+    coulomb_friction: float = 0.0
+    stribeck_velocity: float = 1.0
+    viscous_friction_forward: float = 0.0
+    viscous_friction_backward: float = 0.0
+    per_load: float = 0.0
+    offset: float = 0.0
+    transition_velocity: float = 1.0
+    stribeck_exponent: float = 2.0
+    viscous_exponent: float = 1.0
+    bristle_stiffness: float = 0.0
+    bristle_damping: float = 0.0
 
 
 @dataclass(slots=True)
@@ -86,3 +137,124 @@ def load_friction_torque(
         Friction torque in [N m]; odd in the velocity.
     """
     return coefficient * abs(load) * hyperbolic_tangent(10.0 * velocity / breakaway_velocity)
+
+
+def friction_torque(friction: PlantFriction, velocity: float, deflection: float, load: float) -> float:
+    r"""Friction of a coordinate of the plant, by whichever law it has.
+
+    ``ROTATIONAL`` is (3.1), :func:`rotational_friction_torque`, with :func:`load_friction_torque`.
+    ``ASYMMETRIC`` is :func:`twin_gait.core.friction_models.asymmetric_torque`, ``BRISTLE`` LuGre's model
+    with directions (Dahl's with :math:`F_s = F_c`, :math:`\sigma_1 = 0`):
+
+    .. math::
+
+        T_0 + \left\{\begin{array}{l} g_l\,\tanh(\omega/\omega_t) \\
+        \sigma_0 z + \sigma_1 \dot z \end{array}\right\} + F_v^{\pm}|\omega|^\alpha\,\mathrm{sgn}\,\omega
+
+    with :math:`g_l = g(\omega) + K_l|\tau|`, the Stribeck curve raised by the load.
+
+    Args:
+        friction: Law and parameters.
+        velocity: :math:`\omega` in [rad] / [s].
+        deflection: :math:`z` of the bristles in [rad]; laws without bristles do not look at it.
+        load: Torque :math:`\tau` that the gear passes on in [N m], either sign.
+
+    Returns:
+        Torque in [N m] with the sign of the velocity; on the plant acts its negative.
+    """
+    if friction.law == FRICTIONLESS:
+        return 0.0
+    if OTHER_LAWS:
+        if friction.law != ROTATIONAL:
+            return _directional_torque(friction, velocity, deflection, load)
+    torque = rotational_friction_torque(
+        velocity,
+        friction.breakaway_torque,
+        friction.coulomb_friction,
+        friction.stribeck_velocity,
+        friction.viscous_friction_forward,
+    )
+    if friction.per_load != 0.0:
+        torque += load_friction_torque(velocity, load, friction.per_load, friction.stribeck_velocity)
+    return torque
+
+
+def _directional_torque(friction: PlantFriction, velocity: float, deflection: float, load: float) -> float:
+    """Friction by the laws with directions of their own, with or without bristles."""
+    if friction.law == ASYMMETRIC:
+        raised = friction.per_load * abs(load)
+        return asymmetric_torque(
+            velocity,
+            friction.offset,
+            friction.coulomb_friction + raised,
+            friction.breakaway_torque + raised,
+            friction.viscous_friction_forward,
+            friction.viscous_friction_backward,
+            friction.transition_velocity,
+            friction.stribeck_velocity,
+            friction.stribeck_exponent,
+            friction.viscous_exponent,
+        )
+    stiffness = friction.bristle_stiffness
+    rate = bristle_rate(velocity, deflection, _level(friction, velocity, load), stiffness)
+    viscous = directional_viscous_torque(
+        velocity,
+        friction.viscous_friction_forward,
+        friction.viscous_friction_backward,
+        friction.viscous_exponent,
+    )
+    bristles = lugre_torque(velocity, deflection, rate, stiffness, friction.bristle_damping, 0.0)
+    return bristles + friction.offset + viscous
+
+
+def advanced_deflection(
+    friction: PlantFriction, displacement: float, velocity: float, deflection: float, load: float
+) -> float:
+    """Deflection of the bristles after a small displacement of the joint.
+
+    Bristles follow the way, not the time; only their level g depends on the speed. For a level that stays
+    this is exact (:func:`twin_gait.core.friction_models.bristle_step`), however long the way: sliding
+    bristles come to the level of the velocity at its end, so that a step may be longer than they take to
+    slide.
+
+    Args:
+        friction: Law and parameters; those without bristles leave the deflection as it is.
+        displacement: Of the joint in [rad].
+        velocity: At the end of the displacement in [rad] / [s].
+        deflection: z before in [rad].
+        load: Torque that the gear passes on in [N m].
+
+    Returns:
+        z after, in [rad].
+    """
+    if friction.law != BRISTLE:
+        return deflection
+    level = _level(friction, velocity, load)
+    return bristle_step(displacement, deflection, level, friction.bristle_stiffness, 1.0)
+
+
+def steady_deflection(friction: PlantFriction, velocity: float, load: float) -> float:
+    """Deflection of bristles that slide at a constant velocity: g sgn ω / σ0, and none at rest.
+
+    Args:
+        friction: Law and parameters.
+        velocity: In [rad] / [s].
+        load: Torque that the gear passes on in [N m].
+
+    Returns:
+        z in [rad]; 0 for laws without bristles.
+    """
+    if friction.law != BRISTLE:
+        return 0.0
+    return sign_of(velocity) * _level(friction, velocity, load) / friction.bristle_stiffness
+
+
+def _level(friction: PlantFriction, velocity: float, load: float) -> float:
+    """Torque that sliding bristles hold: the Stribeck curve, raised by the load."""
+    return friction.per_load * abs(load) + stribeck_level(
+        velocity,
+        friction.coulomb_friction,
+        friction.breakaway_torque,
+        friction.stribeck_velocity,
+        friction.stribeck_exponent,
+    )

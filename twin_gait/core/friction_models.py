@@ -1,21 +1,32 @@
 """Friction laws of the literature beside the thesis's own: what an identification chooses from.
 
-They take arrays of any shape (numbers too) and return the friction torque with the sign of the velocity;
-the torque on the plant is its negative. Each is linear in all of its torques and coefficients, which the
-identification makes use of; velocities and exponents enter non-linearly.
+They return the friction torque with the sign of the velocity; the torque on the plant is its negative. Each
+is linear in all of its torques and coefficients, which the identification makes use of; velocities and
+exponents enter non-linearly. They are written without branches on numbers, with :func:`chosen` instead, so
+that the identification runs these very functions over arrays (:mod:`twin_gait.identification.laws`).
 """
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
+from twin_gait.core.hyperbolic import hyperbolic_tangent
 
 _SQRT_2E = math.sqrt(2.0 * math.e)
 REFERENCE_TEMPERATURE = 25.0  # [°C] at which motor data sheets state their values
 
 
-def coulomb_viscous_torque(velocity: np.ndarray, coulomb: float, viscous: float) -> np.ndarray:
+def chosen(condition: bool, one: float, other: float) -> float:
+    """One number where a condition holds, else the other; over arrays it is :func:`numpy.where`."""
+    return one if condition else other
+
+
+def sign_of(velocity: float) -> float:
+    """1, -1, or 0 at rest."""
+    return chosen(velocity > 0.0, 1.0, chosen(velocity < 0.0, -1.0, 0.0))
+
+
+def coulomb_viscous_torque(velocity: float, coulomb: float, viscous: float) -> float:
     r"""Coulomb and viscous friction: :math:`F_c\,\mathrm{sgn}\,\omega + F_v\,\omega`, thesis (1.1).
 
     Args:
@@ -24,15 +35,12 @@ def coulomb_viscous_torque(velocity: np.ndarray, coulomb: float, viscous: float)
         viscous: :math:`F_v` in [N m s] / [rad].
 
     Returns:
-        Torque in [N m], the shape of the velocity.
+        Torque in [N m].
     """
-    torque: np.ndarray = coulomb * np.sign(velocity) + viscous * velocity
-    return torque
+    return coulomb * sign_of(velocity) + viscous * velocity
 
 
-def coulomb_viscous_tanh_torque(
-    velocity: np.ndarray, coulomb: float, viscous: float, steepness: float
-) -> np.ndarray:
+def coulomb_viscous_tanh_torque(velocity: float, coulomb: float, viscous: float, steepness: float) -> float:
     r"""TWIN's old model, equation (2.5) of the thesis: :math:`F_v\,\omega + F_s \tanh(k\,\omega)`.
 
     Args:
@@ -44,12 +52,12 @@ def coulomb_viscous_tanh_torque(
     Returns:
         Torque in [N m].
     """
-    return coulomb * np.tanh(steepness * velocity) + viscous * velocity
+    return coulomb * math.tanh(steepness * velocity) + viscous * velocity
 
 
 def stribeck_level(
-    velocity: np.ndarray, coulomb: float, breakaway: float, stribeck_velocity: float, exponent: float
-) -> np.ndarray:
+    velocity: float, coulomb: float, breakaway: float, stribeck_velocity: float, exponent: float
+) -> float:
     r"""Magnitude of the friction without its viscous part.
 
     :math:`g(\omega) = F_c + (F_s - F_c)\,e^{-|\omega/\omega_s|^\delta}`.
@@ -64,17 +72,17 @@ def stribeck_level(
     Returns:
         Torque in [N m].
     """
-    return coulomb + (breakaway - coulomb) * np.exp(-(np.abs(velocity / stribeck_velocity) ** exponent))
+    return coulomb + (breakaway - coulomb) * math.exp(-(abs(velocity / stribeck_velocity) ** exponent))
 
 
 def stribeck_torque(
-    velocity: np.ndarray,
+    velocity: float,
     coulomb: float,
     breakaway: float,
     viscous: float,
     stribeck_velocity: float,
     exponent: float,
-) -> np.ndarray:
+) -> float:
     r"""Stribeck friction, equation (1.2) of the thesis.
 
     :math:`[F_c + (F_s - F_c)\,e^{-|\omega/\omega_s|^\delta}]\,\mathrm{sgn}\,\omega + F_v\,\omega`.
@@ -91,18 +99,17 @@ def stribeck_torque(
         Torque in [N m].
     """
     level = stribeck_level(velocity, coulomb, breakaway, stribeck_velocity, exponent)
-    torque: np.ndarray = level * np.sign(velocity) + viscous * velocity
-    return torque
+    return level * sign_of(velocity) + viscous * velocity
 
 
 def two_velocity_torque(
-    velocity: np.ndarray,
+    velocity: float,
     breakaway: float,
     coulomb: float,
     viscous: float,
     stribeck_velocity: float,
     coulomb_velocity: float,
-) -> np.ndarray:
+) -> float:
     r"""Rotational friction with a threshold of its own for each term, equation (2.13) of the thesis.
 
     .. math::
@@ -127,21 +134,21 @@ def two_velocity_torque(
         Torque in [N m].
     """
     x = velocity / stribeck_velocity
-    bump = _SQRT_2E * (breakaway - coulomb) * x * np.exp(-(x * x))
-    return bump + coulomb * np.tanh(velocity / coulomb_velocity) + viscous * velocity
+    bump = _SQRT_2E * (breakaway - coulomb) * x * math.exp(-(x * x))
+    return bump + coulomb * math.tanh(velocity / coulomb_velocity) + viscous * velocity
 
 
 def conditioned_torque(
-    velocity: np.ndarray,
-    load: np.ndarray,
-    temperature: np.ndarray,
+    velocity: float,
+    load: float,
+    temperature: float,
     coulomb: float,
     coulomb_per_load: float,
     coulomb_per_kelvin: float,
     viscous: float,
     viscous_per_kelvin: float,
     transition_velocity: float,
-) -> np.ndarray:
+) -> float:
     r"""Coulomb and viscous friction that depend on load and temperature.
 
     .. math::
@@ -153,8 +160,8 @@ def conditioned_torque(
 
     Args:
         velocity: :math:`\omega` in [rad] / [s].
-        load: :math:`T_L` in [N m], either sign, the shape of the velocity.
-        temperature: :math:`\vartheta` in [°C], the shape of the velocity.
+        load: :math:`T_L` in [N m], either sign.
+        temperature: :math:`\vartheta` in [°C].
         coulomb: :math:`F_c` in [N m].
         coulomb_per_load: :math:`F_l`, no unit.
         coulomb_per_kelvin: :math:`F_T` in [N m] / [K].
@@ -166,15 +173,12 @@ def conditioned_torque(
         Torque in [N m].
     """
     warmer = temperature - REFERENCE_TEMPERATURE
-    level = coulomb + coulomb_per_load * np.abs(load) + coulomb_per_kelvin * warmer
+    level = coulomb + coulomb_per_load * abs(load) + coulomb_per_kelvin * warmer
     drag = (viscous + viscous_per_kelvin * warmer) * velocity
-    torque: np.ndarray = level * np.tanh(velocity / transition_velocity) + drag
-    return torque
+    return level * math.tanh(velocity / transition_velocity) + drag
 
 
-def directional_viscous_torque(
-    velocity: np.ndarray, forward: float, backward: float, exponent: float
-) -> np.ndarray:
+def directional_viscous_torque(velocity: float, forward: float, backward: float, exponent: float) -> float:
     r"""Viscous friction of its own in each direction, with a power of the speed.
 
     :math:`F_v^{\pm}\,|\omega|^\alpha\,\mathrm{sgn}\,\omega`, the speed in [rad] / [s]: grease thins as it is
@@ -189,13 +193,12 @@ def directional_viscous_torque(
     Returns:
         Torque in [N m].
     """
-    power = np.abs(velocity) ** exponent
-    torque: np.ndarray = np.where(velocity > 0.0, forward * power, -backward * power)
-    return torque
+    power = abs(velocity) ** exponent
+    return chosen(velocity > 0.0, forward * power, -backward * power)
 
 
 def asymmetric_torque(
-    velocity: np.ndarray,
+    velocity: float,
     offset: float,
     coulomb: float,
     breakaway: float,
@@ -205,7 +208,7 @@ def asymmetric_torque(
     stribeck_velocity: float,
     stribeck_exponent: float,
     viscous_exponent: float,
-) -> np.ndarray:
+) -> float:
     r"""Stribeck friction with an offset and a viscous friction of its own in each direction.
 
     :math:`T_0 + g(\omega)\tanh(\omega/\omega_t) + F_v^{\pm}|\omega|^\alpha\,\mathrm{sgn}\,\omega`, with
@@ -229,11 +232,10 @@ def asymmetric_torque(
     """
     level = stribeck_level(velocity, coulomb, breakaway, stribeck_velocity, stribeck_exponent)
     viscous = directional_viscous_torque(velocity, forward, backward, viscous_exponent)
-    torque: np.ndarray = offset + level * np.tanh(velocity / transition_velocity) + viscous
-    return torque
+    return offset + level * hyperbolic_tangent(velocity / transition_velocity) + viscous
 
 
-def ripple_torque(angle: np.ndarray, cosine: float, sine: float, order: float) -> np.ndarray:
+def ripple_torque(angle: float, cosine: float, sine: float, order: float) -> float:
     r"""Torque that repeats with the joint angle: :math:`C\cos n\theta + S\sin n\theta`.
 
     Args:
@@ -245,8 +247,7 @@ def ripple_torque(angle: np.ndarray, cosine: float, sine: float, order: float) -
     Returns:
         Torque in [N m].
     """
-    torque: np.ndarray = cosine * np.cos(order * angle) + sine * np.sin(order * angle)
-    return torque
+    return cosine * math.cos(order * angle) + sine * math.sin(order * angle)
 
 
 def bristle_rate(velocity: float, deflection: float, level: float, stiffness: float) -> float:
@@ -297,13 +298,13 @@ def bristle_step(velocity: float, deflection: float, level: float, stiffness: fl
 
 
 def lugre_torque(
-    velocity: np.ndarray,
-    deflection: np.ndarray,
-    rate: np.ndarray,
+    velocity: float,
+    deflection: float,
+    rate: float,
     stiffness: float,
     damping: float,
     viscous: float,
-) -> np.ndarray:
+) -> float:
     r"""Friction torque of the LuGre model: :math:`\sigma_0 z + \sigma_1 \dot z + \sigma_2\,\omega`.
 
     Dahl's model is the same with :math:`\sigma_1 = 0`.

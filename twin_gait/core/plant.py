@@ -1,8 +1,8 @@
 """What acts on a coordinate of the plant by itself, and what binds or leads it.
 
-A coordinate without friction has a = b = d = 0 and c = 1; one without stops has a stop stiffness of 0. The
-same record serves hip and knee (friction, stops), the ankle orthosis (spring, stops) and the vertical pelvis
-guide (support force, damping).
+A coordinate without friction has no law of it; one without stops has a stop stiffness of 0. The same record
+serves hip and knee (friction, stops), the ankle orthosis (spring, stops) and the vertical pelvis guide
+(support force, damping).
 """
 
 from __future__ import annotations
@@ -11,7 +11,13 @@ import math
 from dataclasses import dataclass
 
 from twin_gait.core.contact import mechanical_stop_torque
-from twin_gait.core.friction import Friction, load_friction_torque, rotational_friction_torque
+from twin_gait.core.friction import (
+    FRICTIONLESS,
+    OTHER_LAWS,
+    PlantFriction,
+    advanced_deflection,
+    friction_torque,
+)
 
 
 @dataclass(slots=True)
@@ -52,18 +58,18 @@ class Plant:
 
     Attributes:
         friction: Of motor and gear.
-        load_friction: Share of the motor torque's magnitude that becomes friction; 0 for none.
         stop: Mechanical stops.
         spring: Orthosis, or support of the pelvis.
+        deflection: Of the bristles that some laws of friction have, at the start of the step, in [rad].
         friction_torque: On the coordinate in [N m] or [N].
         stop_torque: Likewise.
         spring_torque: Likewise, with the constant force.
     """
 
-    friction: Friction
-    load_friction: float
+    friction: PlantFriction
     stop: Stop
     spring: Spring
+    deflection: float = 0.0
     friction_torque: float = 0.0
     stop_torque: float = 0.0
     spring_torque: float = 0.0
@@ -71,10 +77,10 @@ class Plant:
 
 def free_coordinate() -> Plant:
     """A coordinate on which nothing acts."""
-    return Plant(Friction(0.0, 0.0, 1.0, 0.0), 0.0, Stop(0.0, 0.0, 0.0, 0.0), Spring(0.0, 0.0, 0.0))
+    return Plant(PlantFriction(), Stop(0.0, 0.0, 0.0, 0.0), Spring(0.0, 0.0, 0.0))
 
 
-def passive_torque(plant: Plant, q: float, v: float, load: float) -> float:
+def passive_torque(plant: Plant, q: float, v: float, load: float, displacement: float) -> float:
     """Friction, stop and spring torque on one coordinate.
 
     Args:
@@ -82,18 +88,18 @@ def passive_torque(plant: Plant, q: float, v: float, load: float) -> float:
         q: Coordinate in [rad] or [m].
         v: Its velocity.
         load: Torque of its motor in [N m], which presses the teeth of the gear.
+        displacement: Of the coordinate since the start of the step, in [rad] or [m].
 
     Returns:
         Their sum in [N m] or [N], as it acts on the coordinate.
     """
     law, limits, spring = plant.friction, plant.stop, plant.spring
     friction, stop = 0.0, 0.0
-    if law.breakaway_torque != 0.0 or law.coulomb_friction != 0.0 or law.viscous_friction != 0.0:
-        friction = -rotational_friction_torque(
-            v, law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction
-        )
-    if plant.load_friction != 0.0:
-        friction -= load_friction_torque(v, load, plant.load_friction, law.breakaway_velocity)
+    if law.law != FRICTIONLESS:
+        deflection = plant.deflection
+        if OTHER_LAWS:
+            deflection = advanced_deflection(law, displacement, v, deflection, load)
+        friction = -friction_torque(law, v, deflection, load)
     if limits.stiffness != 0.0:
         stop = mechanical_stop_torque(q, v, limits.lower, limits.upper, limits.stiffness, limits.dissipation)
     plant.friction_torque = friction

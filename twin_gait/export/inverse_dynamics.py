@@ -248,7 +248,7 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
         # The log has the orthosis without its stops.
         plant = world.plant[index]
         states = zip(log[f"{name}_angle_rad"].tolist(), velocity.tolist(), strict=True)
-        return np.array([passive_torque(plant, angle, speed, 0.0) for angle, speed in states])
+        return np.array([passive_torque(plant, angle, speed, 0.0, 0.0) for angle, speed in states])
     motor, friction, stop = (
         log[f"{name}_{part}_torque_Nm"].to_numpy() for part in ("motor", "friction", "stop")
     )

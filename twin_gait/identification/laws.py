@@ -14,23 +14,32 @@ from functools import lru_cache
 import numba
 import numpy as np
 
-from twin_gait.core.friction import rotational_friction_torque
-from twin_gait.core.friction_models import (
-    REFERENCE_TEMPERATURE,
-    asymmetric_torque,
-    bristle_step,
-    conditioned_torque,
-    coulomb_viscous_tanh_torque,
-    coulomb_viscous_torque,
-    directional_viscous_torque,
-    lugre_torque,
-    ripple_torque,
-    stribeck_level,
-    stribeck_torque,
-    two_velocity_torque,
-)
+from twin_gait.core import friction, friction_models
+from twin_gait.core.friction_models import REFERENCE_TEMPERATURE, bristle_step
 from twin_gait.identification.samples import Samples
 from twin_gait.simulation.binding import bind
+
+# The laws of the plant, run over arrays: the same functions with NumPy's where they call math's.
+_NUMPY = {"math": np, "hyperbolic_tangent": np.tanh, "chosen": np.where, "sign_of": np.sign}
+
+
+def over_arrays(law: Callable[..., float]) -> Callable[..., np.ndarray]:
+    """A static law that takes arrays of any shape."""
+    bound: Callable[..., np.ndarray] = bind(law, _NUMPY)
+    return bound
+
+
+asymmetric_torque = over_arrays(friction_models.asymmetric_torque)
+conditioned_torque = over_arrays(friction_models.conditioned_torque)
+coulomb_viscous_tanh_torque = over_arrays(friction_models.coulomb_viscous_tanh_torque)
+coulomb_viscous_torque = over_arrays(friction_models.coulomb_viscous_torque)
+directional_viscous_torque = over_arrays(friction_models.directional_viscous_torque)
+lugre_torque = over_arrays(friction_models.lugre_torque)
+ripple_torque = over_arrays(friction_models.ripple_torque)
+rotational_friction_torque = over_arrays(friction.rotational_friction_torque)
+stribeck_level = over_arrays(friction_models.stribeck_level)
+stribeck_torque = over_arrays(friction_models.stribeck_torque)
+two_velocity_torque = over_arrays(friction_models.two_velocity_torque)
 
 
 def coulomb_viscous(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
@@ -52,14 +61,7 @@ def stribeck(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
 def rotational(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Coefficients: break-away over Coulomb, Coulomb, viscous; shape: break-away velocity."""
     breakaway, coulomb, viscous = beta[0] + beta[1], beta[1], beta[2]
-    return np.asarray(_law_of_the_engines()(samples.velocity, breakaway, coulomb, eta[0], viscous))
-
-
-@lru_cache(maxsize=1)
-def _law_of_the_engines() -> Callable[..., np.ndarray]:
-    """Equation (3.1) over arrays: the function of the engines, compiled to run over samples."""
-    law: Callable[..., np.ndarray] = numba.vectorize(bind(rotational_friction_torque, {}, numba.njit).py_func)
-    return law
+    return rotational_friction_torque(samples.velocity, breakaway, coulomb, eta[0], viscous)
 
 
 def simscape(samples: Samples, beta: np.ndarray, eta: np.ndarray) -> np.ndarray:

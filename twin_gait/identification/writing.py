@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from twin_gait.configuration.device_sections import (
+    AsymmetricFrictionEntry,
+    FrictionEntry,
+    LuGreFrictionEntry,
+)
 from twin_gait.configuration.documents import dump_yaml
+from twin_gait.configuration.sections import Section
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
 from twin_gait.identification import Identification, IdentifiedModel
 from twin_gait.identification.bootstrap import DRAWS, LEVEL
 from twin_gait.identification.figures import draw_fits, draw_residuals
 from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
-from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionParameters
+from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionLaw
 from twin_gait.report.canvas import readable, save
 from twin_gait.report.pages import figures_page
 from twin_gait.runs.folders import FolderKind, staged_directory
@@ -32,9 +40,22 @@ SCHEMA_VERSION = 1
 PRESET = "bench_leg"
 _DIGITS = 10
 _LISTED_SAMPLES = 100_000
-_TABLE = {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
-# The law that simulations know, in both ways to read its velocities.
-LAW_OF_THE_PLANT = "rotational"
+_TABLE = {
+    JointName.HIP: (FrictionEntry, HIP_FRICTION),
+    JointName.KNEE: (FrictionEntry, KNEE_FRICTION),
+}
+# Models that a simulation takes, with the section whose keys are their parameters.
+PARAMETER_FILES: Mapping[str, Mapping[str, type[Section]]] = {
+    PLANT_FILE: {
+        "rotational": FrictionEntry,
+        "asymmetric": AsymmetricFrictionEntry,
+        "asymmetric_stribeck": AsymmetricFrictionEntry,
+        "dahl": LuGreFrictionEntry,
+        "lugre": LuGreFrictionEntry,
+        "lugre_asymmetric": LuGreFrictionEntry,
+    },
+    COMPENSATOR_FILE: {"rotational": FrictionEntry},
+}
 
 
 def write_identification(
@@ -46,15 +67,16 @@ def write_identification(
     pictures: bool = True,
 ) -> dict[str, Any]:
     """Write everything into a folder that appears when all is written."""
+    laws = {} if joint is None else _parameter_laws(result)
     document = _identification_document(result, joint)
+    document["parameter_files"] = {file: model for file, (model, _) in laws.items()}
     with staged_directory(target, IDENTIFICATION, force=force) as staging:
         text = json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
         write_atomically(staging / DOCUMENT_FILE, f"{text}\n")
         write_atomically(staging / SAMPLES_FILE, _samples_csv(result))
-        law = _plant_law(result)
-        if joint is not None and law is not None:
-            for name, file in _parameter_files(law, joint).items():
-                write_atomically(staging / name, file)
+        for file, (model, law) in laws.items():
+            assert joint is not None  # without one there are no laws
+            write_atomically(staging / file, _parameter_file(file, law, model, joint))
         if pictures:
             _draw(result, staging, joint)
     return document
@@ -182,49 +204,34 @@ def _samples_csv(result: Identification) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _plant_law(result: Identification) -> FrictionParameters | None:
-    """The law that simulations know, as identified; None if it was not, or injects power."""
-    item = result.model(LAW_OF_THE_PLANT)
-    if item is None:
-        return None
-    values = item.fit.model.parameters(item.fit.x)
-    try:
-        return FrictionParameters(
-            breakaway_torque=values["breakaway_torque_Nm"],
-            coulomb_friction=values["coulomb_friction_Nm"],
-            breakaway_velocity=values["breakaway_velocity_rad_per_s"],
-            viscous_friction=values["viscous_friction_Nms_per_rad"],
-        )
-    except ParameterError:
-        return None
+def _parameter_laws(result: Identification) -> dict[str, tuple[str, FrictionLaw]]:
+    """Model and law of each parameter file: the best that its reader knows and that takes no power back.
+
+    The plant takes static laws and bristles, the compensator the firmware's law alone.
+    """
+    found: dict[str, tuple[str, FrictionLaw]] = {}
+    for item in result.models:
+        for file, entries in PARAMETER_FILES.items():
+            if file not in found and item.name in entries:
+                values = item.fit.model.parameters(item.fit.x)
+                with contextlib.suppress(ParameterError):
+                    found[file] = (item.name, entries[item.name](**values).convert())
+    return found
 
 
-def _parameter_files(law: FrictionParameters, joint: JointName) -> dict[str, str]:
-    """Experiments with the law in the plant, and in the compensator, by file name.
+def _parameter_file(file: str, law: FrictionLaw, model: str, joint: JointName) -> str:
+    """An experiment with the law in the plant or in the compensator.
 
     The other joint keeps table 3.1 of the thesis. A plant that was measured has a friction ratio of 1.
     """
-    laws = {str(name): _entry(law if name is joint else _TABLE[name]) for name in _TABLE}
-    plant = {
-        "friction": laws,
-        "friction_ratio": {str(name): 1.0 if name is joint else 0.5 for name in _TABLE},
+    entries = {
+        name: (PARAMETER_FILES[file][model], law) if name is joint else _TABLE[name] for name in _TABLE
     }
-    return {
-        PLANT_FILE: dump_yaml({"preset": PRESET, "name": f"identified_{joint}_plant", "plant": plant}),
-        COMPENSATOR_FILE: dump_yaml(
-            {
-                "preset": PRESET,
-                "name": f"identified_{joint}_compensator",
-                "control": {"friction_model": laws},
-            }
-        ),
-    }
-
-
-def _entry(law: FrictionParameters) -> dict[str, float]:
-    return {
-        "breakaway_torque_Nm": law.breakaway_torque,
-        "coulomb_friction_Nm": law.coulomb_friction,
-        "breakaway_velocity_rad_per_s": law.breakaway_velocity,
-        "viscous_friction_Nms_per_rad": law.viscous_friction,
-    }
+    laws = {str(name): entry.document(item) for name, (entry, item) in entries.items()}
+    ratios = {str(name): 1.0 if name is joint else 0.5 for name in _TABLE}
+    section = {"plant": {"friction": laws, "friction_ratio": ratios}}
+    if file == COMPENSATOR_FILE:
+        section = {"control": {"friction_model": laws}}
+    name = f"identified_{joint}_{Path(file).stem}"
+    description = f"Friction of the {joint} by the model {model} of {DOCUMENT_FILE}."
+    return dump_yaml({"preset": PRESET, "name": name, "description": description, **section})

@@ -31,12 +31,12 @@ class BodyArrays(NamedTuple):
 
     parent: int
     prismatic: bool
-    axis: list[Any]
-    rotation: list[list[Any]]
-    position: list[Any]
+    axis: Any
+    rotation: Any
+    position: Any
     mass: Any
-    first_moment: list[Any]
-    inertia: list[list[Any]]
+    first_moment: Any
+    inertia: Any
     armature: Any
 
 
@@ -49,7 +49,7 @@ class ContactPoint(NamedTuple):
     """
 
     body: int
-    position: list[Any]
+    position: Any
 
 
 def export_bodies(model: pin.Model) -> list[BodyArrays]:

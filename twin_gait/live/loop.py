@@ -19,10 +19,10 @@ from twin_gait.gait.table import TICK
 from twin_gait.live.deadlines import BLOCK_TICKS, PERIOD, BlockClock
 from twin_gait.live.pieces import AppliedChange, Piece
 from twin_gait.live.protocol import Frame
+from twin_gait.live.stepping import SteppedRun
 from twin_gait.live.walk import LiveWalk
 from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.viewer.curves import extremes
 from twin_gait.viewer.motion import leg_columns
 from twin_gait.viewer.page import event_entries

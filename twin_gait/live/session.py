@@ -55,7 +55,6 @@ class LiveSession:
         user: str = "",
         force: bool = False,
         pictures: bool = True,
-        paused: bool = False,
         records: Path | None = None,
         on_compile: Callable[[], None] | None = None,
         on_step: Callable[[str], None] | None = None,
@@ -78,7 +77,7 @@ class LiveSession:
             "force": force,
             "pictures": pictures,
         }
-        self._paused, self._records = paused, records
+        self._records = records
         self._book = EventBook()
         self.news = WalkNews(
             self._book,
@@ -125,8 +124,7 @@ class LiveSession:
             raise
         self._worker = threading.Thread(target=self._work_off, name="live worker", daemon=True)
         self._worker.start()
-        if not self._paused:
-            self._loop.ask({"command": "walk"})
+        self._loop.ask({"command": "walk"})
 
     def _begin(self) -> None:
         """Start the process; while it gets ready, check what the session begins with."""

@@ -13,7 +13,11 @@ from .drives import SensorParameters as SensorParameters
 from .friction import HIGHEST_LOAD_FRICTION as HIGHEST_LOAD_FRICTION
 from .friction import HIP_FRICTION as HIP_FRICTION
 from .friction import KNEE_FRICTION as KNEE_FRICTION
+from .friction import AsymmetricFriction as AsymmetricFriction
+from .friction import FrictionLaw as FrictionLaw
 from .friction import FrictionParameters as FrictionParameters
+from .friction import LuGreFriction as LuGreFriction
+from .friction import StribeckFriction as StribeckFriction
 from .safety import SafetyParameters as SafetyParameters
 from .surroundings import AnkleParameters as AnkleParameters
 from .surroundings import BeltProfile as BeltProfile

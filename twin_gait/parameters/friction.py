@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar
 
-from twin_gait.parameters.checks import require, require_non_negative
+from twin_gait.core.friction import ASYMMETRIC, BRISTLE, FRICTIONLESS, ROTATIONAL, PlantFriction
+from twin_gait.parameters.checks import require, require_non_negative, require_positive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +78,141 @@ class FrictionParameters:
             viscous_friction=ratio * self.viscous_friction,
         )
 
+    def in_plant(self, load_friction: float = 0.0) -> PlantFriction:
+        """As the plant takes it.
+
+        Args:
+            load_friction: Share of the motor torque's magnitude that becomes friction.
+        """
+        law = self.normalised()
+        given = (law.breakaway_torque, law.coulomb_friction, law.viscous_friction, load_friction)
+        return PlantFriction(
+            law=ROTATIONAL if any(given) else FRICTIONLESS,
+            breakaway_torque=law.breakaway_torque,
+            coulomb_friction=law.coulomb_friction,
+            stribeck_velocity=law.breakaway_velocity,
+            viscous_friction_forward=law.viscous_friction,
+            viscous_friction_backward=law.viscous_friction,
+            per_load=load_friction,
+        )
+
+
+NO_FRICTION = FrictionParameters(
+    breakaway_torque=0.0, coulomb_friction=0.0, breakaway_velocity=1.0, viscous_friction=0.0
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StribeckFriction:
+    """What laws with a Stribeck curve and directions of their own have in common.
+
+    The Coulomb friction is F_c + T_0 forwards and F_c - T_0 backwards: a difference in it and an offset are
+    one and the same.
+
+    Attributes:
+        coulomb_friction: F_c in [N m].
+        breakaway_torque: F_s in [N m]; None for F_c, without a Stribeck effect.
+        stribeck_velocity: ω_s in [rad] / [s]; None where there is no break-away torque.
+        stribeck_exponent: δ, often 2.
+        viscous_friction_forward: F_v+ in [N m] at 1 rad/s.
+        viscous_friction_backward: F_v- in [N m] at 1 rad/s.
+        viscous_exponent: α, 1 for linear friction.
+        offset: T_0 in [N m].
+    """
+
+    law: ClassVar[int]
+    # What is proportional to the friction; velocities, exponents and the way until bristles slide are not.
+    torques: ClassVar[tuple[str, ...]] = (
+        "coulomb_friction",
+        "breakaway_torque",
+        "viscous_friction_forward",
+        "viscous_friction_backward",
+        "offset",
+    )
+    coulomb_friction: float
+    breakaway_torque: float | None = None
+    stribeck_velocity: float | None = None
+    stribeck_exponent: float = 2.0
+    viscous_friction_forward: float = 0.0
+    viscous_friction_backward: float = 0.0
+    viscous_exponent: float = 1.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges: no law may drive a joint that slides."""
+        for name, value in self._given().items():
+            if name in ("viscous_friction_forward", "viscous_friction_backward", "bristle_damping"):
+                require_non_negative(name, value)
+            elif name != "offset":
+                require_positive(name, value)
+        require(
+            (self.breakaway_torque is None) == (self.stribeck_velocity is None),
+            "stribeck_velocity",
+            "one beside a breakaway_torque, or neither of them",
+            self.stribeck_velocity,
+        )
+        least = min(self.coulomb_friction, self.breakaway_torque or self.coulomb_friction)
+        expected = f"less than the {least:g} N m that it adds to, either sign"
+        require(abs(self.offset) < least, "offset", expected, self.offset)
+
+    def _given(self) -> dict[str, float]:
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {name: value for name, value in values.items() if value is not None}
+
+    def scaled(self, ratio: float) -> FrictionLaw:
+        """As :meth:`FrictionParameters.scaled`; bristles slide after the same way as before."""
+        require_non_negative("friction ratio", ratio)
+        if ratio == 0.0:
+            return NO_FRICTION
+        given = self._given()
+        changes: dict[str, Any] = {name: ratio * given[name] for name in self.torques if name in given}
+        scaled: FrictionLaw = replace(self, **changes)  # type: ignore[assignment]
+        return scaled
+
+    def in_plant(self, load_friction: float = 0.0) -> PlantFriction:
+        """As :meth:`FrictionParameters.in_plant`."""
+        given: dict[str, Any] = self._given()
+        if self.breakaway_torque is None:
+            # No matter to the law; checks take a joint to creep up to this speed, as up to c of (3.1).
+            speed = 10.0 * given.get("transition_velocity", 1e-3)
+            given |= {"breakaway_torque": self.coulomb_friction, "stribeck_velocity": speed}
+        return PlantFriction(law=self.law, per_load=load_friction, **given)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AsymmetricFriction(StribeckFriction):
+    """A static law of its own in each direction, :func:`twin_gait.core.friction_models.asymmetric_torque`.
+
+    A static law does not hold a joint: it creeps, with an offset by itself at ω_t artanh(T_0 / F_s).
+
+    Attributes:
+        transition_velocity: ω_t in [rad] / [s], within which the direction changes.
+    """
+
+    law: ClassVar[int] = ASYMMETRIC
+    transition_velocity: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class LuGreFriction(StribeckFriction):
+    """Bristles between the teeth: a joint sticks, springs back and breaks away.
+
+    The model of Canudas de Wit et al. (1995), where δ is 2 and σ2 the same in both directions. Without
+    break-away torque and bristle damping it is Dahl's (1968); see
+    :func:`twin_gait.core.friction.friction_torque`.
+
+    Attributes:
+        bristle_stiffness: σ0 in [N m] / [rad].
+        bristle_damping: σ1 in [N m s] / [rad].
+    """
+
+    law: ClassVar[int] = BRISTLE
+    torques: ClassVar[tuple[str, ...]] = (*StribeckFriction.torques, "bristle_stiffness", "bristle_damping")
+    bristle_stiffness: float
+    bristle_damping: float = 0.0
+
+
+FrictionLaw = FrictionParameters | AsymmetricFriction | LuGreFriction
 
 # Table 3.1 of the thesis, as printed. The knee's a, b and c are all negative there: the same law
 # as (1.743, 3.193, 0.2031). In both joints a < b, which the Simscape block that the law comes from

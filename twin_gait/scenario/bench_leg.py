@@ -12,7 +12,7 @@ from twin_gait.core.plant import ImposedMotion
 from twin_gait.leg_model import LegModel, PelvisGuide
 from twin_gait.parameters import (
     AnkleParameters,
-    FrictionParameters,
+    FrictionLaw,
     StopParameters,
     require,
     require_non_negative,
@@ -75,7 +75,7 @@ class BenchLegScenario:
         self,
         model: LegModel,
         *,
-        friction: Mapping[JointName, FrictionParameters],
+        friction: Mapping[JointName, FrictionLaw],
         load_friction: Mapping[JointName, float],
         stops: StopParameters,
         ankle: AnkleParameters,

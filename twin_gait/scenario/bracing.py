@@ -1,4 +1,4 @@
-"""The wearer bound to the device by braces instead of rigidly, and the step that carries the braces."""
+"""The wearer bound to the device by braces instead of rigidly, and the step that carries what is stiff."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin_gait.core.integrators import RK4_STAGES
-from twin_gait.core.plant import Brace, free_coordinate
+from twin_gait.core.plant import Brace, Plant, free_coordinate
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import BraceParameters
 from twin_gait.scenario.world import Braces, World
 from twin_gait.vocabulary import JointName
 
+RK4_ORDER = 4  # of the classical Runge-Kutta method, which is exact for a linear system up to this power
 # Motions without a force have the eigenvalue 1 twice, which is computed to the root of the rounding only.
 _ROUNDING = 1e-6
 
@@ -65,8 +65,8 @@ def rk4_growth(system: np.ndarray, step: float) -> np.ndarray:
         R, shape ``(m, m)``.
     """
     term = growth = np.eye(len(system))
-    for stage in range(1, RK4_STAGES + 1):
-        term = term @ system * (step / stage)
+    for power in range(1, RK4_ORDER + 1):
+        term = term @ system * (step / power)
         growth = growth + term
     return growth
 
@@ -85,10 +85,10 @@ def semi_implicit_euler_growth(system: np.ndarray, step: float) -> np.ndarray:
 
 
 def carries(world: World, growth: Step, step: float) -> bool:
-    """Whether an integrator carries the braces of a world without letting their oscillation grow.
+    """Whether an integrator carries braces and bristles of a world without letting their oscillation grow.
 
-    Braces, springs and viscous dampers are linear; gravity, contact and the change of the inertias on the
-    way are not looked at.
+    Braces, springs, viscous dampers and bristles that stick are linear; gravity, contact and the change of
+    the inertias on the way are not looked at.
 
     Args:
         growth: :func:`rk4_growth` or :func:`semi_implicit_euler_growth`.
@@ -114,15 +114,23 @@ def _bent(world: World) -> np.ndarray:
 
 
 def _linear(world: World, q: np.ndarray) -> np.ndarray:
-    """Device and wearer around a posture: the matrix of their positions and velocities."""
-    braces, n = world.braces, world.model.nv
-    assert braces is not None  # the caller asks for braces only
-    inertia = np.zeros((2 * n, 2 * n))
-    inertia[:n, :n], inertia[n:, n:] = braces.device.mass_matrix(q), braces.wearer.mass_matrix(q)
-    coupling = np.array([[1.0, -1.0], [-1.0, 1.0]])
-    stiffness = np.kron(coupling, np.diag([brace.stiffness for brace in braces.braces]))
-    damping = np.kron(coupling, np.diag([brace.damping for brace in braces.braces]))
-    stiffness += np.diag([plant.spring.stiffness for plant in world.plant])
-    damping += np.diag([plant.spring.damping + plant.friction.viscous_friction for plant in world.plant])
+    """A world around a posture: the matrix of its positions and velocities."""
+    n = len(world.plant)
+    inertia, masses = np.zeros((n, n)), [chain.mass_matrix(q) for chain in world.chains]
+    for number, mass in enumerate(masses):
+        own = slice(number * len(mass), (number + 1) * len(mass))
+        inertia[own, own] = mass
+    stiffness = np.diag([plant.spring.stiffness + plant.friction.bristle_stiffness for plant in world.plant])
+    damping = np.diag([_damping(plant) for plant in world.plant])
+    if world.braces is not None:
+        coupling, braces = np.array([[1.0, -1.0], [-1.0, 1.0]]), world.braces.braces
+        stiffness += np.kron(coupling, np.diag([brace.stiffness for brace in braces]))
+        damping += np.kron(coupling, np.diag([brace.damping for brace in braces]))
     accelerations = -np.linalg.solve(inertia, np.hstack((stiffness, damping)))
-    return np.vstack((np.hstack((np.zeros_like(inertia), np.eye(2 * n))), accelerations))
+    return np.vstack((np.hstack((np.zeros_like(inertia), np.eye(n))), accelerations))
+
+
+def _damping(plant: Plant) -> float:
+    """Of spring, gear and bristles that stick, in [N m s] / [rad]."""
+    friction = plant.friction
+    return plant.spring.damping + friction.viscous_friction_forward + friction.bristle_damping

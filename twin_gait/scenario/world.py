@@ -8,14 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin_gait.core.belt import Belt
-from twin_gait.core.friction import Friction
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, free_coordinate
 from twin_gait.leg_model import Bodies, LegJoints, LegModel, PelvisGuide
 from twin_gait.parameters import (
     ActuatorParameters,
     AnkleParameters,
     ContactParameters,
-    FrictionParameters,
+    FrictionLaw,
     Patient,
     StopParameters,
 )
@@ -136,7 +135,7 @@ def build_leg_model(
 def build_plant(
     model: LegModel,
     *,
-    friction: Mapping[JointName, FrictionParameters],
+    friction: Mapping[JointName, FrictionLaw],
     load_friction: Mapping[JointName, float],
     stops: StopParameters,
     ankle: AnkleParameters,
@@ -151,9 +150,5 @@ def build_plant(
             if joint is JointName.ANKLE:
                 plant.spring.stiffness, plant.spring.damping = ankle.stiffness, ankle.damping
             else:
-                law = friction[joint].normalised()
-                plant.friction = Friction(
-                    law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction
-                )
-                plant.load_friction = load_friction[joint]
+                plant.friction = friction[joint].in_plant(load_friction[joint])
     return result

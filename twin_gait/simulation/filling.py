@@ -8,10 +8,12 @@ from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
 from twin_gait.core.contact import Ground, Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
-from twin_gait.core.friction import Friction
+from twin_gait.core.friction import ROTATIONAL, Friction
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.experiment import ControlMode, IntegrationMethod
+from twin_gait.experiment.problem import Problem
+from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import (
@@ -27,7 +29,6 @@ from twin_gait.simulation.episode import (
     Stages,
     Supply,
 )
-from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import Record, copied, taken_from
 from twin_gait.simulation.watching import (
     NEVER,
@@ -36,7 +37,6 @@ from twin_gait.simulation.watching import (
     ticks,
     watch_bounds,
 )
-from twin_gait.simulation.wearing import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.vocabulary import JointName
 
 MOST_SWITCHES_PER_SECOND = 200
@@ -59,6 +59,7 @@ def structure_of(problem: Problem, n_points: int) -> dict[str, int | bool]:
         "PELVIS": -1 if model.pelvis_index is None else model.pelvis_index,
         "SHIFT": problem.world.wearer_shift,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
+        "OTHER_LAWS": any(plant.friction.law > ROTATIONAL for plant in problem.world.plant),
         "RK4": experiment.stepping.method is IntegrationMethod.RK4,
         "FAULTY": bool(experiment.faults),
         "INERTIA_WANTED": control.inertia_compensation > 0.0,

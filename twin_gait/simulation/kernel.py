@@ -14,11 +14,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 
+import numpy as np
+
 from twin_gait.core.contact import Point
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 from twin_gait.simulation import rigid_body
-from twin_gait.simulation.rigid_body import Vector
+from twin_gait.simulation.rigid_body import Vector, vector
 from twin_gait.simulation.tracing import Scalar, Trace, compact, text
 
 # Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32. Two legs
@@ -36,20 +38,23 @@ def _map_values(
     """Rebuild bodies and contact points with every run-time value passed through a function."""
     mapped = []
     for body in bodies:
-        inertia: list[list[Scalar]] = [[0.0] * 3 for _ in range(3)]
+        inertia = np.full((3, 3), 0.0, dtype=object)
         for i in range(3):
             for j in range(i, 3):
-                inertia[i][j] = inertia[j][i] = visit(body.inertia[i][j])
+                inertia[i, j] = inertia[j, i] = visit(body.inertia[i][j])
         mapped.append(
             body._replace(
-                position=[visit(value) for value in body.position],
+                axis=vector(body.axis),
+                rotation=vector(body.rotation),
+                position=vector([visit(value) for value in body.position]),
                 mass=visit(body.mass),
-                first_moment=[visit(value) for value in body.first_moment],
+                first_moment=vector([visit(value) for value in body.first_moment]),
                 inertia=inertia,
                 armature=visit(body.armature),
             )
         )
-    return mapped, [point._replace(position=[visit(value) for value in point.position]) for point in points]
+    moved = [vector([visit(value) for value in point.position]) for point in points]
+    return mapped, [point._replace(position=position) for point, position in zip(points, moved, strict=True)]
 
 
 def body_values(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> list[float]:
@@ -81,12 +86,12 @@ def _as_inputs(
 
 
 def _inputs(trace: Trace, name: str, count: int) -> Vector:
-    return [trace.input(f"{name}[{index}]") for index in range(count)]
+    return vector([trace.input(f"{name}[{index}]") for index in range(count)])
 
 
 def _gravity_vector(trace: Trace, up_axis: str) -> Vector:
     down = -trace.input("gravity")
-    return [0.0, 0.0, down] if up_axis == "z" else [0.0, down, 0.0]
+    return vector([0.0, 0.0, down] if up_axis == "z" else [0.0, down, 0.0])
 
 
 def _ground(trace: Trace, heights: list[Scalar], powers: list[Scalar]) -> rigid_body.ContactLaw:
@@ -166,7 +171,7 @@ def write_contact_forces(bodies: Sequence[BodyArrays], points: Sequence[ContactP
         _inputs(trace, "q", n),
         _inputs(trace, "v", n),
         [0.0] * n,
-        [0.0, 0.0, 0.0],
+        rigid_body.ZERO,
         places,
         _ground(trace, heights, powers),
     )
@@ -220,7 +225,7 @@ def write_control_inertia(bodies: Sequence[BodyArrays]) -> str:
     n = len(bodies)
     a = _inputs(trace, "a", n)
     matrix = rigid_body.joint_space_inertia(inputs, _inputs(trace, "q", n))
-    torques = [rigid_body.dot(row, a) for row in matrix]
+    torques = [vector(row) @ a for row in matrix]
     return _function("control_inertia(q, a, bodies, torque)", trace, _stores("torque", torques), [])
 
 
@@ -239,6 +244,25 @@ def write_kernel(
 
     Returns:
         Python source; it needs ``math`` and ``ground_contact_force`` in its module.
+    """
+    functions = [
+        write_dynamics(bodies, points, up_axis),
+        write_contact_forces(bodies, points),
+        write_observe(bodies, points, up_axis, guides),
+        write_control_gravity(control_bodies, up_axis),
+        write_control_inertia(control_bodies),
+    ]
+    return "\n\n".join(functions)
+
+
+def kernel_structure(
+    bodies: Sequence[BodyArrays],
+    points: Sequence[ContactPoint],
+    control_bodies: Sequence[BodyArrays],
+    up_axis: str,
+    guides: Sequence[int] = (0,),
+) -> str:
+    """What the text of :func:`write_kernel` depends on; it takes a hundredth of the time to write that.
 
     Raises:
         ModelError: If the plant has more than :data:`STRAIGHT_LINE_LIMIT` joints.
@@ -248,24 +272,17 @@ def write_kernel(
             f"the model has {len(bodies)} joints, those in braces counted twice, and the compiled engine "
             f"takes at most {STRAIGHT_LINE_LIMIT}; use engine: pinocchio"
         )
-    structure = (_structure(bodies, points), _structure(control_bodies), up_axis, str(tuple(guides)))
-    if structure not in _written:
-        _written[structure] = "\n\n".join(
-            [
-                write_dynamics(bodies, points, up_axis),
-                write_contact_forces(bodies, points),
-                write_observe(bodies, points, up_axis, guides),
-                write_control_gravity(control_bodies, up_axis),
-                write_control_inertia(control_bodies),
-            ]
-        )
-    return _written[structure]
-
-
-# Tracing takes some 50 ms, and all episodes of a batch mostly share one structure.
-_written: dict[tuple[str, ...], str] = {}
+    return repr((_structure(bodies, points), _structure(control_bodies), up_axis, tuple(guides)))
 
 
 def _structure(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> str:
     """All that the text of a kernel depends on: topology, axes, and which run-time inputs are zero."""
-    return repr(_map_values(bodies, points, lambda value: float(value != 0.0)))
+    zeros: list[bool] = []
+
+    def visit(value: float) -> float:
+        zeros.append(value == 0.0)
+        return value
+
+    _map_values(bodies, points, visit)
+    frames = [(body.parent, body.prismatic, body.axis, body.rotation) for body in bodies]
+    return repr((frames, [point.body for point in points], zeros))

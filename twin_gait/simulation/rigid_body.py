@@ -8,14 +8,24 @@ specialised kernel of one model.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
 
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 from twin_gait.simulation.tracing import Scalar, cosine, sine
 
-Vector = list[Scalar]
-Matrix = list[Vector]
-ZERO: Vector = [0.0, 0.0, 0.0]
+# Arrays of numbers and symbols, for which numpy has no type.
+Vector: TypeAlias = Any
+Matrix: TypeAlias = Any
+
+
+def vector(values: Sequence[Any]) -> Vector:
+    """An array of numbers and symbols."""
+    return np.array(values, dtype=object)
+
+
+ZERO = vector([0.0, 0.0, 0.0])
 
 
 class Dynamics(NamedTuple):
@@ -47,73 +57,33 @@ class InverseDynamics(NamedTuple):
     kinetic_energy: Scalar
 
 
-def dot(a: Sequence[Scalar], b: Sequence[Scalar]) -> Scalar:
-    """Scalar product."""
-    total: Scalar = 0.0
-    for x, y in zip(a, b, strict=True):
-        total = total + x * y
-    return total
-
-
 def cross(a: Vector, b: Vector) -> Vector:
     """Vector product."""
-    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-
-
-def add(*vectors: Vector) -> Vector:
-    """Sum of vectors."""
-    total = list(vectors[0])
-    for vector in vectors[1:]:
-        total = [x + y for x, y in zip(total, vector, strict=True)]
-    return total
-
-
-def subtract(a: Vector, b: Vector) -> Vector:
-    """Difference of vectors."""
-    return [x - y for x, y in zip(a, b, strict=True)]
-
-
-def scale(a: Vector, factor: Scalar) -> Vector:
-    """Vector times number."""
-    return [x * factor for x in a]
-
-
-def times(matrix: Matrix, vector: Vector) -> Vector:
-    """Matrix times vector."""
-    return [dot(row, vector) for row in matrix]
-
-
-def transpose(matrix: Matrix) -> Matrix:
-    """Transposed matrix."""
-    return [[matrix[j][i] for j in range(3)] for i in range(3)]
-
-
-def product(a: Matrix, b: Matrix) -> Matrix:
-    """Matrix product."""
-    return [[dot(a[i], [b[k][j] for k in range(3)]) for j in range(3)] for i in range(3)]
+    return vector([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def joint_rotation(axis: Vector, angle: Scalar) -> Matrix:
     """Rotation about a constant axis (Rodrigues), sparse for coordinate axes."""
     s, c = sine(angle), cosine(angle)
     nonzero = [i for i in range(3) if axis[i] != 0.0]
-    if len(nonzero) == 1 and abs(axis[nonzero[0]]) == 1.0:  # type: ignore[arg-type]
+    if len(nonzero) == 1 and abs(axis[nonzero[0]]) == 1.0:
         i = nonzero[0]
         j, k = (i + 1) % 3, (i + 2) % 3
-        matrix: Matrix = [[0.0] * 3 for _ in range(3)]
-        matrix[i][i] = 1.0
-        matrix[j][j] = c
-        matrix[k][k] = c
-        matrix[j][k] = -(axis[i] * s)
-        matrix[k][j] = axis[i] * s
+        matrix = np.full((3, 3), 0.0, dtype=object)
+        matrix[i, i] = 1.0
+        matrix[j, j] = c
+        matrix[k, k] = c
+        matrix[j, k] = -(axis[i] * s)
+        matrix[k, j] = axis[i] * s
         return matrix
     x, y, z = axis
     one = 1.0 - c
-    return [
+    rows = [
         [c + x * x * one, x * y * one - z * s, x * z * one + y * s],
         [x * y * one + z * s, c + y * y * one, y * z * one - x * s],
         [x * z * one - y * s, y * z * one + x * s, c + z * z * one],
     ]
+    return np.array(rows, dtype=object)
 
 
 class _Pose(NamedTuple):
@@ -127,9 +97,9 @@ class _Pose(NamedTuple):
 
 def _pose(body: BodyArrays, q: Scalar) -> _Pose:
     if body.prismatic:
-        position = add(body.position, times(body.rotation, scale(body.axis, q)))
+        position = body.position + body.rotation @ (body.axis * q)
         return _Pose(body.rotation, position, ZERO, body.axis)
-    rotation = product(body.rotation, joint_rotation(body.axis, q))
+    rotation = body.rotation @ joint_rotation(body.axis, q)
     return _Pose(rotation, body.position, body.axis, ZERO)
 
 
@@ -149,8 +119,8 @@ def _path_to_contacts(bodies: Sequence[BodyArrays], contacts: Sequence[ContactPo
 def newton_euler(
     bodies: Sequence[BodyArrays],
     poses: Sequence[_Pose],
-    v: Sequence[Scalar],
-    a: Sequence[Scalar],
+    v: Vector,
+    a: Vector,
     gravity: Vector,
     contacts: Sequence[ContactPoint] = (),
     contact_law: ContactLaw | None = None,
@@ -174,58 +144,56 @@ def newton_euler(
     results: list[list[Scalar]] = [[] for _ in contacts]
     twice_kinetic: Scalar = 0.0
     for index, (body, pose) in enumerate(zip(bodies, poses, strict=True)):
-        back = transpose(pose.rotation)
+        back = pose.rotation.T
         if body.parent >= 0:
             w0, l0 = velocity[body.parent]
             aw0, al0 = acceleration[body.parent]
         else:
-            w0, l0, aw0, al0 = ZERO, ZERO, ZERO, scale(gravity, -1.0)
-        joint_w, joint_l = scale(pose.angular, v[index]), scale(pose.linear, v[index])
-        w = add(times(back, w0), joint_w)
-        linear = add(times(back, add(l0, cross(w0, pose.position))), joint_l)
-        aw = add(times(back, aw0), cross(w, joint_w), scale(pose.angular, a[index]))
-        al = add(
-            times(back, add(al0, cross(aw0, pose.position))),
-            cross(w, joint_l),
-            cross(linear, joint_w),
-            scale(pose.linear, a[index]),
+            w0, l0, aw0, al0 = ZERO, ZERO, ZERO, gravity * -1.0
+        joint_w, joint_l = pose.angular * v[index], pose.linear * v[index]
+        w = back @ w0 + joint_w
+        linear = back @ (l0 + cross(w0, pose.position)) + joint_l
+        aw = back @ aw0 + cross(w, joint_w) + pose.angular * a[index]
+        al = (
+            back @ (al0 + cross(aw0, pose.position))
+            + cross(w, joint_l)
+            + cross(linear, joint_w)
+            + pose.linear * a[index]
         )
         velocity.append((w, linear))
         acceleration.append((aw, al))
-        momentum_l = add(scale(linear, body.mass), cross(w, body.first_moment))
-        momentum_w = add(times(body.inertia, w), cross(body.first_moment, linear))
+        momentum_l = linear * body.mass + cross(w, body.first_moment)
+        momentum_w = body.inertia @ w + cross(body.first_moment, linear)
         rotor = body.armature * v[index] * v[index]
-        twice_kinetic = twice_kinetic + dot(w, momentum_w) + dot(linear, momentum_l) + rotor
-        moment = add(
-            times(body.inertia, aw),
-            cross(body.first_moment, al),
-            cross(w, momentum_w),
-            cross(linear, momentum_l),
+        twice_kinetic = twice_kinetic + w @ momentum_w + linear @ momentum_l + rotor
+        moment = (
+            body.inertia @ aw
+            + cross(body.first_moment, al)
+            + cross(w, momentum_w)
+            + cross(linear, momentum_l)
         )
-        linear_force = add(scale(al, body.mass), cross(aw, body.first_moment), cross(w, momentum_l))
+        linear_force = al * body.mass + cross(aw, body.first_moment) + cross(w, momentum_l)
         world.append(_world_pose(body, pose, world, index in needed))
         for number, point in enumerate(contacts):
             if point.body != index or contact_law is None:
                 continue
             rotation, origin = world[index]  # type: ignore[misc]  # it is in needed
-            position = add(origin, times(rotation, point.position))
-            speed = times(rotation, add(linear, cross(w, point.position)))
+            position = origin + rotation @ point.position
+            speed = rotation @ (linear + cross(w, point.position))
             results[number] = contact_law(number, position, speed)
-            local = times(transpose(rotation), [results[number][0], 0.0, results[number][1]])
-            linear_force = subtract(linear_force, local)
-            moment = subtract(moment, cross(point.position, local))
+            local = rotation.T @ vector([results[number][0], 0.0, results[number][1]])
+            linear_force = linear_force - local
+            moment = moment - cross(point.position, local)
         force.append([moment, linear_force])
     bias: list[Scalar] = [0.0] * len(bodies)
     for index in range(len(bodies) - 1, -1, -1):
         pose, (moment, linear_force) = poses[index], force[index]
-        bias[index] = dot(pose.angular, moment) + dot(pose.linear, linear_force)
+        bias[index] = pose.angular @ moment + pose.linear @ linear_force
         parent = bodies[index].parent
         if parent >= 0:
-            turned = times(pose.rotation, linear_force)
-            force[parent][0] = add(
-                force[parent][0], times(pose.rotation, moment), cross(pose.position, turned)
-            )
-            force[parent][1] = add(force[parent][1], turned)
+            turned = pose.rotation @ linear_force
+            force[parent][0] = force[parent][0] + pose.rotation @ moment + cross(pose.position, turned)
+            force[parent][1] = force[parent][1] + turned
     return InverseDynamics(bias, results, force, 0.5 * twice_kinetic)
 
 
@@ -239,7 +207,7 @@ def _world_pose(
     parent = world[body.parent]
     assert parent is not None  # every ancestor of a needed body is needed
     rotation, origin = parent
-    return product(rotation, pose.rotation), add(origin, times(rotation, pose.position))
+    return rotation @ pose.rotation, origin + rotation @ pose.position
 
 
 def mass_matrix(bodies: Sequence[BodyArrays], poses: Sequence[_Pose]) -> list[list[Scalar]]:
@@ -249,17 +217,17 @@ def mass_matrix(bodies: Sequence[BodyArrays], poses: Sequence[_Pose]) -> list[li
     matrix: list[list[Scalar]] = [[0.0] * n for _ in range(n)]
     for index in range(n - 1, -1, -1):
         pose, (mass, first, inertia) = poses[index], composite[index]
-        moment = add(times(inertia, pose.angular), cross(first, pose.linear))
-        force = add(scale(pose.linear, mass), cross(pose.angular, first))
-        matrix[index][index] = dot(pose.angular, moment) + dot(pose.linear, force) + bodies[index].armature
+        moment = inertia @ pose.angular + cross(first, pose.linear)
+        force = pose.linear * mass + cross(pose.angular, first)
+        matrix[index][index] = pose.angular @ moment + pose.linear @ force + bodies[index].armature
         ancestor = index
         while bodies[ancestor].parent >= 0:
-            turned = times(poses[ancestor].rotation, force)
-            moment = add(times(poses[ancestor].rotation, moment), cross(poses[ancestor].position, turned))
+            turned = poses[ancestor].rotation @ force
+            moment = poses[ancestor].rotation @ moment + cross(poses[ancestor].position, turned)
             force = turned
             ancestor = bodies[ancestor].parent
             up = poses[ancestor]
-            matrix[index][ancestor] = dot(up.angular, moment) + dot(up.linear, force)
+            matrix[index][ancestor] = up.angular @ moment + up.linear @ force
         if bodies[index].parent >= 0:
             parent = bodies[index].parent
             composite[parent] = _join(composite[parent], composite[index], pose)
@@ -273,21 +241,21 @@ def _join(parent: _Composite, child: _Composite, pose: _Pose) -> _Composite:
     """Add a composite body, moved into the parent frame, to its parent."""
     mass, first, inertia = child
     p = pose.position
-    turned_first = times(pose.rotation, first)
-    turned = product(product(pose.rotation, inertia), transpose(pose.rotation))
-    trace = mass * dot(p, p) + 2.0 * dot(p, turned_first)
-    moved: Matrix = [[0.0] * 3 for _ in range(3)]
+    turned_first = pose.rotation @ first
+    turned = pose.rotation @ inertia @ pose.rotation.T
+    trace = mass * (p @ p) + 2.0 * (p @ turned_first)
+    moved = np.full((3, 3), 0.0, dtype=object)
     for i in range(3):
         for j in range(i, 3):
             element = turned[i][j] - (mass * (p[i] * p[j]) + p[i] * turned_first[j] + turned_first[i] * p[j])
             if i == j:
                 element = element + trace
-            moved[i][j] = moved[j][i] = element
+            moved[i, j] = moved[j, i] = element
     parent_mass, parent_first, parent_inertia = parent
     return (
         parent_mass + mass,
-        add(parent_first, turned_first, scale(p, mass)),
-        [[parent_inertia[i][j] + moved[i][j] for j in range(3)] for i in range(3)],
+        parent_first + turned_first + p * mass,
+        parent_inertia + moved,
     )
 
 
@@ -325,9 +293,9 @@ def solve_along_tree(
 
 def forward_dynamics(
     bodies: Sequence[BodyArrays],
-    q: Sequence[Scalar],
-    v: Sequence[Scalar],
-    tau: Sequence[Scalar],
+    q: Vector,
+    v: Vector,
+    tau: Vector,
     gravity: Vector,
     contacts: Sequence[ContactPoint] = (),
     contact_law: ContactLaw | None = None,
@@ -342,9 +310,9 @@ def forward_dynamics(
 
 def inverse_dynamics(
     bodies: Sequence[BodyArrays],
-    q: Sequence[Scalar],
-    v: Sequence[Scalar],
-    a: Sequence[Scalar],
+    q: Vector,
+    v: Vector,
+    a: Vector,
     gravity: Vector,
     contacts: Sequence[ContactPoint] = (),
     contact_law: ContactLaw | None = None,
@@ -354,7 +322,7 @@ def inverse_dynamics(
     return newton_euler(bodies, poses, v, a, gravity, contacts, contact_law)
 
 
-def joint_space_inertia(bodies: Sequence[BodyArrays], q: Sequence[Scalar]) -> list[list[Scalar]]:
+def joint_space_inertia(bodies: Sequence[BodyArrays], q: Vector) -> list[list[Scalar]]:
     """Mass matrix with armature, both triangles."""
     poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
     lower = mass_matrix(bodies, poses)
@@ -362,7 +330,7 @@ def joint_space_inertia(bodies: Sequence[BodyArrays], q: Sequence[Scalar]) -> li
     return [[lower[max(i, j)][min(i, j)] for j in range(n)] for i in range(n)]
 
 
-def potential_energy(bodies: Sequence[BodyArrays], q: Sequence[Scalar], gravity: Vector) -> Scalar:
+def potential_energy(bodies: Sequence[BodyArrays], q: Vector, gravity: Vector) -> Scalar:
     """Energy in the field of gravity, zero where the world's origin is."""
     poses = [_pose(body, angle) for body, angle in zip(bodies, q, strict=True)]
     world: list[tuple[Matrix, Vector] | None] = []
@@ -370,6 +338,6 @@ def potential_energy(bodies: Sequence[BodyArrays], q: Sequence[Scalar], gravity:
     for body, pose in zip(bodies, poses, strict=True):
         world.append(_world_pose(body, pose, world, True))
         rotation, origin = world[-1]  # type: ignore[misc]  # just put there
-        moment = add(times(rotation, body.first_moment), scale(origin, body.mass))
-        energy = energy - dot(gravity, moment)
+        moment = rotation @ body.first_moment + origin * body.mass
+        energy = energy - gravity @ moment
     return energy

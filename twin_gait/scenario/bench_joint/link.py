@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 
 from twin_gait.parameters import (
-    FrictionParameters,
+    FrictionLaw,
     StopParameters,
     require,
     require_count,
@@ -30,10 +30,12 @@ class LoadAngle(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class BenchFriction:
-    """True friction of the joint: the rotational law, and what may come on top of it.
+    """True friction of the joint: its law, and what may come on top of it.
+
+    What comes on top turns over within a tenth of the law's break-away or Stribeck velocity.
 
     Attributes:
-        law: Equation (3.1).
+        law: Equation (3.1), or one with directions or bristles.
         coulomb_per_load: Coulomb friction per load torque, no unit.
         coulomb_per_kelvin: In [N m] / [K] from 25 °C.
         viscous_per_kelvin: In [N m s] / [rad K] from 25 °C.
@@ -41,7 +43,7 @@ class BenchFriction:
         ripple: Amplitude of a torque that repeats twice in a turn of the wave generator, in [N m].
     """
 
-    law: FrictionParameters
+    law: FrictionLaw
     coulomb_per_load: float = 0.0
     coulomb_per_kelvin: float = 0.0
     viscous_per_kelvin: float = 0.0

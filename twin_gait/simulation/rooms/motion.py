@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from twin_gait.core.friction import OTHER_LAWS, advanced_deflection
 from twin_gait.core.plant import brace_torque, imposed_motion_torque, passive_torque
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import RK4, SHIFT, dynamics
@@ -28,7 +29,7 @@ def acceleration(e: Episode, offset: float, weight: float, q: list[float], v: li
         v: Velocities of the stage.
     """
     for i in range(len(e.q)):
-        passive = passive_torque(e.plant[i], q[i], v[i], e.motor[i])
+        passive = passive_torque(e.plant[i], q[i], v[i], e.motor[i], q[i] - e.q[i])
         e.torque[i] = e.motor[i] + e.external[i] + passive
     motion = e.imposed_motion
     if motion.place >= 0:
@@ -59,7 +60,7 @@ def _euler_step(e: Episode) -> None:
     acceleration(e, 0.0, 1.0, e.q, e.v)
     for i in range(len(e.q)):
         e.v[i] += e.step * e.a[i]
-        e.q[i] += e.step * e.v[i]
+        _move(e, i, e.step * e.v[i])
     if e.recording.on:
         for i in range(len(e.q)):
             mean[i] = 0.5 * (mean[i] + e.v[i])
@@ -89,8 +90,18 @@ def _runge_kutta_step(e: Episode) -> None:
                 stages.q[i] = e.q[i] + ahead * stages.v[i]
                 stages.v[i] = e.v[i] + ahead * e.a[i]
     for i in range(n):
-        e.q[i] += step * stages.sum_v[i]
         e.v[i] += step * stages.sum_a[i]
+        _move(e, i, step * stages.sum_v[i])
+
+
+def _move(e: Episode, place: int, displacement: float) -> None:
+    """End a step of a coordinate, its new velocity known; the bristles of its friction go along."""
+    e.q[place] += displacement
+    if OTHER_LAWS:
+        plant = e.plant[place]
+        plant.deflection = advanced_deflection(
+            plant.friction, displacement, e.v[place], plant.deflection, e.motor[place]
+        )
 
 
 def _add_work(e: Episode, duration: float, contact_power: float, v: list[float]) -> None:

@@ -20,15 +20,15 @@ from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.core.guards import Comparison
 from twin_gait.core.safety import OPERATOR_TRIP
 from twin_gait.exceptions import ParameterError
+from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
+from twin_gait.live.fading import Fade, arrive, fade_anew
 from twin_gait.measures.outcome import RunEvent, run_events
 from twin_gait.scenario.faults import Fault, FaultKind
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
-from twin_gait.simulation.fading import Fade, arrive, fade_anew
-from twin_gait.simulation.problem import Problem
-from twin_gait.simulation.record import write
+from twin_gait.simulation.record import entries
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks
 
@@ -57,7 +57,7 @@ class SteppedRun:
         """Lay the walk out; no tick is run.
 
         Args:
-            problem: From :func:`twin_gait.simulation.problem.build_problem`.
+            problem: From :func:`twin_gait.experiment.problem.build_problem`.
             controller: Control law that takes the place of the thesis's; numba must be able to compile it.
             on_compile: Called if the loop has to be compiled first, which takes 10 to 20 s.
         """
@@ -215,8 +215,8 @@ class SteppedRun:
 
     def set_comparisons(self, comparisons: Sequence[Comparison]) -> None:
         """Give the guards other thresholds, at once."""
-        for comparison, own in zip(comparisons, self._values["comparisons"], strict=False):
-            write(comparison, own)  # the record has room for more
+        given = [entries(comparison) for comparison in comparisons]
+        self._values["comparisons"][: len(given)] = given  # the record has room for more
 
     def set_target_torque(self, torque: np.ndarray, *, fade_ticks: int = FADE_TICKS) -> None:
         """Add other torques to the commands, in [N m], shape ``(n_joints,)``."""
@@ -249,7 +249,7 @@ class SteppedRun:
             raise ParameterError(f"fault {fault}: at most {MOST_FAULTS} in one walk; restart it")
         experiment = replace(self.problem.experiment, faults=(replace(fault, time=0.0),))
         (injected,) = fault_records(replace(self.problem, experiment=experiment))
-        write(replace(injected, start_tick=self.tick), faults[spare[0]])
+        faults[spare[0]] = entries(replace(injected, start_tick=self.tick))
         self._injected.append(replace(fault, time=self.tick * TICK))
         self._episode["first_fault"] = faults["start_tick"].min()
 
