@@ -1,4 +1,4 @@
-"""How fast an episode is simulated, beside MuJoCo and a plain Python script, and how accurately.
+"""How fast an episode is simulated, beside MuJoCo and itself as plain Python, and how accurately.
 
 All implementations run in one process and in turn, with the same integrator and step, so that their ratios
 carry over to other machines. Takes about five minutes in full, on a machine that has nothing else to do.
@@ -14,7 +14,6 @@ from gallery import form_of
 from peers.engines import ENGINES
 from peers.figures import draw_speed
 from peers.measuring import Extent, batch_gains, goal_rows, measure, time_walk
-from peers.plain import PLAIN
 from peers.scenarios import cases
 from peers.timing import machine
 
@@ -35,7 +34,7 @@ before = machine()
 # %%
 measured = []
 for case in cases()[:1] if form.quick else cases():
-    measured.append(measure(case, (*ENGINES, PLAIN, *MUJOCO_PEERS), extent))
+    measured.append(measure(case, (*ENGINES, *MUJOCO_PEERS), extent))
     print(f"\n{case.scenario}, {case.step}")
     for row in measured[-1]["rows"]:
         print(f"{row['implementation']:20} {row['time per tick [ns]']:12,} ns per tick")

@@ -8,11 +8,12 @@ import numpy as np
 from peers.scenarios import Case
 from peers.timing import Implementation
 
-from twin_gait import JointName, Run, simulate
-from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait import Run, simulate
+from twin_gait.experiment.problem import build_problem
+from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
 from twin_gait.simulation.engine import EngineResult
-from twin_gait.simulation.pinocchio.engine import PinocchioEngine
-from twin_gait.simulation.problem import Problem, build_problem
+from twin_gait.simulation.log import state_columns
+from twin_gait.simulation.reference_engine import ReferenceEngine
 
 THREADS = 2
 BATCH_EPISODES = 16
@@ -30,11 +31,11 @@ class EngineSession:
 
     def reset(self) -> None:
         """Make a new engine and load what it has compiled."""
-        if not self._compiled:
-            self._engine: CompiledEngine | PinocchioEngine = PinocchioEngine(self._problem)
-            return
-        self._engine = CompiledEngine(self._problem, record=self._record)
-        self._engine.warm_up()
+        self._engine = (
+            CompiledEngine(self._problem, record=self._record)
+            if self._compiled
+            else ReferenceEngine(self._problem)
+        )
 
     def run(self) -> None:
         """Run to the end."""
@@ -44,21 +45,36 @@ class EngineSession:
         """Coordinates of the log, or None without one."""
         if self._result is None or len(self._result.rows) == 0:
             return None
-        columns = coordinate_columns(self._problem)
+        columns, _ = state_columns(self._problem.world.model)
         positions = self._engine.layout.positions
         return self._result.rows[:, [positions[name] for name in columns]]
 
 
-def coordinate_columns(problem: Problem) -> list[str]:
-    """Log columns of the coordinates, in the order of the leg model."""
-    model = problem.world.model
-    names = [""] * model.nv
-    for side, leg in model.legs.items():
-        for joint, _ in leg.items():
-            names[model.index(side, JointName(joint))] = f"{side}_{joint}_angle_rad"
-    if model.pelvis_index is not None:
-        names[model.pelvis_index] = "pelvis_height_m"
-    return names
+class PlainSession:
+    """The rooms of the compiled engine over the same kernel, as plain Python, without a log."""
+
+    def __init__(self, case: Case, ticks: int) -> None:
+        """Lay the problem out."""
+        self._problem = build_problem(case.lasting(ticks))
+        self._kernel = bound_kernel(laid_out(self._problem)[0])
+        self._trace = np.zeros((ticks, self._problem.world.model.nv))
+        self.reset()
+
+    def reset(self) -> None:
+        """Make a new engine."""
+        self._engine = ReferenceEngine(self._problem, kernel=self._kernel)
+        self._engine.episode.recording.on = False
+
+    def run(self) -> None:
+        """Step through all ticks."""
+        episode, no_rows = self._engine.episode, np.zeros((0, 0))
+        for tick in range(len(self._trace)):
+            self._trace[tick] = episode.q
+            self._engine.run_ticks(tick, tick + 1, no_rows)
+
+    def angles(self) -> np.ndarray | None:
+        """Coordinates at every tick."""
+        return self._trace
 
 
 class SimulateSession:
@@ -91,14 +107,14 @@ class BatchSession:
         problem = build_problem(case.lasting(ticks))
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
         self.engines = [CompiledEngine(problem, record=False) for _ in range(episodes)]
-        self.engines[0].warm_up()
-        self._start = [array.copy() for array in self.engines[-1].episode.state]
+        self._start = [part.copy() for part in self.engines[0].parts]
 
     def reset(self) -> None:
         """Put every episode back to its start; a thousand new engines would take longer than they run."""
         for engine in self.engines:
-            for array, start in zip(engine.episode.state, self._start, strict=True):
-                array[...] = start
+            for part, start in zip(engine.parts, self._start, strict=True):
+                part[...] = start
+            engine.point_at_rows()
 
     def run(self) -> None:
         """Run all episodes."""
@@ -121,4 +137,5 @@ ENGINES = (
     Implementation(
         "Pinocchio", lambda case, ticks: EngineSession(case, ticks, compiled=False), compiled=False
     ),
+    Implementation("plain Python", PlainSession, compiled=False),
 )

@@ -8,14 +8,13 @@ import mujoco
 import numpy as np
 from crosscheck.mujoco_legs import compiled_legs, coordinate_order, legs_of, legs_spec
 from mujoco.rollout import Rollout
+from peers.callback import NativeCallback, PythonCallback
 from peers.engines import BATCH_EPISODES, THREADS
-from peers.native import controller_record, native_callback
-from peers.plain import PlainController, PlainPlant
 from peers.scenarios import RK4, Case
 from peers.timing import Implementation
 
+from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.leg_model.bodies import contact_points
-from twin_gait.simulation.problem import Problem, build_problem
 
 # Springs that hold the legs up while nothing controls them, as stiff as a phase of stance.
 HOLDING_STIFFNESS, HOLDING_DAMPING = 300.0, 30.0  # [N m] / [rad], [N m s] / [rad]
@@ -106,13 +105,19 @@ def _hold(model: mujoco.MjModel, problem: Problem) -> None:
 
 
 class BareSession:
-    """``mj_step`` alone, all steps in one call of C."""
+    """``mj_step`` alone, all steps in one call of C.
 
-    def __init__(self, case: Case, ticks: int, *, controlled: bool = False) -> None:
+    Attributes:
+        controlled: Whether a callback controls the model.
+    """
+
+    controlled = False
+
+    def __init__(self, case: Case, ticks: int) -> None:
         """Build the model; see :func:`peer_model`."""
         self.problem = build_problem(case.lasting(ticks))
         self.steps, self.evaluations = ticks * case.integration.substeps, case.evaluations
-        self.model = peer_model(case, self.problem, controlled=controlled)
+        self.model = peer_model(case, self.problem, controlled=self.controlled)
         self.data = mujoco.MjData(self.model)
         self.order = coordinate_order(self.model, self.problem.world.model)
         self.reset()
@@ -126,7 +131,7 @@ class BareSession:
         if pelvis is not None:
             self.data.qfrc_applied[self.order[pelvis]] = world.support_force
         if self.model.nv > len(self.order):
-            self.data.joint(BELT_JOINT).qvel[0] = -world.belt_speed
+            self.data.joint(BELT_JOINT).qvel[0] = -world.belt.cruise
 
     def run(self) -> None:
         """All steps in one call of C."""
@@ -137,29 +142,31 @@ class BareSession:
         return None
 
 
-class NativeSession(BareSession):
-    """The control loop as a native callback; still one call of C."""
+class ControlledSession(BareSession):
+    """The control loop as a callback; still one call of C.
 
-    def __init__(self, case: Case, ticks: int) -> None:
-        """Compile the callback."""
-        super().__init__(case, ticks, controlled=True)
-        self._start = controller_record(self.problem, ticks)
-        self._record = self._start.copy()
-        data = self.data
-        addresses = tuple(array.ctypes.data for array in (data.qpos, data.qvel, data.qfrc_applied))
-        self._callback = native_callback(self.problem, self._record, self.order, addresses, self.evaluations)
+    Attributes:
+        callback: Of the loop.
+    """
+
+    controlled = True
+    callback: NativeCallback | PythonCallback | None = None
+
+    def __init__(self, case: Case, ticks: int, *, native: bool) -> None:
+        """Make the callback, as a native function or in Python."""
+        super().__init__(case, ticks)
+        shared = self.problem, self.order, self.evaluations, ticks
+        self.callback = NativeCallback(*shared, self.data) if native else PythonCallback(*shared)
 
     def reset(self) -> None:
         """Put state and controller back to the start."""
         super().reset()
-        if hasattr(self, "_record"):
-            trace = self._record["trace"]
-            self._record[:] = self._start
-            trace[:] = 0.0
+        if self.callback is not None:
+            self.callback.reset()
 
     def run(self) -> None:
         """All steps in one call of C, which calls back."""
-        mujoco.set_mjcb_control(self._callback)
+        mujoco.set_mjcb_control(self.callback.function)
         try:
             super().run()
         finally:
@@ -167,43 +174,7 @@ class NativeSession(BareSession):
 
     def angles(self) -> np.ndarray | None:
         """Coordinates at every tick; None on the treadmill, where MuJoCo's contacts make another motion."""
-        return np.array(self._record["trace"][0]) if self.problem.world.contact is None else None
-
-
-class PythonSession(BareSession):
-    """The controller of the plain script as a Python callback."""
-
-    def __init__(self, case: Case, ticks: int) -> None:
-        """Make room for the record."""
-        super().__init__(case, ticks, controlled=True)
-        self._trace = np.zeros((ticks, self.problem.world.model.nv))
-
-    def reset(self) -> None:
-        """Put state and controller back to the start."""
-        super().reset()
-        self._controller, self._plant = PlainController(self.problem), PlainPlant(self.problem)
-        self._calls, self._motor = 0, np.zeros(len(self.order))
-
-    def run(self) -> None:
-        """All steps in one call, which calls back."""
-        mujoco.set_mjcb_control(self._control)
-        try:
-            super().run()
-        finally:
-            mujoco.set_mjcb_control(None)
-
-    def _control(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        q, v = data.qpos[self.order], data.qvel[self.order]
-        if self._calls % self.evaluations == 0:
-            tick = self._calls // self.evaluations
-            self._trace[tick] = q
-            self._motor = self._controller.torque(tick, q, v)
-        self._calls += 1
-        data.qfrc_applied[self.order] = self._motor + self._plant.passive_torque(q, v)
-
-    def angles(self) -> np.ndarray | None:
-        """Coordinates at every tick; None on the treadmill, where MuJoCo's contacts make another motion."""
-        return self._trace if self.problem.world.contact is None else None
+        return self.callback.trace if self.problem.world.contact is None else None
 
 
 class RolloutSession(BareSession):
@@ -230,7 +201,11 @@ class RolloutSession(BareSession):
 
 MUJOCO_PEERS = (
     Implementation("MuJoCo, bare", BareSession),
-    Implementation("MuJoCo, native loop", NativeSession),
-    Implementation("MuJoCo, Python loop", PythonSession, compiled=False),
+    Implementation("MuJoCo, native loop", lambda case, ticks: ControlledSession(case, ticks, native=True)),
+    Implementation(
+        "MuJoCo, Python loop",
+        lambda case, ticks: ControlledSession(case, ticks, native=False),
+        compiled=False,
+    ),
     Implementation("MuJoCo rollout", RolloutSession, episodes=BATCH_EPISODES),
 )

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from twin_gait import Experiment, LegModel, load_experiment
+from twin_gait.core.belt import Belt
 from twin_gait.experiment import Engine, Integration, IntegrationMethod
 from twin_gait.gait import TICK
 from twin_gait.parameters import SupportParameters
@@ -23,7 +24,7 @@ class HangingScenario(TreadmillScenario):
     def build(self, model: LegModel, **parameters: Any) -> World:
         """A treadmill without its ground, and without a height that counts as a fall."""
         world = super().build(model, **parameters)
-        return replace(world, contact=None, contact_frames={}, fall_height=None, belt_speed=0.0)
+        return replace(world, contact=None, contact_frames={}, fall_height=None, belt=Belt())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -45,6 +45,8 @@ SEGMENTS = {
 }
 # Shares of the body height (Winter, figure 4.1), and what a shank without a foot is measured by.
 SHANK_LENGTH, FOOT_LENGTH, FOOT_HEIGHT = 0.246, 0.152, 0.039
+# Of head, arms and trunk between hip and shoulder (Winter, figure 4.1 and table 4.1).
+TRUNK_LENGTH, TRUNK_CENTRE = 0.288, 0.626
 # MuJoCo would else merge links and mend inertias that it finds odd.
 COMPILER = (
     '<mujoco><compiler fusestatic="false" balanceinertia="false" boundmass="0" boundinertia="0"/></mujoco>'
@@ -157,7 +159,9 @@ def _put_on(spec: mujoco.MjSpec, model: LegModel, patient: Patient, *, fit_devic
     if model.pelvis is PelvisGuide.VERTICAL:
         # Head, arms and trunk only rise and sink: their mass counts, their inertia does not.
         trunk = patient.mass * (1.0 - 2.0 * sum(item.mass for item in segments.values()))
-        _add_mass(spec.joint(PELVIS_JOINT).parent, trunk, np.zeros(3), np.ones(3), np.array([0.0, 0.0, 1.0]))
+        up = np.array([0.0, 0.0, 1.0])
+        centre = TRUNK_CENTRE * TRUNK_LENGTH * patient.height * up
+        _add_mass(spec.joint(PELVIS_JOINT).parent, trunk, centre, np.ones(3), up)
 
 
 def _fit(spec: mujoco.MjSpec, leg: LegJoints, patient: Patient) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from peers.engines import ENGINES, BatchSession
 from peers.measuring import ERROR, GOALS, WALK_LIMIT, Extent, goal_rows, measure
-from peers.plain import PLAIN
 from peers.scenarios import cases
 from peers.timing import Implementation, Timing, significant, speed_ratio, time_in_turn
 
@@ -17,7 +16,7 @@ from peers.timing import Implementation, Timing, significant, speed_ratio, time_
 SAME_MOTION = 1e-10  # [rad]
 TICKS = 900
 CASES = {(case.scenario, case.step): case for case in cases()}
-OURS = {item.name: item for item in (*ENGINES, PLAIN)}
+OURS = {item.name: item for item in ENGINES}
 
 
 def implementation(name: str) -> Implementation:
@@ -71,16 +70,30 @@ def test_all_move_the_bench_leg_like_the_compiled_engine(compiled_angles, name, 
     ("scenario", "step", "ticks"),
     [("contact_free_biped", "Euler 1 ms", 500), ("treadmill", "Euler 0.25 ms", 150)],
 )
-def test_the_plain_script_moves_both_legs_like_the_pinocchio_engine(scenario, step, ticks):
+def test_plain_python_moves_both_legs_like_the_pinocchio_engine(scenario, step, ticks):
     case = CASES[scenario, step]
     found, expected = (angles_of(name, case, ticks) for name in ("plain Python", "Pinocchio"))
     np.testing.assert_allclose(found, expected, atol=SAME_MOTION, rtol=0.0)
 
 
-def test_mujoco_moves_the_contact_free_biped_like_the_plain_script():
+def test_mujoco_moves_the_contact_free_biped_like_plain_python():
     case = CASES["contact_free_biped", "Euler 1 ms"]
     found, expected = (angles_of(name, case, 300) for name in ("MuJoCo, Python loop", "plain Python"))
     np.testing.assert_allclose(found, expected, atol=SAME_MOTION)
+
+
+@pytest.mark.slow
+@pytest.mark.compile
+def test_the_native_callback_on_the_treadmill_does_what_the_one_in_python_does():
+    case, traces = CASES["treadmill", "Euler 0.25 ms"], []
+    for name in ("MuJoCo, native loop", "MuJoCo, Python loop"):
+        session = implementation(name).open(case, 300)
+        for _ in range(2):  # from the start again, not on from where the first run ended
+            session.reset()
+            session.run()
+        traces.append(session.callback.trace)
+    assert np.ptp(traces[0], axis=0).max() > 0.17
+    np.testing.assert_allclose(*traces, atol=SAME_MOTION, rtol=0.0)
 
 
 def test_the_contact_free_biped_has_no_ground():
@@ -134,7 +147,7 @@ def test_every_episode_of_a_batch_ends_where_a_single_run_ends():
         session.reset()
         session.run()
         for engine in session.engines:
-            np.testing.assert_array_equal(engine.episode.state.q, alone)
+            np.testing.assert_array_equal(engine.episode["q"], alone)
 
 
 # ---------------------------------------------------------------------- timing
@@ -189,7 +202,7 @@ def test_numbers_of_tables_are_rounded():
 def test_native_code_runs_as_long_as_its_angles_are_compared(case, extent):
     alone = extent.ticks(case, OURS["compiled"])
     assert alone == extent.ticks(case, OURS["batch"]) >= case.compared_ticks
-    assert 1 <= extent.ticks(case, PLAIN) <= alone
+    assert 1 <= extent.ticks(case, OURS["plain Python"]) <= alone
 
 
 # ---------------------------------------------------------------------- ratios

@@ -19,10 +19,10 @@ from twin_gait.core.blending import (
     blend,
     blend_share,
 )
-from twin_gait.core.control_tick import Setpoint
+from twin_gait.core.control_tick import Setpoint, copy_setpoint
+from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode
-from twin_gait.simulation.problem import build_problem
 from twin_gait.simulation.record import copied
 from twin_gait.simulation.rooms import phases
 
@@ -114,7 +114,9 @@ def parameters(e: Episode, leg: int = 0) -> list[float]:
     return [*astuple(hip.blended), *astuple(knee.blended), e.legs[leg].gravity]
 
 
-TARGETS = [np.array([*astuple(item), *astuple(item), share]) for item, share in zip(SETPOINTS, SHARES, strict=True)]
+TARGETS = [
+    np.array([*astuple(item), *astuple(item), share]) for item, share in zip(SETPOINTS, SHARES, strict=True)
+]
 
 
 def fade(legs: Episode, duration: int, law: int, switches: list[int], ticks: int) -> np.ndarray:
@@ -154,3 +156,11 @@ def test_present_values_are_kept_in_the_tick_of_the_switch(legs: Episode) -> Non
 
 def test_fade_without_duration_is_a_switch(legs: Episode) -> None:
     assert_allclose(fade(legs, 0, BLEND_MINIMUM_JERK, [5], 6)[5], TARGETS[1])
+
+
+def test_copied_setpoint_is_no_second_name_of_its_source() -> None:
+    source, target = copied(SETPOINTS[1]), copied(SETPOINTS[2])
+    copy_setpoint(source, target)
+    assert target == source
+    source.stiffness = 0.0
+    assert target == SETPOINTS[1]

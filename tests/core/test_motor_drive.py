@@ -21,9 +21,9 @@ from twin_gait.core.motor_drive import (
     link_load_torque,
     six_step_current,
     torsion_torque,
-    transparency_duty,
     winding_current_step,
 )
+from twin_gait.core.transparency import Transparency, transparency_duty
 from twin_gait.parameters import KNEE_ACTUATOR
 from twin_gait.scenario.bench_joint import CatalogueEfficiency
 
@@ -120,7 +120,8 @@ DUTY = (170.0, 3.0, 1000.0, 0.1)
 
 def test_resting_joint_gets_the_sine_of_equation_2_1a() -> None:
     duties = [
-        transparency_duty(tick, 0.05, *DUTY, 1.1, 0.05, 6.0, 0.9, 28.8, 6000, 5400) for tick in range(1000)
+        transparency_duty(Transparency(*DUTY, 1.1, 0.05, 6.0, 0.9, 5400.0), tick, 0.05, 28.8, 6000)
+        for tick in range(1000)
     ]
     assert_allclose(max(duties), 170.0, rtol=1e-3)
     crossings = np.flatnonzero(np.diff(np.sign(duties)) > 0)
@@ -129,16 +130,17 @@ def test_resting_joint_gets_the_sine_of_equation_2_1a() -> None:
 
 @given(st.floats(0.11, 2.0), st.floats(10.0, 30.0))
 def test_duty_that_cancels_the_back_emf_leaves_the_static_current(velocity: float, bus: float) -> None:
-    duty = transparency_duty(0, velocity, *DUTY, 1.0, 0.05, KE, 0.0, bus, 6000, math.inf)
+    law = Transparency(*DUTY, 1.0, 0.05, KE, 0.0, math.inf)
+    duty = transparency_duty(law, 0, velocity, bus, 6000)
     voltage = duty / 6000 * bus
     assert math.isclose((voltage - KE * velocity) / R, 0.05 / R, rel_tol=1e-9)
 
 
 @given(st.floats(0.11, 3.0), st.floats(0.5, 1.5))
 def test_viscous_duty_is_odd_and_limited(velocity: float, gain: float) -> None:
-    arguments = (gain, 0.05, 6.3, 0.9, 28.8, 6000, 4000)
-    ahead = transparency_duty(0, velocity, *DUTY, *arguments)
-    assert transparency_duty(0, -velocity, *DUTY, *arguments) == -ahead
+    law = Transparency(*DUTY, gain, 0.05, 6.3, 0.9, 4000.0)
+    ahead = transparency_duty(law, 0, velocity, 28.8, 6000)
+    assert transparency_duty(law, 0, -velocity, 28.8, 6000) == -ahead
     assert abs(ahead) <= 4000
 
 

@@ -31,7 +31,6 @@ from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitErr
 from twin_gait.identification import (
     BenchSetup,
     CurrentSource,
-    FitOptions,
     IdentificationOptions,
     LoadAngle,
     Log,
@@ -422,4 +421,3 @@ def test_a_series_can_be_smoothed_without_delay():
     }
     smooth = process_log(Log("log", columns), None, ProcessingOptions(processing=Processing.ZERO_PHASE))
     assert np.std((smooth.velocity - velocity)[200:-200]) < 0.02
-    assert FitOptions().most_samples >= 10_000

@@ -20,12 +20,12 @@ import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
+from twin_gait.live.stepping import FADE_TICKS
 
 from twin_gait import load_experiment
 from twin_gait.gait.table import TICK
 from twin_gait.live.finishing import CHANGES_FILE
 from twin_gait.runs.record import LOG_FILE, load_run
-from twin_gait.simulation.stepping import FADE_TICKS
 from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.curves import EXTREMES_TICKS
 from twin_gait.viewer.figure import Figure
@@ -351,7 +351,9 @@ def test_numbers_stay_in_their_card_on_a_tablet(browser: Any, treadmill: Walk, w
     outside = page.page.evaluate(
         """(keys) => {
             const values = { phase: 4, ...Object.fromEntries(keys.map((key) => [key, -188.8])) };
-            twinGait.show({ time: 1e6, legs: twinGait.page().legs.map(() => values) });
+            const legs = twinGait.page().legs, none = { times: [], values: [] };
+            const curves = legs.map((leg) => Object.fromEntries(leg.shows.map((key) => [key, none])));
+            twinGait.show({ time: 1e6, legs: legs.map(() => values), curves, events: [] });
             const room = document.querySelector(".head").getBoundingClientRect();
             const parts = document.querySelectorAll(".read td, .read th, .read .pill, .read span");
             return [...parts].filter((one) => {

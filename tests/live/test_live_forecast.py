@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from test_live_loop import Rig, say, wait_for
+from twin_gait.live.stepping import SteppedRun
 
 from twin_gait.configuration import load_experiment
 from twin_gait.live.controls import Panel
@@ -14,7 +15,6 @@ from twin_gait.live.session import LiveSession
 from twin_gait.live.settings import loop_numbers
 from twin_gait.live.walk import LiveWalk
 from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.stepping import SteppedRun
 
 # Of the default treadmill walk: each ends it within seconds, and the check has nothing against any of them.
 FALLS = [

@@ -15,10 +15,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from twin_gait.live.stepping import SteppedRun
 
 from twin_gait.configuration import load_experiment
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.exceptions import ParameterError
+from twin_gait.experiment.problem import build_problem
 from twin_gait.live.actions import Actions
 from twin_gait.live.controls import Panel
 from twin_gait.live.deadlines import BLOCK_TICKS, CATCH_UP, PERIOD, BlockClock
@@ -45,8 +47,6 @@ from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.live.settings import Mode, effect_of, loop_numbers
 from twin_gait.runs.record import load_run
 from twin_gait.simulation import simulate
-from twin_gait.simulation.problem import build_problem
-from twin_gait.simulation.stepping import SteppedRun
 
 DEGREE = math.pi / 180.0
 
@@ -527,6 +527,21 @@ def test_settings_fade_in_and_are_listed_with_their_tick(bench_panel, bench_prob
     late = np.flatnonzero(codes == bench_problem.table.phase_index("late_stance"))
     late = late[late > 1000]
     assert held[late[-1]] == pytest.approx(2.0 / DEGREE)
+
+
+def test_thresholds_reach_the_guards(bench_panel, bench_problem):
+    """With thresholds that nothing measured passes, phases end by their time-outs alone."""
+    numbers = json.loads(json.dumps(loop_numbers(bench_panel.preset).to_dict()))
+    shut = [{**entry, "threshold": 1e9} for entry in numbers["comparisons"]]
+    script = [
+        (0.0, {"serial": 1, "command": "settings", "numbers": {**numbers, "comparisons": shut}}),
+        (6.0, {"serial": 2, "command": "settings", "numbers": numbers}),
+    ]
+    rig = Rig(bench_problem, script, longest=9000)
+    rig.loop.run()
+    switches = rig.takes[0].result.switches
+    assert {item.cause for item in switches if item.tick < 6000} == {"time_out"}
+    assert "clearance" in {item.cause for item in switches if item.tick > 6000}
 
 
 def test_a_step_by_hand_is_waited_for(bench_panel, bench_problem):

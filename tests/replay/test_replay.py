@@ -15,6 +15,7 @@ from twin_gait.exceptions import GaitTableError, ParameterError, ParameterFileEr
 from twin_gait.gait.scaling import scale_table
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.reference import CYCLE, reference_curve
+from twin_gait.parameters import Patient
 from twin_gait.replay import (
     Recording,
     Replay,
@@ -235,11 +236,11 @@ def test_the_walk_of_winter_passes_once_its_hip_is_measured_from_koopmans_zero()
 
 
 def test_the_normative_walk_is_the_regression_with_the_legs_half_a_stride_apart():
-    walk = normative_walk("koopman@1.5", height=1.8, strides=2)
+    walk = normative_walk("koopman@1.5", strides=2)
     ticks = np.array([0, 321, 900])
     percent = np.mod(ticks * TICK / walk.cycle_time, 1.0) * CYCLE
     for side, lead in ((Side.LEFT, 0.0), (Side.RIGHT, 50.0)):
-        expected = reference_curve(KNEE, percent + lead, speed=1.5 / 3.6, height=1.8)
+        expected = reference_curve(KNEE, percent + lead, speed=1.5 / 3.6, height=Patient().height)
         np.testing.assert_allclose(walk.recording.angles[side][KNEE][ticks], expected, atol=1e-12)
 
 

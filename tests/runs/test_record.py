@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import shutil
 
 import numpy as np
@@ -16,7 +17,8 @@ from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.runs.folders import staged_directory
-from twin_gait.runs.record import RUN_DIRECTORY, load_run, trip_time_of, write_run
+from twin_gait.runs.record import RUN_DIRECTORY, load_run, write_run
+from twin_gait.runs.run_page import trip_time_of
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.log import LogLayout, unit_of
 
@@ -152,11 +154,17 @@ def test_a_broken_log_is_one_line(tmp_path, directory):
     assert "\n" not in str(caught.value)
 
 
-def test_atomic_write_keeps_the_old_file_when_it_fails(tmp_path):
+def test_atomic_write_keeps_the_old_file_when_it_fails(tmp_path, monkeypatch):
+    def refuse(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
     path = tmp_path / "file.txt"
     write_atomically(path, "old")
     with pytest.raises(RunDirectoryError):
         write_atomically(tmp_path / "no" / "such" / "folder.txt", "x")
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(RunDirectoryError, match=r"file\.txt.*No space left"):
+        write_atomically(path, "new")
     assert path.read_text() == "old"
     assert [item.name for item in tmp_path.iterdir()] == ["file.txt"]
 

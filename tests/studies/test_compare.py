@@ -114,10 +114,10 @@ def test_first_day_is_the_nominal_one_and_others_stay_within_their_spread():
 def test_interval_of_three_by_hand():
     """Mean 2, standard deviation 1, Student's quantile 4.303 for two degrees of freedom (any table)."""
     found = interval_of(np.array([1.0, 2.0, 3.0, math.nan]))
-    assert found.mean == 2.0 and found.runs == 3
+    assert found.mean == 2.0
     assert found.half_width == pytest.approx(4.303 / math.sqrt(3.0), rel=1e-4)
     assert math.isnan(interval_of(np.array([1.0])).half_width)
-    assert interval_of(np.array([math.nan])).runs == 0
+    assert math.isnan(interval_of(np.array([math.nan])).mean)
 
 
 @pytest.mark.parametrize(
@@ -243,7 +243,7 @@ def test_more_effort_less_assistance_at_the_hip_under_assist_as_needed():
         for effort in (0.0, 1.0)
     ]
     none, full = (item.interval("assist_as_needed", "hip_assistance_level") for item in found)
-    assert none.runs == full.runs == SEEDS
+    assert [item.table["hip_assistance_level"].count() for item in found] == [SEEDS, SEEDS]
     assert full.mean + full.half_width < none.mean - none.half_width
     work = [item.interval("assist_as_needed", "wearer_work_share") for item in found]
     assert work[0].mean == pytest.approx(0.0, abs=1e-9) and work[1].mean - work[1].half_width > 0.2
@@ -265,11 +265,11 @@ def test_half_an_effort_leaves_position_tracking_as_it_is():
 @pytest.mark.parametrize(
     ("interval", "factor", "digits", "text"),
     [
-        (Interval(0.1234, math.nan, 1), 100.0, 1, "12.3"),
-        (Interval(-0.02, 0.0061, 3), 100.0, 1, "−2.0 ± 0.6"),
-        (Interval(-0.0001, math.nan, 1), 1.0, 1, "0.0"),
-        (Interval(math.nan, math.nan, 0), 1.0, 1, "–"),
-        (Interval(math.inf, math.nan, 1), 1.0, 1, "∞"),
+        (Interval(0.1234, math.nan), 100.0, 1, "12.3"),
+        (Interval(-0.02, 0.0061), 100.0, 1, "−2.0 ± 0.6"),
+        (Interval(-0.0001, math.nan), 1.0, 1, "0.0"),
+        (Interval(math.nan, math.nan), 1.0, 1, "–"),
+        (Interval(math.inf, math.nan), 1.0, 1, "∞"),
     ],
 )
 def test_numbers_in_words(interval, factor, digits, text):

@@ -25,17 +25,17 @@ from twin_gait.exceptions import (
     RunDirectoryError,
     TwinGaitError,
 )
+from twin_gait.experiment.problem import scaled_table
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import Patient
 from twin_gait.simulation import RunStatus
-from twin_gait.simulation.problem import scaled_table
 from twin_gait.studies.batch import overridden
 from twin_gait.studies.tune import search as screening
 from twin_gait.studies.tune import stages
 from twin_gait.studies.tune import state as tune_settings
 from twin_gait.studies.tune.cases import NOMINAL, departures, robust_cases, search_cases
 from twin_gait.studies.tune.outcome import verdict
-from twin_gait.studies.tune.parts import FALL, PARTS, WORST, excess_cost, part_costs, walk_cost
+from twin_gait.studies.tune.parts import FALL, PARTS, WORST, Rating, excess_cost, part_costs, walk_cost
 from twin_gait.studies.tune.search import Generation, Search
 from twin_gait.studies.tune.space import (
     Parameter,
@@ -46,7 +46,7 @@ from twin_gait.studies.tune.space import (
 )
 from twin_gait.studies.tune.state import STATE_FILE, Progress, Settings, open_state, write_state
 from twin_gait.studies.tune.tune import tune
-from twin_gait.studies.tune.walks import Ask, WalkResult, nominal_cost, weighted_cost
+from twin_gait.studies.tune.walks import Ask, nominal_cost, weighted_cost
 from twin_gait.vocabulary import Side
 
 
@@ -183,9 +183,9 @@ def test_a_goal_that_is_missed_costs_more_than_one_that_is_surpassed_saves() -> 
 
 def test_missed_goals_count_in_the_nominal_walk_only() -> None:
     missed = {**AT_GOAL, "hip_error_deg": 5.0}
-    nominal, other = WalkResult(0, 4.0, missed, False, 1.0), WalkResult(1, 6.0, missed, False, 1.0)
+    nominal, other = Rating(4.0, missed, False, 1.0), Rating(6.0, missed, False, 1.0)
     assert weighted_cost([nominal, other]) == pytest.approx(0.75 * (4.0 + excess_cost(missed)) + 0.25 * 6.0)
-    fallen = WalkResult(0, 40.0, missed, True, 0.5)
+    fallen = Rating(40.0, missed, True, 0.5)
     assert weighted_cost([fallen]) == 40.0
 
 
@@ -225,8 +225,8 @@ def test_finalists_come_from_all_stretches_of_the_search_the_latest_first() -> N
 
 def test_three_quarters_of_the_cost_of_a_table_are_its_nominal_walk() -> None:
     walks = [
-        WalkResult(0, 4.0, {}, False, 1.0),
-        *(WalkResult(1, cost, {}, False, 1.0) for cost in (6.0, 10.0)),
+        Rating(4.0, {}, False, 1.0),
+        *(Rating(cost, {}, False, 1.0) for cost in (6.0, 10.0)),
     ]
     assert weighted_cost(walks) == pytest.approx(0.75 * 4.0 + 0.25 * 8.0)
 
@@ -384,9 +384,9 @@ class Bowl:
         reference_speed: float | None = None,
         progress: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
-    ) -> list[WalkResult] | None:
+    ) -> list[Rating] | None:
         results = []
-        for number, ask in enumerate(asks):
+        for ask in asks:
             if should_stop is not None and should_stop():
                 return None
             self.walks += 1
@@ -396,7 +396,7 @@ class Bowl:
             knee = 4.0 + 20.0 * abs(math.log(stiffness / 3.0))
             values: dict[str, float | None] = {part.name: 0.0 for part in PARTS}
             values |= {"hip_error_deg": hip, "knee_error_deg": knee}
-            results.append(WalkResult(number, walk_cost(values, 1.0, False), values, False, 1.0))
+            results.append(Rating(walk_cost(values, 1.0, False), values, False, 1.0))
         return results
 
 
@@ -404,7 +404,7 @@ class Bowl:
 def bowl(monkeypatch: pytest.MonkeyPatch) -> Bowl:
     walks = Bowl()
     monkeypatch.setattr(stages, "walk_all", walks)
-    monkeypatch.setattr(stages, "run_walk", lambda walk, on_compile: WalkResult(0, 0.0, {}, False, 1.0))
+    monkeypatch.setattr(stages, "run_walk", lambda walk, on_compile: Rating(0.0, {}, False, 1.0))
     return walks
 
 
@@ -466,7 +466,7 @@ def test_the_worse_half_of_a_population_does_not_walk_the_corners(bowl: Bowl, tm
     settings = Settings(generations=1, population=7, screening=False)
     portions: list[list[Ask]] = []
 
-    def noted(asks: Sequence[Ask], *rest: Any, **options: Any) -> list[WalkResult] | None:
+    def noted(asks: Sequence[Ask], *rest: Any, **options: Any) -> list[Rating] | None:
         portions.append(list(asks))
         return bowl(asks, *rest, **options)
 
@@ -488,7 +488,7 @@ def test_the_worse_half_of_a_population_does_not_walk_the_corners(bowl: Bowl, tm
 
 
 def test_a_table_with_errors_is_never_a_finalist(bowl: Bowl, tmp_path: Path) -> None:
-    def all_wrong(asks: Sequence[Ask], *rest: Any, **options: Any) -> list[WalkResult] | None:
+    def all_wrong(asks: Sequence[Ask], *rest: Any, **options: Any) -> list[Rating] | None:
         results = bowl(asks, *rest, **options)
         assert results is not None
         starts = stages.start_tables(load_experiment("treadmill").experiment.table)

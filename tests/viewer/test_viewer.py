@@ -1,44 +1,35 @@
 """The viewer: what it draws, the page it writes, the server it starts."""
 
-import asyncio
 import base64
-import http.client
 import json
 import math
-import os
 import re
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
-import time
 from html.parser import HTMLParser
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import numpy as np
 import pandas as pd
 import pinocchio as pin
 import pytest
 from example_robots import robot_urdf
-from scene_messages import unpacked
-from tornado.httpclient import HTTPClientError, HTTPRequest
-from tornado.websocket import WebSocketClientConnection, websocket_connect
 
 import twin_gait.viewer
-from twin_gait.exceptions import RunDirectoryError, ViewerError
+from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.parameters import Patient
 from twin_gait.viewer import shapes, surroundings
-from twin_gait.viewer.animation import _belt_track, write_animation
+from twin_gait.viewer.animation import _belt_track, recorded_run
 from twin_gait.viewer.commands import METRES_PER_NEWTON, Recorder
 from twin_gait.viewer.figure import Figure
-from twin_gait.viewer.motion import read_motion
-from twin_gait.viewer.session import LiveViewer, show_run, view_urdf
+from twin_gait.viewer.motion import FRAMES_PER_SECOND, read_motion
+from twin_gait.viewer.page import recorded_page
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
 from twin_gait.viewer.visuals import LinkPart, load_visuals
 from twin_gait.vocabulary import GaitPhase, JointName, Side
@@ -72,15 +63,17 @@ def synthetic_log(model: LegModel, duration: float, seed: int = 0) -> pd.DataFra
 def write_walk(
     path: Path, model: LegModel, duration: float = 0.5, title: str = "synthetic", **more: object
 ) -> Path:
-    return write_animation(
-        path,
+    run = recorded_run(
         synthetic_log(model, duration),
         model,
         title=title,
+        frames_per_second=FRAMES_PER_SECOND,
         belt_speed=BELT_SPEED,
         patient=PATIENT,
         **more,  # type: ignore[arg-type]
     )
+    path.write_text(recorded_page([run]), encoding="utf-8")
+    return path
 
 
 def bare_urdf(folder: Path, visual: str = "", version: str = "1.0") -> Path:
@@ -364,8 +357,8 @@ def test_a_log_of_another_model_is_refused(worn_twin: LegModel) -> None:
     log = synthetic_log(worn_twin, 0.1)
     with pytest.raises(ViewerError, match="right_knee_angle_rad"):
         read_motion(log.drop(columns="right_knee_angle_rad"), worn_twin)
-    with pytest.raises(ViewerError, match="late_stance"):
-        read_motion(log, worn_twin, phases=["early_stance"])
+    with pytest.raises(ViewerError, match="phase 'nan'"):
+        read_motion(log.assign(left_phase=log["left_phase"].where(log.index > 2)), worn_twin)
     with pytest.raises(ViewerError, match="frames_per_second"):
         read_motion(log, worn_twin, frames_per_second=0.0)
 
@@ -482,28 +475,6 @@ def test_hostile_title_stays_text(worn_twin: LegModel, tmp_path: Path) -> None:
     assert page.title == HOSTILE.replace("\udcff", "\ufffd")
 
 
-def test_a_failed_write_leaves_the_old_page(
-    worn_twin: LegModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "walk.html"
-    path.write_text("old")
-
-    def refuse(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "replace", refuse)
-    with pytest.raises(RunDirectoryError, match=r"walk\.html.*No space left"):
-        write_walk(path, worn_twin, duration=0.1)
-    assert [item.name for item in tmp_path.iterdir()] == ["walk.html"]
-    assert path.read_text() == "old"
-
-
-def test_a_page_is_refused_in_one_line_where_no_folder_is(worn_twin: LegModel, tmp_path: Path) -> None:
-    with pytest.raises(RunDirectoryError) as caught:
-        write_walk(tmp_path / "nowhere" / "walk.html", worn_twin, duration=0.1)
-    assert "\n" not in str(caught.value)
-
-
 # What the browser is asked, at several moments: the matrix of every joint group, colours, arrows, belt,
 # texts; and once, what went wrong.
 PROBE = """<script>
@@ -613,38 +584,7 @@ def check_forces_and_colours(model: LegModel, row: pd.Series, shown: dict) -> No
     assert switches == {True, False}
 
 
-# ---------------------------------------------------------------------------------- live viewer
-
-
-@pytest.fixture(scope="module")
-def viewer():
-    with LiveViewer(port=0) as running:
-        yield running
-
-
-def test_server_answers_under_its_own_names_only(viewer: LiveViewer) -> None:
-    parts = urlsplit(viewer.url)
-    status = {}
-    for host in (f"127.0.0.1:{parts.port}", f"localhost:{parts.port}", f"elsewhere.example:{parts.port}"):
-        connection = http.client.HTTPConnection("127.0.0.1", parts.port, timeout=5)
-        connection.request("GET", f"/?{parts.query}", headers={"Host": host})
-        status[host.split(":")[0]] = connection.getresponse().status
-        connection.close()
-    assert status == {"127.0.0.1": 200, "localhost": 200, "elsewhere.example": 403}
-
-
-def test_scene_is_for_whoever_has_the_token(viewer: LiveViewer) -> None:
-    parts = urlsplit(viewer.url)
-    for query in ("", "?token=", f"?{parts.query}0"):
-        address = f"ws://127.0.0.1:{parts.port}/socket{query}"
-        request = HTTPRequest(address, headers={"Origin": f"http://127.0.0.1:{parts.port}"})
-        with pytest.raises(HTTPClientError, match="403"):
-            asyncio.run(joined(request))
-    assert viewer.pages() == 0
-
-
-async def joined(request: HTTPRequest) -> WebSocketClientConnection:
-    return await websocket_connect(request)
+# ---------------------------------------------------------------------------------- server
 
 
 OPEN_PORTS = """
@@ -652,13 +592,14 @@ import os, sys
 from pathlib import Path
 for name in ("zmq", "IPython", "pyngrok"):
     sys.modules[name] = None  # importing it is an error
-from twin_gait.viewer.session import view_urdf
+from twin_gait.viewer.page_server import PageServer
+from twin_gait.viewer.urdf_page import urdf_page
 
-with view_urdf("twin.urdf", port=0) as viewer:
+with PageServer(urdf_page("twin.urdf"), port=0) as server:
     own = {os.readlink(link) for link in Path("/proc/self/fd").iterdir() if link.is_symlink()}
     rows = [line.split() for table in ("tcp", "tcp6") for line in Path(f"/proc/net/{table}").open()]
     open_ports = [row[1] for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in own]
-    print(viewer.url.partition("?")[0].strip("/").rpartition(":")[2], *open_ports)
+    print(server.url.partition("?")[0].strip("/").rpartition(":")[2], *open_ports)
 assert "meshcat" not in sys.modules
 """
 
@@ -671,135 +612,9 @@ def test_the_viewer_has_one_port_and_needs_neither_zmq_nor_a_tunnel() -> None:
     assert listening == [f"0100007F:{int(port):04X}"]  # 127.0.0.1, lowest byte first
 
 
-def messages_to_a_new_page(viewer: LiveViewer) -> list[dict]:
-    """What the server sends to a page that has just been opened."""
-
-    async def listen() -> list[dict]:
-        parts = urlsplit(viewer.url)
-        address = f"ws://{parts.netloc}/socket?{parts.query}"
-        request = HTTPRequest(address, headers={"Origin": f"http://{parts.netloc}"}, connect_timeout=5)
-        connection = await joined(request)
-        messages: list[dict] = []
-        while True:
-            messages += unpacked(await asyncio.wait_for(connection.read_message(), 5))
-            await connection.write_message("drawn")
-            if messages[-1]["type"] == "sample":
-                await closed(connection)
-                return messages
-
-    return asyncio.run(listen())
-
-
-async def closed(connection: WebSocketClientConnection) -> None:
-    """Close it, and wait until its socket is; else the collector finds it in the middle of another test."""
-    assert connection.protocol is not None
-    stream = connection.protocol.stream
-    connection.close()
-    for _ in range(1000):
-        if stream.closed():
-            return
-        await asyncio.sleep(0.005)
-    raise AssertionError("the server does not close the socket")
-
-
-def test_live_page_gets_the_last_posture_once(viewer: LiveViewer, worn_twin: LegModel) -> None:
-    log = synthetic_log(worn_twin, 0.2)
-    viewer.show(worn_twin, title="synthetic", phases=[str(phase) for phase in GaitPhase])
-    began = time.monotonic()
-    viewer.play(log, speed=2.0)
-    assert time.monotonic() - began >= 0.199 / 2.0
-    messages = messages_to_a_new_page(viewer)
-    assert messages[0]["type"] == "page" and messages[0]["page"]["title"] == "synthetic"
-    turns = [m for m in messages if m["path"].endswith("/right_knee") and m.get("property") == "quaternion"]
-    assert len(turns) == 1
-    half = 0.5 * log["right_knee_angle_rad"].iloc[-1]
-    np.testing.assert_allclose(turns[0]["value"], [0.0, math.sin(half), 0.0, math.cos(half)], atol=1e-6)
-    assert messages[-1]["sample"]["time"] == pytest.approx(0.199, abs=1e-6)
-    degrees = math.degrees(log["right_knee_angle_rad"].iloc[-1])
-    assert messages[-1]["sample"]["legs"][1]["knee"] == pytest.approx(degrees, abs=1e-4)
-
-
-def test_pose_moves_the_figure_and_play_can_be_stopped(viewer: LiveViewer, bench: LegModel) -> None:
-    viewer.show(bench)
-    viewer.pose(np.array([0.4, 0.9]), time=1.5, phases={Side.RIGHT: 2})
-    sample = messages_to_a_new_page(viewer)[-1]["sample"]
-    assert sample["time"] == 1.5
-    assert sample["legs"][0]["hip"] == pytest.approx(math.degrees(0.4), abs=1e-4)
-    assert sample["legs"][0]["phase"] == 2
-    began = time.monotonic()
-    viewer.play(synthetic_log(bench, 5.0), should_stop=lambda: time.monotonic() - began > 0.1)
-    assert time.monotonic() - began < 2.0
-
-
-def test_a_play_that_misses_frames_sends_their_curves(
-    viewer: LiveViewer, bench: LegModel, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    log = synthetic_log(bench, 1.0)
-    viewer.show(bench, curves=("hip", "knee"))
-    samples = []
-    sample = viewer._sample
-
-    def slow_sample(when, legs, *, curves):
-        samples.append({"curves": curves})
-        time.sleep(0.2)  # the viewer is slow: frames are missed
-        sample(when, legs, curves=curves)
-
-    monkeypatch.setattr(viewer, "_sample", slow_sample)
-    viewer.play(log)
-    assert len(samples) < 10
-    clock, truth = log["time_s"].to_numpy(), np.degrees(log["right_knee_angle_rad"].to_numpy())
-    knees = [sample["curves"][0]["knee"] for sample in samples]
-    times, values = (np.concatenate([knee[name] for knee in knees]) for name in ("times", "values"))
-    assert np.abs(np.interp(clock, times, values) - truth).max() <= 0.002 * np.ptp(truth)
-
-
-def test_misuse_of_the_live_viewer_is_refused_in_words(viewer: LiveViewer, bench: LegModel) -> None:
-    with pytest.raises(ViewerError, match="65535"):
-        LiveViewer(port=70000)
-    viewer.show_urdf("twin_leg.urdf")
-    with pytest.raises(ViewerError, match="show its leg model"):
-        viewer.play(synthetic_log(bench, 0.1))
-    viewer.show(bench)
-    with pytest.raises(ViewerError, match="speed"):
-        viewer.play(synthetic_log(bench, 0.1), speed=0.0)
-
-
-def test_taken_port_gives_the_next_and_a_dead_server_an_error() -> None:
-    with socket.socket() as occupant:
-        occupant.bind(("127.0.0.1", 0))
-        occupant.listen()
-        taken = occupant.getsockname()[1]
-        with view_urdf("twin_leg.urdf", port=taken) as viewer:
-            port = urlsplit(viewer.url).port
-            assert port is not None and taken < port < taken + 100
-        with pytest.raises(ViewerError, match="has been closed"):
-            viewer.pose(np.array([0.1, 0.1]))
-        viewer.close()  # once more does no harm
-
-
-def test_a_model_shown_after_another_is_alone_on_the_page(viewer: LiveViewer, bench: LegModel) -> None:
-    viewer.show_urdf("twin.urdf")
-    viewer.show(bench)
-    viewer.pose(np.array([0.1, 0.2]))
-    shown = {m["path"] for m in messages_to_a_new_page(viewer)}
-    assert not any("left" in path for path in shown) and any("right" in path for path in shown)
-
-
-def test_show_run_announces_its_page_and_ends_with_the_log(bench: LegModel) -> None:
-    urls: list[str] = []
-    show_run(synthetic_log(bench, 0.1), bench, port=0, repeat=False, announce=urls.append)
-    assert len(urls) == 1 and urls[0].startswith("http://127.0.0.1:")
-    with pytest.raises(ConnectionRefusedError):
-        socket.create_connection(("127.0.0.1", urlsplit(urls[0]).port), timeout=1)
-
-
 # ---------------------------------------------------------------------------------- package
 
 
-def test_public_names_exist_and_wait_until_they_are_asked_for() -> None:
-    for name in twin_gait.viewer.__all__:
-        assert callable(getattr(twin_gait.viewer, name))
-    with pytest.raises(AttributeError, match="nonsense"):
-        twin_gait.viewer.nonsense  # noqa: B018
+def test_a_finished_page_needs_neither_pinocchio_nor_meshcat() -> None:
     code = "import sys, twin_gait.viewer.page; sys.exit(bool({'pinocchio', 'meshcat'} & set(sys.modules)))"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -20,14 +20,14 @@ from twin_gait.cli import main
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.palette import PHASE_COLOURS
 from twin_gait.runs.record import write_run
-from twin_gait.runs.shown_run import ShownRun, page_of, read_shown_run
+from twin_gait.runs.run_page import ShownRun, page_of
+from twin_gait.runs.shown_run import read_shown_run
 from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.page_server import PageServer
-from twin_gait.viewer.session import LiveViewer
 from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.urdf_page import joint_entries, urdf_page
-from twin_gait.vocabulary import GaitPhase, JointName, Side
+from twin_gait.vocabulary import GaitPhase, Side
 
 pytestmark = [pytest.mark.slow, pytest.mark.browser]
 
@@ -505,7 +505,7 @@ def test_paper_gets_the_picture_the_numbers_and_the_whole_curves(opened, pages, 
     assert one("theme.dark") is True and one('document.body.classList.contains("printing")') is False
 
 
-# ---------------------------------------------------------------------------------- two runs, picture, live
+# ---------------------------------------------------------------------------------- two runs, picture
 
 
 def test_two_runs_share_a_clock_and_their_difference_is_that_of_the_logs(opened, pages, runs) -> None:
@@ -567,26 +567,6 @@ def test_a_picture_of_a_moment_is_drawn_from_the_command_line(runs, tmp_path: Pa
     assert scene.std() > 0.02 and len(np.unique(scene.reshape(-1, 3), axis=0)) > 500
     assert scene[0].mean() < 0.4  # dark, as asked
     assert [path.name for path in tmp_path.iterdir()] == ["moment.png"]
-
-
-def test_the_live_page_shows_what_it_is_sent_in_either_form(opened, worn_twin) -> None:
-    with LiveViewer(port=0) as viewer:
-        viewer.show(worn_twin, title="live", phases=[str(phase) for phase in GaitPhase])
-        one = opened(viewer.url)
-        q = np.zeros(worn_twin.nv)
-        q[worn_twin.index(Side.LEFT, JointName.KNEE)] = 0.5
-        viewer.pose(q, time=2.5, phases={Side.LEFT: 3, Side.RIGHT: 0})
-        wait_until(one, '(document.querySelector(".clock")?.textContent ?? "").includes("2.500")')
-        texts = one('[...document.querySelectorAll(".read td")].map((cell) => cell.innerText.trim())')
-        assert f"{math.degrees(0.5):.1f}°" in texts
-        assert any(text.endswith("Swing flexion") for text in texts)
-        assert one.requests[0] == viewer.url
-        home = viewer.url.partition("?")[0]
-        assert all(url.startswith((home, home.replace("http", "ws"))) for url in one.requests)
-        # The way in for a further script.
-        one("twinGait.show({time: 3, legs: [{hip: 1.5, knee: -2.5, phase: 1}, {knee: 0, phase: -1}]})")
-        texts = one('[...document.querySelectorAll(".read td")].map((cell) => cell.innerText.trim())')
-        assert "\N{MINUS SIGN}2.5°" in texts and "–" in texts
 
 
 # ---------------------------------------------------------------------------------- any URDF

@@ -29,9 +29,9 @@ from twin_gait.checking.signals import ANY_ANGLE, HIGHEST_VELOCITY, JOINT_RANGES
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
 from twin_gait.experiment import Experiment
+from twin_gait.experiment.problem import scaled_table
 from twin_gait.gait.table import GaitTable
 from twin_gait.scenario.world import World
-from twin_gait.simulation.problem import scaled_table
 from twin_gait.vocabulary import JointName
 
 _MODULES = (graph, exits, leaving, torques, stability, sense)

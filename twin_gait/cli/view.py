@@ -17,7 +17,7 @@ from twin_gait.exceptions import ParameterError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from twin_gait.runs.shown_run import ShownRun
+    from twin_gait.runs.run_page import ShownRun
     from twin_gait.simulation.run import Run
     from twin_gait.viewer.picture import PictureSize
 
@@ -49,7 +49,8 @@ def add_parser(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Show or draw the targets."""
     from twin_gait.leg_model.urdf import PACKAGED_URDFS
-    from twin_gait.runs.shown_run import page_of, read_shown_run
+    from twin_gait.runs.run_page import page_of
+    from twin_gait.runs.shown_run import read_shown_run
 
     _check(arguments)
     urdfs = [path for path in arguments.targets if path.is_file() or str(path) in PACKAGED_URDFS]
@@ -141,7 +142,7 @@ def _write(make: Callable[[], str], arguments: argparse.Namespace) -> int:
 
 def _serve_runs(runs: Sequence[ShownRun], arguments: argparse.Namespace) -> int:
     """Serve runs until Ctrl-C, or for as long as they last."""
-    from twin_gait.runs.shown_run import page_of
+    from twin_gait.runs.run_page import page_of
 
     moments = () if arguments.at is None else (arguments.at,)
     longest = max(one.duration for one in runs) / arguments.play_speed if arguments.once else math.inf
@@ -170,12 +171,10 @@ def _fragment(arguments: argparse.Namespace) -> str:
 
 def show_run(run: Run) -> int:
     """Show a run in the browser until Ctrl-C; gives the exit status."""
-    from twin_gait.runs.shown_run import ShownRun
+    from twin_gait.runs.run_page import shown_run
 
-    name = f"twin_gait · {run.experiment.name}"
-    shown = ShownRun(name, run.experiment, run.log, (), run.events, run.verdict.outcome or run.status)
     defaults = {"at": None, "play_speed": 1.0, "once": False, "dark": False, "no_browser": False}
-    return _serve_runs([shown], argparse.Namespace(port=options.FIRST_PORT, **defaults))
+    return _serve_runs([shown_run(run)], argparse.Namespace(port=options.FIRST_PORT, **defaults))
 
 
 def announce(url: str, *, browser: bool = True) -> None:

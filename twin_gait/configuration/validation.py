@@ -131,11 +131,9 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
         raise ParameterFileError(source, key, str(error)) from error
 
 
-def one_of(entry: Strict, factors: Mapping[str, float], default: float | None = None) -> float:
+def one_of(entry: Strict, factors: Mapping[str, float]) -> float:
     """Value of the one key that is given, in SI."""
     given = [(key, factor) for key, factor in factors.items() if getattr(entry, key) is not None]
-    if not given and default is not None:
-        return default
     if len(given) != 1:
         names = [key for key, _ in given]
         raise ParameterError(f"expected exactly one of {' or '.join(factors)}, got {names or 'none'}")

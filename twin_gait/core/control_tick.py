@@ -22,6 +22,7 @@ from twin_gait.core.impedance import impedance_torque
 # compensation.
 STIFFNESS, DAMPING, EQUILIBRIUM, GAIN = range(4)
 COLUMNS_PER_JOINT = 4
+_ROOM = 16  # windows of any length up to the next multiple share one compiled loop
 
 
 @dataclass(slots=True)
@@ -36,7 +37,8 @@ class Encoder:
         last_angle: Of the tick before.
         last_fast: Fast velocity of the tick before.
         decimated_angle: Angle at the last slow sample.
-        ring: Last slow samples in [rad] / [s].
+        window: Slow samples that are averaged.
+        ring: Last slow samples in [rad] / [s], with room for more than the window.
     """
 
     resolution: float
@@ -46,6 +48,7 @@ class Encoder:
     last_angle: float
     last_fast: float
     decimated_angle: float
+    window: int
     ring: list[float]
 
 
@@ -57,7 +60,8 @@ def new_encoder(resolution: float, angle: float, window: int) -> Encoder:
         angle: In [rad].
         window: Slow samples that are averaged.
     """
-    return Encoder(resolution, angle, 0.0, 0.0, 0.0, 0.0, 0.0, [0.0] * window)
+    room = -(-window // _ROOM) * _ROOM
+    return Encoder(resolution, angle, 0.0, 0.0, 0.0, 0.0, 0.0, window, [0.0] * room)
 
 
 def measure_joint(
@@ -91,7 +95,7 @@ def measure_joint(
     if tick % decimation == 0:
         sample = (angle - encoder.decimated_angle) / (decimation * period)
         encoder.decimated_angle = angle
-        window = len(encoder.ring)
+        window = encoder.window
         encoder.ring[(tick // decimation) % window] = sample
         total = 0.0
         for position in range(window):
@@ -201,6 +205,23 @@ def controller_torques(
     return impedance, friction_compensation_gain * model_friction_torque
 
 
+def target_current(motor: Motor, command: float, torque_limit: float, current_limit: float) -> float:
+    """Current that the firmware asks the drive for: torque limit, conversion, current limit.
+
+    Args:
+        motor: Motor and gear.
+        command: Sum of the controller's torques in [N m].
+        torque_limit: In [N m].
+        current_limit: In [A].
+
+    Returns:
+        Current in [A].
+    """
+    limited = saturate(command, torque_limit)
+    wanted = torque_to_current(limited, motor.torque_constant, motor.gear_ratio, motor.gear_efficiency)
+    return saturate(wanted, current_limit)
+
+
 def drive_motor(
     motor: Motor,
     command: float,
@@ -225,9 +246,7 @@ def drive_motor(
     Returns:
         Target current in [A], measured current in [A], motor torque at the joint in [N m].
     """
-    limited = saturate(command, torque_limit)
-    wanted = torque_to_current(limited, motor.torque_constant, motor.gear_ratio, motor.gear_efficiency)
-    target = saturate(wanted, current_limit)
+    target = target_current(motor, command, torque_limit, current_limit)
     current = voltage_limited_current(
         target, joint_velocity, bus_voltage, motor.resistance, motor.torque_constant, motor.gear_ratio
     )

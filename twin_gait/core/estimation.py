@@ -1,8 +1,11 @@
-"""Encoder and the two velocity estimates of the firmware."""
+"""Encoder and the two velocity estimates of the firmware, and samples that come late."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+
+_ROOM = 16  # delays up to the next multiple share one compiled loop
 
 
 def quantise(angle: float, resolution: float) -> float:
@@ -47,3 +50,41 @@ def first_order_step(estimate: float, sample: float, gain: float) -> float:
         Filter output after.
     """
     return estimate + gain * (sample - estimate)
+
+
+@dataclass(slots=True)
+class DelayLine:
+    """Samples that are under way.
+
+    Attributes:
+        delay: How many samples later one is used.
+        samples: Taken in turn, with room for more than the delay.
+    """
+
+    delay: int
+    samples: list[float]
+
+
+def new_delay_line(delay: int) -> DelayLine:
+    """A delay line that is full of zeros.
+
+    Args:
+        delay: In samples, 0 or more.
+    """
+    return DelayLine(delay, [0.0] * ((delay // _ROOM + 1) * _ROOM))
+
+
+def delayed_sample(line: DelayLine, number: int, sample: float) -> float:
+    """Put a sample in at one end and take the one that is due out at the other.
+
+    Args:
+        line: Changed in place.
+        number: Of the sample, from 0 on.
+        sample: The new one.
+
+    Returns:
+        The sample whose number is smaller by the delay; 0 if there was none yet.
+    """
+    size = line.delay + 1
+    line.samples[number % size] = sample
+    return line.samples[(number + 1) % size]

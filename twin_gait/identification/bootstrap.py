@@ -60,7 +60,7 @@ def uncertainty(fit: Fit, samples: Samples, seed: int) -> Uncertainty:
         The uncertainty.
     """
     model = fit.model
-    rows = rows_of(model, samples, fit.most_samples)  # more than were fitted would promise too much
+    rows = rows_of(model, samples)  # more than were fitted would promise too much
     values, matrix = residuals(model, fit.x, rows), jacobian(model, fit.x, rows)
     free = np.setdiff1d(np.arange(model.size), fit.at_bound)
     scale = np.sqrt((matrix[:, free] ** 2).sum(axis=0))

@@ -33,6 +33,7 @@ _REFIT_TOLERANCE = 1e-7  # of the loss: a fold's error is wanted to four digits,
 _COARSE = 2_000  # samples of the descent before the last one
 _CLOSEST, _EXACT_SAMPLES = 1e-15, 2_000  # tolerance of the loss; up to how many samples it holds
 _NEGLIGIBLE = 1e-5  # of the loss per sample and variance: far below what noise moves the parameters by
+MOST_SAMPLES = 40_000  # that a fit uses, evenly taken; statistics use all
 _GROSS_SIGMAS = 6.0  # robust standard deviations beyond which a residual may be an outlier
 _ALONE = 0.5  # share of such residuals with none beside them
 
@@ -52,13 +53,11 @@ class FitOptions:
     Attributes:
         loss: Weighing of residuals.
         physical: Whether torques and coefficients must be 0 or more and break-away at least Coulomb.
-        most_samples: A fit uses at most so many, evenly taken; statistics use all.
         seed: Of the starts.
     """
 
     loss: Loss = Loss.AUTO
     physical: bool = False
-    most_samples: int = 40_000
     seed: int = 0
 
 
@@ -73,7 +72,6 @@ class Fit:
         high: Upper bounds of x.
         sigma: Robust standard deviation of the residuals in [N m].
         threshold: Of Huber's loss in [N m]; infinite for least squares.
-        most_samples: How many were fitted at most, evenly taken.
     """
 
     model: FrictionModel
@@ -82,7 +80,6 @@ class Fit:
     high: np.ndarray
     sigma: float
     threshold: float
-    most_samples: int = FitOptions.most_samples
 
     def residuals(self, samples: Samples) -> np.ndarray:
         """Measured less predicted torque of the samples that are used, in [N m]."""
@@ -140,7 +137,7 @@ def fit_model(
     Returns:
         The fit.
     """
-    full = rows_of(model, samples, options.most_samples)
+    full = rows_of(model, samples)
     low, high = bounds(model, full, physical=options.physical)
     x = _best_start(model, full, low, high, seeds, options)
     x = _descended(model, samples, full, x, low, high, math.inf)
@@ -153,7 +150,7 @@ def fit_model(
             threshold = HUBER_SIGMAS * sigma
             x = _descended(model, samples, full, x, low, high, threshold)
             sigma = _robust_sigma(residuals(model, x, full)) or sigma
-    return Fit(model, x, low, high, sigma, threshold, options.most_samples)
+    return Fit(model, x, low, high, sigma, threshold)
 
 
 def _wants_huber(loss: Loss, values: np.ndarray, sigma: float) -> bool:
@@ -194,14 +191,15 @@ def _tolerance(samples: Samples) -> float:
     return _CLOSEST if number <= _EXACT_SAMPLES else _NEGLIGIBLE / number
 
 
-def rows_of(model: FrictionModel, samples: Samples, limit: int) -> Samples:
+def rows_of(model: FrictionModel, samples: Samples, limit: int | None = None) -> Samples:
     """Samples that a model is fitted to: at most so many count, and a state keeps its path."""
+    limit = MOST_SAMPLES if limit is None else limit
     return thinned_path(samples, limit) if model.dynamic else thinned(samples.used_only(), limit)
 
 
-def refit(fit: Fit, samples: Samples, options: FitOptions) -> Fit:
+def refit(fit: Fit, samples: Samples) -> Fit:
     """Fit to much the same samples, from a fit of them and with its loss."""
-    full = rows_of(fit.model, samples, options.most_samples)
+    full = rows_of(fit.model, samples)
     x = refine(fit.model, full, fit.x, fit.low, fit.high, fit.threshold, tolerance=_REFIT_TOLERANCE)
     return replace(fit, x=x)
 

@@ -179,7 +179,7 @@ def identify_tests(
         labels = [
             item if fit.model.dynamic else replace(item, labels=item.labels[samples.used]) for item in folds
         ]
-        validations = [cross_validate(fit, rows, item, options.fit, steps.advance) for item in labels]
+        validations = [cross_validate(fit, rows, item, steps.advance) for item in labels]
         found.append(_assess(fit, tests, samples, validations, options))
     progress(total, total)
     return Identification(

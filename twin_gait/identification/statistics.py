@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from twin_gait.identification.fitting import Fit, FitOptions, refit
+from twin_gait.identification.fitting import Fit, refit
 from twin_gait.identification.samples import FrictionTest, Samples
 
 
@@ -121,11 +121,7 @@ def folds_of(tests: Sequence[FrictionTest], samples: Samples) -> list[Folds]:
 
 
 def cross_validate(
-    fit: Fit,
-    samples: Samples,
-    folds: Folds,
-    options: FitOptions,
-    step: Callable[[], None] = lambda: None,
+    fit: Fit, samples: Samples, folds: Folds, step: Callable[[], None] = lambda: None
 ) -> CrossValidation:
     """Fit without each fold and predict it.
 
@@ -138,7 +134,7 @@ def cross_validate(
         inside, outside = _without(samples, out), _without(samples, ~out)
         if not outside.used.any() or inside.used.sum() <= 2 * fit.model.size:
             continue
-        again = refit(fit, inside, options)
+        again = refit(fit, inside)
         left = again.residuals(outside)
         total, count, number = total + float(left @ left), count + len(left), number + 1
         step()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from twin_gait.experiment.problem import Problem
 from twin_gait.live.protocol import (
     Action,
     ActionSpec,
@@ -17,7 +18,6 @@ from twin_gait.live.protocol import (
 from twin_gait.live.protocol.to_page import checked
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.scenario.faults import FOOT, Fault, FaultKind, parse_fault
-from twin_gait.simulation.problem import Problem
 
 LONGEST_PUSH = 2.0  # [s]
 EVERYTHING = "all"

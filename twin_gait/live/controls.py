@@ -17,6 +17,7 @@ import numpy as np
 from twin_gait.checking.check import build_case
 from twin_gait.checking.sense import STIFFNESS_RANGES
 from twin_gait.experiment import Experiment
+from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.gait.table import GaitTable
 from twin_gait.live.actions import EVERYTHING
 from twin_gait.live.protocol import Control, ControlKind, MessageRefused, Value
@@ -32,7 +33,6 @@ from twin_gait.live.settings import (
     resolved_damping,
 )
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import JointName, Side
 
 _DEGREE = math.pi / 180.0

@@ -25,7 +25,7 @@ from twin_gait.live.protocol import (
     read_message,
 )
 from twin_gait.live.session import LiveSession
-from twin_gait.runs.record import belt_speed_of, describe
+from twin_gait.runs.run_page import belt_speed_of, describe
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.viewer.live.figure import LiveFigure
 from twin_gait.viewer.live.page import panel_page

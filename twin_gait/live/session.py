@@ -85,7 +85,6 @@ class LiveSession:
         user: str = "",
         force: bool = False,
         pictures: bool = True,
-        paused: bool = False,
         records: Path | None = None,
         on_compile: Callable[[], None] | None = None,
         on_step: Callable[[str], None] | None = None,
@@ -110,7 +109,6 @@ class LiveSession:
             "force": force,
             "pictures": pictures,
         }
-        self._paused = paused
         self._records, self._on_compile = records, on_compile
         self._on_step = on_step or (lambda name: None)
         self._walks: list[Path] = []  # run folders to come
@@ -166,8 +164,7 @@ class LiveSession:
             raise
         self._worker = threading.Thread(target=self._work_off, name="live worker", daemon=True)
         self._worker.start()
-        if not self._paused:
-            self._loop.ask({"command": "walk"})
+        self._loop.ask({"command": "walk"})
 
     def _begin(self) -> None:
         """Start the process; while it gets ready, check what the session begins with."""

@@ -94,7 +94,7 @@ class LegRecord:
         return self._steady_strides(self.entries)[skip:]
 
     def _steady_strides(self, events: np.ndarray) -> np.ndarray:
-        bounds = stride_bounds(events, skip=0)
+        bounds = stride_bounds(events)
         first, last = (time / self.tick for time in self.steady)
         return bounds[(bounds[:, 0] >= first) & (bounds[:, 1] <= last)]
 

@@ -19,18 +19,17 @@ PERCENT = np.arange(101.0)  # [%] of the stride; the last sample is the first of
 PERCENT.setflags(write=False)
 
 
-def stride_bounds(events: np.ndarray, *, skip: int = SKIPPED_STRIDES) -> np.ndarray:
+def stride_bounds(events: np.ndarray) -> np.ndarray:
     """Strides between events that begin one.
 
     Args:
         events: Ticks in ascending order, shape ``(n,)``.
-        skip: So many strides at the start do not count.
 
     Returns:
         First tick of each stride and of the next one, shape ``(n_strides, 2)``, integers.
     """
     ticks = np.asarray(events, dtype=int)
-    return np.column_stack((ticks[:-1], ticks[1:]))[skip:]
+    return np.column_stack((ticks[:-1], ticks[1:]))
 
 
 def stride_count(counted: int, found: int) -> str:

@@ -139,23 +139,22 @@ def low_pass(signal: np.ndarray, tick: float, cut_off: float) -> np.ndarray:
     return np.convolve(np.pad(signal, reach, mode="edge"), kernel / kernel.sum(), mode="valid")
 
 
-def joint_jerk(velocity: np.ndarray, tick: float, *, cut_off: float = JERK_CUT_OFF) -> np.ndarray:
+def joint_jerk(velocity: np.ndarray, tick: float) -> np.ndarray:
     r"""Jerk of a joint, :math:`d^2\omega/dt^2`, by central differences of the low-passed velocity.
 
     A torque that steps gives a jerk that is not bounded: without a filter its root mean square would grow as
-    the tick shrinks. The default cut-off lets the 25 ms of a short blend through.
+    the tick shrinks. The cut-off lets the 25 ms of a short blend through.
 
     Args:
         velocity: In [rad] / [s], one value a tick, shape ``(n,)``.
         tick: Sampling period in [s].
-        cut_off: Of :func:`low_pass` in [Hz].
 
     Returns:
         Jerk in [rad] / [s³], 0 in the first and the last tick, shape ``(n,)``.
     """
     jerk = np.zeros(len(velocity))
     if len(velocity) > 2:
-        jerk[1:-1] = np.diff(low_pass(velocity, tick, cut_off), n=2) / (tick * tick)
+        jerk[1:-1] = np.diff(low_pass(velocity, tick, JERK_CUT_OFF), n=2) / (tick * tick)
     return jerk
 
 

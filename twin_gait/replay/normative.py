@@ -48,13 +48,12 @@ def is_normative(name: str) -> bool:
     return name == WINTER or name.startswith(f"{KOOPMAN}@")
 
 
-def normative_walk(name: str, *, height: float | None = None, strides: int = STRIDES) -> NormativeWalk:
+def normative_walk(name: str, *, strides: int = STRIDES) -> NormativeWalk:
     """Make a walk of curves from the literature.
 
     Args:
         name: ``koopman@1.5`` for the regression of Koopman et al. (2014) at a walking speed in km/h, or
             ``winter`` for the means of Winter (1991) at natural cadence.
-        height: Body height in [m] of the regression; that of the default wearer if None.
         strides: How many.
 
     Returns:
@@ -63,7 +62,7 @@ def normative_walk(name: str, *, height: float | None = None, strides: int = STR
     Raises:
         ParameterError: If there is no such walk, or the regression does not reach the speed.
     """
-    curve, joints, speed, cycle_time = _winter() if name == WINTER else _koopman(name, height)
+    curve, joints, speed, cycle_time = _winter() if name == WINTER else _koopman(name)
     time = np.arange(round(strides * cycle_time / TICK)) * TICK
     angles = {}
     for side, lead in ((Side.LEFT, 0.0), (Side.RIGHT, 0.5)):
@@ -76,14 +75,14 @@ def _winter() -> tuple[Curve, tuple[JointName, ...], float, float]:
     return normative_angle, WINTER_JOINTS, WINTER_SPEED, WINTER_CYCLE_TIME
 
 
-def _koopman(name: str, height: float | None) -> tuple[Curve, tuple[JointName, ...], float, float]:
+def _koopman(name: str) -> tuple[Curve, tuple[JointName, ...], float, float]:
     speed = _speed(name)
-    body_height = Patient().height if height is None else height
+    height = Patient().height
 
     def curve(joint: JointName, percent: np.ndarray) -> np.ndarray:
-        return reference_curve(joint, percent, speed=speed, height=body_height)
+        return reference_curve(joint, percent, speed=speed, height=height)
 
-    return curve, tuple(JointName), speed, reference_cycle_time(speed, body_height)
+    return curve, tuple(JointName), speed, reference_cycle_time(speed, height)
 
 
 def _speed(name: str) -> float:

@@ -58,14 +58,15 @@ def new_figure(run: Run, title: str, *, height: float, width: float = SCREEN_WID
 def describe(run: Run) -> str:
     """One line that says whose run it is."""
     experiment = run.experiment
-    parts = [experiment.name, _wearer(experiment.patient)]
+    parts = [experiment.name, wearer_words(experiment.patient)]
     if isinstance(experiment.scenario, TreadmillScenario):
         parts.append(f"{experiment.scenario.belt_speed:.2f} m/s")
         parts.append(f"{100.0 * experiment.scenario.support.share:.0f} % of the weight supported")
     return " · ".join([*parts, f"{run.duration:.1f} s", str(run.verdict.outcome or run.status)])
 
 
-def _wearer(patient: Patient | None) -> str:
+def wearer_words(patient: Patient | None) -> str:
+    """Mass and height of a wearer, if there is one."""
     return "no wearer" if patient is None else f"{patient.mass:g} kg, {patient.height:.2f} m"
 
 

@@ -5,14 +5,12 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -22,21 +20,17 @@ from twin_gait.configuration.experiments import load_experiment, resolved_docume
 from twin_gait.control import Trip, TripCause
 from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment
+from twin_gait.experiment.problem import scaled_table
 from twin_gait.files import read_parquet, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.outcome import RunEvent, run_events
-from twin_gait.parameters import Patient
 from twin_gait.report.figures import write_figures
 from twin_gait.runs.folders import FolderKind, journal_of
+from twin_gait.runs.run_page import page_of, shown_run
 from twin_gait.runs.summary import summarise, versions
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
-from twin_gait.simulation.problem import scaled_table
 from twin_gait.simulation.run import Run, RunStatus
-from twin_gait.viewer.animation import write_animation
-from twin_gait.viewer.motion import held_rows
-from twin_gait.viewer.surroundings import Belt
 from twin_gait.vocabulary import JointName, Side
 
 EXPERIMENT_FILE = "experiment.yaml"
@@ -133,7 +127,7 @@ def write_run(
         (directory / FIGURES_FOLDER).mkdir()
         write_figures(run, directory / FIGURES_FOLDER)
         tell(ANIMATION_FILE)
-        _write_run_animation(run, directory / ANIMATION_FILE)
+        write_atomically(directory / ANIMATION_FILE, page_of([shown_run(run)]))
     return summary
 
 
@@ -177,54 +171,6 @@ def _read_switches(path: Path, table: GaitTable) -> tuple[PhaseSwitch, ...]:
         return tuple(PhaseSwitch(*row, places[row[2:]]) for row in rows)
     except (OSError, ValueError, KeyError) as error:
         raise RunDirectoryError(f"{path}: cannot be read ({error!r})") from error
-
-
-def _write_run_animation(run: Run, path: Path) -> None:
-    """Write the animation of a run."""
-    experiment = run.experiment
-    belt = belt_speed_of(experiment)
-    write_animation(
-        path,
-        run.log,
-        experiment.build_world().model,
-        title=f"twin_gait · {experiment.name}",
-        subtitle=describe(experiment.patient, belt),
-        belt_speed=belt_motion_of(experiment, run.log),
-        patient=experiment.patient,
-        events=run.events,
-        outcome=run.verdict.outcome or run.status,
-    )
-
-
-def belt_speed_of(experiment: Experiment) -> float:
-    """Speed of the belt in [m] / [s], of one that starts and stops in between; 0 on the bench."""
-    scenario = experiment.scenario
-    return scenario.belt_speed if isinstance(scenario, TreadmillScenario) else 0.0
-
-
-def belt_motion_of(experiment: Experiment, log: pd.DataFrame) -> Belt:
-    """How the belt moved in a run, as the viewer takes it."""
-    scenario, tripped = experiment.scenario, trip_time_of(log)
-    if isinstance(scenario, TreadmillScenario) and (scenario.belt is not None or math.isfinite(tripped)):
-        return partial(scenario.belt_travel, trip_time=tripped)
-    return belt_speed_of(experiment)
-
-
-def trip_time_of(log: pd.DataFrame) -> float:
-    """Time of the trip in a log in [s]; infinite without one, and in logs of earlier versions."""
-    held = np.flatnonzero(held_rows(log))
-    return float(log["time_s"].iloc[held[0]]) if len(held) else math.inf
-
-
-def describe(patient: Patient | None, belt_speed: float) -> str:
-    """One line on wearer and belt speed.
-
-    Args:
-        patient: The wearer, or None.
-        belt_speed: In [m] / [s]; 0 on the bench.
-    """
-    who = "no wearer" if patient is None else f"{patient.mass:g} kg, {patient.height:.2f} m"
-    return who if belt_speed == 0.0 else f"{who}, {3.6 * belt_speed:.2f} km/h"
 
 
 def load_run(directory: Path) -> StoredRun:

@@ -12,6 +12,8 @@ from twin_gait.core.friction import ASYMMETRIC, BRISTLE, Friction
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.experiment import ControlMode, IntegrationMethod
+from twin_gait.experiment.problem import Problem
+from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import (
@@ -27,7 +29,6 @@ from twin_gait.simulation.episode import (
     Stages,
     Supply,
 )
-from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import Record, copied, taken_from
 from twin_gait.simulation.watching import (
     NEVER,
@@ -36,7 +37,6 @@ from twin_gait.simulation.watching import (
     ticks,
     watch_bounds,
 )
-from twin_gait.simulation.wearing import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.vocabulary import JointName
 
 MOST_SWITCHES_PER_SECOND = 200

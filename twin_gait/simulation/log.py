@@ -20,6 +20,7 @@ LOG_SCHEMA_VERSION = 1
 _SUFFIXES = {
     "rad": "rad",
     "rad/s": "rad_per_s",
+    "rad/s²": "rad_per_s2",
     "N m": "Nm",
     "A": "A",
     "N m/rad": "Nm_per_rad",

@@ -1,14 +1,15 @@
 """One definition of a record: its class for mypy, a dtype of it for NumPy and numba, plain instances.
 
 A record is a dataclass with slots whose fields are ``float``, ``int``, ``bool``, other records, or lists of
-them, all entries of a list alike. An instance gives the lengths of the lists, and so the dtype; a list that
-is empty, or a field that is :data:`ABSENT`, is left out of it, and only code that a constant rules out may
-name it. Records are never assigned as a whole: that copies in compiled code and aliases in plain Python.
+them, all entries of a list alike; parameters that do not change may stand in it as they are declared. An
+instance gives the lengths of the lists, and so the dtype; a list that is empty, or a field that is
+:data:`ABSENT` or of another kind, is left out of it, and only code that a constant rules out may name it.
+Records are never assigned as a whole: that copies in compiled code and aliases in plain Python.
 """
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import Any, TypeVar, get_args, get_type_hints
 
 import numpy as np
@@ -45,31 +46,34 @@ def dtype_of(sample: Any) -> np.dtype[Any]:
     layout = []
     for name, kind in _kinds(type(sample)):
         value, shape = getattr(sample, name), []
-        while isinstance(value, list):
+        while isinstance(value, (list, tuple)):
             shape.append(len(value))
             value = value[0] if value else ABSENT
-        if value is not ABSENT:
+        if value is not ABSENT and (kind in _CODES or is_dataclass(kind)):
             layout.append((name, _CODES.get(kind) or dtype_of(value), tuple(shape)))
     return np.dtype(layout, align=True)
 
 
-def write(sample: Any, record: Any) -> None:
-    """Write an instance into a NumPy record of its dtype.
+def stored(sample: Any) -> np.ndarray[Any, np.dtype[Any]]:
+    """An instance as a NumPy record.
 
-    Args:
-        record: Entry of a structured array; changed in place.
+    Returns:
+        Shape ``(1,)``; its entry is the record.
     """
+    return np.array([entries(sample)], dtype_of(sample))
+
+
+def entries(sample: Any) -> tuple[Any, ...]:
+    """Values of an instance in the order of its dtype, as NumPy takes them for a record."""
+    result = []
     for name, kind in _kinds(type(sample)):
-        if name not in record.dtype.names:
-            continue
         value = getattr(sample, name)
-        if kind in _CODES:
-            record[name] = value
-        elif isinstance(value, list):
-            for place, entry in enumerate(value):
-                write(entry, record[name][place])
-        else:
-            write(value, record[name])
+        if value is ABSENT or value == []:
+            continue
+        if kind not in _CODES:
+            value = [entries(item) for item in value] if isinstance(value, list) else entries(value)
+        result.append(value)
+    return tuple(result)
 
 
 def numbers_in(sample: Any) -> list[float]:

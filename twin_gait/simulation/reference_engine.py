@@ -14,14 +14,14 @@ import numpy as np
 from twin_gait.control.controller import ControllerFunction, checked
 from twin_gait.core.control_tick import controller_torques
 from twin_gait.core.guards import NO_TRANSITION
+from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiled_engine import written_kernel
+from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.engine import EngineResult, log_layout, run_in_chunks, switches_of
 from twin_gait.simulation.episode import COMPLETED, Episode, Switch
 from twin_gait.simulation.log import LogRow
 from twin_gait.simulation.pinocchio_kernel import PinocchioKernel
-from twin_gait.simulation.problem import Problem
 from twin_gait.simulation.record import numbers_in
 from twin_gait.simulation.rooms.tick import run_ticks
 from twin_gait.simulation.watching import trip_of
@@ -54,7 +54,7 @@ class ReferenceEngine:
         """
         self.problem = problem
         self.layout = log_layout(problem)
-        _, self.episode, structure = written_kernel(problem)
+        _, self.episode, structure = laid_out(problem)
         self.machines = [
             GaitStateMachine(
                 problem.table, side, initial_phase=problem.world.initial_phases[side], program=problem.program
@@ -117,7 +117,8 @@ class ReferenceEngine:
         """
         for tick in range(first, end):
             self._run_ticks(self.episode, tick, tick + 1)
-            rows[tick] = numbers_in(self._row)
+            if self.episode.recording.on:
+                rows[tick] = numbers_in(self._row)
             if self.episode.status != COMPLETED:
                 return tick + 1
         return end

@@ -8,8 +8,8 @@ from collections.abc import Callable
 
 from twin_gait.control.controller import ControllerFunction, require_arguments
 from twin_gait.experiment import Engine, Experiment
+from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run, log_table
 

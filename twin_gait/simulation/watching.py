@@ -8,10 +8,10 @@ from twin_gait.control import Trip, TripCause
 from twin_gait.core.faults import Fault
 from twin_gait.core.safety import Bounds
 from twin_gait.experiment import ControlMode
+from twin_gait.experiment.problem import ActuatedJoint, Problem
 from twin_gait.gait.table import TICK
 from twin_gait.scenario.faults import Fault as InjectedFault
 from twin_gait.scenario.faults import FaultKind
-from twin_gait.simulation.problem import ActuatedJoint, Problem
 
 NEVER = int(np.iinfo(np.int64).max)
 

@@ -122,7 +122,6 @@ def run_jobs(
     items: Sequence[Item],
     *,
     workers: int | Workers = 1,
-    cluster: str | None = None,
     first: Callable[[Item], Result] | None = None,
     progress: Progress | None = None,
     should_stop: Callable[[], bool] | None = None,
@@ -138,8 +137,7 @@ def run_jobs(
     Args:
         function: The function.
         items: Its arguments.
-        workers: Processes, or :class:`Workers` that stay from one call to the next.
-        cluster: Address of a Dask scheduler, in place of processes.
+        workers: Processes, or :class:`Workers` that stay from one call to the next, maybe those of a cluster.
         first: Does the first item, in the calling process and before the others begin: the same function
             with something added, such as a message while the engine is compiled, which then no worker has to.
         progress: Called with items done and in all.
@@ -150,11 +148,11 @@ def run_jobs(
 
     Raises:
         JobFailed: If a call raised an error of this package, telling which.
-        ParameterError: If the workers are below 1, or there is no scheduler at the address.
+        ParameterError: If the workers are below 1.
         WorkersLost: If workers die again and again with the same item, or the cluster is lost.
     """
     if isinstance(workers, int):
-        with Workers(workers, cluster) as own:
+        with Workers(workers) as own:
             return run_jobs(
                 function, items, workers=own, first=first, progress=progress, should_stop=should_stop
             )

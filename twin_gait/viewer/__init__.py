@@ -1,9 +1,1 @@
-"""See a run or a URDF: one page to keep, or a live page in the browser.
-
-What is offered here is imported when it is first asked for: a finished page needs neither Pinocchio nor
-pandas.
-"""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+"""See a run or a URDF: one page to keep, or a live page in the browser."""

@@ -1,15 +1,13 @@
-"""Write a run as one page that plays anywhere, without a server and without a network."""
+"""A run as a page holds it that plays anywhere, without a server and without a network."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.leg_model import LegModel
 from twin_gait.measures.leg_record import leg_record
@@ -18,8 +16,8 @@ from twin_gait.palette import phase_colour
 from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Recorder, Track, rgb, set_animation
-from twin_gait.viewer.motion import FRAMES_PER_SECOND, LegMotion, Motion, held_rows, read_motion
-from twin_gait.viewer.page import leg_entry, packed, packed_json, page_data, recorded_page
+from twin_gait.viewer.motion import LegMotion, Motion, held_rows, read_motion
+from twin_gait.viewer.page import leg_entry, packed, packed_json, page_data
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.surroundings import Belt
@@ -32,68 +30,15 @@ _DECIMALS = 6  # of positions in [m] and quaternions: 1 µm, and 2 µrad
 _CURVE_DECIMALS, _FORCE_DECIMALS = 4, 2  # of angles in [deg] and torques in [N m], and of forces in [N]
 
 
-def write_animation(
-    path: str | Path,
-    log: pd.DataFrame,
-    model: LegModel,
-    *,
-    title: str,
-    subtitle: str = "",
-    belt_speed: Belt = 0.0,
-    patient: Patient | None = None,
-    phases: Sequence[str] | None = None,
-    frames_per_second: float = FRAMES_PER_SECOND,
-    moments: Sequence[float] = (),
-    events: Sequence[RunEvent] = (),
-    outcome: str = "",
-) -> Path:
-    """Write a run as one self-contained HTML page.
-
-    The page plays from a file in any browser of 2023 or later; ``#t=3.2`` in its address shows that
-    moment. An existing file is replaced only when the new one is complete.
-
-    Args:
-        path: The HTML file.
-        log: One row per tick, with the columns of a run.
-        model: The model that the log is about.
-        title: Heading of the page; any text.
-        subtitle: Line below it; any text.
-        belt_speed: Of the treadmill in [m] / [s], or the way that the belt has gone by a time; 0 on the
-            bench.
-        patient: The wearer to draw, or None.
-        phases: Names of the phases in order; those of the log if None.
-        frames_per_second: Frames recorded per second of the run; each change of a phase has one too.
-        moments: Further moments to have a frame of, in [s].
-        events: Events of the run; each has a frame too.
-        outcome: How it ended, in a word.
-
-    Returns:
-        The file.
-
-    Raises:
-        ModelError: If the URDF cannot be read.
-        RunDirectoryError: If the file cannot be written.
-        ViewerError: If the log does not fit the model.
-    """
-    path = Path(path)
-    run = recorded_run(
-        log, model, title=title, subtitle=subtitle, belt_speed=belt_speed, patient=patient, phases=phases,
-        frames_per_second=frames_per_second, moments=moments, events=events, outcome=outcome,
-    )  # fmt: skip
-    write_atomically(path, recorded_page([run]))
-    return path
-
-
 def recorded_run(
     log: pd.DataFrame,
     model: LegModel,
     *,
     title: str,
+    frames_per_second: float,
     subtitle: str = "",
     belt_speed: Belt = 0.0,
     patient: Patient | None = None,
-    phases: Sequence[str] | None = None,
-    frames_per_second: float = FRAMES_PER_SECOND,
     moments: Sequence[float] = (),
     notes: Sequence[str] = (),
     events: Sequence[RunEvent] = (),
@@ -101,14 +46,28 @@ def recorded_run(
 ) -> dict[str, Any]:
     """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
 
-    The arguments are those of :func:`write_animation`, and ``notes`` that stand below the heading.
+    The page plays from a file in any browser of 2023 or later; ``#t=3.2`` in its address shows that moment.
+
+    Args:
+        log: One row per tick, with the columns of a run.
+        model: The model that the log is about.
+        title: Heading of the page; any text.
+        frames_per_second: Of the run; each change of a phase has a frame too.
+        subtitle: Line below the heading; any text.
+        belt_speed: Of the treadmill in [m] / [s], or the way that the belt has gone by a time; 0 on the
+            bench.
+        patient: The wearer to draw, or None.
+        moments: Further moments to have a frame of, in [s].
+        notes: What else a reader has to know.
+        events: Events of the run; each has a frame too.
+        outcome: How it ended, in a word.
 
     Raises:
         ModelError: If the URDF cannot be read.
         ViewerError: If the log does not fit the model.
     """
     moments = [*moments, *(event.time for event in events)]
-    motion = read_motion(log, model, frames_per_second=frames_per_second, phases=phases, moments=moments)
+    motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments)
     recorder = Recorder()
     scene = build_scene(recorder, model, patient=patient)
     scene.draw_trails(motion)

@@ -51,7 +51,6 @@ class Material:
         colour: Red, green and blue from 0 to 1.
         opacity: From 0 to 1.
         roughness: 0 is a mirror, 1 is chalk.
-        metalness: 0 is plastic, 1 is metal.
         glow: Share of the colour that needs no light.
         two_sided: Whether the inside is drawn too; for meshes that may have holes.
     """
@@ -59,7 +58,6 @@ class Material:
     colour: Colour
     opacity: float = 1.0
     roughness: float = 0.55
-    metalness: float = 0.0
     glow: float = 0.0
     two_sided: bool = False
 
@@ -206,7 +204,7 @@ def _surface(material: Material, shape: Shape) -> Command:
         "side": 2 if material.two_sided else 0,
     }
     if surface["type"] == "MeshStandardMaterial":
-        surface |= {"roughness": material.roughness, "metalness": material.metalness}
+        surface |= {"roughness": material.roughness, "metalness": 0.0}
     if material.glow > 0.0:
         surface["emissive"] = _integer(tuple(material.glow * value for value in material.colour))
     if material.opacity < 1.0 or shape.opacity is not None:

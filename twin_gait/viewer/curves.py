@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-
-from twin_gait.files import finite_or_none
 
 FAITHFUL = 0.002  # of its range that a drawn curve may be off the log, at any tick
 EXTREMES_TICKS = 5  # in which a live curve has its smallest and its largest value: 200 spans a second
@@ -22,19 +20,6 @@ class Curve(NamedTuple):
 
     times: np.ndarray
     values: np.ndarray
-
-    def at(self, time: float) -> float:
-        """Value of the last point that is not after a time in [s]."""
-        return float(self.values[max(0, int(np.searchsorted(self.times, time, side="right")) - 1)])
-
-    def between(self, after: float, until: float) -> Curve:
-        """The points after a time in [s] up to another."""
-        inside = slice(*np.searchsorted(self.times, (after, until), side="right"))
-        return Curve(self.times[inside], self.values[inside])
-
-    def to_dict(self) -> dict[str, list[Any]]:
-        """Times and values as a page takes them; what is not a number becomes null."""
-        return {"times": self.times.tolist(), "values": [finite_or_none(value) for value in self.values]}
 
 
 def corners(values: np.ndarray, kept: np.ndarray, tolerance: float) -> np.ndarray:

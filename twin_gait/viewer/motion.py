@@ -102,7 +102,6 @@ def read_motion(
     model: LegModel,
     *,
     frames_per_second: float = FRAMES_PER_SECOND,
-    phases: Sequence[str] | None = None,
     moments: Sequence[float] = (),
 ) -> Motion:
     """Pick the frames to show out of a log.
@@ -111,7 +110,6 @@ def read_motion(
         log: One row per tick, with the columns of a run.
         model: The model that the log is about.
         frames_per_second: In the time of the log; fewer if the log is very long.
-        phases: Names of the phases in order; those of the log if None.
         moments: Further moments to show in [s] since the first row.
 
     Returns:
@@ -119,7 +117,7 @@ def read_motion(
         after a coordinate that is not finite (a run that diverged) are left out.
 
     Raises:
-        ViewerError: If the log is empty, lacks a coordinate of the model or has an unknown phase.
+        ViewerError: If the log is empty, lacks a coordinate of the model or has a row without a phase.
     """
     if not frames_per_second > 0.0:
         raise ViewerError(f"frames_per_second: expected a number above 0, got {frames_per_second!r}")
@@ -129,7 +127,7 @@ def read_motion(
     if n_rows == 0:
         raise ViewerError("the log has no row that can be shown; run the simulation again")
     clock = log["time_s"].to_numpy(dtype=float)[:n_rows]
-    names = tuple(phases) if phases is not None else phase_names(log, model.sides)
+    names = phase_names(log, model.sides)
     if held_rows(log).any():
         names = (*names, HOLD)
     spells = {side: _spells(log.iloc[:n_rows], clock, side, names) for side in model.sides}

@@ -211,18 +211,17 @@ def recorded_page(runs: Sequence[Mapping[str, Any]], *, mode: str = "recorded") 
     )
 
 
-def live_page(*, style: str = "", panel: str = "", script: str = "", socket: str | None = "/socket") -> str:
-    """The page of a live viewer, which gets its data over a web socket.
+def live_page(*, style: str, panel: str, script: str) -> str:
+    """The page of a live walk.
 
     Args:
         panel: Further HTML, between the curves and the bar.
-        script: Further script, after the page's own; it finds ``window.twinGait``.
-        socket: Path of the web socket on the same server, or None if the script brings the data itself.
+        script: Further script, after the page's own; it brings the data to ``window.twinGait``.
     """
     return _fill(
         policy=LIVE_POLICY,
         title="twin_gait",
-        data=embedded_json({"mode": "live", "socket": socket}),
+        data=embedded_json({"mode": "live"}),
         bundle=_inside_script(_bundle()),
         more_style=style,
         panel=panel,

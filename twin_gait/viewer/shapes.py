@@ -32,7 +32,7 @@ class Shape(NamedTuple):
     colours: np.ndarray | None = None
 
 
-def rounded_box(size: Sequence[float], radius: float, steps: int = 2) -> Shape:
+def rounded_box(size: Sequence[float], radius: float) -> Shape:
     """Make a box whose edges are rounded.
 
     Args:
@@ -45,7 +45,7 @@ def rounded_box(size: Sequence[float], radius: float, steps: int = 2) -> Shape:
     sides = []
     for axis in range(3):
         for sign in (-1.0, 1.0):
-            points = _face_of_box(half, radius, axis, sign, steps)
+            points = _face_of_box(half, radius, axis, sign)
             inner = np.clip(points, -(half - radius), half - radius)
             normal = points - inner
             normal /= np.linalg.norm(normal, axis=2, keepdims=True)
@@ -54,9 +54,9 @@ def rounded_box(size: Sequence[float], radius: float, steps: int = 2) -> Shape:
     return merged(sides)
 
 
-def _face_of_box(half: np.ndarray, radius: float, axis: int, sign: float, steps: int) -> np.ndarray:
+def _face_of_box(half: np.ndarray, radius: float, axis: int, sign: float) -> np.ndarray:
     """Grid on one face of a box, denser at the edges, in a right-handed order for ``sign`` > 0."""
-    corner = radius * np.tan(np.linspace(0.0, math.pi / 4.0, steps + 1))
+    corner = radius * np.tan(np.linspace(0.0, math.pi / 4.0, 3))
     first, second = (axis + 1) % 3, (axis + 2) % 3
     lines = []
     for other in (first, second):
@@ -189,15 +189,11 @@ def cone(radius: float, length: float, columns: int = 32) -> Shape:
     return turned([(0.0, -length / 2.0), (radius, -length / 2.0), (0.0, length / 2.0)], columns)
 
 
-def arrow(length: float = 1.0, radius: float = 0.012) -> Shape:
-    """Make an arrow from the origin along z.
-
-    Args:
-        length: In [m].
-        radius: Of the shaft in [m]; the head is 2.6 times as thick and takes a fifth of the length.
-    """
-    neck, head = 0.8 * length, 2.6 * radius
-    return turned([(0.0, 0.0), (radius, 0.0), (radius, neck), (head, neck), (0.0, length)], columns=24)
+def arrow() -> Shape:
+    """Make an arrow of 1 m from the origin along z, whose head takes a fifth of it."""
+    shaft, neck = 0.012, 0.8
+    head = 2.6 * shaft
+    return turned([(0.0, 0.0), (shaft, 0.0), (shaft, neck), (head, neck), (0.0, 1.0)], columns=24)
 
 
 def tube(points: np.ndarray, radius: float, columns: int = 8) -> Shape:

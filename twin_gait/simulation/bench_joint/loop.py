@@ -1,13 +1,10 @@
-"""The loop of the joint bench as one module, compiled or as plain Python."""
+"""Run a test on the joint bench: its loop compiled and kept, or the same rooms as plain Python."""
 
 from __future__ import annotations
 
-import hashlib
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
-from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -17,109 +14,24 @@ from twin_gait.core.control_tick import controller_torques
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
 from twin_gait.scenario.bench_joint import BenchJoint, TorqueControl
-from twin_gait.simulation.bench_joint import arrays, tick
-from twin_gait.simulation.bench_joint.arrays import COLUMNS, DIVERGED, BenchArrays
-from twin_gait.simulation.bench_joint.layout import BenchVariation, bench_arrays
-from twin_gait.simulation.keeping import source_key, source_of
-from twin_gait.simulation.loops import bound, kept_loop, loop_with
-from twin_gait.simulation.module_text import one_module
+from twin_gait.simulation.bench_joint.episode import COLUMNS, LOG_COLUMNS, BenchEpisode, BenchRow
+from twin_gait.simulation.bench_joint.filling import BenchVariation, bench_episode, bench_noise
+from twin_gait.simulation.bench_joint.interface import CURRENT_NOISE, bench_at
+from twin_gait.simulation.bench_joint.tick import run_ticks
+from twin_gait.simulation.binding import bind
+from twin_gait.simulation.episode import DIVERGED
+from twin_gait.simulation.keeping import source_key
+from twin_gait.simulation.loops import kept_loop
+from twin_gait.simulation.record import dtype_of, numbers_in, stored
 from twin_gait.simulation.run import RunStatus
 
-RunTicks = Callable[[BenchArrays, int, int, np.ndarray], int]
-ROOMS = ("tick", "sensing", "command", "winding", "mechanics")  # modules that the loop is written in
-_PACKAGE = __name__.rpartition(".")[0]
-
-
-def plain_loop(law: ControllerFunction) -> RunTicks:
-    """The loop as plain Python.
-
-    Returns:
-        Its ``run_ticks``.
-    """
-    if law is controller_torques:
-        return tick.run_ticks
-    module = ModuleType("twin_gait_bench_as_python")
-    exec(compile(_text(), module.__name__, "exec"), module.__dict__)
-    module.__dict__["controller_torques"] = law
-    run_ticks: RunTicks = module.__dict__["run_ticks"]
-    return run_ticks
-
-
-def compiled_loop(law: ControllerFunction, on_compile: Callable[[], None] | None) -> RunTicks:
-    """The loop, compiled and kept; with a law of the user's compiled for this process only.
-
-    Returns:
-        Its ``run_ticks``.
-    """
-    text = loop_text()
-    if law is controller_torques:
-        loop = kept_loop(source_key(text), lambda: text, on_compile)
-    else:
-        loop = loop_with(text, law, on_compile)
-
-    def run_ticks(bench: BenchArrays, first: int, end: int, rows: np.ndarray) -> int:
-        fields = bench._asdict()
-        assert all(array.flags.c_contiguous and array.dtype == float for array in fields.values())
-        sizes = np.array([len(array) for array in bench], dtype=np.int64)
-        return bound(loop, bench.numbers, sizes, fields)(first, end, rows)
-
-    return run_ticks
-
-
-@lru_cache(maxsize=1)
-def loop_text() -> str:
-    """The loop as it is compiled, with addresses for arrays; its hash is part of the cache's key."""
-    text = (
-        _text().replace("import numpy as np\n", _PREAMBLE, 1).replace("def run_ticks(", "def run_bench(", 1)
-    )
-    # numba compiles at the first call, when all functions of the module exist, whatever their order.
-    text = re.sub(r"^def ", "@_jit\ndef ", text, flags=re.MULTILINE)
-    # What is imported from there is compiled too, and the text does not show whether it has changed.
-    return (
-        f"{text}\n\n{_entry()}# arrays: {hashlib.sha256(source_of(arrays.__name__).encode()).hexdigest()}\n"
-    )
-
-
-def _entry() -> str:
-    """The function that is called from outside: it makes arrays of addresses and lengths."""
-    loose = [name for name in BenchArrays._fields if name != "numbers"]
-    addresses = ", ".join(f"{name}_address" for name in ("numbers", "sizes", *loose))
-    values = [
-        f"array_at(float_pointer({name}_address), (sizes[{place}],{_ROWS.get(name, '')}))"
-        for place, name in enumerate(BenchArrays._fields)
-    ]
-    return f"""LOOSE_ARRAYS = {loose!r}
-
-
-@_jit
-def run_ticks({addresses}, first, end, rows_address):
-    sizes = integer_pointer(sizes_address)
-    bench = BenchArrays({", ".join(values)})
-    return run_bench(bench, first, end, array_at(float_pointer(rows_address), (end, {len(arrays.COLUMNS)})))
-"""
-
-
-def _text() -> str:
-    names = [f"{_PACKAGE}.{room}" for room in ROOMS]
-    return one_module({name: source_of(name) for name in names})
-
-
-# Numbers in a row of the arrays that have rows.
-_ROWS = {"measured": " 3", "ring": " 1"}
-_PREAMBLE = """import numba
-import numpy as np
-
-from twin_gait.simulation.pointers import array_at, float_pointer, integer_pointer
-
-_jit = numba.njit(
-    nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True, _nrt=False
-)
-"""
-
+if TYPE_CHECKING:
+    from twin_gait.simulation.compiling import CompiledLoop
 
 CHUNK_TICKS = 5000  # between two looks at progress and interruption
-# Columns of the thesis's log files, in this order; the others are what no bench can see.
-LOG_COLUMNS = COLUMNS[:9]
+_ROW = dtype_of(BenchRow())
+_ARGUMENTS = 3  # address, first tick, end
+Advance = Callable[[int, int], tuple[int, int]]  # from tick and to tick; ticks done and status
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +52,7 @@ class BenchRun:
         """A column by its name, shape ``(n_ticks,)``.
 
         Args:
-            name: One of :data:`twin_gait.simulation.bench_joint.arrays.COLUMNS`.
+            name: One of :class:`twin_gait.simulation.bench_joint.episode.BenchRow`, with its unit.
 
         Returns:
             The values.
@@ -193,22 +105,80 @@ def simulate_bench(
         ParameterError: If parts of the test do not go together.
     """
     law = test.control.controller.law if isinstance(test.control, TorqueControl) else controller_torques
-    run_ticks = compiled_loop(law, on_compile) if compiled else plain_loop(law)
     ticks = max(1, round(test.duration / TICK))
-    bench = bench_arrays(test, ticks, seed, variation or BenchVariation())
+    episode, noise = bench_episode(test, variation or BenchVariation()), bench_noise(test, ticks, seed)
     rows = np.zeros((ticks, len(COLUMNS)))
+    if compiled:
+        own = None if law is controller_torques else law
+        advance = _compiled(episode, noise, rows, own, on_compile)
+    else:
+        advance = _plain(episode, noise, rows, law)
     done, status = 0, RunStatus.COMPLETED
     while done < ticks:
         if should_stop is not None and should_stop():
             status = RunStatus.INTERRUPTED
             break
         end = min(done + CHUNK_TICKS, ticks)
-        reached = int(run_ticks(bench, done, end, rows))
-        done = reached
+        done, ending = advance(done, end)
         if progress is not None:
             progress(done, ticks)
-        if bench.state[DIVERGED]:
+        if ending == DIVERGED:
             status = RunStatus.DIVERGED
-        if reached < end or status is RunStatus.DIVERGED:
+        if done < end or ending == DIVERGED:
             break
     return BenchRun(test, rows[:done], status)
+
+
+def run_at(address: int, first: int, end: int) -> int:
+    """:func:`~twin_gait.simulation.bench_joint.tick.run_ticks` of the test at an address."""
+    return run_ticks(bench_at(address), first, end)
+
+
+def _compiled(
+    episode: BenchEpisode,
+    noise: np.ndarray,
+    rows: np.ndarray,
+    law: ControllerFunction | None,
+    on_compile: Callable[[], None] | None,
+) -> Advance:
+    """The compiled loop of a test; the caller keeps noise and rows."""
+    episode.log, episode.noise = rows.ctypes.data, noise.ctypes.data
+    store = stored(episode)
+
+    def make() -> CompiledLoop:
+        from twin_gait.simulation.compiling import compile_loop
+
+        return compile_loop(run_at, _compiled_rows(store.dtype), _ARGUMENTS, law)
+
+    key = source_key(repr((store.dtype, _ROW)), "bench_joint")
+    loop = kept_loop(key, _ARGUMENTS, make, law, on_compile)
+    return lambda first, end: (loop(store.ctypes.data, first, end), int(store[0]["status"]))
+
+
+def _compiled_rows(episode: np.dtype[Any]) -> dict[str, Any]:
+    """Functions of :mod:`.interface` that find what is behind addresses."""
+    from twin_gait.simulation.compiling import jit, numbers_at, record_at, rows_at
+
+    logs, numbers = rows_at(_ROW), numbers_at(1)
+
+    def log_row(e: BenchEpisode, tick: int) -> Any:
+        return logs(e.log, tick)
+
+    def noise(e: BenchEpisode, tick: int, place: int) -> Any:
+        return numbers(e.noise, tick * (CURRENT_NOISE + e.winding.periods) + place)[0]
+
+    return {"bench_at": record_at(episode), "log_row": jit(log_row), "noise": jit(noise)}
+
+
+def _plain(episode: BenchEpisode, noise: np.ndarray, rows: np.ndarray, law: ControllerFunction) -> Advance:
+    """The same rooms as plain Python, tick by tick."""
+    log, table = [BenchRow() for _ in rows], noise.tolist()
+    names = {"log_row": lambda e, tick: log[tick], "noise": lambda e, tick, place: table[tick][place]}
+    run = bind(run_ticks, {**names, "controller_torques": law})
+
+    def advance(first: int, end: int) -> tuple[int, int]:
+        done = run(episode, first, end)
+        rows[first:done] = [numbers_in(row) for row in log[first:done]]
+        return done, episode.status
+
+    return advance

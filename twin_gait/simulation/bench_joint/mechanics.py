@@ -1,4 +1,4 @@
-"""Motor and link: the torques on them, and a step in time."""
+"""Rotor and link: the torques on them, and a step in time."""
 
 from __future__ import annotations
 
@@ -6,162 +6,112 @@ from typing import Any
 
 from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.contact import mechanical_stop_torque
-from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.core.friction import friction_torque
 from twin_gait.core.friction_models import conditioned_torque, ripple_torque
 from twin_gait.core.motor_drive import drive_efficiency, gear_loss_torque, link_load_torque, torsion_torque
 from twin_gait.core.plant import imposed_motion_torque
-from twin_gait.simulation.bench_joint.arrays import (
-    CONDITIONED,
-    COULOMB_PER_KELVIN,
-    COULOMB_PER_LOAD,
-    EFFICIENCY_0,
-    EFFICIENCY_1,
-    EFFICIENCY_2,
-    EFFICIENCY_3,
-    EFFICIENCY_4,
-    EFFICIENCY_5,
-    FRICTION_A,
-    FRICTION_B,
-    FRICTION_C,
-    FRICTION_D,
-    FRICTION_TEMPERATURE,
-    GEAR_EFFICIENCY,
-    GEAR_RATIO,
-    GEAR_TEMPERATURE,
-    GRAVITY,
-    HORIZONTAL_ANGLE,
-    IMPOSED_MOTION_AMPLITUDE,
-    IMPOSED_MOTION_DAMPING,
-    IMPOSED_MOTION_FREQUENCY,
-    IMPOSED_MOTION_RELEASE,
-    IMPOSED_MOTION_START,
-    IMPOSED_MOTION_STIFFNESS,
-    LINK_ANGLE,
-    LINK_INERTIA,
-    LINK_MOMENT,
-    LINK_VELOCITY,
-    LOSS_VELOCITY,
-    LOSSY,
-    MEAN_CURRENT,
-    MOTOR_ANGLE,
-    MOTOR_INERTIA,
-    MOTOR_VELOCITY,
-    RIPPLE_COSINE,
-    RIPPLE_ORDER,
-    RIPPLE_SINE,
-    STOP_DISSIPATION,
-    STOP_LOWER,
-    STOP_STIFFNESS,
-    STOP_UPPER,
-    TORQUE_CONSTANT,
-    TORSION_DAMPING,
-    TORSION_STIFFNESS,
-    VISCOUS_PER_KELVIN,
-    Array,
-)
+from twin_gait.simulation.bench_joint.episode import BenchEpisode
 
 
-def motor_torque(numbers: Array, current: float) -> float:
+def motor_torque(e: BenchEpisode, current: float) -> float:
     """Torque of a current at the joint, before the losses of the gear."""
-    return current_to_torque(current, numbers[TORQUE_CONSTANT], numbers[GEAR_RATIO], numbers[GEAR_EFFICIENCY])
+    motor = e.motor
+    return current_to_torque(current, motor.torque_constant, motor.gear_ratio, motor.gear_efficiency)
 
 
-def rates(
-    numbers: Array,
-    time: float,
-    motor_angle: float,
-    motor_velocity: float,
-    link_angle: float,
-    link_velocity: float,
-    torque: float,
-) -> tuple[float, float, float, float, float, float, float]:
-    """Accelerations of motor and link; torques of friction, gear loss, load, stop and imposed motion."""
-    load: Any = link_load_torque(
-        link_angle, numbers[LINK_MOMENT], numbers[GRAVITY], numbers[HORIZONTAL_ANGLE]
+def present_accelerations(e: BenchEpisode, time: float) -> tuple[float, float]:
+    """Accelerations of rotor and link at the present state and current."""
+    torque = motor_torque(e, e.winding.current)
+    return accelerations(e, time, torque, e.rotor.angle, e.rotor.velocity, e.link.angle, e.link.velocity)
+
+
+def accelerations(
+    e: BenchEpisode, time: float, torque: float, q1: float, v1: float, q2: float, v2: float
+) -> tuple[float, float]:
+    """Accelerations of rotor and link; what acts on them is kept in ``e.torques`` and the imposed motion.
+
+    Args:
+        e: The test.
+        time: In [s].
+        torque: Of the motor in [N m].
+        q1: Angle of the rotor in [rad].
+        v1: Its velocity.
+        q2: Angle of the link in [rad].
+        v2: Its velocity.
+
+    Returns:
+        Both in [rad] / [s²].
+    """
+    torques, motion, link = e.torques, e.imposed_motion, e.test.link
+    stops = link.stops
+    load = link_load_torque(q2, e.moment, e.test.gravity, e.horizontal_angle)
+    friction = rotor_friction(e, q1, v1, load)
+    loss = _gear_loss(e, torque, v1)
+    stop = mechanical_stop_torque(
+        q2, v2, link.lower_stop, link.upper_stop, stops.stiffness, stops.dissipation
     )
-    angle: Any = motor_angle  # the laws of friction_models take arrays and numbers alike
-    velocity: Any = motor_velocity
-    friction: Any = -rotational_friction_torque(
-        motor_velocity, numbers[FRICTION_A], numbers[FRICTION_B], numbers[FRICTION_C], numbers[FRICTION_D]
-    )
-    if numbers[CONDITIONED] > 0.0:
+    imposed = 0.0
+    if motion.place >= 0:
+        imposed = imposed_motion_torque(motion, time, q2, v2)
+    torques.load = load
+    torques.friction = friction
+    torques.gear_loss = loss
+    torques.stop = stop
+    motion.torque = imposed
+    on_rotor, on_link = torque + friction + loss, load + stop + imposed
+    if e.compliant:
+        torsion = torsion_torque(q1 - q2, v1 - v2, e.torsion.stiffness, e.torsion.damping)
+        return (on_rotor - torsion) / e.rotor.inertia, (on_link + torsion) / e.link.inertia
+    together = (on_rotor + on_link) / (e.rotor.inertia + e.link.inertia)
+    return together, together
+
+
+def rotor_friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> float:
+    """Torque of the friction of motor and gear on the rotor in [N m]."""
+    law, more = e.friction, e.test.friction
+    friction: Any = -friction_torque(law, velocity, 0.0, 0.0)
+    if more.coulomb_per_load != 0.0 or more.coulomb_per_kelvin != 0.0 or more.viscous_per_kelvin != 0.0:
         friction -= conditioned_torque(
             velocity,
             load,
-            numbers[FRICTION_TEMPERATURE],
+            more.temperature,
             0.0,
-            numbers[COULOMB_PER_LOAD],
-            numbers[COULOMB_PER_KELVIN],
+            more.coulomb_per_load,
+            more.coulomb_per_kelvin,
             0.0,
-            numbers[VISCOUS_PER_KELVIN],
-            0.1 * numbers[FRICTION_C],
+            more.viscous_per_kelvin,
+            0.1 * law.stribeck_velocity,
         )
-    if numbers[RIPPLE_COSINE] != 0.0 or numbers[RIPPLE_SINE] != 0.0:
-        friction -= ripple_torque(angle, numbers[RIPPLE_COSINE], numbers[RIPPLE_SINE], numbers[RIPPLE_ORDER])
-    loss = 0.0
-    if numbers[LOSSY] > 0.0:
-        efficiency = drive_efficiency(
-            numbers[GEAR_TEMPERATURE],
-            numbers[GEAR_RATIO] * motor_velocity,
-            numbers[EFFICIENCY_0],
-            numbers[EFFICIENCY_1],
-            numbers[EFFICIENCY_2],
-            numbers[EFFICIENCY_3],
-            numbers[EFFICIENCY_4],
-            numbers[EFFICIENCY_5],
-        )
-        loss = gear_loss_torque(torque, motor_velocity, efficiency, numbers[LOSS_VELOCITY])
-    stop = mechanical_stop_torque(
-        link_angle,
-        link_velocity,
-        numbers[STOP_LOWER],
-        numbers[STOP_UPPER],
-        numbers[STOP_STIFFNESS],
-        numbers[STOP_DISSIPATION],
-    )
-    imposed_motion = 0.0
-    if numbers[IMPOSED_MOTION_STIFFNESS] > 0.0 or numbers[IMPOSED_MOTION_DAMPING] > 0.0:
-        imposed_motion = imposed_motion_torque(
-            time,
-            link_angle,
-            link_velocity,
-            numbers[IMPOSED_MOTION_START],
-            numbers[IMPOSED_MOTION_AMPLITUDE],
-            numbers[IMPOSED_MOTION_FREQUENCY],
-            numbers[IMPOSED_MOTION_STIFFNESS],
-            numbers[IMPOSED_MOTION_DAMPING],
-            numbers[IMPOSED_MOTION_RELEASE],
-        )
-    on_motor, on_link = torque + friction + loss, load + stop + imposed_motion
-    if numbers[TORSION_STIFFNESS] > 0.0:
-        torsion = torsion_torque(
-            motor_angle - link_angle,
-            motor_velocity - link_velocity,
-            numbers[TORSION_STIFFNESS],
-            numbers[TORSION_DAMPING],
-        )
-        motor_acceleration = (on_motor - torsion) / numbers[MOTOR_INERTIA]
-        link_acceleration = (on_link + torsion) / numbers[LINK_INERTIA]
-    else:
-        motor_acceleration = (on_motor + on_link) / (numbers[MOTOR_INERTIA] + numbers[LINK_INERTIA])
-        link_acceleration = motor_acceleration
-    return motor_acceleration, link_acceleration, friction, loss, load, stop, imposed_motion
+    if e.ripple_cosine != 0.0 or e.ripple_sine != 0.0:
+        order = 2.0 * e.motor.gear_ratio
+        friction -= ripple_torque(angle, e.ripple_cosine, e.ripple_sine, order)
+    return float(friction)
 
 
-def mechanical_step(numbers: Array, state: Array, time: float, step: float) -> None:
-    """Advance motor and link by a step of the classical Runge-Kutta method at the mean current."""
-    torque = motor_torque(numbers, state[MEAN_CURRENT])
-    q1, v1, q2, v2 = state[MOTOR_ANGLE], state[MOTOR_VELOCITY], state[LINK_ANGLE], state[LINK_VELOCITY]
-    half = 0.5 * step
-    a1, b1, _, _, _, _, _ = rates(numbers, time, q1, v1, q2, v2, torque)
+def _gear_loss(e: BenchEpisode, torque: float, velocity: float) -> float:
+    """Torque on the rotor that the gear loses under the load of the motor."""
+    if not e.lossy:
+        return 0.0
+    gear, speed = e.efficiency, e.motor.gear_ratio * velocity
+    fit = gear.coefficients
+    efficiency = drive_efficiency(gear.temperature, speed, fit[0], fit[1], fit[2], fit[3], fit[4], fit[5])
+    return gear_loss_torque(torque, velocity, efficiency, gear.transition_velocity)
+
+
+def mechanical_step(e: BenchEpisode, time: float, step: float) -> None:
+    """Advance rotor and link by a step of the classical Runge-Kutta method at the mean current."""
+    torque = motor_torque(e, e.winding.mean_current)
+    rotor, link, half = e.rotor, e.link, 0.5 * step
+    q1, v1, q2, v2 = rotor.angle, rotor.velocity, link.angle, link.velocity
+    a1, b1 = accelerations(e, time, torque, q1, v1, q2, v2)
     v1b, v2b = v1 + half * a1, v2 + half * b1
-    a2, b2, _, _, _, _, _ = rates(numbers, time + half, q1 + half * v1, v1b, q2 + half * v2, v2b, torque)
+    a2, b2 = accelerations(e, time + half, torque, q1 + half * v1, v1b, q2 + half * v2, v2b)
     v1c, v2c = v1 + half * a2, v2 + half * b2
-    a3, b3, _, _, _, _, _ = rates(numbers, time + half, q1 + half * v1b, v1c, q2 + half * v2b, v2c, torque)
+    a3, b3 = accelerations(e, time + half, torque, q1 + half * v1b, v1c, q2 + half * v2b, v2c)
     v1d, v2d = v1 + step * a3, v2 + step * b3
-    a4, b4, _, _, _, _, _ = rates(numbers, time + step, q1 + step * v1c, v1d, q2 + step * v2c, v2d, torque)
+    a4, b4 = accelerations(e, time + step, torque, q1 + step * v1c, v1d, q2 + step * v2c, v2d)
     sixth = step / 6.0
-    state[MOTOR_ANGLE] = q1 + sixth * (v1 + 2.0 * v1b + 2.0 * v1c + v1d)
-    state[LINK_ANGLE] = q2 + sixth * (v2 + 2.0 * v2b + 2.0 * v2c + v2d)
-    state[MOTOR_VELOCITY] = v1 + sixth * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-    state[LINK_VELOCITY] = v2 + sixth * (b1 + 2.0 * b2 + 2.0 * b3 + b4)
+    rotor.angle = q1 + sixth * (v1 + 2.0 * v1b + 2.0 * v1c + v1d)
+    link.angle = q2 + sixth * (v2 + 2.0 * v2b + 2.0 * v2c + v2d)
+    rotor.velocity = v1 + sixth * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    link.velocity = v2 + sixth * (b1 + 2.0 * b2 + 2.0 * b3 + b4)

@@ -3,98 +3,64 @@
 from __future__ import annotations
 
 from twin_gait.core.actuator import voltage_limited_current
-from twin_gait.core.estimation import quantise
+from twin_gait.core.estimation import delayed_sample, quantise
 from twin_gait.core.motor_drive import (
     current_loop_step,
     inverter_voltage,
     six_step_current,
     winding_current_step,
 )
-from twin_gait.simulation.bench_joint.arrays import (
-    BUS_VOLTAGE,
-    COUNTS,
-    CURRENT,
-    CURRENT_NOISE,
-    CURRENT_OFFSET,
-    CURRENT_RESOLUTION,
-    CURRENT_RIPPLE,
-    DUTY_SHARE,
-    GEAR_RATIO,
-    IDEAL,
-    INDUCTANCE,
-    INTEGRAL,
-    INTEGRAL_GAIN,
-    LOOP_PERIOD,
-    MEAN_CURRENT,
-    MODE,
-    MOTOR_ANGLE,
-    OPEN,
-    PI,
-    POLE_PAIRS,
-    PROPORTIONAL_GAIN,
-    RESISTANCE,
-    SAMPLE,
-    TARGET_CURRENT,
-    TORQUE_CONSTANT,
-    VOLTAGE,
-    BenchArrays,
-)
+from twin_gait.simulation.bench_joint.episode import IDEAL, OPEN, PI, BenchEpisode
+from twin_gait.simulation.bench_joint.interface import CURRENT_NOISE, noise
 
 
-def sample_current(bench: BenchArrays, index: int) -> None:
-    """Read the shunts; the loop sees the sample after its delay."""
-    numbers, state = bench.numbers, bench.state
-    noise = numbers[CURRENT_OFFSET] + numbers[CURRENT_NOISE] * bench.loop_noise[index]
-    sample = six_step_current(
-        state[CURRENT],
-        numbers[GEAR_RATIO] * state[MOTOR_ANGLE],
-        numbers[POLE_PAIRS],
-        numbers[CURRENT_RIPPLE],
-        noise,
-    )
-    size = bench.delayed.shape[0]
-    bench.delayed[index % size] = quantise(sample, numbers[CURRENT_RESOLUTION])
-    state[SAMPLE] = bench.delayed[(index + 1) % size]
+def sample_current(e: BenchEpisode, tick: int, number: int) -> None:
+    """Read the shunts in a period of a tick; the loop sees the sample after its delay."""
+    winding, drive = e.winding, e.test.drive
+    stray = winding.offset + drive.noise * noise(e, tick, CURRENT_NOISE + number)
+    motor_angle = e.motor.gear_ratio * e.rotor.angle
+    sample = six_step_current(winding.current, motor_angle, drive.pole_pairs, drive.ripple, stray)
+    taken = quantise(sample, drive.resolution)
+    winding.sample = delayed_sample(winding.line, tick * winding.periods + number, taken)
 
 
-def drive_winding(bench: BenchArrays, velocity: float) -> None:
+def drive_winding(e: BenchEpisode, velocity: float) -> None:
     """Current at the end of a period and its mean, at the joint velocity in the middle of it."""
-    numbers, state = bench.numbers, bench.state
-    if numbers[MODE] == OPEN:
+    motor, winding, counts = e.motor, e.winding, e.test.drive.counts
+    if winding.drive == OPEN:
         return
-    back_emf = numbers[TORQUE_CONSTANT] * numbers[GEAR_RATIO] * velocity
-    if numbers[MODE] == IDEAL:
+    back_emf = motor.torque_constant * motor.gear_ratio * velocity
+    if winding.drive == IDEAL:
         current = voltage_limited_current(
-            state[TARGET_CURRENT],
+            winding.target_current,
             velocity,
-            state[BUS_VOLTAGE],
-            numbers[RESISTANCE],
-            numbers[TORQUE_CONSTANT],
-            numbers[GEAR_RATIO],
+            e.bus_voltage,
+            motor.resistance,
+            motor.torque_constant,
+            motor.gear_ratio,
         )
-        state[CURRENT], state[MEAN_CURRENT] = current, current
-        state[VOLTAGE] = numbers[RESISTANCE] * current + back_emf
-        state[DUTY_SHARE] = state[VOLTAGE] / state[BUS_VOLTAGE]
+        winding.current = current
+        winding.mean_current = current
+        winding.voltage = motor.resistance * current + back_emf
+        winding.duty = winding.voltage / e.bus_voltage
         return
-    if numbers[MODE] == PI:
-        wanted, state[INTEGRAL] = current_loop_step(
-            state[TARGET_CURRENT] - state[SAMPLE],
-            state[INTEGRAL],
-            numbers[PROPORTIONAL_GAIN],
-            numbers[INTEGRAL_GAIN],
-            numbers[LOOP_PERIOD],
-            state[BUS_VOLTAGE],
+    if winding.drive == PI:
+        wanted, winding.integral = current_loop_step(
+            winding.target_current - winding.sample,
+            winding.integral,
+            winding.proportional_gain,
+            winding.integral_gain,
+            winding.period,
+            e.bus_voltage,
         )
-        full = numbers[COUNTS] if numbers[COUNTS] > 0.0 else 1.0
-        state[VOLTAGE] = inverter_voltage(
-            wanted / state[BUS_VOLTAGE] * full, numbers[COUNTS], state[BUS_VOLTAGE]
-        )
-        state[DUTY_SHARE] = state[VOLTAGE] / state[BUS_VOLTAGE]
-    state[CURRENT], state[MEAN_CURRENT] = winding_current_step(
-        state[CURRENT],
-        state[VOLTAGE],
+        full = counts if counts > 0 else 1
+        winding.voltage = inverter_voltage(wanted / e.bus_voltage * full, counts, e.bus_voltage)
+        winding.duty = winding.voltage / e.bus_voltage
+    winding.current, winding.mean_current = winding_current_step(
+        winding.current,
+        winding.voltage,
         back_emf,
-        numbers[RESISTANCE],
-        numbers[INDUCTANCE],
-        numbers[LOOP_PERIOD],
+        motor.resistance,
+        e.test.drive.inductance,
+        winding.period,
     )

@@ -133,12 +133,10 @@ class Interval(NamedTuple):
     Attributes:
         mean: NaN where no run has the number.
         half_width: Of its 95 % confidence interval; NaN for fewer than two runs.
-        runs: With the number.
     """
 
     mean: float
     half_width: float
-    runs: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,13 +184,13 @@ def interval_of(values: np.ndarray) -> Interval:
     """Mean with the confidence interval of Student's t distribution; NaN does not count."""
     known = values[~np.isnan(values)]
     if len(known) == 0:
-        return Interval(math.nan, math.nan, 0)
+        return Interval(math.nan, math.nan)
     mean = float(known.mean())
     if len(known) < 2:
-        return Interval(mean, math.nan, len(known))
+        return Interval(mean, math.nan)
     spread = float(np.std(known, ddof=1)) / math.sqrt(len(known))
     quantile = float(student.ppf(0.5 + 0.5 * CONFIDENCE, len(known) - 1))
-    return Interval(mean, quantile * spread, len(known))
+    return Interval(mean, quantile * spread)
 
 
 def compare(

@@ -40,7 +40,7 @@ from twin_gait.parameters import JointCondition, Patient
 from twin_gait.replay.normative import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.leg_summary import blend_length, summarise_side
-from twin_gait.runs.record import belt_speed_of
+from twin_gait.runs.run_page import belt_speed_of
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Outcome, Side

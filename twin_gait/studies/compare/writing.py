@@ -31,7 +31,7 @@ from twin_gait.report.pages import paragraphs, picture_of, render
 from twin_gait.report.panels import draw_cycle_curve
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.folders import FolderKind, staged_directory
-from twin_gait.runs.record import belt_speed_of, describe
+from twin_gait.runs.run_page import belt_speed_of, describe
 from twin_gait.runs.summary import versions
 from twin_gait.studies.compare.comparing import CONTROLLERS, Comparison, Controller, Interval
 from twin_gait.vocabulary import MOTOR_JOINTS, Side

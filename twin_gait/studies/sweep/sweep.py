@@ -18,12 +18,12 @@ from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.validation import converting
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Experiment
+from twin_gait.experiment.problem import build_problem
 from twin_gait.files import write_atomically
 from twin_gait.report.canvas import save
 from twin_gait.report.pages import figures_page
 from twin_gait.report.sweep import sweep_figures, values_of
 from twin_gait.simulation import RunStatus, simulate
-from twin_gait.simulation.problem import build_problem
 from twin_gait.studies.batch import Flat, Override, episode_of, flat_summary, setting_columns
 from twin_gait.studies.jobs import Portion, Workers, portions
 from twin_gait.studies.sweep.spec import Sweep

@@ -24,11 +24,11 @@ from twin_gait.report.tune import draw_figures, page
 from twin_gait.simulation import simulate
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import check_walker, departures
-from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, PARTS, WORST, part_costs
+from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, PARTS, WORST, Rating, part_costs
 from twin_gait.studies.tune.search import best_so_far, better_half
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
 from twin_gait.studies.tune.tune import Chosen, choose, final_table
-from twin_gait.studies.tune.walks import Ask, WalkResult, experiment_of, walk_all
+from twin_gait.studies.tune.walks import Ask, experiment_of, walk_all
 from twin_gait.vocabulary import MOTOR_JOINTS
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
@@ -242,7 +242,7 @@ def _reference_words(settings: Settings, experiment: Experiment) -> str:
     )
 
 
-def _parts(before: WalkResult, after: WalkResult) -> list[dict[str, Any]]:
+def _parts(before: Rating, after: Rating) -> list[dict[str, Any]]:
     """Named parts side by side, each with its verdict."""
     costs = part_costs(before.values), part_costs(after.values)
     return [
@@ -274,11 +274,11 @@ def _robust(before: Finalist, after: Finalist) -> list[dict[str, Any]]:
     ]
 
 
-def _walk(walk: WalkResult) -> dict[str, Any]:
+def _walk(walk: Rating) -> dict[str, Any]:
     return {"cost": walk.cost, "fell": walk.fell, "lasted_share": walk.lasted, **walk.values}
 
 
-def _degradation(walks: Sequence[WalkResult]) -> dict[str, list[Any]]:
+def _degradation(walks: Sequence[Rating]) -> dict[str, list[Any]]:
     def of(name: str) -> list[float | None]:
         return [None if walk.fell else walk.values[name] for walk in walks]
 

@@ -103,19 +103,21 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
 
 
 class Rating(NamedTuple):
-    """What a walk is worth.
+    """What a walk is worth: plain values only, which any process can send.
 
     Attributes:
-        cost: See the module.
+        cost: See the module; ``FORBIDDEN`` and more for a table with errors.
         values: Of the parts.
         fell: Whether it ended in a fall, a trip of the safety monitor or diverged.
         lasted: Share of the time.
+        errors: Ids of the rules of the check that forbid the table; then it was not walked.
     """
 
     cost: float
     values: dict[str, float | None]
     fell: bool
     lasted: float
+    errors: tuple[str, ...] = ()
 
 
 def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:

@@ -135,13 +135,7 @@ def better_half(costs: Sequence[float]) -> list[int]:
 class Search:
     """CMA-ES in the unit cube with draws of its own."""
 
-    def __init__(
-        self,
-        start: Sequence[float],
-        seed: int,
-        population: int = POPULATION,
-        first_step: float = FIRST_STEP,
-    ) -> None:
+    def __init__(self, start: Sequence[float], seed: int, population: int = POPULATION) -> None:
         """Begin.
 
         Raises:
@@ -156,7 +150,7 @@ class Search:
             "verbose": -9,
             "verb_log": 0,
         }
-        self._optimiser: Any = _library("cma", "cma").CMAEvolutionStrategy(list(start), first_step, options)
+        self._optimiser: Any = _library("cma", "cma").CMAEvolutionStrategy(list(start), FIRST_STEP, options)
 
     def ask(self) -> list[list[float]]:
         """Candidates of the next generation."""

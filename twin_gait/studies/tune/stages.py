@@ -18,7 +18,7 @@ from twin_gait.gait.table import GaitTable
 from twin_gait.simulation import RunStatus
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import NOMINAL, Case, robust_cases, search_cases
-from twin_gait.studies.tune.parts import FALL
+from twin_gait.studies.tune.parts import FALL, Rating
 from twin_gait.studies.tune.search import (
     Effect,
     Generation,
@@ -39,7 +39,6 @@ from twin_gait.studies.tune.state import Finalist, Progress, Settings, State, Tu
 from twin_gait.studies.tune.walks import (
     Ask,
     Walk,
-    WalkResult,
     nominal_cost,
     run_walk,
     walk_all,
@@ -161,7 +160,7 @@ class Stages:
                 except TwinGaitError as error:
                     raise ParameterError(f"{case.name}: {error}") from error
 
-    def _walk(self, asks: Sequence[Ask], duration: float, stage: str) -> list[WalkResult]:
+    def _walk(self, asks: Sequence[Ask], duration: float, stage: str) -> list[Rating]:
         last = stage == "robust set"
         counted = (lambda done, total: self._tell(stage, done, total)) if last else None
         results = walk_all(

@@ -21,7 +21,7 @@ from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_covers
 from twin_gait.runs.folders import FolderKind, check_target
 from twin_gait.simulation import RunStatus
 from twin_gait.studies.jobs import sources_hash
-from twin_gait.studies.tune.parts import AIM, FALL, NEEDED_CLEARANCE, PARTS, WORST
+from twin_gait.studies.tune.parts import AIM, FALL, NEEDED_CLEARANCE, PARTS, WORST, Rating
 from twin_gait.studies.tune.search import (
     FEWEST,
     FIRST_STEP,
@@ -34,7 +34,7 @@ from twin_gait.studies.tune.search import (
     Generation,
 )
 from twin_gait.studies.tune.space import Parameter
-from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, WalkResult, weighted_cost
+from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, weighted_cost
 
 STATE_FILE = "state.json"
 TUNING = FolderKind("a tuning", STATE_FILE)
@@ -168,7 +168,7 @@ class Finalist:
     table: dict[str, Any]
     points: tuple[float, ...] | None
     search_cost: float
-    walks: tuple[tuple[str, WalkResult], ...]
+    walks: tuple[tuple[str, Rating], ...]
 
     @property
     def falls(self) -> int:

@@ -17,7 +17,7 @@ from twin_gait.simulation import simulate
 from twin_gait.studies.batch import overridden
 from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
 from twin_gait.studies.tune.cases import Case
-from twin_gait.studies.tune.parts import excess_cost, rate_walk
+from twin_gait.studies.tune.parts import Rating, excess_cost, rate_walk
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
 QUICK_RULES: tuple[Rule, ...] = tuple(
@@ -69,26 +69,6 @@ class Walk(NamedTuple):
         return f"walk {self.number}"
 
 
-class WalkResult(NamedTuple):
-    """What comes back: plain values only.
-
-    Attributes:
-        number: Of the walk.
-        cost: See :mod:`twin_gait.studies.tune.parts`; ``FORBIDDEN`` and more for a table with errors.
-        values: Of the parts.
-        fell: Whether it ended in a fall or diverged.
-        lasted: Share of the time.
-        errors: Ids of the rules of the check that forbid the table; then it was not walked.
-    """
-
-    number: int
-    cost: float
-    values: dict[str, float | None]
-    fell: bool
-    lasted: float
-    errors: tuple[str, ...] = ()
-
-
 class Ask(NamedTuple):
     """One table in one case, for :func:`walk_all`."""
 
@@ -97,14 +77,14 @@ class Ask(NamedTuple):
     checked: bool = False
 
 
-def run_walk(walk: Walk, on_compile: Callable[[], None] | None = None) -> WalkResult:
+def run_walk(walk: Walk, on_compile: Callable[[], None] | None = None) -> Rating:
     """Check a table and walk it; a fall is a result, and an error of this package that it cannot be run."""
     experiment = experiment_of(walk.document, walk.table, walk.changes, quick=walk.quick)
     errors = quick_errors(experiment) if walk.checked else ()
     if errors:
-        return WalkResult(walk.number, FORBIDDEN + len(errors), {}, False, 0.0, errors)
+        return Rating(FORBIDDEN + len(errors), {}, False, 0.0, errors)
     run = simulate(experiment, on_compile=on_compile)
-    return WalkResult(walk.number, *rate_walk(run, walk.reference_speed))
+    return rate_walk(run, walk.reference_speed)
 
 
 def experiment_of(
@@ -132,7 +112,7 @@ def walk_all(
     reference_speed: float | None = None,
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
-) -> list[WalkResult] | None:
+) -> list[Rating] | None:
     """Walk many tables in many cases; the results do not depend on the workers.
 
     Args:
@@ -158,7 +138,7 @@ def walk_all(
     return results if len(results) == len(asks) else None
 
 
-def weighted_cost(walks: Sequence[WalkResult]) -> float:
+def weighted_cost(walks: Sequence[Rating]) -> float:
     """Cost of a table over its cases, the nominal one first.
 
     The nominal walk's, with what missed goals cost on top, and the mean of the others, weighted; the nominal
@@ -171,6 +151,6 @@ def weighted_cost(walks: Sequence[WalkResult]) -> float:
     return NOMINAL_WEIGHT * nominal_cost(nominal) + (1.0 - NOMINAL_WEIGHT) * mean
 
 
-def nominal_cost(walk: WalkResult) -> float:
+def nominal_cost(walk: Rating) -> float:
     """Cost of the walk that a table is tuned for: its own, and for each goal that it misses some more."""
     return walk.cost if walk.fell else walk.cost + excess_cost(walk.values)

@@ -11,9 +11,7 @@ _FOLDER = Path(__file__).parent
 
 def panel_page() -> str:
     """The page, complete."""
-    return live_page(
-        style=_text("panel.css"), panel=_text("panel.html"), script=_text("panel.js"), socket=None
-    )
+    return live_page(style=_text("panel.css"), panel=_text("panel.html"), script=_text("panel.js"))
 
 
 def _text(name: str) -> str:

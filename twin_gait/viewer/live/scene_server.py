@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import hmac
 import secrets
-import socket
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -95,9 +94,6 @@ class SceneServer:
         for page in open_pages:
             await page.abandon()
         await self._http.close_all_connections()
-
-    def _welcome(self, caller: socket.socket, address: Any) -> None:
-        self._http.handle_stream(IOStream(caller), address)
 
     def routes(self) -> list[tuple[str, type[RequestHandler]]]:
         """Paths and who answers them."""

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 from twin_gait.viewer.commands import Command, Recorder, pack
 
 Change = tuple[Hashable, bytes]
-SCENE_ROOT = "/meshcat"  # under which everything is drawn
+MOST_WAITING = 4096  # items for one page; beyond it the oldest give way
 
 
 class LiveWindow:
@@ -26,11 +26,6 @@ class LiveWindow:
         """Take a drawing command."""
         self._recorder.send(command)
         self._changes[command["type"], command["path"], command.get("property", "")] = command
-
-    def clear(self) -> None:
-        """Forget the scene, and take it out of open pages."""
-        self._recorder, self._notes = Recorder(), {}
-        self._changes = {"clear": {"type": "delete", "path": SCENE_ROOT}}
 
     def describe(self, page: Command) -> None:
         """Take the description of the page."""
@@ -73,15 +68,13 @@ class Outbox(Generic[Item]):
         dropped: How many items were thrown away because too many had come.
     """
 
-    def __init__(self, write: Callable[[list[Item]], Awaitable[None]], *, most: int = 4096) -> None:
+    def __init__(self, write: Callable[[list[Item]], Awaitable[None]]) -> None:
         """Start empty.
 
         Args:
             write: Writes one batch; what it returns ends when the network has taken the batch.
-            most: Largest number of items kept; beyond it the oldest give way.
         """
         self._write = write
-        self._most = most
         self._waiting: dict[Hashable, Item] = {}
         self._sending: asyncio.Task[None] | None = None
         self.replaced = 0
@@ -97,7 +90,7 @@ class Outbox(Generic[Item]):
             if self._waiting.pop(key, None) is not None:
                 self.replaced += 1
             self._waiting[key] = item
-        while len(self._waiting) > self._most:
+        while len(self._waiting) > MOST_WAITING:
             del self._waiting[next(iter(self._waiting))]
             self.dropped += 1
         if self._sending is None or self._sending.done():

@@ -8,7 +8,7 @@
 //   start.js     what runs first
 //
 // Data of the page (element page-data, JSON):
-//   {mode: "recorded", runs: [RUN, ...]}, {mode: "live", socket: path or null} or {mode: "model", runs: [RUN]}
+//   {mode: "recorded", runs: [RUN, ...]}, {mode: "live"} or {mode: "model", runs: [RUN]}
 // RUN, and what describes a live scene:
 //   {title, subtitle, notes: [text], view: {target, direction, width, height, field_of_view},
 //    phases: [{name, label, short, colour, ink}], legs: [{side, label, colour, dark, shows: [key]}],
@@ -25,14 +25,14 @@
 // as above. Beside meshcat's own kinds there are two:
 //   {type: "page", path: "", page: DESCRIPTION}      what is shown from now on; starts the curves anew
 //   {type: "sample", path: "", sample: SAMPLE}       one moment
-// SAMPLE: {time: s, legs: [{phase: code or -1, KEY: value, ...}], curves: [{KEY: {times: [s], values: [value]}, ...}]},
-// legs in the order of the description; curves, if they are there, are all that has been since the last sample.
-// A sample may also have `events`: all of the run so far.
+// SAMPLE: {time: s, legs: [{phase: code, KEY: value, ...}], curves: [{KEY: {times: [s], values: [value]}, ...}],
+// events: all of the run so far}, legs in the order of the description; curves are all that has been since the last
+// sample.
 // Keys of values: hip, knee [deg]; hip_torque, knee_torque [N m]; hip_ and knee_ before impedance,
 // friction_compensation, gravity_compensation, inertia_compensation, target [N m]; force [N].
 // A key that `shows` does not name is not read out; one that is not sent shows as a dash.
 //
-// For a further script: window.twinGait = {describe(page), show(sample), take(bytes), page(), stage, plots, theme, tell,
+// For a further script: window.twinGait = {show(sample), take(bytes), page(), stage, plots, theme, tell,
 // ready}; see start.js.
 "use strict";
 

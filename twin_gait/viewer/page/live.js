@@ -1,11 +1,11 @@
-// ---- the live viewer: what comes over a web socket --------------------------------------------------
+// ---- the live viewer: what the script of the panel brings --------------------------------------------
 
 const LIVE_MEMORY = 8; // seconds that a live page remembers
 
 const live = {
   page: null, run: null, stage: null, head: null, time: -Infinity,
 
-  open(page) {
+  open() {
     this.stage = new Stage("Scene");
     this.head = new Readout(this.stage.head);
     this.stage.open();
@@ -18,18 +18,6 @@ const live = {
     element("view").onclick = () => { if (this.page) this.stage.look(this.page.view); };
     window.addEventListener("resize", () => plots.draw());
     theme.listeners.push(() => { if (this.run) plots.choose(); });
-    if (page.socket !== null) this.connect(page.socket ?? "/socket");
-  },
-
-  // The address holds the token that lets in. What comes next waits until this has been drawn.
-  connect(path) {
-    const socket = new WebSocket(`ws://${location.host}${path}${location.search}`);
-    socket.binaryType = "arraybuffer";
-    socket.onmessage = (message) => {
-      this.stage.take(new Uint8Array(message.data));
-      requestAnimationFrame(() => { if (socket.readyState === WebSocket.OPEN) socket.send("drawn"); });
-    };
-    socket.onclose = () => tell("The viewer has ended.");
   },
 
   describe(page) {
@@ -54,7 +42,7 @@ const live = {
     if (!this.run || !this.run.legs.length || !samples.length) return;
     for (const sample of samples) this.note(sample);
     const last = samples.at(-1);
-    this.page.events = last.events ?? [];
+    this.page.events = last.events;
     this.forget(last.time - LIVE_MEMORY);
     this.head.show(last);
     plots.fit();
@@ -66,8 +54,7 @@ const live = {
     this.time = sample.time;
     this.run.legs.forEach((leg, index) => {
       for (const [key, series] of Object.entries(leg.series)) {
-        const news = sample.curves ? sample.curves[index][key] : { times: [sample.time], values: [sample.legs[index][key]] };
-        if (!news) continue;
+        const news = sample.curves[index][key];
         series.times.push(...news.times);
         series.values.push(...news.values.map((value) => value ?? NaN));
       }

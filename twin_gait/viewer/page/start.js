@@ -10,7 +10,7 @@ window.ready = (async () => {
   const bar = element("bar"), measure = () => document.body.style.setProperty("--bar", `${bar.offsetHeight}px`);
   new ResizeObserver(measure).observe(bar);
   try {
-    if (page.mode === "live") live.open(page);
+    if (page.mode === "live") live.open();
     else { await unpack_bundle(); await (page.mode === "model" ? joints : player).open(page); }
     if (asked.picture && player.stages.some((stage) => stage.blind)) throw new Error("no WebGL for the picture");
     if (asked.picture) { await settled(); console.info("twin_gait: ready"); }
@@ -37,7 +37,6 @@ async function unpack_bundle() {
 }
 
 window.twinGait = {
-  describe: (page) => live.describe(page),
   show: (...samples) => live.show(...samples),
   take: (bytes) => live.stage.take(bytes),
   page: () => live.page,

@@ -11,7 +11,10 @@ import numpy as np
 
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.guards import GuardProgram
-from twin_gait.experiment import ControlMode, Experiment
+from twin_gait.experiment.control import ControlMode
+from twin_gait.experiment.experiment import Experiment
+from twin_gait.experiment.path import Path, driven_rows, reference_path, starting_on_path
+from twin_gait.experiment.wearer import Wearer, wearer_of
 from twin_gait.gait.guards import all_signal_names
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
@@ -20,8 +23,6 @@ from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ActuatorParameters
 from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.scenario.world import World
-from twin_gait.simulation.driving import Path, driven_rows, reference_path, starting_on_path
-from twin_gait.simulation.wearing import Wearer, wearer_of
 from twin_gait.vocabulary import JointName, Side
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from twin_gait.core.wearer import Condition
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import Experiment
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
 from twin_gait.parameters import JointCondition, Patient

@@ -1,31 +1,33 @@
-"""A plain script such as one writes first: numpy laws, ``transitions`` and ``pin.aba`` in a loop.
+"""The loop written a second time, on purpose: numpy laws, ``transitions`` and ``pin.aba``.
 
-It shares data with the package (URDF, gait table, parameters) and none of its laws or loops, so that it is
-also the reference implementation that tests hold both engines to. Nothing in it is slow on purpose; it
-allocates and calls small numpy functions as such scripts do. The contact law is the package's own formula,
-written for arrays.
+It shares data with the package (URDF, gait table, parameters) and none of its rooms, records of an episode
+or laws, so that the engines can be held to it. It knows ideal sensors, the thesis's controller and no safety
+monitor; the contact law is the package's own formula, written for arrays.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from peers.scenarios import Case
-from peers.timing import Implementation
 from transitions import Machine
 
-from twin_gait.core.plant import LOAD_FRICTION
-from twin_gait.experiment import IntegrationMethod
+from twin_gait.experiment import ControlMode, IntegrationMethod
+from twin_gait.experiment.problem import Problem
 from twin_gait.gait.guards import OTHER, AnyOf, Comparison, Guard, PhaseMembership, signal_scale
 from twin_gait.gait.table import TICK, BlendingLaw
-from twin_gait.simulation.problem import Problem, build_problem
 from twin_gait.vocabulary import Side
 
-Signals = Mapping[str, float]
+# Parameters a, b, c, d of equation (3.1) of the thesis.
+LAW = ("breakaway_torque", "coulomb_friction", "breakaway_velocity", "viscous_friction")
+
+
+def _columns(rows: Sequence[Any], names: Sequence[str]) -> np.ndarray:
+    """Attributes of all joints, shape ``(len(names), n)``."""
+    return np.array([[getattr(row, name) for row in rows] for name in names])
 
 
 def friction_torque(velocity: np.ndarray, law: np.ndarray) -> np.ndarray:
@@ -43,7 +45,7 @@ def friction_torque(velocity: np.ndarray, law: np.ndarray) -> np.ndarray:
     return np.asarray(bump + b * np.tanh(velocity / (c / 10.0)) + d * velocity)
 
 
-class PlainMachine:
+class Phases:
     """Phase of one leg on ``transitions``, whose conditions are Python functions."""
 
     def __init__(self, problem: Problem, side: Side) -> None:
@@ -104,7 +106,7 @@ class PlainMachine:
         return holds
 
 
-class PlainController:
+class Controller:
     """Measurement, state machines and control law of one run."""
 
     def __init__(self, problem: Problem) -> None:
@@ -116,12 +118,7 @@ class PlainController:
         self._index = np.array([joint.coordinate for joint in problem.joints])
         self._control_index = np.array([joint.control_coordinate for joint in problem.joints])
         models = [experiment.control.friction_model[joint.joint] for joint in problem.joints]
-        self._law = np.array(
-            [
-                [law.breakaway_torque, law.coulomb_friction, law.breakaway_velocity, law.viscous_friction]
-                for law in models
-            ]
-        ).T
+        self._law = _columns(models, LAW)
         self._target = np.array(
             [experiment.control.target_torque.get(joint.joint, 0.0) for joint in problem.joints]
         )
@@ -135,10 +132,13 @@ class PlainController:
         window = self._sensors.window
         self._samples: deque[np.ndarray] = deque([np.zeros(count)] * window, maxlen=window)
         self._voltage = self._battery.voltage
-        self.machines = {side: PlainMachine(problem, side) for side in problem.sides}
-        phases = [problem.table.phase_index(machine.phase) for machine in self.machines.values()]
-        self._blended = problem.phase_rows[np.arange(len(phases)), phases]
+        self.machines = {side: Phases(problem, side) for side in problem.sides}
+        self._blended = problem.phase_rows[np.arange(len(self.machines)), self.phases()]
         self._start = self._blended.copy()
+
+    def phases(self) -> list[int]:
+        """Phase of every leg, by its place in the table."""
+        return [self._problem.table.phase_index(machine.phase) for machine in self.machines.values()]
 
     def torque(self, tick: int, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Motor torques of a tick on all coordinates in [N m], shape ``(nv,)``."""
@@ -225,29 +225,35 @@ class PlainController:
         return np.asarray(factor * current)
 
 
-class PlainPlant:
+class Leg:
     """Passive torques, contact and forward dynamics."""
 
     def __init__(self, problem: Problem) -> None:
         """Read the parameters."""
         world = problem.world
         self.world, self.model, self.data = world, world.model.model, world.model.data
-        self._columns = world.plant_rows.T.copy()
-        assert not self._columns[LOAD_FRICTION].any()  # no scenario of the benchmark has any
+        self._law = _columns([row.friction for row in world.plant], LAW)
+        self._stops = _columns(
+            [row.stop for row in world.plant], ("lower", "upper", "stiffness", "dissipation")
+        )
+        self._springs = _columns([row.spring for row in world.plant], ("stiffness", "damping", "force"))
+        self._load_friction = np.array([row.load_friction for row in world.plant])
         frames = [name for names in world.contact_frames.values() for name in names]
         self._frames = [self.model.getFrameId(name) for name in frames]
 
-    def passive_torque(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def passive_torque(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
         """Friction, stops, springs and support on the coordinates, shape ``(nv,)``."""
-        lower, upper, stiffness, dissipation, spring, damper, constant = self._columns[4:LOAD_FRICTION]
-        below = stiffness * np.maximum(lower - q, 0.0) * np.maximum(1.0 - dissipation * v, 0.0)
-        above = stiffness * np.maximum(q - upper, 0.0) * np.maximum(1.0 + dissipation * v, 0.0)
-        stops = below - above
-        return np.asarray(constant - spring * q - damper * v + stops - friction_torque(v, self._columns[:4]))
+        lower, upper, hardness, dissipation = self._stops
+        below = hardness * np.maximum(lower - q, 0.0) * np.maximum(1.0 - dissipation * v, 0.0)
+        above = hardness * np.maximum(q - upper, 0.0) * np.maximum(1.0 + dissipation * v, 0.0)
+        stiffness, damping, force = self._springs
+        rubbing = self._load_friction * np.abs(motor) * np.tanh(v / (self._law[2] / 10.0))
+        rubbing = rubbing + friction_torque(v, self._law)
+        return np.asarray(force - stiffness * q - damping * v + below - above - rubbing)
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
         """Accelerations under motors, passive torques and contact, shape ``(nv,)``."""
-        torque = motor + self.passive_torque(q, v)
+        torque = motor + self.passive_torque(q, v, motor)
         if not self._frames:
             return np.asarray(pin.aba(self.model, self.data, q, v, torque))
         return np.asarray(pin.aba(self.model, self.data, q, v, torque, self._contact_forces(q, v)))
@@ -267,7 +273,7 @@ class PlainPlant:
                 self.model, self.data, number, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
             ).linear
             normal = law.stiffness * depth**1.5 * max(0.0, 1.0 - 1.5 * law.dissipation * velocity[2])
-            slip = velocity[0] + self.world.belt_speed
+            slip = velocity[0] + self.world.belt.cruise
             friction = -law.friction_coefficient * normal * np.tanh(slip / law.transition_velocity)
             placement = self.data.oMf[number]
             local = placement.rotation.T @ np.array([friction, 0.0, normal])
@@ -289,34 +295,45 @@ class PlainPlant:
         return q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4), v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
 
 
-class PlainSession:
-    """The loop of the script."""
+class Motion(NamedTuple):
+    """What the loop did, tick by tick.
 
-    def __init__(self, case: Case, ticks: int) -> None:
-        """Lay the problem out."""
-        self._problem = build_problem(case.lasting(ticks))
-        self._ticks = ticks
-        self._trace = np.zeros((ticks, self._problem.world.model.nv))
-        self.reset()
+    Attributes:
+        q: Coordinates, shape ``(n, nv)``.
+        motor: Motor torques on them in [N m], shape ``(n, nv)``.
+        phases: Phase of every leg, by its place in the table, shape ``(n, n_legs)``.
+    """
 
-    def reset(self) -> None:
-        """Make controller and plant anew."""
-        self._controller, self._plant = PlainController(self._problem), PlainPlant(self._problem)
-
-    def run(self) -> None:
-        """Step through all ticks."""
-        integration, world = self._problem.experiment.stepping, self._problem.world
-        rk4 = integration.method is IntegrationMethod.RK4
-        q, v = world.start_q.copy(), world.start_v.copy()
-        for tick in range(self._ticks):
-            self._trace[tick] = q
-            motor = self._controller.torque(tick, q, v)
-            for _ in range(integration.substeps):
-                q, v = self._plant.step(q, v, motor, integration.step, rk4)
-
-    def angles(self) -> np.ndarray | None:
-        """Coordinates at every tick."""
-        return self._trace
+    q: np.ndarray
+    motor: np.ndarray
+    phases: np.ndarray
 
 
-PLAIN = Implementation("plain Python", PlainSession, compiled=False)
+def motion(problem: Problem, ticks: int) -> Motion:
+    """Step through some ticks of a problem."""
+    _require_known(problem)
+    stepping, world = problem.experiment.stepping, problem.world
+    rk4 = stepping.method is IntegrationMethod.RK4
+    controller, leg = Controller(problem), Leg(problem)
+    q, v = world.start_q.copy(), world.start_v.copy()
+    trace = Motion(*(np.zeros((ticks, count)) for count in (len(q), len(q), len(problem.sides))))
+    for tick in range(ticks):
+        motor = controller.torque(tick, q, v)
+        trace.q[tick], trace.motor[tick], trace.phases[tick] = q, motor, controller.phases()
+        for _ in range(stepping.substeps):
+            q, v = leg.step(q, v, motor, stepping.step, rk4)
+    return trace
+
+
+def _require_known(problem: Problem) -> None:
+    """Refuse what the loop would leave out."""
+    experiment, world, control = problem.experiment, problem.world, problem.experiment.control
+    assert experiment.sensors.ideal
+    assert control.mode is ControlMode.IMPEDANCE
+    assert control.assistance.is_full
+    assert control.inertia_compensation == 0.0
+    assert not experiment.faults
+    assert not problem.wearer.acts
+    assert world.braces is None
+    assert world.imposed_motion is None
+    assert world.belt.ramp == 0.0

@@ -11,7 +11,8 @@ import numpy as np
 from twin_gait.core.assistance import cycle_place
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import damping_from_ratio
-from twin_gait.experiment import ControlMode, Experiment
+from twin_gait.experiment.control import ControlMode
+from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.scaling import InertiaAt
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.reference import FASTEST, SLOWEST, reference_curve, reference_cycle_time

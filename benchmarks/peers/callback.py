@@ -1,0 +1,177 @@
+"""The rooms of a tick as a callback of MuJoCo, which integrates: plain Python, or one native function.
+
+MuJoCo asks at every stage of its integrator. At the first one of a tick the rooms run, but for the
+integration; at each of them the plant gives its passive torques, and the dynamics are left to MuJoCo.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import mujoco
+import numba
+import numpy as np
+
+from twin_gait.experiment.problem import Problem
+from twin_gait.simulation.binding import bind
+from twin_gait.simulation.compiled_engine import (
+    CompiledEngine,
+    bound_kernel,
+    compiled_rows,
+    laid_out,
+)
+from twin_gait.simulation.compiling import jit, numbers_at, record_at
+from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.record import dtype_of
+from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.rooms.motion import acceleration
+from twin_gait.simulation.rooms.tick import run_ticks
+
+# What the callback is bound to: place of every coordinate in MuJoCo's arrays, and how often MuJoCo asks in a
+# tick, stages times substeps.
+PLACES: tuple[int, ...] = ()
+EVALUATIONS = 1
+# Contacts are MuJoCo's own, and no gait table of the benchmark asks for the load of a foot.
+STRUCTURE = {"RK4": False, "POINTS_PER_FOOT": 0}
+
+_CALLS = np.dtype([("made", "i8")])
+
+
+def trace_row(tick: int) -> Any:
+    """Room for the coordinates of a tick."""
+    raise NotImplementedError
+
+
+def respond(e: Episode, call: int, q: Any, v: Any, applied: Any) -> None:
+    """Torques on the coordinates of MuJoCo at one of its evaluations.
+
+    Args:
+        e: The episode; changed in place.
+        call: Number of the evaluation since the start.
+        q: Coordinates of MuJoCo.
+        v: Velocities.
+        applied: Torques; changed in place.
+    """
+    for i in range(len(PLACES)):
+        e.q[i] = q[PLACES[i]]
+        e.v[i] = v[PLACES[i]]
+    if call % EVALUATIONS == 0:
+        tick = call // EVALUATIONS
+        row = trace_row(tick)
+        for i in range(len(PLACES)):
+            row[i] = e.q[i]
+        run_ticks(e, tick, tick + 1)
+    acceleration(e, 0.0, 0.0, e.q, e.v)
+    for i in range(len(PLACES)):
+        applied[PLACES[i]] = e.torque[i]
+
+
+def _integrate(e: Episode, tick: int) -> None:
+    """Left to MuJoCo."""
+
+
+def _dynamics(
+    q: Any, v: Any, torque: Any, bodies: Any, gravity: float, ground: Any, a: Any, points: Any
+) -> float:
+    """Left to MuJoCo; contacts without power."""
+    return 0.0
+
+
+class PythonCallback:
+    """The rooms as they stand.
+
+    Attributes:
+        trace: Coordinates at every tick, shape ``(n_ticks, nv)``.
+    """
+
+    def __init__(self, problem: Problem, order: Sequence[int], evaluations: int, ticks: int) -> None:
+        """Bind the rooms.
+
+        Args:
+            problem: The problem.
+            order: Place of every coordinate in MuJoCo's arrays.
+            evaluations: How often MuJoCo asks in one tick: stages times substeps.
+            ticks: Length of a run.
+        """
+        self.trace = np.zeros((ticks, len(order)))
+        self._problem, self._kernel = problem, bound_kernel(laid_out(problem)[0])
+        self._kernel |= {**STRUCTURE, "integrate": _integrate, "dynamics": _dynamics}
+        self._names = {
+            "PLACES": tuple(order),
+            "EVALUATIONS": evaluations,
+            "trace_row": self.trace.__getitem__,
+        }
+        self.reset()
+
+    def reset(self) -> None:
+        """Go back to the start."""
+        engine = ReferenceEngine(self._problem, kernel=self._kernel)
+        engine.episode.recording.on = False
+        rows, self._calls, self._episode = np.zeros((0, 0)), 0, engine.episode
+        ticking = {"run_ticks": lambda e, first, end: engine.run_ticks(first, end, rows)}
+        self._respond = bind(respond, {**STRUCTURE, "dynamics": _dynamics, **self._names, **ticking})
+
+    def function(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """For ``mujoco.set_mjcb_control``."""
+        self._respond(self._episode, self._calls, data.qpos.tolist(), data.qvel.tolist(), data.qfrc_applied)
+        self._calls += 1
+
+
+class NativeCallback:
+    """The rooms compiled for one set of MuJoCo's arrays, because a callback of C gets no arguments of ours.
+
+    Attributes:
+        trace: Coordinates at every tick, shape ``(n_ticks, nv)``.
+        function: For ``mujoco.set_mjcb_control``.
+    """
+
+    def __init__(
+        self, problem: Problem, order: Sequence[int], evaluations: int, ticks: int, data: mujoco.MjData
+    ) -> None:
+        """Compile the rooms; ``data`` are MuJoCo's arrays, the rest as in :class:`PythonCallback`."""
+        self.trace = np.zeros((ticks, len(order)))
+        self._engine, self._calls = CompiledEngine(problem, record=False), np.zeros(1, _CALLS)
+        self._start = [part.copy() for part in self._engine.parts]
+        table, trace = numbers_at(len(order)), self.trace.ctypes.data
+        names = {
+            "PLACES": tuple(order),
+            "EVALUATIONS": evaluations,
+            "trace_row": jit(lambda tick: table(trace, tick)),
+        }
+        self._native = self._compiled(problem, names, data)
+        self.function = self._native.ctypes
+
+    def reset(self) -> None:
+        """Go back to the start."""
+        self._calls["made"] = 0
+        for part, start in zip(self._engine.parts, self._start, strict=True):
+            part[...] = start
+
+    def _compiled(self, problem: Problem, names: Mapping[str, Any], data: mujoco.MjData) -> Any:
+        kernel, _, structure = laid_out(problem, record=False)
+        store, _ = self._engine.parts
+        rooms: Callable[..., None] = bind(
+            respond,
+            {
+                **structure,
+                **bound_kernel(kernel),
+                **compiled_rows(store.dtype, dtype_of(self._engine.layout.row())),
+                **STRUCTURE,
+                "integrate": jit(_integrate),
+                "dynamics": jit(_dynamics),
+                **names,
+            },
+            jit,
+        )
+        episode_at, calls_at, numbers = record_at(store.dtype), record_at(_CALLS), numbers_at(data.qpos.size)
+        home, counter = store.ctypes.data, self._calls.ctypes.data
+        q, v, applied = (array.ctypes.data for array in (data.qpos, data.qvel, data.qfrc_applied))
+
+        @numba.cfunc("void(voidptr, voidptr)", error_model="numpy")
+        def native(model: Any, data: Any) -> None:
+            calls = calls_at(counter)
+            rooms(episode_at(home), calls.made, numbers(q, 0), numbers(v, 0), numbers(applied, 0))
+            calls.made += 1
+
+        return native

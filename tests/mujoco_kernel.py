@@ -1,0 +1,152 @@
+"""Rigid-body dynamics by MuJoCo behind the interface of the generated kernels.
+
+MuJoCo reads the URDF itself and has the wearer from tables of its own (:mod:`crosscheck.mujoco_legs`), so
+that no number of our rigid bodies is in here. It knows no contacts of its own either: the ground's forces
+follow our law and are applied to its bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import mujoco
+import numpy as np
+from crosscheck.mujoco_legs import compiled_legs, coordinate_order, legs_spec
+
+from twin_gait import Experiment, LegModel, Patient
+from twin_gait.core.contact import ground_contact_force
+from twin_gait.experiment.problem import Problem
+from twin_gait.leg_model import PELVIS_JOINT
+from twin_gait.simulation.episode import Ground, Point
+
+
+class Legs:
+    """A leg model in MuJoCo, in the order of our coordinates."""
+
+    def __init__(self, experiment: Experiment, model: LegModel, patient: Patient | None) -> None:
+        """Build it from the URDF and the tables of the literature."""
+        spec = legs_spec(model, patient, fit_device=experiment.leg.fit_device)
+        armature = {joint: item.armature for joint, item in experiment.plant.actuators.items()}
+        gravity, step = experiment.plant.gravity, experiment.stepping.step
+        self.model = compiled_legs(spec, model, armature, gravity=gravity, step=step)
+        self.data = mujoco.MjData(self.model)
+        self.order = coordinate_order(self.model, model)
+
+    def body(self, joint: str) -> int:
+        """Number of the body that a joint carries."""
+        return int(self.model.jnt_bodyid[self.model.joint(joint).id])
+
+    def place(self, q: list[float], v: list[float] | None = None) -> None:
+        """Go to a state, at rest without velocities."""
+        self.data.qpos[self.order] = q
+        self.data.qvel[self.order] = np.zeros(len(q)) if v is None else v
+        mujoco.mj_fwdPosition(self.model, self.data)
+        mujoco.mj_fwdVelocity(self.model, self.data)
+
+    def accelerate(self, torque: list[float]) -> np.ndarray:
+        """Accelerations of the present state under torques and what is applied to the bodies."""
+        self.data.qfrc_applied[self.order] = torque
+        mujoco.mj_fwdAcceleration(self.model, self.data)
+        return np.array(self.data.qacc_smooth[self.order])
+
+
+class MujocoKernel:
+    """The functions of a kernel; see :mod:`twin_gait.simulation.interface`."""
+
+    def __init__(self, problem: Problem) -> None:
+        """Build plant and controller's model."""
+        experiment, world = problem.experiment, problem.world
+        assert world.braces is None
+        known = experiment.patient if experiment.control.patient is None else experiment.control.patient
+        self._legs = Legs(experiment, world.model, experiment.patient)
+        self._control = Legs(experiment, problem.control_model, known)
+        self._guide = None if world.model.pelvis_index is None else self._legs.body(PELVIS_JOINT)
+        # Body of each point of a sole, and its place on there.
+        self._soles = [
+            (self._legs.body(leg.ankle), world.model.model.frames[world.model.model.getFrameId(name)])
+            for side, leg in world.model.legs.items()
+            for name in world.contact_frames.get(side, ())
+        ]
+
+    @property
+    def functions(self) -> dict[str, Callable[..., Any]]:
+        """The functions by name, to be bound."""
+        found = (self.dynamics, self.contact_forces, self.observe, self.control_gravity, self.control_inertia)
+        return {function.__name__: function for function in found}
+
+    def dynamics(
+        self,
+        q: list[float],
+        v: list[float],
+        torque: list[float],
+        bodies: list[float],
+        gravity: float,
+        ground: Ground,
+        a: list[float],
+        points: list[Point],
+    ) -> float:
+        """Accelerations; the ground's forces are applied to the feet."""
+        power = self.contact_forces(q, v, bodies, ground, points)
+        a[:] = self._legs.accelerate(torque).tolist()
+        return power
+
+    def contact_forces(
+        self, q: list[float], v: list[float], bodies: list[float], ground: Ground, points: list[Point]
+    ) -> float:
+        """Forces of the ground on the points of the soles, by velocities that MuJoCo's Jacobians give."""
+        self._legs.place(q, v)
+        model, data, jacobian, power = self._legs.model, self._legs.data, np.zeros((3, len(q))), 0.0
+        data.xfrc_applied[:] = 0.0
+        for (body, frame), point in zip(self._soles, points, strict=False):
+            place = data.xpos[body] + data.xmat[body].reshape(3, 3) @ frame.placement.translation
+            mujoco.mj_jac(model, data, jacobian, None, place, body)
+            forward, _, upward = (jacobian @ data.qvel).tolist()
+            point.height = float(place[2])
+            law = (ground.belt_speed, ground.stiffness, ground.dissipation)
+            law += (ground.friction_coefficient, ground.transition_velocity)
+            point.forward, point.upward = ground_contact_force(point.height, forward, upward, *law)
+            power += point.forward * forward + point.upward * upward
+            force = np.array([point.forward, 0.0, point.upward])
+            data.xfrc_applied[body] += [*force, *np.cross(place - data.xipos[body], force)]
+        return power
+
+    def observe(
+        self,
+        q: list[float],
+        v: list[float],
+        a: list[float],
+        bodies: list[float],
+        gravity: float,
+        points: object,
+    ) -> tuple[float, float, float, float]:
+        """Energies, and what the guide of the pelvis takes; of the state that the dynamics have just seen."""
+        model, data = self._legs.model, self._legs.data
+        mujoco.mj_energyVel(model, data)
+        moving = model.body_weldid > 0
+        potential = gravity * float(model.body_mass[moving] @ data.xipos[moving, 2])
+        if self._guide is None:
+            return float(data.energy[1]), potential, 0.0, 0.0
+        data.qacc[self._legs.order] = a
+        mujoco.mj_rnePostConstraint(model, data)
+        moment, force = data.cfrc_int[self._guide].reshape(2, 3)
+        centre = data.subtree_com[model.body_rootid[self._guide]]
+        moment = moment + np.cross(centre - data.xpos[self._guide], force)
+        return float(data.energy[1]), potential, float(force[0]), float(moment[1])
+
+    def control_gravity(
+        self, q: list[float], bodies: list[float], gravity: float, torque: list[float]
+    ) -> None:
+        """Gravity torques of the controller's model: its bias at rest."""
+        self._control.place(q)
+        torque[:] = self._control.data.qfrc_bias[self._control.order].tolist()
+
+    def control_inertia(
+        self, q: list[float], a: list[float], bodies: list[float], torque: list[float]
+    ) -> None:
+        """Inertia torques of the controller's model."""
+        self._control.place(q)
+        given, found = np.zeros((2, len(q)))
+        given[self._control.order] = a
+        mujoco.mj_mulM(self._control.model, self._control.data, found, given)
+        torque[:] = found[self._control.order].tolist()

@@ -1,0 +1,62 @@
+"""The rooms over MuJoCo's dynamics against the compiled engine: one loop, other rigid bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from twin_gait import load_experiment
+from twin_gait.experiment.problem import Problem, build_problem
+from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.reference_engine import ReferenceEngine
+
+pytest.importorskip("mujoco")
+
+from mujoco_kernel import MujocoKernel  # needs MuJoCo
+
+EULER, RK4 = "integration.method=semi_implicit_euler", "integration.method=rk4"
+CASES = {
+    "bench leg, Euler": ("bench_leg", "duration_s=2", EULER, "integration.step_ms=1"),
+    "bench leg, RK4": ("bench_leg", "duration_s=2", RK4, "integration.step_ms=1"),
+    "bench leg, inertia compensation": (
+        "bench_leg",
+        "duration_s=1",
+        EULER,
+        "control.inertia_compensation=0.2",
+    ),
+    "treadmill, Euler": ("treadmill", "duration_s=1", EULER, "integration.step_ms=0.25"),
+    "treadmill, RK4": ("treadmill", "duration_s=0.3", RK4, "integration.step_ms=0.25"),
+    "treadmill, a wearer whom the controller takes for another": (
+        "treadmill",
+        "duration_s=0.5",
+        EULER,
+        "integration.step_ms=0.25",
+        "control.patient.mass_kg=60",
+    ),
+}
+
+
+def problem_of(preset: str, *changes: str) -> Problem:
+    return build_problem(load_experiment(preset, ["sensors.ideal=true", *changes]).experiment)
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
+def test_the_rooms_over_mujoco_give_the_log_of_the_compiled_engine(case):
+    problem = problem_of(*case)
+    compiled = CompiledEngine(problem)
+    ours, theirs = compiled.run(), ReferenceEngine(problem, kernel=MujocoKernel(problem).functions).run()
+    assert ours.switches == theirs.switches != ()
+    for name, mine, other in zip(compiled.layout.names, ours.rows.T, theirs.rows.T, strict=True):
+        np.testing.assert_allclose(mine, other, atol=1e-9, rtol=0.0, err_msg=name)
+
+
+def test_a_heavier_wearer_in_mujoco_is_noticed():
+    problem, heavier = (
+        problem_of("treadmill", EULER, "duration_s=0.01", f"patient.mass_kg={mass}") for mass in (70, 71)
+    )
+    same, other = (
+        ReferenceEngine(problem, kernel=MujocoKernel(worn).functions).run().rows
+        for worn in (problem, heavier)
+    )
+    height = CompiledEngine(problem).layout.positions["pelvis_velocity_m_per_s"]
+    assert abs(same[-1, height] - other[-1, height]) > 1e-5

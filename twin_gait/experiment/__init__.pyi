@@ -1,0 +1,17 @@
+from .control import AssistanceParameters as AssistanceParameters
+from .control import ControlMode as ControlMode
+from .control import ControlParameters as ControlParameters
+from .control import PathParameters as PathParameters
+from .experiment import LONGEST_RUN as LONGEST_RUN
+from .experiment import Experiment as Experiment
+from .integration import FINEST_STEP as FINEST_STEP
+from .integration import Engine as Engine
+from .integration import Integration as Integration
+from .integration import IntegrationMethod as IntegrationMethod
+from .integration import Scenario as Scenario
+from .integration import default_integration as default_integration
+from .plant import PlantParameters as PlantParameters
+from .problem import ActuatedJoint as ActuatedJoint
+from .problem import Problem as Problem
+from .problem import build_problem as build_problem
+from .problem import scaled_table as scaled_table

@@ -1,0 +1,87 @@
+"""What computes an episode, and in which steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from twin_gait.gait.table import TICK
+from twin_gait.parameters import (
+    require,
+)
+from twin_gait.scenario.bench_leg import BenchLegScenario
+from twin_gait.scenario.treadmill import TreadmillScenario
+
+
+class Engine(StrEnum):
+    """What steps through the episode: the same laws, as Python on Pinocchio or compiled."""
+
+    PINOCCHIO = "pinocchio"
+    COMPILED = "compiled"
+
+
+class IntegrationMethod(StrEnum):
+    """Fixed-step integrator of the plant."""
+
+    SEMI_IMPLICIT_EULER = "semi_implicit_euler"
+    RK4 = "rk4"
+
+
+# In [s]. Finer steps gain nothing: rounding outgrows the integrator's error, and a second takes minutes.
+FINEST_STEP = 1e-7
+
+
+@dataclass(frozen=True, kw_only=True)
+class Integration:
+    """Integrator and step.
+
+    Attributes:
+        method: The integrator.
+        step: In [s]; a whole number of steps must fill a tick of 1 ms.
+    """
+
+    method: IntegrationMethod = IntegrationMethod.SEMI_IMPLICIT_EULER
+    step: float = 0.25e-3
+
+    def __post_init__(self) -> None:
+        """Check that steps fill a tick."""
+        require(
+            FINEST_STEP <= self.step <= TICK,
+            "integration step",
+            f"{FINEST_STEP:g} to {TICK:g} s",
+            self.step,
+        )
+        ratio = TICK / self.step
+        require(
+            abs(ratio - round(ratio)) < 1e-9 * ratio,
+            "integration step",
+            f"a whole number of steps in {TICK:g} s, such as {TICK / max(1, round(ratio)):g} s",
+            self.step,
+        )
+
+    @property
+    def substeps(self) -> int:
+        """Steps in a tick."""
+        return round(TICK / self.step)
+
+
+Scenario = TreadmillScenario | BenchLegScenario
+
+
+def default_integration(engine: Engine, scenario: Scenario, *, braced: bool = False) -> Integration:
+    """Integrator and step where none is asked for.
+
+    The compiled engine can afford what the accuracy of the solution calls for: Runge-Kutta at 1 ms, and at
+    0.1 ms where stiff contacts open and close or braces bind a light foot. The Pinocchio engine steps in
+    Python and takes the largest step at which it still runs the contacts stably and faster than real time.
+
+    Args:
+        braced: Whether braces bind the wearer to the device.
+
+    Returns:
+        Integrator and step.
+    """
+    if engine is Engine.PINOCCHIO:
+        return Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
+    step = 0.1e-3 if braced or isinstance(scenario, TreadmillScenario) else 1e-3
+    return Integration(method=IntegrationMethod.RK4, step=step)

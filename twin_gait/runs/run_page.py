@@ -1,0 +1,133 @@
+"""Runs as a page shows them: one alone, or two beside each other."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.exceptions import ParameterError, ViewerError
+from twin_gait.experiment import Experiment
+from twin_gait.measures.outcome import RunEvent
+from twin_gait.parameters import Patient
+from twin_gait.report.canvas import wearer_words
+from twin_gait.scenario import TreadmillScenario
+from twin_gait.simulation.run import Run
+from twin_gait.viewer.animation import recorded_run
+from twin_gait.viewer.motion import frame_rate, held_rows, phase_changes
+from twin_gait.viewer.page import recorded_page
+from twin_gait.viewer.surroundings import Belt
+
+MOST_RUNS = 2
+
+
+@dataclass(frozen=True, eq=False)
+class ShownRun:
+    """A run to be looked at.
+
+    Attributes:
+        name: What its heading says.
+        experiment: What was run.
+        log: One row per tick.
+        notes: What a reader has to know.
+        events: Faults, trip, fall and divergence.
+        outcome: How it ended, in a word.
+    """
+
+    name: str
+    experiment: Experiment
+    log: pd.DataFrame
+    notes: tuple[str, ...] = ()
+    events: tuple[RunEvent, ...] = ()
+    outcome: str = ""
+
+    @property
+    def duration(self) -> float:
+        """From the first row to the last in [s]."""
+        return float(self.log["time_s"].iloc[-1] - self.log["time_s"].iloc[0])
+
+
+def shown_run(run: Run) -> ShownRun:
+    """A run that has just been made, as its page shows it."""
+    name = f"twin_gait · {run.experiment.name}"
+    return ShownRun(name, run.experiment, run.log, (), run.events, run.verdict.outcome or run.status)
+
+
+def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
+    """The page of one run, or of two beside each other under one clock.
+
+    Two runs get their frames at the same moments, so that the page can subtract one from the other.
+
+    Args:
+        runs: One or two.
+        moments: Moments to have a frame of, in [s].
+    """
+    if not 1 <= len(runs) <= MOST_RUNS:
+        raise ParameterError(f"expected one run or two to show beside each other, got {len(runs)}")
+    wanted = np.unique(
+        np.concatenate(
+            [
+                np.asarray(moments, dtype=float),
+                *(phase_changes(run.log) for run in runs),
+                *([event.time for event in run.events] for run in runs),
+            ]
+        )
+    )
+    rate = min(frame_rate(run.duration) for run in runs)
+    return recorded_page([_entry(run, rate, wanted.tolist()) for run in runs])
+
+
+def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) -> dict[str, Any]:
+    belt = belt_speed_of(run.experiment)
+    try:
+        return recorded_run(
+            run.log,
+            run.experiment.build_world().model,
+            title=run.name,
+            subtitle=describe(run.experiment.patient, belt),
+            belt_speed=belt_motion_of(run.experiment, run.log),
+            patient=run.experiment.patient,
+            frames_per_second=frames_per_second,
+            moments=moments,
+            notes=run.notes,
+            events=run.events,
+            outcome=run.outcome,
+        )
+    except ViewerError as error:
+        raise ViewerError(f"{run.name.split(' · ')[-1]}: {error}") from error
+
+
+def belt_speed_of(experiment: Experiment) -> float:
+    """Speed of the belt in [m] / [s], of one that starts and stops in between; 0 on the bench."""
+    scenario = experiment.scenario
+    return scenario.belt_speed if isinstance(scenario, TreadmillScenario) else 0.0
+
+
+def belt_motion_of(experiment: Experiment, log: pd.DataFrame) -> Belt:
+    """How the belt moved in a run, as the viewer takes it."""
+    scenario, tripped = experiment.scenario, trip_time_of(log)
+    if isinstance(scenario, TreadmillScenario) and (scenario.belt is not None or math.isfinite(tripped)):
+        return partial(scenario.belt_travel, trip_time=tripped)
+    return belt_speed_of(experiment)
+
+
+def trip_time_of(log: pd.DataFrame) -> float:
+    """Time of the trip in a log in [s]; infinite without one, and in logs of earlier versions."""
+    held = np.flatnonzero(held_rows(log))
+    return float(log["time_s"].iloc[held[0]]) if len(held) else math.inf
+
+
+def describe(patient: Patient | None, belt_speed: float) -> str:
+    """One line on wearer and belt speed.
+
+    Args:
+        patient: The wearer, or None.
+        belt_speed: In [m] / [s]; 0 on the bench.
+    """
+    who = wearer_words(patient)
+    return who if belt_speed == 0.0 else f"{who}, {3.6 * belt_speed:.2f} km/h"

@@ -1,0 +1,179 @@
+"""The record of a test on the joint bench at tick 0, and the noise that it reads."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from twin_gait.control import Controller
+from twin_gait.core.actuator import Motor
+from twin_gait.core.control_tick import new_encoder
+from twin_gait.core.estimation import first_order_gain, new_delay_line
+from twin_gait.core.friction import Friction
+from twin_gait.core.motor_drive import current_loop_gains
+from twin_gait.core.plant import ImposedMotion
+from twin_gait.core.transparency import Transparency
+from twin_gait.gait.table import TICK
+from twin_gait.parameters import KNEE_FRICTION, require
+from twin_gait.scenario.bench_joint import (
+    HORIZONTAL,
+    TRANSPARENCY_STEPS,
+    BenchJoint,
+    CatalogueEfficiency,
+    CompensationVelocity,
+    CosinePath,
+    CurrentLoop,
+    DutyControl,
+    InertialSensor,
+    InertialUnit,
+    LoadAngle,
+    OldFrictionModel,
+    TorqueControl,
+    Torsion,
+)
+from twin_gait.simulation.bench_joint import episode as record
+from twin_gait.simulation.bench_joint.interface import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE
+from twin_gait.simulation.engine import DIVERGED_VELOCITY
+from twin_gait.simulation.record import taken_from
+
+_SOURCES = {
+    InertialSensor.GYROSCOPE: record.GYROSCOPE,
+    InertialSensor.ACCELEROMETER: record.ACCELEROMETER,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class BenchVariation:
+    """What differs from one test to the next though nothing was changed.
+
+    Attributes:
+        current_offset: Of the current measurement in [A].
+        friction_ratio: On the friction law.
+        ripple_phase: Of the friction that repeats with the angle, in [rad].
+        duty_start: Ticks that the sine of (2.1a) has run when the test begins.
+    """
+
+    current_offset: float = 0.0
+    friction_ratio: float = 1.0
+    ripple_phase: float = 0.0
+    duty_start: int = 0
+
+
+def bench_noise(test: BenchJoint, ticks: int, seed: int) -> np.ndarray:
+    """Draw the noise of a test; what is not noisy draws nothing.
+
+    Returns:
+        Shape ``(ticks, 2 + periods)``: of the encoder in [rad], then standard normal, of the inertial unit
+        and of the sample of the current in each period of its loop.
+    """
+    rng, sensors, periods = np.random.default_rng(seed), test.sensors, _periods(test)
+    noise = np.zeros((ticks, CURRENT_NOISE + periods))
+    if not sensors.ideal and sensors.angle_noise > 0.0:
+        noise[:, ANGLE_NOISE] = sensors.angle_noise * rng.standard_normal(ticks)
+    if test.drive.noise > 0.0:
+        noise[:, CURRENT_NOISE:] = rng.standard_normal((ticks, periods))
+    if test.inertial_unit is not None:
+        noise[:, UNIT_NOISE] = rng.standard_normal(ticks)
+    return noise
+
+
+def bench_episode(test: BenchJoint, variation: BenchVariation) -> record.BenchEpisode:
+    """The record of a test at tick 0.
+
+    Raises:
+        ParameterError: If parts of the test do not go together.
+    """
+    link, friction, sensors = test.link, test.friction, test.sensors
+    law = friction.law.scaled(variation.friction_ratio).in_plant()
+    resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)
+    torque = _torque_control(test)
+    path = CosinePath(start_angle=torque.equilibrium_angle, amplitude=0.0, frequency=1.0)
+    unit = test.inertial_unit or InertialUnit(sensor=InertialSensor.GYROSCOPE)
+    return record.BenchEpisode(
+        test=replace(
+            test, control=None, efficiency=None, torsion=None, inertial_unit=None, imposed_motion=None
+        ),
+        period=TICK,
+        fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
+        encoder=new_encoder(0.0 if sensors.ideal else resolution, test.start_angle, sensors.window),
+        motor=taken_from(Motor, test.actuator),
+        winding=_winding(test, variation.current_offset),
+        bus_voltage=test.battery.voltage,
+        rotor=record.Body(test.actuator.armature, test.start_angle, test.start_velocity),
+        link=record.Body(link.total_inertia, test.start_angle, test.start_velocity),
+        horizontal_angle=HORIZONTAL if link.load_angle is LoadAngle.CORRECTED else 0.0,
+        moment=link.total_moment,
+        torsion=test.torsion or Torsion(),
+        compliant=test.torsion is not None,
+        efficiency=test.efficiency or CatalogueEfficiency(),
+        lossy=test.efficiency is not None,
+        friction=law,
+        ripple_cosine=friction.ripple * math.cos(variation.ripple_phase),
+        ripple_sine=friction.ripple * math.sin(variation.ripple_phase),
+        imposed_motion=_imposed_motion(test),
+        unit=unit,
+        acceleration=_acceleration(test, unit),
+        torque_control=replace(torque, old_model=None, path=None),
+        path=torque.path or path,
+        friction_model=taken_from(Friction, torque.controller.friction_model.normalised()),
+        old_model=torque.old_model or OldFrictionModel(),
+        old=torque.old_model is not None,
+        follows_path=torque.compensation_velocity is CompensationVelocity.REFERENCE,
+        transparency=_transparency(test),
+        duty_start=variation.duty_start,
+        rest_ticks=test.rest_at_stop / TICK,
+        diverged_velocity=DIVERGED_VELOCITY,
+    )
+
+
+def _periods(test: BenchJoint) -> int:
+    """Periods of the current loop in a tick."""
+    return round(test.drive.rate * TICK)
+
+
+def _winding(test: BenchJoint, offset: float) -> record.Winding:
+    drive, periods = test.drive, _periods(test)
+    kind = record.PI if drive.loop is CurrentLoop.PI else record.IDEAL
+    if not isinstance(test.control, TorqueControl):
+        kind = record.OPEN if test.control is None else record.DUTY
+    gains = current_loop_gains(test.actuator.resistance, drive.inductance, drive.bandwidth)
+    return record.Winding(kind, periods, TICK / periods, *gains, offset, new_delay_line(drive.delay))
+
+
+def _acceleration(test: BenchJoint, unit: InertialUnit) -> record.Acceleration:
+    used = test.inertial_unit is not None and isinstance(test.control, TorqueControl)
+    source = _SOURCES[unit.sensor] if used else record.ENCODER
+    time_constant = unit.time_constant if used else test.sensors.fast_time_constant
+    return record.Acceleration(source, first_order_gain(TICK, time_constant), new_delay_line(unit.delay))
+
+
+def _imposed_motion(test: BenchJoint) -> ImposedMotion:
+    motion = test.imposed_motion
+    if motion is None or (motion.stiffness == 0.0 and motion.damping == 0.0):
+        return ImposedMotion(-1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return taken_from(ImposedMotion, motion, place=0, start_angle=test.start_angle, torque=0.0)
+
+
+def _torque_control(test: BenchJoint) -> TorqueControl:
+    if isinstance(test.control, TorqueControl):
+        return test.control
+    return TorqueControl(controller=Controller(friction_model=KNEE_FRICTION))  # nothing asks it
+
+
+def _transparency(test: BenchJoint) -> Transparency:
+    control, counts = test.control, test.drive.counts
+    if not isinstance(control, DutyControl):
+        return Transparency(*(0.0 for _ in range(9)))
+    require(counts > 0, "pwm counts", "1 or more for a controller of duties", counts)
+    static, linear, quadratic = control.voltages(test.actuator)
+    return taken_from(
+        Transparency,
+        control,
+        ticks_per_second=TRANSPARENCY_STEPS,
+        static_voltage=static,
+        voltage_per_velocity=linear,
+        voltage_per_velocity_squared=quadratic,
+        duty_limit=control.duty_limit * counts,
+    )
