@@ -26,6 +26,7 @@ from twin_gait.live.loop import PIECE_TICKS
 from twin_gait.live.pieces import AppliedChange, Piece, take_of
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
+from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import journal_of
 from twin_gait.runs.record import load_run
 from twin_gait.scenario.faults import parse_fault

@@ -45,6 +45,7 @@ from twin_gait.live.rules import check_settings, refusal, warnings
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.live.settings import Mode, effect_of, loop_numbers
+from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.record import load_run
 from twin_gait.simulation import simulate
 

@@ -1,4 +1,4 @@
-"""Duty-based transparency control, equation (2.1) of the thesis: a motor that follows its joint."""
+"""Duty-based transparency control, equation (2.1) of the thesis: the motor follows the moved joint."""
 
 from __future__ import annotations
 

@@ -16,6 +16,7 @@ from twin_gait.core.belt import Belt, treadmill_speed, treadmill_travel
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment.problem import build_problem
 from twin_gait.gait.table import TICK
+from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.runs.run_page import belt_motion_of, trip_time_of
 from twin_gait.scenario import FaultKind
