@@ -31,7 +31,7 @@ from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import COMPLETED, DIVERGED
 from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.loops import kept_loop
-from twin_gait.simulation.record import dtype_of, numbers_in, write
+from twin_gait.simulation.record import dtype_of, numbers_in, stored
 from twin_gait.simulation.run import RunStatus
 
 if TYPE_CHECKING:
@@ -147,9 +147,8 @@ def _compiled(
     on_compile: Callable[[], None] | None,
 ) -> Advance:
     """The compiled loop of a test; the caller keeps noise and rows."""
-    store = np.zeros(1, dtype_of(episode))
     episode.log, episode.noise = rows.ctypes.data, noise.ctypes.data
-    write(episode, store[0])
+    store = stored(episode)
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop
