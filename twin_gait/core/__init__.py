@@ -42,7 +42,8 @@ from twin_gait.core.friction_models import (
 from twin_gait.core.hyperbolic import hyperbolic_tangent
 from twin_gait.core.impedance import damping_from_ratio, damping_ratio_of, impedance_torque
 from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
-from twin_gait.core.motor_drive import breakaway_duty, drive_efficiency, viscous_duty
+from twin_gait.core.motor_drive import drive_efficiency
+from twin_gait.core.transparency import breakaway_duty, viscous_duty
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
 
 __all__ = [
