@@ -16,9 +16,9 @@ from crosscheck.mujoco_legs import compiled_legs, coordinate_order, legs_spec
 
 from twin_gait import Experiment, LegModel, Patient
 from twin_gait.core.contact import ground_contact_force
+from twin_gait.experiment.problem import Problem
 from twin_gait.leg_model import PELVIS_JOINT
 from twin_gait.simulation.episode import Ground, Point
-from twin_gait.experiment.problem import Problem
 
 
 class Legs:

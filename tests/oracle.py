@@ -16,9 +16,9 @@ import pinocchio as pin
 from transitions import Machine
 
 from twin_gait.experiment import ControlMode, IntegrationMethod
+from twin_gait.experiment.problem import Problem
 from twin_gait.gait.guards import OTHER, AnyOf, Comparison, Guard, PhaseMembership, signal_scale
 from twin_gait.gait.table import TICK, BlendingLaw
-from twin_gait.experiment.problem import Problem
 from twin_gait.vocabulary import Side
 
 # Parameters a, b, c, d of equation (3.1) of the thesis.

@@ -23,7 +23,7 @@ _JOINTS = frozenset(JointName)
 
 def quantity_of(key: str) -> str:
     """Name of a key without its unit: ``damping_ratio`` and ``damping_Nms_per_rad`` are one quantity."""
-    return key if key in _NO_UNIT else _UNIT_SUFFIX.sub("", key)
+    return key if key.rpartition(".")[2] in _NO_UNIT else _UNIT_SUFFIX.sub("", key)
 
 
 def refuse_two_units(data: Mapping[str, Any], source: str) -> None:

@@ -8,7 +8,7 @@ from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
 from twin_gait.core.contact import Ground, Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
-from twin_gait.core.friction import ASYMMETRIC, BRISTLE, Friction
+from twin_gait.core.friction import ROTATIONAL, Friction
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.experiment import ControlMode, IntegrationMethod
@@ -59,7 +59,7 @@ def structure_of(problem: Problem, n_points: int) -> dict[str, int | bool]:
         "PELVIS": -1 if model.pelvis_index is None else model.pelvis_index,
         "SHIFT": problem.world.wearer_shift,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
-        "OTHER_LAWS": any(plant.friction.law in (ASYMMETRIC, BRISTLE) for plant in problem.world.plant),
+        "OTHER_LAWS": any(plant.friction.law > ROTATIONAL for plant in problem.world.plant),
         "RK4": experiment.stepping.method is IntegrationMethod.RK4,
         "FAULTY": bool(experiment.faults),
         "INERTIA_WANTED": control.inertia_compensation > 0.0,
