@@ -13,16 +13,16 @@ import mujoco
 import numba
 import numpy as np
 
+from twin_gait.experiment.problem import Problem
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import (
     CompiledEngine,
     bound_kernel,
     compiled_rows,
-    written_kernel,
+    laid_out,
 )
 from twin_gait.simulation.compiling import jit, numbers_at, record_at
 from twin_gait.simulation.episode import Episode
-from twin_gait.experiment.problem import Problem
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.rooms.motion import acceleration
@@ -95,7 +95,7 @@ class PythonCallback:
             ticks: Length of a run.
         """
         self.trace = np.zeros((ticks, len(order)))
-        self._problem, self._kernel = problem, bound_kernel(written_kernel(problem)[0])
+        self._problem, self._kernel = problem, bound_kernel(laid_out(problem)[0])
         self._kernel |= {**STRUCTURE, "integrate": _integrate, "dynamics": _dynamics}
         self._names = {
             "PLACES": tuple(order),
@@ -149,7 +149,7 @@ class NativeCallback:
             part[...] = start
 
     def _compiled(self, problem: Problem, names: Mapping[str, Any], data: mujoco.MjData) -> Any:
-        kernel, _, structure = written_kernel(problem, record=False)
+        kernel, _, structure = laid_out(problem, record=False)
         store, _ = self._engine.parts
         rooms: Callable[..., None] = bind(
             respond,

@@ -9,10 +9,10 @@ from peers.scenarios import Case
 from peers.timing import Implementation
 
 from twin_gait import Run, simulate
-from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, written_kernel
+from twin_gait.experiment.problem import build_problem
+from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
 from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.log import state_columns
-from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 
 THREADS = 2
@@ -56,7 +56,7 @@ class PlainSession:
     def __init__(self, case: Case, ticks: int) -> None:
         """Lay the problem out."""
         self._problem = build_problem(case.lasting(ticks))
-        self._kernel = bound_kernel(written_kernel(self._problem)[0])
+        self._kernel = bound_kernel(laid_out(self._problem)[0])
         self._trace = np.zeros((ticks, self._problem.world.model.nv))
         self.reset()
 

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 from twin_gait.core.actuator import (
+    Motor,
     current_to_torque,
     motor_electrical_power,
     sagged_bus_voltage,
@@ -23,6 +24,7 @@ from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
 
 # maxon EC 90 flat, 24 V winding: K_t = 0.0705 Nm/A, R = 0.343 Ω; CSD-25 gear, 100:1.
 K_T, R, RATIO = 0.0705, 0.343, 100.0
+MOTOR = Motor(torque_constant=K_T, gear_ratio=RATIO, gear_efficiency=1.0, resistance=R)
 BATTERY = 28.8  # [V], eight-cell pack of the thesis (2.2.1)
 
 torques = st.floats(-150.0, 150.0)
@@ -129,16 +131,16 @@ def test_constant_load_settles_where_the_battery_equation_is_solved(power: float
 
 @given(command=st.floats(-300.0, 300.0), velocity=speeds)
 def test_driven_motor_obeys_torque_current_and_voltage_limits(command: float, velocity: float) -> None:
-    target, current, torque = drive_motor(command, velocity, BATTERY, 60.0, 8.0, K_T, RATIO, 1.0, R)
+    target, current, torque = drive_motor(MOTOR, command, velocity, BATTERY, 60.0, 8.0)
     assert abs(target) <= 8.0
-    assert_allclose(torque, 7.05 * current, rtol=1e-12)
+    assert_allclose(torque, 7.05 * current, rtol=1e-12, atol=1e-300)
     assert abs(R * current + 7.05 * velocity) <= BATTERY * (1.0 + 1e-9)
     assume(abs(command) < 8.0 * 7.05 and abs(R * command / 7.05 + 7.05 * velocity) < BATTERY)
     assert_allclose(torque, command, rtol=1e-12, atol=1e-300)
 
 
 def test_torque_limit_binds_before_the_current_limit() -> None:
-    target, _, torque = drive_motor(500.0, 0.0, BATTERY, 60.0, 100.0, K_T, RATIO, 1.0, R)
+    target, _, torque = drive_motor(MOTOR, 500.0, 0.0, BATTERY, 60.0, 100.0)
     assert_allclose(torque, 60.0, rtol=1e-12)
     assert_allclose(target, 60.0 / 7.05, rtol=1e-12)
 

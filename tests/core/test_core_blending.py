@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import astuple, replace
+from dataclasses import astuple
 
 import numpy as np
 import pytest
@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from twin_gait import load_experiment
 from twin_gait.core.blending import (
     BLEND_LINEAR,
     BLEND_MINIMUM_JERK,
@@ -18,7 +19,12 @@ from twin_gait.core.blending import (
     blend,
     blend_share,
 )
-from twin_gait.core.control_tick import Setpoint, blend_setpoint, copy_setpoint
+from twin_gait.core.control_tick import Setpoint
+from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.filling import new_episode
+from twin_gait.experiment.problem import build_problem
+from twin_gait.simulation.record import copied
+from twin_gait.simulation.rooms import phases
 
 LAWS = [BLEND_NONE, BLEND_LINEAR, BLEND_MINIMUM_JERK]
 FADING = [BLEND_LINEAR, BLEND_MINIMUM_JERK]
@@ -78,46 +84,73 @@ def test_blended_value_goes_from_old_to_new(old: float, new: float) -> None:
     assert_allclose(blend(old, new, 0.5), 0.5 * (old + new), atol=1e-13)
 
 
-TARGETS = (Setpoint(100.0, 5.0, 0.1, 0.3), Setpoint(300.0, 2.0, -0.2, 0.5), Setpoint(50.0, 9.0, 0.4, 0.0))
+SETPOINTS = (
+    Setpoint(100.0, 5.0, 0.1, 0.2),
+    Setpoint(300.0, 20.0, -0.2, 0.8),
+    Setpoint(50.0, 12.0, 0.4, 0.5),
+)
+SHARES = (0.0, 1.0, 0.4)  # of the gravity compensation
 
 
-def fade(duration: int, law: int, switches: list[int], ticks: int) -> np.ndarray:
-    """Blend a joint through the targets as an engine does: at each switch start from the present values."""
-    blended, start = replace(TARGETS[0]), replace(TARGETS[0])
-    rows, entered, phase = [], 0, 0
+@pytest.fixture(scope="module")
+def legs() -> Episode:
+    """Two legs that have long been in their first phase, with the parameters above."""
+    e = new_episode(build_problem(load_experiment("treadmill").experiment), [], [], 1)
+    e.recording.most_switches = 0  # room for no record of them
+    for joint in e.joints:
+        joint.setpoints[:3] = SETPOINTS
+        joint.blended, joint.blend_start = copied(SETPOINTS[0]), copied(SETPOINTS[0])
+    for leg in e.legs:
+        leg.gravity_shares[:3] = SHARES
+        leg.phase, leg.gravity, leg.gravity_start, leg.entry_tick = 0, SHARES[0], SHARES[0], -1000
+    for number, rule in enumerate(e.program.transitions[:3]):
+        rule.target = number
+    return e
+
+
+def parameters(e: Episode, leg: int = 0) -> list[float]:
+    """Present parameters of the hip and knee of a leg, and its share of the gravity compensation."""
+    hip, knee = e.joints[2 * leg : 2 * leg + 2]
+    return [*astuple(hip.blended), *astuple(knee.blended), e.legs[leg].gravity]
+
+
+TARGETS = [np.array([*astuple(item), *astuple(item), share]) for item, share in zip(SETPOINTS, SHARES, strict=True)]
+
+
+def fade(legs: Episode, duration: int, law: int, switches: list[int], ticks: int) -> np.ndarray:
+    """Parameters of one leg tick by tick, which enters the next phase at each switch."""
+    e = copied(legs)
+    e.rates.blend_law, e.rates.blend_ticks = law, duration
+    rows = []
     for tick in range(ticks):
         if tick in switches:
-            phase, entered = switches.index(tick) + 1, tick
-            copy_setpoint(blended, start)
-        blend_setpoint(start, TARGETS[phase], blend_share((tick - entered) / duration, law), blended)
-        rows.append(astuple(blended))
+            phases._switch(e, 0, tick, switches.index(tick) + 1)
+        phases._blend(e, 0, tick)
+        rows.append(parameters(e))
+    assert parameters(e, 1) == parameters(legs, 1)  # the other leg is left alone
     return np.array(rows)
 
 
 @pytest.mark.parametrize("law", FADING)
-def test_interrupted_fade_goes_on_from_the_present_values(law: int) -> None:
+def test_interrupted_fade_goes_on_from_the_present_values(legs: Episode, law: int) -> None:
     """A second switch in the middle of a fade must not make the parameters jump."""
     duration, second = 60, 35
-    rows = fade(duration, law, [5, second], 150)
-    targets = np.array([astuple(target) for target in TARGETS])
-    assert_allclose(rows[second], rows[second - 1], rtol=0.05)  # one tick of the first fade, no more
-    largest_distance = np.abs(np.diff(targets, axis=0)).max(axis=0)
+    rows = fade(legs, duration, law, [5, second], 150)
+    largest_distance = np.abs(np.diff(np.array(TARGETS), axis=0)).max(axis=0)
     steepest = {BLEND_LINEAR: 1.0, BLEND_MINIMUM_JERK: 15.0 / 8.0}[law]
+    assert_allclose(rows[second], rows[second - 1], atol=(steepest * largest_distance / duration).max())
     assert np.all(np.abs(np.diff(rows, axis=0)) <= 1.001 * steepest * largest_distance / duration)
-    settled = rows[second + duration :]
-    assert_allclose(settled, np.broadcast_to(targets[2], settled.shape), atol=1e-12)
+    assert_allclose(rows[:5], np.broadcast_to(TARGETS[0], (5, 9)), atol=1e-12)
+    assert_allclose(
+        rows[second + duration :], np.broadcast_to(TARGETS[2], (150 - second - duration, 9)), atol=1e-12
+    )
 
 
-@pytest.mark.parametrize("law", FADING)
-def test_present_values_are_kept_in_the_tick_of_the_switch(law: int) -> None:
-    rows = fade(60, law, [5], 7)
-    assert np.array_equal(rows[5], astuple(TARGETS[0]))
-    assert np.all(rows[6] != rows[5])
+def test_present_values_are_kept_in_the_tick_of_the_switch(legs: Episode) -> None:
+    rows = fade(legs, 60, BLEND_MINIMUM_JERK, [5], 20)
+    assert np.array_equal(rows[5], rows[4])
+    assert not np.array_equal(rows[7], rows[5])
 
 
-def test_copied_setpoint_is_no_second_name_of_its_source() -> None:
-    source, target = replace(TARGETS[1]), replace(TARGETS[2])
-    copy_setpoint(source, target)
-    assert target == source
-    source.stiffness = 0.0
-    assert target == TARGETS[1]
+def test_fade_without_duration_is_a_switch(legs: Episode) -> None:
+    assert_allclose(fade(legs, 0, BLEND_MINIMUM_JERK, [5], 6)[5], TARGETS[1])

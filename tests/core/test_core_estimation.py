@@ -15,8 +15,8 @@ from twin_gait.core.control_tick import measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain, first_order_step, quantise
 from twin_gait.parameters import SensorParameters
 
-ANGLE, VELOCITY_FAST, VELOCITY_SLOW = range(3)  # columns of the measurements below
 TICK = 1e-3
+ANGLE, VELOCITY_FAST, VELOCITY_SLOW = range(3)  # columns of the measurements
 SENSORS = SensorParameters()
 
 
@@ -29,8 +29,7 @@ def measurements(
 ) -> np.ndarray:
     """Measure a path of one joint; columns angle, fast and slow velocity, one row a tick."""
     gain = first_order_gain(TICK, sensors.fast_time_constant)
-    encoder = new_encoder(resolution, 0.0, sensors.window)
-    rows = []
+    encoder, rows = new_encoder(resolution, 0.0, sensors.window), []
     for tick in range(ticks):
         measure_joint(encoder, tick, angle_at(tick * TICK), TICK, gain, sensors.decimation)
         rows.append([encoder.angle, encoder.velocity_fast, encoder.velocity_slow])

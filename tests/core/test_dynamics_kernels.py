@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import ast
-import importlib
-import inspect
 import math
-import re
+import shutil
 import subprocess
 import sys
 import time
@@ -18,14 +16,14 @@ import pinocchio as pin
 import pytest
 from test_dynamics_pinocchio import assert_equal, kernel_of, source_of
 
-from twin_gait import core, load_experiment, simulate
+from twin_gait import core, load_experiment, simulate, simulation
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model import LegModel, packaged_urdf
 from twin_gait.leg_model.bodies import export_bodies
-from twin_gait.simulation import columns, episode, episode_arrays, keeping, kernel, loops, pointers
-from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.module_text import one_module
+from twin_gait.simulation import keeping, kernel, rooms
+from twin_gait.simulation.binding import bind
+from twin_gait.simulation.compiled_engine import bound_kernel, run_at, laid_out
 from twin_gait.experiment.problem import build_problem
 from twin_gait.vocabulary import JointName, Side
 
@@ -163,68 +161,62 @@ def finished(process: subprocess.Popen[str]) -> list[str]:
     return output.split()
 
 
-def core_modules() -> list[str]:
-    return sorted(path.stem for path in Path(core.__file__).parent.glob("[a-z]*.py"))
+def test_every_module_of_core_and_every_room_is_hashed():
+    hashed = set(keeping.source_files(*keeping.SOURCES))
+    for folder in (core, rooms):
+        modules = set(Path(folder.__file__).parent.glob("*.py"))
+        assert len(modules) > 5 and modules <= hashed
 
 
-def test_every_module_of_core_is_compiled_and_hashed():
-    assert sorted(keeping.CORE_MODULES) == core_modules()
-
-
-def test_every_room_of_the_loop_is_compiled_and_hashed():
-    assert sorted(keeping.EPISODE_ROOMS) == sorted(
-        path.stem for path in Path(episode.__file__).parent.glob("[a-z]*.py")
-    )
-
-
-@pytest.mark.parametrize("room", keeping.episode_rooms())
-def test_an_edit_of_any_room_of_the_loop_changes_the_key(room, monkeypatch):
-    before, read = key_of("text"), keeping.source_of
-    monkeypatch.setattr(keeping, "source_of", lambda item: read(item) + "\n" * (item == room))
-    assert key_of("text") != before
-
-
-def test_two_rooms_may_not_give_one_name_to_two_things():
-    rooms = {"a": "def act(x):\n    return x\n", "b": "def act(x):\n    return -x\n"}
-    with pytest.raises(AssertionError, match="two things are named act"):
-        one_module(rooms)
-    with pytest.raises(AssertionError, match="two things are named act"):
-        one_module({"a": rooms["a"], "c": "from twin_gait.core.contact import act\n"})
-
-
-@pytest.mark.parametrize("name", core_modules())
-def test_an_edit_of_any_function_of_core_changes_the_key(name, monkeypatch):
-    module = importlib.import_module(f"{core.__name__}.{name}")
-    source, read = inspect.getsource(module), keeping.source_of
-    defined = [item for item in vars(module).values() if isinstance(item, FunctionType)]
-    functions = [item.__name__ for item in defined if item.__module__ == module.__name__]
-    assert functions
-    keys = {key_of("text")}
-    for function in functions:
-        edited, count = re.subn(rf"^def {function}\(", f"def {function}_(", source, flags=re.MULTILINE)
-        assert count == 1
-        monkeypatch.setattr(
-            keeping, "source_of", lambda item, text=edited: text if item == module.__name__ else read(item)
-        )
-        keys.add(key_of("text"))
-    assert len(keys) == 1 + len(functions)
+@pytest.fixture
+def copied_sources(tmp_path, monkeypatch) -> Path:
+    """The sources that a key is made of, in a folder where they may be edited."""
+    home = Path(simulation.__file__).parent
+    for part in ("simulation", "core"):
+        shutil.copytree(home.parent / part, tmp_path / part, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(keeping, "__file__", str(tmp_path / "simulation" / "keeping.py"))
+    return tmp_path
 
 
 def key_of(text: str) -> str:
-    keeping.source_key.cache_clear()
-    key = keeping.source_key(text)
-    keeping.source_key.cache_clear()
+    for cache in (keeping.source_key, keeping._content):
+        cache.cache_clear()
+    key = keeping.source_key(text, "compiled_engine")
+    for cache in (keeping.source_key, keeping._content):
+        cache.cache_clear()
     return key
 
 
-def test_the_compiled_module_imports_nothing_that_its_key_leaves_out(monkeypatch):
-    texts, kept = [], loops.kept_loop
-    monkeypatch.setattr(
-        loops, "kept_loop", lambda key, write, told: texts.append(write()) or kept(key, write, told)
-    )
-    CompiledEngine(build_problem(load_experiment("bench_leg", ["duration_s=0.1"]).experiment))
-    imported = {node.module for node in ast.walk(ast.parse(texts[0])) if isinstance(node, ast.ImportFrom)}
-    hashed = {f"{core.__name__}.{name}" for name in keeping.CORE_MODULES}
-    hashed |= {columns.__name__, episode_arrays.__name__, pointers.__name__}
-    assert {name for name in imported if name.startswith("twin_gait")} <= hashed
-    assert f"KERNEL_VERSION = {kernel.KERNEL_VERSION}" in texts[0]
+def test_an_edit_of_any_source_changes_the_key_and_of_nothing_else(copied_sources):
+    keys, sources = [key_of("text"), key_of("other text")], keeping.source_files(*keeping.SOURCES)
+    for path in [*sources, copied_sources / "simulation" / "compiled_engine.py"]:
+        assert path.is_relative_to(copied_sources)
+        path.write_text(path.read_text() + "\n")
+        keys.append(key_of("text"))
+    assert len(set(keys)) == len(keys) == len(sources) + 3
+    for path in (copied_sources / "simulation").glob("*.py"):
+        if path not in sources and path.stem != "compiled_engine":
+            path.write_text(path.read_text() + "\n")
+    assert key_of("text") == keys[-1]
+
+
+@pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])
+def test_every_function_that_is_compiled_stands_in_a_source_that_is_hashed(preset):
+    text, _, structure = laid_out(build_problem(load_experiment(preset).experiment))
+    bound: list[FunctionType] = []
+    bind(run_at, {**structure, **bound_kernel(text)}, lambda function: bound.append(function) or function)
+    hashed = set(keeping.source_files(*keeping.SOURCES, "compiled_engine"))
+    found = {Path(function.__code__.co_filename) for function in bound}
+    assert found - hashed == {Path("generated kernel")}  # the key has its text
+    assert {path.stem for path in found} >= {"tick", "motion", "impedance", "contact", "compiled_engine"}
+
+
+def test_rooms_and_laws_take_constants_from_sources_that_are_hashed_alone():
+    hashed = keeping.source_files(*keeping.SOURCES)
+    home = Path(simulation.__file__).parents[1]
+    names = {".".join(("twin_gait", *path.relative_to(home).with_suffix("").parts)) for path in hashed}
+    for path in hashed:
+        if path.parent.name in ("rooms", "core"):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("twin_gait"):
+                    assert node.module in names, f"{path.name}: {node.module}"

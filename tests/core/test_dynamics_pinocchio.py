@@ -18,7 +18,7 @@ from example_robots import robot_urdf
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
-from twin_gait.core.contact import ground_contact_force
+from twin_gait.core.contact import Ground, Point, ground_contact_force
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import ContactPoint, export_bodies
 from twin_gait.leg_model.urdf import build_model
@@ -29,7 +29,7 @@ TOLERANCE = 1e-12
 # Two algorithms differ by some ten roundings times the condition number; beyond this one the difference of
 # their accelerations says nothing at 1e-12, and the residual of the equation of motion speaks alone.
 WELL_CONDITIONED = 1e3
-NO_GROUND = np.zeros(5)
+NO_GROUND = Ground()
 
 
 class Kernel(NamedTuple):
@@ -42,7 +42,7 @@ class Kernel(NamedTuple):
 
     def accelerations(self, q, v, torque):
         a = np.full(self.n, np.nan)
-        points = np.zeros((max(self.n_points, 1), 3))
+        points = [Point() for _ in range(self.n_points)]
         self.functions["dynamics"](q, v, torque, self.bodies, GRAVITY, NO_GROUND, a, points)
         return a
 
@@ -60,12 +60,12 @@ class Kernel(NamedTuple):
 
     def point_motion(self, q, v):
         """Forward and upward velocity and height of every point, under :func:`telling_law`."""
-        motion = np.full((self.n_points, 3), np.nan)
-        self.functions["contact_forces"](q, v, self.bodies, NO_GROUND, motion)
-        return motion
+        points = [Point(np.nan, np.nan, np.nan) for _ in range(self.n_points)]
+        self.functions["contact_forces"](q, v, self.bodies, NO_GROUND, points)
+        return np.array([[point.forward, point.upward, point.height] for point in points])
 
 
-def telling_law(height: float, forward: float, upward: float, *ground: float) -> tuple[float, float]:
+def telling_law(ground: Ground, height: float, forward: float, upward: float) -> tuple[float, float]:
     """In the place of a contact law: forces that are the velocities."""
     return forward, upward
 

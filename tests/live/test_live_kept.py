@@ -27,10 +27,9 @@ from twin_gait.live.session_records import list_sessions, read_session
 from twin_gait.runs.folders import journal_of
 from twin_gait.runs.record import load_run
 from twin_gait.scenario.faults import parse_fault
-from twin_gait.simulation import stepping
 from twin_gait.simulation.engine import log_layout
 from twin_gait.experiment.problem import build_problem
-from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.live.stepping import SteppedRun
 
 pytestmark = pytest.mark.slow
 
@@ -80,7 +79,7 @@ def test_a_journal_gives_back_the_walk_bit_for_bit(loaded, problem, tmp_path):
     content = read_journal(journal.path)
     take = take_of(content.pieces, len(content.columns), 60_000)
     np.testing.assert_array_equal(take.result.rows, run.rows())
-    assert content.columns == run.layout.names and run.tripped
+    assert content.columns == run.layout.names and run.trip is not None
     assert (take.result.switches, take.result.trip) == (run.switches(), run.trip)
     assert [item.tick for item in take.changes] == list(range(0, 1400, 200))
     assert journal.path.stat().st_mode & 0o077 == 0
@@ -154,13 +153,13 @@ def test_the_loop_holds_the_last_rows_only_and_of_restarted_walks_nothing(proble
     def watched(ticks):
         nonlocal most
         rows = advance(ticks)
-        most = max(most, sum(len(chunk) for chunk in rig.run._chunks.values()))
+        most = max(most, len(rig.run.rows()))
         return rows
 
     rig.run.advance = watched
     rig.loop.run()
     assert len(rig.takes) == 21 and len(rig.takes[-1].result.rows) == 12_000
-    assert most <= 2 * stepping.CHUNK_TICKS
+    assert most <= PIECE_TICKS + 20
     assert max(len(piece.rows) for pieces in rig.pieces for piece in pieces) <= PIECE_TICKS + 10
 
 

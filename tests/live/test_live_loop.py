@@ -46,7 +46,7 @@ from twin_gait.live.settings import Mode, effect_of, loop_numbers
 from twin_gait.runs.record import load_run
 from twin_gait.simulation import simulate
 from twin_gait.experiment.problem import build_problem
-from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.live.stepping import SteppedRun
 
 DEGREE = math.pi / 180.0
 

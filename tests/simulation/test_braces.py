@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import matplotlib.pyplot as plt
@@ -14,7 +15,7 @@ from twin_gait import load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.conventions import RAJAGOPAL
-from twin_gait.core.plant import brace_torque
+from twin_gait.core.plant import Brace, brace_torque
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.export import export_motion
@@ -27,9 +28,14 @@ from twin_gait.replay.tables import parse_storage
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.run_figures import draw_angles, draw_energy
 from twin_gait.runs.summary import summarise
-from twin_gait.scenario import World, bracing
+from twin_gait.scenario import bracing
+from twin_gait.simulation.binding import bind
+from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.filling import new_episode, structure_of
 from twin_gait.simulation.log import BRACED_WORK_SOURCES
-from twin_gait.simulation.pinocchio.plant import PinocchioPlant
+from twin_gait.simulation.pinocchio_kernel import PinocchioKernel
+from twin_gait.experiment.problem import build_problem
+from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side
 
@@ -46,6 +52,18 @@ def bench(*settings: str, **changes: object) -> Experiment:
     wanted = ["patient.mass_kg=70", "interface=brace", "duration_s=0.4", "sensors.ideal=true", *settings]
     experiment = load_experiment("bench_leg", wanted).experiment
     return replace(experiment, **{"engine": Engine.PINOCCHIO, "integration": FINE, **changes})
+
+
+def without_motors(
+    experiment: Experiment, step: float, method: IntegrationMethod
+) -> tuple[Episode, Callable[[Episode, int], None]]:
+    """Device and wearer by themselves on Pinocchio, and what moves them by one step."""
+    problem = build_problem(experiment)
+    e = new_episode(problem, [], [], 0, record=False)
+    e.step, e.substeps = step, 1
+    structure = {**structure_of(problem, 0), "RK4": method is IntegrationMethod.RK4}
+    kernel = PinocchioKernel(problem.world, problem.control_model).functions
+    return e, bind(integrate, {**structure, **kernel})
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +106,8 @@ def test_two_inertias_swing_against_each_other_as_the_closed_form_says():
     locked = replace(plant.actuators[JointName.KNEE], gear_inertia=1e6)
     actuators = {**plant.actuators, JointName.KNEE: locked}
     free = replace(plant, actuators=actuators, gravity=0.0, friction_ratio=dict.fromkeys(actuators, 0.0))
-    world = replace(experiment, plant=free).build_world()
+    alone = replace(experiment, plant=free)
+    world = alone.build_world()
     assert world.braces is not None
     hip = world.model.index(Side.RIGHT, JointName.HIP)
     q, inertia = world.start_q[: world.model.nv], []
@@ -97,12 +116,12 @@ def test_two_inertias_swing_against_each_other_as_the_closed_form_says():
     both = 1.0 / inertia[0] + 1.0 / inertia[1]
     decay = 0.5 * brace.hip.damping * both
     frequency = math.sqrt(brace.hip.stiffness * both - decay * decay)
-    amplitude, leg = 1e-4, PinocchioPlant(world)
+    amplitude, (leg, step) = 1e-4, without_motors(alone, FINE.step, FINE.method)
     leg.q[hip] += amplitude
     apart, times = [], np.arange(3000) * FINE.step
-    for _ in times:
+    for tick in range(len(times)):
         apart.append(leg.q[hip] - leg.q[hip + world.wearer_shift])
-        leg.step(FINE.step, FINE.method)
+        step(leg, tick)
     expected = amplitude * np.exp(-decay * times)
     expected *= np.cos(frequency * times) + decay / frequency * np.sin(frequency * times)
     assert frequency * times[-1] > 2.0 * math.pi  # more than one whole swing
@@ -110,8 +129,8 @@ def test_two_inertias_swing_against_each_other_as_the_closed_form_says():
 
 
 def test_the_braces_pull_a_wearer_who_lags_behind_along():
-    assert brace_torque(0.2, 0.0, 0.1, 0.0, 50.0, 0.0) == pytest.approx(5.0)
-    assert brace_torque(0.0, 1.0, 0.0, 3.0, 0.0, 2.0) == pytest.approx(-4.0)
+    assert brace_torque(Brace(50.0, 0.0), 0.2, 0.0, 0.1, 0.0) == pytest.approx(5.0)
+    assert brace_torque(Brace(0.0, 2.0), 0.0, 1.0, 0.0, 3.0) == pytest.approx(-4.0)
 
 
 def test_stiffer_braces_come_nearer_to_the_rigid_leg_as_one_over_their_stiffness():
@@ -221,30 +240,31 @@ def test_logs_have_columns_of_braces_only_where_there_are_some(bench_run):
 
 @pytest.mark.parametrize("method", list(IntegrationMethod))
 def test_a_step_carries_the_braces_up_to_the_stiffness_that_is_said(method):
-    def world(stiffness: float) -> World:
+    def braced(stiffness: float) -> Experiment:
         brace = BraceParameters(knee=SpringDamper(stiffness=stiffness, damping=0.5))
         bent = replace(load_experiment("bench_leg").experiment.scenario, start_angles=(0.0, 1.0))
         experiment = bench(interface=brace, scenario=bent, integration=replace(FINE, step=1e-5))
         plant = replace(
             experiment.plant, gravity=0.0, friction_ratio=dict.fromkeys(experiment.plant.friction, 0.0)
         )
-        return replace(experiment, plant=plant).build_world()
+        return replace(experiment, plant=plant)
 
     def growth(stiffness: float) -> float:
-        made = world(stiffness)
-        plant, knee = PinocchioPlant(made), made.model.index(Side.RIGHT, JointName.KNEE)
-        plant.q[knee] += 1e-8
-        for _ in range(3000):
-            plant.step(step, method)
-            apart = float(abs(plant.q[knee] - plant.q[knee + made.wearer_shift])) / 1e-8
+        leg, advance = without_motors(braced(stiffness), step, method)
+        leg.q[knee] += 1e-8
+        for tick in range(3000):
+            advance(leg, tick)
+            apart = abs(leg.q[knee] - leg.q[knee + shift]) / 1e-8
             if apart > 1e4:
                 break  # before numbers overflow
         return apart
 
     step, low, high = 1e-3, 1e3, 1e7
+    made = braced(low).build_world()
+    knee, shift = made.model.index(Side.RIGHT, JointName.KNEE), made.wearer_shift
     for _ in range(20):
         middle = math.sqrt(low * high)
-        if bracing.carries(world(middle), GROWTH[method], step):
+        if bracing.carries(braced(middle).build_world(), GROWTH[method], step):
             low = middle
         else:
             high = middle

@@ -17,7 +17,7 @@ from twin_gait.simulation.machine_code import MachineCode, read_code, write_code
 
 pytestmark = [pytest.mark.slow, pytest.mark.compile]
 
-CODE = MachineCode(bytes(range(256)), "f", ("a", "b"))
+CODE = MachineCode(bytes(range(256)), "f")
 
 
 @pytest.fixture(autouse=True)

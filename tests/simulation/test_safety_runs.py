@@ -8,10 +8,11 @@ from injected_faults.audit import audit, breach_tick, hold_start, stated_reactio
 from test_treadmill_gait import CHANGES, NOISE
 
 from twin_gait import load_experiment, simulate
-from twin_gait.control import Controller, JointMeasurement, JointSetpoint, TripCause
+from twin_gait.control import TripCause
+from twin_gait.control.controller import checked
+from twin_gait.core.control_tick import controller_torques
 from twin_gait.exceptions import MeasurementError, TwinGaitError
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import KNEE_FRICTION
 from twin_gait.vocabulary import JointName, Side
 
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.5}"
@@ -206,9 +207,11 @@ def test_a_tighter_bound_trips_when_the_log_says_that_it_was_broken(cause, setti
 @pytest.mark.parametrize("field", ["angle", "velocity_fast", "velocity_slow"])
 @pytest.mark.parametrize("wrong", [float("nan"), float("inf")])
 def test_a_call_of_a_controller_with_no_number_is_refused(field, wrong):
-    measurement = JointMeasurement(0.1, 0.2, 0.3)._replace(**{field: wrong})
+    measured = {"angle": 0.1, "velocity_fast": 0.2, "velocity_slow": 0.3}
+    law, setpoint = checked(controller_torques), (100.0, 10.0, 0.2, 0.3, 4.0)
+    assert law(*measured.values(), *setpoint) == controller_torques(*measured.values(), *setpoint)
     with pytest.raises(MeasurementError, match=field):
-        Controller(KNEE_FRICTION).torques(measurement, JointSetpoint(100.0, 10.0, 0.2, 0.3))
+        law(*{**measured, field: wrong}.values(), *setpoint)
 
 
 def test_without_a_monitor_nothing_trips():

@@ -17,7 +17,7 @@ from twin_gait.measures.leg_record import leg_record
 from twin_gait.runs.summary import summarise
 from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.run import log_table
-from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.live.stepping import SteppedRun
 from twin_gait.viewer.animation import _uneven_belt_track
 from twin_gait.viewer.surroundings import BELT_MARK_SPACING
 from twin_gait.vocabulary import FIRST_SWING, STAND, Side

@@ -10,7 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from twin_gait import RunStatus, load_experiment, simulate
-from twin_gait.core.wearer import EFFORT, passive_hip_torque, passive_knee_torque
+from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.simulation import Run
@@ -146,8 +146,8 @@ def test_leg_in_the_air_makes_no_stance_moment_and_a_supported_one_its_share():
 
 
 def test_weakness_scales_what_is_given():
-    rows = build_problem(experiment(EAGER)).wearer.conditions
-    assert_allclose(rows[:, EFFORT], [0.8, 0.3], rtol=1e-15)
+    conditions = build_problem(experiment(EAGER)).wearer.conditions
+    assert_allclose([item.effort for item in conditions], [0.8, 0.3], rtol=1e-15)
 
 
 # ---------------------------------------------------------------- nothing given, nothing changed

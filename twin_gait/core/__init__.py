@@ -1,9 +1,9 @@
 """The laws, each once: pure typed functions on plain numbers and arrays.
 
 Nothing here imports anything but :mod:`math` and :mod:`numpy`, keeps state, reads a clock or draws
-a random number. The Pinocchio engine calls these functions as Python; the compiled engine registers
-the very same functions with numba from outside, so there is no second copy of a law to drift.
-Scalars use :mod:`math` and plain products, because numpy's tanh and powers differ in the last bit.
+a random number. The reference engine calls these functions as plain Python, and the compiled engine compiles
+the very same ones, so there is no second copy of a law to drift. Scalars use :mod:`math` and plain products,
+because numpy's tanh and powers differ in the last bit.
 """
 
 from twin_gait.core.actuator import (
@@ -49,7 +49,6 @@ from twin_gait.core.friction_models import (
 from twin_gait.core.hyperbolic import hyperbolic_tangent
 from twin_gait.core.impedance import damping_from_ratio, damping_ratio_of, impedance_torque
 from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
-from twin_gait.core.integrators import rk4_step, semi_implicit_euler_step
 from twin_gait.core.motor_drive import drive_efficiency
 from twin_gait.core.transparency import breakaway_duty, viscous_duty
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
@@ -92,10 +91,8 @@ __all__ = [
     "passive_knee_torque",
     "quantise",
     "ripple_torque",
-    "rk4_step",
     "rotational_friction_torque",
     "sagged_bus_voltage",
-    "semi_implicit_euler_step",
     "spastic_torque",
     "steady_deflection",
     "stribeck_level",

@@ -1,4 +1,4 @@
-"""Duty-based transparency control, equation (2.1) of the thesis: the motor follows the joint that is moved."""
+"""Duty-based transparency control, equation (2.1) of the thesis: the motor follows the moved joint."""
 
 from __future__ import annotations
 

@@ -25,13 +25,13 @@ from twin_gait.experiment.problem import build_problem
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
 from twin_gait.live.protocol import dump
+from twin_gait.live.stepping import SteppedRun
 from twin_gait.live.walk import LiveWalk
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import gait_verdict
 from twin_gait.runs.leg_summary import summarise_side
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run, RunStatus, log_table
-from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.vocabulary import Outcome
 
 HORIZON = 20_000  # ticks that are looked ahead at most
@@ -122,7 +122,7 @@ def _run_ahead(
     """Run on from a moment, or from the start if that walk is over, by the first to last ticks of a range."""
     run = walk.run
     walk.go_on_from(moment)
-    ended = run.tripped or run.status is not RunStatus.COMPLETED
+    ended = run.trip is not None or run.status is not RunStatus.COMPLETED
     if numbers is not None:
         walk.set(numbers)
     if ended:

@@ -19,10 +19,10 @@ from twin_gait.gait.table import TICK
 from twin_gait.live.deadlines import BLOCK_TICKS, PERIOD, BlockClock
 from twin_gait.live.pieces import AppliedChange, Piece
 from twin_gait.live.protocol import Frame
+from twin_gait.live.stepping import SteppedRun
 from twin_gait.live.walk import LiveWalk
 from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation.run import RunStatus
-from twin_gait.simulation.stepping import SteppedRun
 from twin_gait.viewer.curves import extremes
 from twin_gait.viewer.motion import leg_columns
 from twin_gait.viewer.page import event_entries
@@ -126,7 +126,7 @@ class LiveLoop:
             return LoopStatus.ENDED
         if self._run.status is not RunStatus.COMPLETED:
             return LoopStatus(str(self._run.status))
-        if self._run.tripped:
+        if self._run.trip is not None:
             return LoopStatus.HELD
         if self._paused:
             return LoopStatus.PAUSED
@@ -136,7 +136,7 @@ class LiveLoop:
     def _moving(self) -> bool:
         """Whether time goes on: in a hold it does, so that the legs are lowered even in a pause."""
         over = self._run.status is not RunStatus.COMPLETED or self._ended
-        return not over and (self._run.tripped or not self._paused)
+        return not over and (self._run.trip is not None or not self._paused)
 
     def _one_block(self) -> None:
         """Wait for the next block, or run it if its time has come."""
@@ -247,7 +247,7 @@ class LiveLoop:
 
     def _obey(self, command: Mapping[str, Any]) -> None:
         name = command["command"]
-        if name in ("push", "fault", "step") and (self._run.tripped or not self._alive):
+        if name in ("push", "fault", "step") and not self._walks:
             raise ParameterError(f"{name}: the walk is over; start again")
         if name == "step":
             self._step()
@@ -265,14 +265,15 @@ class LiveLoop:
         obeying[name]()
 
     @property
-    def _alive(self) -> bool:
-        return self._run.status is RunStatus.COMPLETED
+    def _walks(self) -> bool:
+        """Whether nothing has ended the walk yet."""
+        return self._run.trip is None and self._run.status is RunStatus.COMPLETED
 
     def _end(self) -> None:
         self._ended = True
 
     def _go_on(self) -> None:
-        if self._run.tripped or not self._alive:
+        if not self._walks:
             raise ParameterError("walk: the walk is over; start again")
         self._paused = False
 

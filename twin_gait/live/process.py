@@ -28,8 +28,8 @@ from twin_gait.live.journal import Journal, next_free
 from twin_gait.live.loop import MOST_TRACES, LiveLoop
 from twin_gait.live.pieces import Piece
 from twin_gait.live.protocol import dump
+from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import journal_of
-from twin_gait.simulation.stepping import SteppedRun
 
 SWITCH_INTERVAL = 1e-3  # [s], after which a thread of this process must let the loop go on
 REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time

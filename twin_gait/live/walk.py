@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from twin_gait.core.guards import Comparison
-from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.live.stepping import SteppedRun
 
 BELT_TICKS = 200  # in which the belt stops for a leg that waits, and starts again
 

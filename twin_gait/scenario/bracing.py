@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from twin_gait.core.integrators import RK4_STAGES
 from twin_gait.core.plant import Brace, Plant, free_coordinate
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import BraceParameters
 from twin_gait.scenario.world import Braces, World
 from twin_gait.vocabulary import JointName
 
+RK4_ORDER = 4  # of the classical Runge-Kutta method, which is exact for a linear system up to this power
 # Motions without a force have the eigenvalue 1 twice, which is computed to the root of the rounding only.
 _ROUNDING = 1e-6
 
@@ -65,8 +65,8 @@ def rk4_growth(system: np.ndarray, step: float) -> np.ndarray:
         R, shape ``(m, m)``.
     """
     term = growth = np.eye(len(system))
-    for stage in range(1, RK4_STAGES + 1):
-        term = term @ system * (step / stage)
+    for power in range(1, RK4_ORDER + 1):
+        term = term @ system * (step / power)
         growth = growth + term
     return growth
 

@@ -7,8 +7,8 @@ is never typed; uncompiled, the same functions are plain Python. No text is rewr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from types import FunctionType
+from collections.abc import Callable, Iterator, Mapping
+from types import CodeType, FunctionType
 from typing import Any
 
 OURS = "twin_gait."  # modules whose functions are bound; all others are called as they are
@@ -37,8 +37,9 @@ def bind(entry: Callable[..., Any], names: Mapping[str, Any], wrap: Wrap = lambd
             function.__code__, scope, function.__name__, function.__defaults__, function.__closure__
         )
         copy.__qualname__, copy.__module__ = function.__qualname__, function.__module__
+        copy.__kwdefaults__ = function.__kwdefaults__
         bound = done[function] = wrap(copy)  # before what it calls, so that it may call itself
-        for name in function.__code__.co_names:
+        for name in _names_in(function.__code__):
             value = names.get(name, scope.get(name))
             if isinstance(value, FunctionType) and (value.__module__ or "").startswith(OURS):
                 value = visit(value)
@@ -48,6 +49,14 @@ def bind(entry: Callable[..., Any], names: Mapping[str, Any], wrap: Wrap = lambd
 
     assert isinstance(entry, FunctionType)
     return visit(entry)
+
+
+def _names_in(code: CodeType) -> Iterator[str]:
+    """Names that code uses, with those of the comprehensions and functions within it."""
+    yield from code.co_names
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _names_in(constant)
 
 
 def kernel_functions(text: str, called: Mapping[str, Any]) -> dict[str, Any]:

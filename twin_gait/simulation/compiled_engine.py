@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -20,10 +21,10 @@ from twin_gait.simulation.episode import Episode, Switch
 from twin_gait.simulation.filling import new_episode, structure_of
 from twin_gait.simulation.interface import episode_at
 from twin_gait.simulation.keeping import source_key
-from twin_gait.simulation.kernel import body_values, write_kernel
+from twin_gait.simulation.kernel import body_values, kernel_structure, write_kernel
 from twin_gait.simulation.loops import kept_loop
 from twin_gait.simulation.machine_code import NativeFunction
-from twin_gait.simulation.record import dtype_of, write
+from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import run_ticks
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.watching import trip_of
@@ -69,13 +70,12 @@ class CompiledEngine:
         self.problem = problem
         self.layout = log_layout(problem)
         self._record = record
-        kernel, episode, structure = written_kernel(problem, record=record)
-        self._store = np.zeros(1, dtype_of(episode))
+        bodies, episode, structure = laid_out(problem, record=record)
+        self._store = stored(episode)
         self.episode = self._store[0]
-        write(episode, self.episode)
         self._give_rows(episode)
         self._loop = _loop_of(
-            self._store.dtype, dtype_of(self.layout.row()), kernel, structure, controller, on_compile
+            self._store.dtype, dtype_of(self.layout.row()), bodies, structure, controller, on_compile
         )
 
     def _give_rows(self, episode: Episode) -> None:
@@ -154,8 +154,18 @@ class CompiledEngine:
         )
 
 
-def written_kernel(problem: Problem, *, record: bool = True) -> tuple[str, Episode, dict[str, int | bool]]:
-    """Generated kernel of a problem, the episode that goes with it, and the constants to bind.
+class Bodies(NamedTuple):
+    """What a kernel is written for, as :func:`twin_gait.simulation.kernel.write_kernel` takes it."""
+
+    bodies: list[BodyArrays]
+    points: list[ContactPoint]
+    control_bodies: list[BodyArrays]
+    up_axis: str
+    guides: Sequence[int]
+
+
+def laid_out(problem: Problem, *, record: bool = True) -> tuple[Bodies, Episode, dict[str, int | bool]]:
+    """Bodies of a problem, its episode at tick 0, and the constants to bind.
 
     Args:
         record: Whether the log is written.
@@ -165,10 +175,10 @@ def written_kernel(problem: Problem, *, record: bool = True) -> tuple[str, Episo
     bodies, points = _forest(world.chains, frames)
     control_bodies = export_bodies(problem.control_model.model)
     guides = range(0, len(bodies), world.model.nv)  # the first joint of each chain
-    kernel = write_kernel(bodies, points, control_bodies, world.model.up_axis, guides)
     episode = new_episode(
         problem, body_values(bodies, points), body_values(control_bodies), len(points), record=record
     )
+    kernel = Bodies(bodies, points, control_bodies, world.model.up_axis, guides)
     return kernel, episode, structure_of(problem, len(points))
 
 
@@ -188,7 +198,7 @@ def _forest(chains: Sequence[LegModel], frames: Sequence[str]) -> tuple[list[Bod
 def _loop_of(
     episode: np.dtype[Any],
     row: np.dtype[Any],
-    kernel: str,
+    bodies: Bodies,
     structure: Mapping[str, int | bool],
     controller: ControllerFunction | None,
     on_compile: Callable[[], None] | None,
@@ -198,16 +208,25 @@ def _loop_of(
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop
 
-        names = {**structure, **bound_kernel(kernel), **compiled_rows(episode, row)}
+        names = {**structure, **bound_kernel(bodies), **compiled_rows(episode, row)}
         return compile_loop(run_at, names, _ARGUMENTS, controller)
 
-    key = source_key(repr((episode, row, kernel, structure)), "compiled_engine")
+    what = (_text(episode), _text(row), kernel_structure(*bodies), structure)
+    key = source_key(repr(what), "compiled_engine", "kernel", "rigid_body", "tracing")
     return kept_loop(key, _ARGUMENTS, make, controller, on_compile)
 
 
-def bound_kernel(kernel: str) -> dict[str, Any]:
-    """Functions of a generated kernel by name, to be bound."""
-    return kernel_functions(kernel, {"math": math, "ground_contact_force": ground_contact_force})
+@lru_cache(maxsize=32)
+def _text(dtype: np.dtype[Any]) -> str:
+    """A dtype as text, which takes NumPy longer than all else in an episode's start."""
+    return repr(dtype)
+
+
+def bound_kernel(bodies: Bodies) -> dict[str, Any]:
+    """Functions of the generated kernel of some bodies by name, to be bound."""
+    return kernel_functions(
+        write_kernel(*bodies), {"math": math, "ground_contact_force": ground_contact_force}
+    )
 
 
 def compiled_rows(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:

@@ -54,23 +54,26 @@ def dtype_of(sample: Any) -> np.dtype[Any]:
     return np.dtype(layout, align=True)
 
 
-def write(sample: Any, record: Any) -> None:
-    """Write an instance into a NumPy record of its dtype.
+def stored(sample: Any) -> np.ndarray[Any, np.dtype[Any]]:
+    """An instance as a NumPy record.
 
-    Args:
-        record: Entry of a structured array; changed in place.
+    Returns:
+        Shape ``(1,)``; its entry is the record.
     """
+    return np.array([entries(sample)], dtype_of(sample))
+
+
+def entries(sample: Any) -> tuple[Any, ...]:
+    """Values of an instance in the order of its dtype, as NumPy takes them for a record."""
+    result = []
     for name, kind in _kinds(type(sample)):
-        if name not in record.dtype.names:
-            continue
         value = getattr(sample, name)
-        if kind in _CODES:
-            record[name] = value
-        elif isinstance(value, list):
-            for place, entry in enumerate(value):
-                write(entry, record[name][place])
-        else:
-            write(value, record[name])
+        if value is ABSENT or value == []:
+            continue
+        if kind not in _CODES:
+            value = [entries(item) for item in value] if isinstance(value, list) else entries(value)
+        result.append(value)
+    return tuple(result)
 
 
 def numbers_in(sample: Any) -> list[float]:

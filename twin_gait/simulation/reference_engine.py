@@ -17,7 +17,7 @@ from twin_gait.core.guards import NO_TRANSITION
 from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import GaitStateMachine
 from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiled_engine import written_kernel
+from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.engine import EngineResult, log_layout, run_in_chunks, switches_of
 from twin_gait.simulation.episode import COMPLETED, Episode, Switch
 from twin_gait.simulation.log import LogRow
@@ -54,7 +54,7 @@ class ReferenceEngine:
         """
         self.problem = problem
         self.layout = log_layout(problem)
-        _, self.episode, structure = written_kernel(problem)
+        _, self.episode, structure = laid_out(problem)
         self.machines = [
             GaitStateMachine(
                 problem.table, side, initial_phase=problem.world.initial_phases[side], program=problem.program

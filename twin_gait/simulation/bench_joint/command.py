@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from twin_gait.core.control_tick import controller_torques, target_current
 from twin_gait.core.dead_zone import dead_zone
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.friction_models import coulomb_viscous_tanh_torque
 from twin_gait.core.motor_drive import cosine_path, inverter_voltage
 from twin_gait.core.transparency import transparency_duty
+from twin_gait.gait.table import TICK
 from twin_gait.simulation.bench_joint.episode import DUTY, OPEN, BenchEpisode
 from twin_gait.simulation.bench_joint.interface import log_row
 
@@ -37,7 +36,7 @@ def _control_torque(e: BenchEpisode, tick: int) -> None:
     """Torque of impedance, compensations and target, and the current that gives it."""
     law, limits, encoder, row = e.torque_control, e.test.limits, e.encoder, log_row(e, tick)
     path, path_velocity, path_acceleration = cosine_path(
-        tick * e.period, e.path.start_angle, e.path.amplitude, e.path.frequency
+        tick * TICK, e.path.start_angle, e.path.amplitude, e.path.frequency
     )
     inertia = e.rotor.inertia + e.link.inertia
     target = law.target_torque + inertia * path_acceleration
@@ -64,12 +63,11 @@ def _control_torque(e: BenchEpisode, tick: int) -> None:
 
 def _model_friction(e: BenchEpisode, path_velocity: float) -> float:
     """Friction torque of the compensator's model; the old one knew no slow velocity."""
-    model, old = e.friction_model, e.old_model
+    model, old = e.torque_control.controller.friction_model, e.old_model
     measured = e.encoder.velocity_fast if e.old else e.encoder.velocity_slow
     velocity = dead_zone(path_velocity if e.follows_path else measured, e.torque_control.dead_zone)
     if e.old:
-        number: Any = velocity  # the law takes arrays and numbers alike, its types say arrays
-        return float(coulomb_viscous_tanh_torque(number, old.coulomb, old.viscous, old.steepness))
+        return coulomb_viscous_tanh_torque(velocity, old.coulomb, old.viscous, old.steepness)
     return rotational_friction_torque(
         velocity,
         model.breakaway_torque,

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import Encoder
 from twin_gait.core.estimation import DelayLine
-from twin_gait.core.friction import Friction, PlantFriction
+from twin_gait.core.friction import PlantFriction
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
 from twin_gait.scenario.bench_joint import (
@@ -164,11 +164,10 @@ class Torques:
 class BenchEpisode:
     """Everything that a tick reads and writes.
 
-    A part that a test lacks stands here all the same, so that all tests share one compiled loop.
+    Parts that a test may lack stand here all the same, so that all tests share one compiled loop.
 
     Attributes:
         test: Parameters of the parts that every test has.
-        period: Length of a tick in [s].
         fast_gain: Of the fast velocity filter.
         encoder: On the motor.
         motor: Motor and gear.
@@ -180,7 +179,7 @@ class BenchEpisode:
         efficiency: Of the gear.
         lossy: Whether the gear loses torque beyond its friction.
         friction: Of motor and gear.
-        deflection: Of its bristles at the start of the step, in [rad].
+        deflection: Of the bristles that some laws of friction have, at the start of the step, in [rad].
         ripple_cosine: Part in [N m] of the friction that repeats with the angle.
         ripple_sine: Likewise.
         imposed_motion: Of the link; its place is 0, or -1 for none.
@@ -188,22 +187,18 @@ class BenchEpisode:
         acceleration: For the inertia compensation.
         torque_control: What the torque control asks for.
         path: Of its equilibrium angle.
-        friction_model: Of its compensator.
-        old_model: Of its compensator before.
-        old: Whether the old model compensates.
+        old_model: TWIN's old friction model.
+        old: Whether it takes the place of the compensator's friction model.
         follows_path: Whether friction is compensated at the velocity of the path.
         transparency: What the control of duties asks for.
         duty_start: Ticks that the sine of (2.1a) has run when the test begins.
-        rest_ticks: How long the test goes on at the upper stop.
-        ticks_at_stop: Since it was reached.
-        diverged_velocity: In [rad] / [s].
+        ticks_at_stop: Since the upper stop was reached.
         status: ``COMPLETED`` or ``DIVERGED``.
         log: Address of the rows.
         noise: Address of the noise, see :func:`~twin_gait.simulation.bench_joint.filling.bench_noise`.
     """
 
     test: BenchJoint
-    period: float
     fast_gain: float
     encoder: Encoder
     motor: Motor
@@ -225,17 +220,14 @@ class BenchEpisode:
     acceleration: Acceleration
     torque_control: TorqueControl
     path: CosinePath
-    friction_model: Friction
     old_model: OldFrictionModel
     old: bool
     follows_path: bool
     transparency: Transparency
     duty_start: int
-    rest_ticks: float
-    diverged_velocity: float
-    deflection: float = 0.0
     ticks_at_stop: int = 0
     status: int = COMPLETED
+    deflection: float = 0.0
     torques: Torques = field(default_factory=Torques)
     log: int = 0
     noise: int = 0

@@ -11,7 +11,6 @@ from twin_gait.control import Controller
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import new_encoder
 from twin_gait.core.estimation import first_order_gain, new_delay_line
-from twin_gait.core.friction import Friction
 from twin_gait.core.motor_drive import current_loop_gains
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
@@ -35,7 +34,6 @@ from twin_gait.scenario.bench_joint import (
 )
 from twin_gait.simulation.bench_joint import episode as record
 from twin_gait.simulation.bench_joint.interface import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE
-from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.record import taken_from
 
 _SOURCES = {
@@ -86,7 +84,6 @@ def bench_episode(test: BenchJoint, variation: BenchVariation) -> record.BenchEp
         ParameterError: If parts of the test do not go together.
     """
     link, friction, sensors = test.link, test.friction, test.sensors
-    law = friction.law.scaled(variation.friction_ratio).in_plant()
     resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)
     torque = _torque_control(test)
     path = CosinePath(start_angle=torque.equilibrium_angle, amplitude=0.0, frequency=1.0)
@@ -95,7 +92,6 @@ def bench_episode(test: BenchJoint, variation: BenchVariation) -> record.BenchEp
         test=replace(
             test, control=None, efficiency=None, torsion=None, inertial_unit=None, imposed_motion=None
         ),
-        period=TICK,
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
         encoder=new_encoder(0.0 if sensors.ideal else resolution, test.start_angle, sensors.window),
         motor=taken_from(Motor, test.actuator),
@@ -109,7 +105,7 @@ def bench_episode(test: BenchJoint, variation: BenchVariation) -> record.BenchEp
         compliant=test.torsion is not None,
         efficiency=test.efficiency or CatalogueEfficiency(),
         lossy=test.efficiency is not None,
-        friction=law,
+        friction=friction.law.scaled(variation.friction_ratio).in_plant(),
         ripple_cosine=friction.ripple * math.cos(variation.ripple_phase),
         ripple_sine=friction.ripple * math.sin(variation.ripple_phase),
         imposed_motion=_imposed_motion(test),
@@ -117,14 +113,11 @@ def bench_episode(test: BenchJoint, variation: BenchVariation) -> record.BenchEp
         acceleration=_acceleration(test, unit),
         torque_control=replace(torque, old_model=None, path=None),
         path=torque.path or path,
-        friction_model=taken_from(Friction, torque.controller.friction_model.normalised()),
         old_model=torque.old_model or OldFrictionModel(),
         old=torque.old_model is not None,
         follows_path=torque.compensation_velocity is CompensationVelocity.REFERENCE,
         transparency=_transparency(test),
         duty_start=variation.duty_start,
-        rest_ticks=test.rest_at_stop / TICK,
-        diverged_velocity=DIVERGED_VELOCITY,
     )
 
 
@@ -157,9 +150,10 @@ def _imposed_motion(test: BenchJoint) -> ImposedMotion:
 
 
 def _torque_control(test: BenchJoint) -> TorqueControl:
-    if isinstance(test.control, TorqueControl):
-        return test.control
-    return TorqueControl(controller=Controller(friction_model=KNEE_FRICTION))  # nothing asks it
+    if not isinstance(test.control, TorqueControl):
+        return TorqueControl(controller=Controller(friction_model=KNEE_FRICTION))  # not looked at
+    model = test.control.controller.friction_model.normalised()
+    return replace(test.control, controller=Controller(friction_model=model))
 
 
 def _transparency(test: BenchJoint) -> Transparency:

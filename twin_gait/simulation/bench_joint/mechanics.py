@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.contact import mechanical_stop_torque
 from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, friction_torque
@@ -28,24 +26,14 @@ def present_accelerations(e: BenchEpisode, time: float) -> tuple[float, float]:
 def accelerations(
     e: BenchEpisode, time: float, torque: float, q1: float, v1: float, q2: float, v2: float
 ) -> tuple[float, float]:
-    """Accelerations of rotor and link; what acts on them is kept in ``e.torques`` and the imposed motion.
+    """Accelerations of rotor and link, at angles and velocities of the rotor (1) and of the link (2).
 
-    Args:
-        e: The test.
-        time: In [s].
-        torque: Of the motor in [N m].
-        q1: Angle of the rotor in [rad].
-        v1: Its velocity.
-        q2: Angle of the link in [rad].
-        v2: Its velocity.
-
-    Returns:
-        Both in [rad] / [s²].
+    What acts on them beside the motor's torque is kept in ``e.torques`` and the imposed motion.
     """
     torques, motion, link = e.torques, e.imposed_motion, e.test.link
     stops = link.stops
     load = link_load_torque(q2, e.moment, e.test.gravity, e.horizontal_angle)
-    friction = rotor_friction(e, q1, v1, load)
+    friction = _friction(e, q1, v1, load)
     loss = _gear_loss(e, torque, v1)
     stop = mechanical_stop_torque(
         q2, v2, link.lower_stop, link.upper_stop, stops.stiffness, stops.dissipation
@@ -66,13 +54,12 @@ def accelerations(
     return together, together
 
 
-def rotor_friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> float:
+def _friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> float:
     """Torque of the friction of motor and gear on the rotor in [N m]."""
-    law, more = e.friction, e.test.friction
-    deflection = e.deflection
+    law, more, deflection = e.friction, e.test.friction, e.deflection
     if OTHER_LAWS:
-        deflection = advanced_deflection(law, angle - e.rotor.angle, velocity, deflection, 0.0)
-    friction: Any = -friction_torque(law, velocity, deflection, 0.0)
+        deflection = advanced_deflection(law, angle - e.rotor.angle, velocity, deflection, load)
+    friction = -friction_torque(law, velocity, deflection, load)
     if more.coulomb_per_load != 0.0 or more.coulomb_per_kelvin != 0.0 or more.viscous_per_kelvin != 0.0:
         friction -= conditioned_torque(
             velocity,
@@ -86,9 +73,8 @@ def rotor_friction(e: BenchEpisode, angle: float, velocity: float, load: float) 
             0.1 * law.stribeck_velocity,
         )
     if e.ripple_cosine != 0.0 or e.ripple_sine != 0.0:
-        order = 2.0 * e.motor.gear_ratio
-        friction -= ripple_torque(angle, e.ripple_cosine, e.ripple_sine, order)
-    return float(friction)
+        friction -= ripple_torque(angle, e.ripple_cosine, e.ripple_sine, 2.0 * e.motor.gear_ratio)
+    return friction
 
 
 def _gear_loss(e: BenchEpisode, torque: float, velocity: float) -> float:
@@ -114,9 +100,10 @@ def mechanical_step(e: BenchEpisode, time: float, step: float) -> None:
     v1d, v2d = v1 + step * a3, v2 + step * b3
     a4, b4 = accelerations(e, time + step, torque, q1 + step * v1c, v1d, q2 + step * v2c, v2d)
     sixth = step / 6.0
-    rotor.angle = q1 + sixth * (v1 + 2.0 * v1b + 2.0 * v1c + v1d)
-    link.angle = q2 + sixth * (v2 + 2.0 * v2b + 2.0 * v2c + v2d)
     rotor.velocity = v1 + sixth * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
     link.velocity = v2 + sixth * (b1 + 2.0 * b2 + 2.0 * b3 + b4)
+    rotor.angle = q1 + sixth * (v1 + 2.0 * v1b + 2.0 * v1c + v1d)
+    link.angle = q2 + sixth * (v2 + 2.0 * v2b + 2.0 * v2c + v2d)
     if OTHER_LAWS:
-        e.deflection = advanced_deflection(e.friction, rotor.angle - q1, rotor.velocity, e.deflection, 0.0)
+        moved = rotor.angle - q1
+        e.deflection = advanced_deflection(e.friction, moved, rotor.velocity, e.deflection, e.torques.load)

@@ -9,12 +9,14 @@ nothing at constant speed.
 from __future__ import annotations
 
 from twin_gait.core.actuator import sagged_bus_voltage
+from twin_gait.gait.table import TICK
 from twin_gait.simulation.bench_joint.command import control
 from twin_gait.simulation.bench_joint.episode import BenchEpisode
 from twin_gait.simulation.bench_joint.interface import log_row
 from twin_gait.simulation.bench_joint.mechanics import mechanical_step, motor_torque, present_accelerations
 from twin_gait.simulation.bench_joint.sensing import measure
 from twin_gait.simulation.bench_joint.winding import drive_winding, sample_current
+from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import DIVERGED
 
 
@@ -34,27 +36,27 @@ def run_ticks(e: BenchEpisode, first: int, end: int) -> int:
         e.winding.energy = 0.0
         for number in range(e.winding.periods):
             advance(e, tick, number)
-        power, battery = e.winding.energy / e.period, e.test.battery
+        power, battery = e.winding.energy / TICK, e.test.battery
         e.bus_voltage = sagged_bus_voltage(battery.voltage, battery.internal_resistance, power, e.bus_voltage)
-        if not abs(e.rotor.velocity) < e.diverged_velocity:
+        if not abs(e.rotor.velocity) < DIVERGED_VELOCITY:
             e.status = DIVERGED
             return tick + 1
         if e.link.angle >= e.test.link.upper_stop or e.ticks_at_stop > 0:
             e.ticks_at_stop += 1
-        if e.ticks_at_stop > e.rest_ticks:
+        if e.ticks_at_stop > e.test.rest_at_stop / TICK:
             return tick + 1
     return end
 
 
 def record(e: BenchEpisode, tick: int) -> None:
     """Write the columns that the controller has not written, at the state before the motion."""
-    time, encoder, winding, torques, row = tick * e.period, e.encoder, e.winding, e.torques, log_row(e, tick)
+    time, encoder, winding, torques, row = tick * TICK, e.encoder, e.winding, e.torques, log_row(e, tick)
     row.time = time
     row.position = encoder.angle
     row.measured_current = winding.sample
     row.target_current = winding.target_current
     row.bus_voltage = e.bus_voltage
-    row.velocity = (encoder.angle - encoder.last_angle) / e.period
+    row.velocity = (encoder.angle - encoder.last_angle) / TICK
     row.duty = winding.duty
     row.motor_angle = e.rotor.angle
     row.motor_velocity = e.rotor.velocity
@@ -77,7 +79,7 @@ def advance(e: BenchEpisode, tick: int, number: int) -> None:
     """One period of the current loop: sample, set the voltage, advance winding and mechanics."""
     winding, step = e.winding, e.winding.period
     sample_current(e, tick, number)
-    time = tick * e.period + number * step
+    time = tick * TICK + number * step
     acceleration, _ = present_accelerations(e, time)
     drive_winding(e, e.rotor.velocity + 0.5 * step * acceleration)
     winding.energy += winding.voltage * winding.mean_current * step

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document
-from twin_gait.core.belt import treadmill_speed, treadmill_travel
+from twin_gait.core.belt import Belt, treadmill_speed, treadmill_travel
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.gait.table import TICK
 from twin_gait.measures.foot_contact import CONTACT_FORCE
@@ -20,10 +20,10 @@ from twin_gait.scenario import FaultKind
 from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation import RunStatus
 from twin_gait.experiment.problem import build_problem
-from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.live.stepping import SteppedRun
 
-BELT = (0.42, 2.0, 10.0, 1.0, 0.2, 0.5)  # cruise, start, stop, ramp, delay, ramp to rest
-EVEN = (0.42, 0.0, math.inf, 0.0, 0.0, 0.5)
+BELT = Belt(cruise=0.42, start=2.0, stop=10.0, ramp=1.0, delay=0.2, stop_ramp=0.5)
+EVEN = Belt(cruise=0.42, stop_ramp=0.5)
 STOPS, STRIDE = 40, 2100  # ticks of a stride of the default walk
 SETTLED = 1000  # ticks after which a loaded foot rests
 RUNS_ON = ("scenario.stop_ramp_s=null", "scenario.support.catch_stiffness_N_per_m=0")
@@ -36,8 +36,8 @@ RUNS_ON = ("scenario.stop_ramp_s=null", "scenario.support.catch_stiffness_N_per_
 @pytest.mark.parametrize("trip_time", [1.0, 2.6, 5.0, 10.9, math.inf])
 def test_way_of_a_belt_that_a_trip_stops_is_the_integral_of_its_speed(belt, trip_time):
     times = np.arange(14001) * TICK
-    speeds = np.array([treadmill_speed(time, trip_time, *belt) for time in times])
-    ways = np.array([treadmill_travel(time, trip_time, *belt) for time in times])
+    speeds = np.array([treadmill_speed(belt, time, trip_time) for time in times])
+    ways = np.array([treadmill_travel(belt, time, trip_time) for time in times])
     trapezoids = np.concatenate(([0.0], np.cumsum(0.5 * (speeds[1:] + speeds[:-1]) * np.diff(times))))
     assert_allclose(ways, trapezoids, atol=1e-6)
     if math.isfinite(trip_time):
@@ -46,9 +46,9 @@ def test_way_of_a_belt_that_a_trip_stops_is_the_integral_of_its_speed(belt, trip
 
 
 def test_a_belt_that_knows_of_no_trip_runs_on():
-    on = (*EVEN[:-1], math.inf)
-    assert treadmill_speed(9.0, 1.0, *on) == EVEN[0]
-    assert treadmill_travel(9.0, 1.0, *on) == pytest.approx(9.0 * EVEN[0], rel=1e-15)
+    on = replace(EVEN, stop_ramp=math.inf)
+    assert treadmill_speed(on, 9.0, 1.0) == on.cruise
+    assert treadmill_travel(on, 9.0, 1.0) == pytest.approx(9.0 * on.cruise, rel=1e-15)
 
 
 def test_pictures_of_a_held_walk_show_a_belt_at_rest():
@@ -95,7 +95,7 @@ def test_forty_stops_spread_over_the_stride_end_in_no_fall(walk):
     for moment in range(3000, 3000 + STRIDE, STRIDE // STOPS):
         walk.restart()
         walk.advance(moment)
-        assert walk.status is RunStatus.COMPLETED and not walk.tripped
+        assert walk.status is RunStatus.COMPLETED and walk.trip is None
         walk.stop()
         walk.advance(3000)  # with a belt that runs on the falls came within 2.6 s
         assert walk.status is RunStatus.COMPLETED, (moment, walk.reason)

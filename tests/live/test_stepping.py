@@ -11,10 +11,11 @@ from twin_gait.configuration import load_experiment
 from twin_gait.control import TripCause
 from twin_gait.exceptions import ParameterError
 from twin_gait.scenario.faults import parse_fault
-from twin_gait.simulation import RunStatus, simulate, stepping
+from twin_gait.live import stepping
+from twin_gait.simulation import RunStatus, simulate
 from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.run import log_table
-from twin_gait.simulation.stepping import SteppedRun
+from twin_gait.live.stepping import SteppedRun
 
 LATE_STANCE, SWING_FLEXION = "late_stance", "swing_flexion"
 
@@ -46,8 +47,7 @@ def phase_codes(run, side):
 # ---------------------------------------------------------------------- nothing changed
 
 
-def test_a_walk_in_pieces_is_the_walk_in_one_bit_for_bit(treadmill, monkeypatch):
-    monkeypatch.setattr(stepping, "CHUNK_TICKS", 700)  # so that blocks cross the borders of the log
+def test_a_walk_in_pieces_is_the_walk_in_one_bit_for_bit(treadmill):
     run, generator = SteppedRun(treadmill), np.random.default_rng(0)
     while run.tick < 4000:
         before = run.tick
@@ -75,10 +75,20 @@ def test_a_walk_begun_again_is_the_same_walk(bench):
     run.push(1, 30.0, 5000)
     run.inject(parse_fault("encoder_jump:right_knee@0s"))
     run.advance(500)
-    assert run.tripped
+    assert run.trip is not None
     run.restart()
-    assert (run.tick, run.tripped) == (0, False)
+    assert (run.tick, run.trip) == (0, None)
     np.testing.assert_array_equal(run.advance(1500), first)
+
+
+def test_rows_are_there_until_they_are_forgotten(bench):
+    run = SteppedRun(bench)
+    pieces = [run.advance(ticks).copy() for ticks in (300, 1, 0, 250)]
+    np.testing.assert_array_equal(run.rows(), np.concatenate(pieces))
+    np.testing.assert_array_equal(run.rows(299), np.concatenate(pieces)[299:])
+    assert run.rows(551).shape == (0, len(run.layout.names))
+    run.forget_rows(300)
+    np.testing.assert_array_equal(run.rows(), np.concatenate(pieces)[300:])
 
 
 # ---------------------------------------------------------------------- parameters
@@ -115,7 +125,7 @@ def test_new_parameters_reach_phases_that_come_later_and_change_the_walk(bench):
     run.set_phase_rows(changed, fade_ticks=0)
     plain.advance(4000)
     run.advance(4000)
-    assert not run.tripped
+    assert run.trip is None
     codes, stiffness = phase_codes(run, "right"), column(run, "right_knee_stiffness_Nm_per_rad")
     steady = [np.flatnonzero(codes == code)[-1] for code in set(codes.tolist())]
     steady = [tick for tick in steady if len(set(codes[tick - 70 : tick + 1].tolist())) == 1]
@@ -134,6 +144,17 @@ def test_a_table_set_at_the_start_walks_as_an_experiment_with_that_table():
     run.restart()
     run.advance(3000)
     assert log_table(run.rows(), run.layout, theirs.table).equals(simulate(small.experiment).log)
+
+
+def test_higher_thresholds_make_a_leg_wait_and_leave_other_runs_of_the_problem_alone(bench):
+    late, plain = SteppedRun(bench), SteppedRun(bench)
+    late.set_comparisons(
+        [replace(item, threshold=item.threshold + 0.02) for item in bench.program.comparisons]
+    )
+    for run in (late, plain, after := SteppedRun(bench)):
+        run.advance(1500)
+    assert late.switches()[0].tick > plain.switches()[0].tick
+    np.testing.assert_array_equal(after.rows(), plain.rows())
 
 
 def test_target_torque_is_added_to_the_command(bench):
@@ -241,7 +262,7 @@ def test_a_held_leg_waits_until_it_is_let_go_and_waits_again_after_that_step(ben
         run.advance(10)
     assert run.waiting() == (0,)
     run.advance(6000)  # longer than the monitor lets a leg stay in a phase
-    assert (phase_codes(run, "right")[-1], run.tripped) == (held, False)
+    assert (phase_codes(run, "right")[-1], run.trip) == (held, None)
     let_go = run.tick
     run.release()
     assert run.waiting() == ()
@@ -307,7 +328,7 @@ def test_another_run_goes_on_from_a_moment_bit_for_bit_and_the_first_does_not_no
     np.testing.assert_array_equal(other.advance(1500), rows)
     np.testing.assert_array_equal(undisturbed.advance(1500), rows)
     later = [item for item in run.switches() if item.tick >= 1800]
-    assert list(other.switches()) == later and later and not other.tripped
+    assert list(other.switches()) == later and later and other.trip is None
 
 
 def test_a_step_by_hand_that_was_let_go_is_let_go_in_the_copy_too(bench):

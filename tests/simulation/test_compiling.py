@@ -1,0 +1,254 @@
+"""The two internals of numba that compiled loops lean on, and how a loop is compiled.
+
+All of it was seen in numba 0.68.1. Where a newer release fails here, look at
+:mod:`twin_gait.simulation.compiling` before anything else.
+"""
+
+from __future__ import annotations
+
+import gc
+import re
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from numba.core import types
+from numba.core.compiler import DefaultPassBuilder
+from numba.core.dispatcher import Dispatcher
+from numba.core.errors import TypingError
+
+from twin_gait.simulation import compiling
+from twin_gait.simulation.binding import bind
+from twin_gait.simulation.compiling import (
+    OPTIMISATION,
+    VECTORISE,
+    Pruning,
+    compile_loop,
+    compiles,
+    jit,
+    numbers_at,
+    record_at,
+    rows_at,
+)
+
+WIDE, COUNT, SPARE = False, 0, 0.0
+
+
+def test_the_installed_numba_is_one_that_was_looked_at() -> None:
+    stated = re.search(r"as seen in numba (\d+)\.(\d+) to (\d+)\.(\d+)", compiling.__doc__ or "")
+    assert stated
+    low, high = (tuple(map(int, stated.group(first, first + 1))) for first in (1, 3))
+    installed = tuple(map(int, numba.__version__.split(".")[:2]))
+    assert low <= installed <= high, f"numba {numba.__version__}: run this file, then state it there"
+
+
+# ------------------------------------------------------------------ dead branches
+
+
+def flagged(record: Any) -> float:
+    return record.wide if WIDE else record.narrow
+
+
+def counted(record: Any) -> float:
+    total = record.narrow
+    if COUNT > 0:
+        for place in range(COUNT):
+            total += record.many[place]
+    return total
+
+
+def negated(record: Any) -> float:
+    if not WIDE:
+        return record.narrow
+    return record.wide
+
+
+def joined(record: Any) -> float:
+    if WIDE and record.wide > 0.0:
+        return record.wide
+    return record.narrow
+
+
+BRANCHES = [flagged, counted, negated, joined]
+NARROW = np.dtype([("narrow", "f8")], align=True)
+SIGNATURE = (numba.from_dtype(NARROW),)
+
+
+@pytest.mark.parametrize("room", BRANCHES)
+def test_a_branch_that_a_constant_rules_out_may_name_a_field_that_is_not_there(room: Any) -> None:
+    bound = bind(room, {"WIDE": False, "COUNT": 0}, jit)
+    bound.compile(SIGNATURE)
+    assert bound.overloads[SIGNATURE].signature.return_type == types.float64
+
+
+@pytest.mark.parametrize("room", BRANCHES)
+def test_a_branch_that_is_taken_has_to_have_its_fields(room: Any) -> None:
+    bound = bind(room, {"WIDE": True, "COUNT": 2}, jit)
+    with pytest.raises(TypingError, match="wide|many"):
+        bound.compile(SIGNATURE)
+
+
+class WithoutPruning(Pruning):
+    """What the pruning pipeline would be without the pass that it adds."""
+
+    def define_pipelines(self) -> list[Any]:
+        self.state.flags.no_rewrites = True
+        return [DefaultPassBuilder.define_nopython_pipeline(self.state, "plain")]
+
+
+@pytest.mark.parametrize("room", [flagged, counted])
+def test_numba_without_its_rewrites_would_type_the_dead_branch(room: Any) -> None:
+    """Where this no longer fails, the pipeline of compiling.py is not needed any more."""
+    options = {**compiling._OPTIONS, "pipeline_class": WithoutPruning}
+    bound = bind(room, {"WIDE": False, "COUNT": 0}, lambda function: numba.njit(**options)(function))
+    with pytest.raises(TypingError, match="wide|many"):
+        bound.compile(SIGNATURE)
+
+
+def test_what_a_dead_branch_calls_is_not_compiled() -> None:
+    made: dict[str, Any] = {}
+
+    def keep(function: Any) -> Any:
+        return made.setdefault(function.__name__, jit(function))
+
+    bound = bind(calls_when_wide, {"WIDE": False}, keep)
+    bound.compile(SIGNATURE)
+    assert not made["flagged"].overloads and made["negated"].overloads
+
+
+def calls_when_wide(record: Any) -> float:
+    if WIDE:
+        return flagged(record)
+    return negated(record)
+
+
+calls_when_wide.__module__ = flagged.__module__ = negated.__module__ = "twin_gait.rooms_of_a_test"
+
+# ------------------------------------------------------------------ literals
+
+
+def made_for_literals(wrap: Any) -> list[Any]:
+    """What a function is compiled for that is called with three literals and a variable."""
+    callee = wrap(lambda values, place: values[place] + 1.0)
+
+    @numba.njit  # type: ignore[untyped-decorator]
+    def caller(values: Any) -> float:
+        last = len(values) - 1
+        return callee(values, 0) + callee(values, 1) + callee(values, -1) + callee(values, last)
+
+    caller.compile((types.float64[::1],))
+    return list(callee.overloads)
+
+
+def test_a_literal_in_a_call_is_not_compiled_anew() -> None:
+    assert len(made_for_literals(jit)) == 1
+
+
+def test_numba_alone_would_compile_every_literal_anew() -> None:
+    """Where this no longer holds, the template of compiling.py is not needed any more."""
+    found = made_for_literals(lambda function: numba.njit(**compiling._OPTIONS)(function))
+    assert len(found) == 4
+    assert {str(kind) for _, kind in found} == {"int64", *(f"Literal[int]({value})" for value in (0, 1, -1))}
+
+
+# ------------------------------------------------------------------ optimisation
+
+
+def axpy(x: Any, y: Any, n: int) -> int:
+    for i in range(n):
+        y[i] = y[i] + 2.0 * x[i]
+    return 0
+
+
+def packed_operations(*, quick: bool) -> int:
+    """Vectors in the machine-independent code of a loop that is easily vectorised."""
+    signature = (types.float64[::1], types.float64[::1], types.intp)
+    made = jit(axpy)
+    if quick:
+        with compiling._quick():
+            made.compile(signature)
+    else:
+        made.compile(signature)
+    return str(made.overloads[signature].library._final_module).count("x double>")
+
+
+def test_the_vectoriser_is_off_for_a_loop_and_back_on_after_it() -> None:
+    assert packed_operations(quick=False) > 0
+    assert packed_operations(quick=True) == 0
+    assert packed_operations(quick=False) > 0
+
+
+def entry(address: int, first: int, end: int) -> int:
+    return end - first
+
+
+def test_a_loop_is_compiled_with_its_own_settings_and_the_users_are_kept(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    seen: list[tuple[int, int, bool]] = []
+    compile_as_ever = Dispatcher.compile
+
+    def note(self: Any, signature: Any) -> Any:
+        seen.append((int(numba.config.OPT), numba.config.LOOP_VECTORIZE, gc.isenabled()))
+        return compile_as_ever(self, signature)
+
+    monkeypatch.setattr(Dispatcher, "compile", note)
+    before = numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()
+    loop = compile_loop(entry, {}, 3)
+    assert seen[0] == (OPTIMISATION, VECTORISE, False) and VECTORISE == 0
+    assert (numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()) == before
+    assert loop.function(0, 3, 10) == 7
+
+
+def wrong(address: int, first: int, end: int) -> int:
+    return address.missing  # type: ignore[attr-defined,no-any-return]
+
+
+def test_settings_are_put_back_after_an_error_too() -> None:
+    before = numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()
+    with pytest.raises(TypingError):
+        compile_loop(wrong, {}, 3)
+    assert (numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()) == before
+
+
+# ------------------------------------------------------------------ rows behind an address
+
+
+def test_records_and_rows_are_found_behind_an_address_and_can_be_kept() -> None:
+    """A loop over all three, whose code needs the C library alone."""
+    dtype = np.dtype([("total", "f8"), ("rows", "i8"), ("numbers", "i8")], align=True)
+    row = np.dtype([("value", "f8"), ("twice", "f8")], align=True)
+    state, table, numbers = np.zeros(1, dtype), np.zeros(5, row), np.arange(10.0).reshape(5, 2)
+    table["value"] = [1.0, 2.0, 3.0, 4.0, 5.0]
+    state["rows"], state["numbers"] = table.ctypes.data, numbers.ctypes.data
+    names = {"state_at": record_at(dtype), "row_at": rows_at(row), "numbers_in_row": numbers_at(2)}
+    loop = compile_loop(walk, names, 3)
+    assert loop.code is not None
+    assert loop.function(state.ctypes.data, 1, 4) == 3
+    assert table["twice"].tolist() == [0.0, 4.0, 6.0, 8.0, 0.0]
+    assert state["total"][0] == sum(numbers[1:4, 1])
+
+
+def state_at(address: int) -> Any: ...
+def row_at(address: int, number: int) -> Any: ...
+def numbers_in_row(address: int, number: int) -> Any: ...
+
+
+def walk(address: int, first: int, end: int) -> int:
+    state = state_at(address)
+    for number in range(first, end):
+        item = row_at(state.rows, number)
+        item.twice = 2.0 * item.value
+        state.total += numbers_in_row(state.numbers, number)[1]
+    return end - first
+
+
+# ------------------------------------------------------------------ controllers
+
+
+def test_what_numba_cannot_compile_is_no_controller_for_the_loop() -> None:
+    def law(angle, fast, slow, k, b, equilibrium, gain, friction):  # type: ignore[no-untyped-def]
+        return -k * angle, np.fft.nothing(fast)
+
+    assert not compiles(law)

@@ -1,0 +1,191 @@
+"""The integrators of the loop on dynamics of closed form: order, energy, and the work of a force in time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.linalg import expm
+
+from twin_gait import load_experiment
+from twin_gait.core.plant import ImposedMotion, free_coordinate
+from twin_gait.simulation.binding import bind
+from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.filling import new_episode
+from twin_gait.experiment.problem import build_problem
+from twin_gait.simulation.record import copied
+from twin_gait.simulation.rooms.motion import integrate
+
+# A lightly damped pair of coupled oscillators: q̈ = −K q − B q̇.
+STIFFNESS = np.array([[30.0, -8.0], [-8.0, 20.0]])
+DAMPING = np.array([[1.2, -0.3], [-0.3, 0.8]])
+START_Q, START_V = [0.4, -0.1], [-0.5, 0.9]
+
+Law = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+def damped(q: np.ndarray, v: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    return -STIFFNESS @ q - DAMPING @ v
+
+
+def spring(q: np.ndarray, v: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    return -q
+
+
+def exact(time: float) -> np.ndarray:
+    system = np.block([[np.zeros((2, 2)), np.eye(2)], [-STIFFNESS, -DAMPING]])
+    return np.asarray(expm(system * time) @ np.array([*START_Q, *START_V]))
+
+
+@pytest.fixture(scope="module")
+def free() -> Episode:
+    """Two coordinates on which nothing acts, but that their work is summed up."""
+    e = new_episode(build_problem(load_experiment("bench_leg").experiment), [], [], 0)
+    e.plant = [free_coordinate(), free_coordinate()]
+    return e
+
+
+def started(free: Episode, q: list[float], v: list[float], step: float) -> Episode:
+    e = copied(free)
+    e.q, e.v, e.step, e.substeps = list(q), list(v), step, 1
+    return e
+
+
+def stepping(law: Law, *, rk4: bool, **names: Any) -> Callable[[Episode, int], None]:
+    """The rooms of the motion on dynamics of one's own."""
+
+    def dynamics(
+        q: list[float],
+        v: list[float],
+        torque: list[float],
+        bodies: object,
+        gravity: float,
+        ground: object,
+        a: list[float],
+        points: object,
+    ) -> float:
+        a[:] = law(np.array(q), np.array(v), np.array(torque)).tolist()
+        return 0.0
+
+    function: Callable[[Episode, int], None] = bind(integrate, {"RK4": rk4, "dynamics": dynamics, **names})
+    return function
+
+
+def error_after(free: Episode, rk4: bool, steps: int, duration: float = 1.0) -> float:
+    e = started(free, START_Q, START_V, duration / steps)
+    e.substeps = steps
+    stepping(damped, rk4=rk4)(e, 0)
+    return float(np.linalg.norm(np.array([*e.q, *e.v]) - exact(duration)))
+
+
+def order_of(steps: list[int], errors: list[float]) -> float:
+    """Slope of the error over the step on logarithmic axes."""
+    return float(np.polyfit(np.log(1.0 / np.array(steps)), np.log(errors), 1)[0])
+
+
+@pytest.mark.parametrize(
+    ("rk4", "steps", "lowest", "highest"),
+    [
+        pytest.param(True, [50, 100, 200, 400], 3.9, 4.1, id="rk4-is-of-fourth-order"),
+        pytest.param(False, [500, 1000, 2000, 4000], 0.97, 1.03, id="semi-implicit-euler-is-of-first-order"),
+    ],
+)
+def test_error_shrinks_with_the_order_of_the_method(
+    free: Episode, rk4: bool, steps: list[int], lowest: float, highest: float
+) -> None:
+    assert lowest < order_of(steps, [error_after(free, rk4, count) for count in steps]) < highest
+
+
+def test_rk4_matches_the_textbook_step(free: Episode) -> None:
+    """The classical tableau on the first-order system, written out."""
+
+    def slope(state: np.ndarray) -> np.ndarray:
+        return np.concatenate([state[2:], -STIFFNESS @ state[:2] - DAMPING @ state[2:]])
+
+    state, h = np.array([*START_Q, *START_V]), 0.05
+    k1 = slope(state)
+    k2 = slope(state + 0.5 * h * k1)
+    k3 = slope(state + 0.5 * h * k2)
+    k4 = slope(state + h * k3)
+    expected = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    e = started(free, START_Q, START_V, h)
+    stepping(damped, rk4=True)(e, 0)
+    assert_allclose([*e.q, *e.v], expected, rtol=1e-14)
+
+
+def test_semi_implicit_euler_moves_with_the_new_velocity(free: Episode) -> None:
+    e = started(free, [1.0, 0.0], [0.0, 0.0], 0.1)
+    stepping(spring, rk4=False)(e, 0)
+    assert_allclose([e.v[0], e.q[0]], [-0.1, 0.99], rtol=1e-14)
+
+
+@pytest.mark.parametrize("step", [0.05, 0.01])
+def test_semi_implicit_euler_keeps_the_energy_of_an_oscillator_within_bounds(
+    free: Episode, step: float
+) -> None:
+    """For q̈ = −q the modified energy q²/2 + v²/2 − h q v/2 is kept exactly."""
+    e, advance = started(free, [1.0, 0.0], [0.0, 0.0], step), stepping(spring, rk4=False)
+    energies, modified = [], []
+    for tick in range(20_000):
+        advance(e, tick)
+        energies.append(0.5 * (e.q[0] ** 2 + e.v[0] ** 2))
+        modified.append(energies[-1] - 0.5 * step * e.q[0] * e.v[0])
+    assert_allclose(modified, modified[0], rtol=1e-10)
+    # |q v| ≤ energy, so the true energy can swing by h/2 of itself about the modified one, not drift.
+    assert np.abs(np.array(energies) / 0.5 - 1.0).max() < 0.55 * step
+
+
+@pytest.mark.parametrize(
+    ("rk4", "shares"),
+    [(True, [(0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)]), (False, [(0.0, 1.0)])],
+)
+def test_stages_come_in_order_with_the_shares_of_their_step(
+    free: Episode, rk4: bool, shares: list[tuple[float, float]]
+) -> None:
+    calls = []
+
+    def acceleration(e: Episode, offset: float, weight: float, q: list[float], v: list[float]) -> None:
+        calls.append((offset, weight))
+
+    stepping(spring, rk4=rk4, acceleration=acceleration)(started(free, START_Q, START_V, 0.01), 0)
+    assert_allclose(calls, shares, rtol=1e-15)
+
+
+def test_substeps_of_a_tick_follow_each_other(free: Episode) -> None:
+    """Their times are the tick's and a whole number of steps, not a running sum."""
+    times = []
+
+    def acceleration(e: Episode, offset: float, weight: float, q: list[float], v: list[float]) -> None:
+        times.append(e.time)
+
+    e = started(free, START_Q, START_V, 0.25e-3)
+    e.substeps = 4
+    stepping(spring, rk4=False, acceleration=acceleration)(e, 7)
+    assert times == [7 * e.rates.period + number * e.step for number in range(4)]
+
+
+def test_a_force_in_time_and_its_work_are_integrated_with_fourth_order(free: Episode) -> None:
+    """A hand on a spring of 1 N m/rad along cos 2t, whose pull on q the dynamics take back: q̈ = cos 2t.
+
+    From rest: v = sin(2t)/2, q = (1 − cos 2t)/4; the hand pulls by cos 2t − q, and its work is (v² − q²)/2.
+    """
+
+    def unsprung(q: np.ndarray, v: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        return torque + q * [1.0, 0.0]
+
+    steps, duration = [20, 40, 80, 160], 0.7
+    motion, work = [], []
+    q, v = 0.25 * (1.0 - math.cos(2.0 * duration)), 0.5 * math.sin(2.0 * duration)
+    for count in steps:
+        e = started(free, [0.0, 0.0], [0.0, 0.0], duration / count)
+        e.imposed_motion = ImposedMotion(0, 1.0, -2.0, 1.0 / math.pi, 1.0, 0.0, math.inf)
+        e.substeps = count
+        stepping(unsprung, rk4=True)(e, 0)
+        motion.append(abs(e.q[0] - q))
+        work.append(abs(e.works.patient_work - 0.5 * (v * v - q * q)))
+    assert 3.9 < order_of(steps, motion) < 4.1
+    assert 3.9 < order_of(steps, work) < 4.1

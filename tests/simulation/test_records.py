@@ -1,0 +1,248 @@
+"""One definition of a record: its dtype, its numbers, its copies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from twin_gait import load_experiment
+from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.simulation.engine import log_layout
+from twin_gait.experiment.problem import build_problem
+from twin_gait.simulation.record import ABSENT, copied, dtype_of, numbers_in, taken_from, write
+
+
+@dataclass(slots=True)
+class Inner:
+    gain: float
+    count: int = 0
+
+
+@dataclass(slots=True)
+class Outer:
+    flag: bool
+    number: int
+    value: float
+    row: list[float]
+    table: list[list[float]]
+    inner: Inner
+    many: list[Inner]
+    spare: list[Inner] = field(default_factory=list)
+    missing: Inner = ABSENT
+
+
+def outer() -> Outer:
+    return Outer(
+        True, -3, 0.1, [1.0, 2.0, 3.0], [[1.5, 2.5], [3.5, 4.5]], Inner(0.5, 7), [Inner(0.25, 1), Inner(4.0, 2)]
+    )
+
+
+def numpy_record(sample: Any) -> Any:
+    record = np.zeros(1, dtype_of(sample))[0]
+    write(sample, record)
+    return record
+
+
+# ------------------------------------------------------------------ class and instance to dtype
+
+
+def test_types_come_from_the_class_and_lengths_from_the_instance() -> None:
+    inner = np.dtype([("gain", "f8"), ("count", "i8")], align=True)
+    assert dtype_of(outer()) == np.dtype(
+        [
+            ("flag", "?"),
+            ("number", "i8"),
+            ("value", "f8"),
+            ("row", "f8", (3,)),
+            ("table", "f8", (2, 2)),
+            ("inner", inner),
+            ("many", inner, (2,)),
+        ],
+        align=True,
+    )
+
+
+def test_a_record_is_aligned_as_c_would() -> None:
+    dtype = dtype_of(outer())
+    assert dtype.isalignedstruct
+    assert dtype.fields is not None
+    assert {dtype.fields[name][1] % 8 for name in dtype.names or ()} == {0}  # also behind the single byte
+
+
+def test_a_whole_number_in_a_field_of_floats_makes_no_whole_numbers_of_it() -> None:
+    assert dtype_of(Inner(1))["gain"] == np.float64
+    assert numpy_record(Inner(1))["gain"] == 1.0
+
+
+def test_what_is_absent_or_empty_is_left_out() -> None:
+    names = dtype_of(outer()).names or ()
+    assert "spare" not in names and "missing" not in names
+    there = outer()
+    there.spare, there.missing = [Inner(1.0)], Inner(2.0)
+    assert set(dtype_of(there).names or ()) - set(names) == {"spare", "missing"}
+
+
+def test_lists_of_records_that_are_absent_are_left_out() -> None:
+    sample = outer()
+    sample.many = [ABSENT, ABSENT]
+    assert "many" not in (dtype_of(sample).names or ())
+
+
+# ------------------------------------------------------------------ instance to record
+
+
+def test_every_value_is_written_where_its_name_says() -> None:
+    record = numpy_record(outer())
+    assert (bool(record["flag"]), int(record["number"]), float(record["value"])) == (True, -3, 0.1)
+    assert record["row"].tolist() == [1.0, 2.0, 3.0]
+    assert record["table"].tolist() == [[1.5, 2.5], [3.5, 4.5]]
+    assert record["inner"].tolist() == (0.5, 7)
+    assert record["many"].tolist() == [(0.25, 1), (4.0, 2)]
+
+
+@given(st.floats(), st.integers(-(2**63), 2**63 - 1), st.booleans())
+def test_numbers_are_kept_to_the_bit(value: float, number: int, flag: bool) -> None:
+    sample = outer()
+    sample.value, sample.number, sample.flag = value, number, flag
+    record = numpy_record(sample)
+    assert np.float64(value).tobytes() == record["value"].tobytes()
+    assert (int(record["number"]), bool(record["flag"])) == (number, flag)
+
+
+def check_written(sample: Any, record: Any) -> int:
+    """Compare an instance with what was written, name by name; gives the numbers compared."""
+    if isinstance(sample, list):
+        return sum(check_written(item, record[place]) for place, item in enumerate(sample))
+    if not is_dataclass(sample):
+        assert record == sample or (math.isnan(sample) and math.isnan(record))
+        return 1
+    count = 0
+    for item in fields(sample):
+        value = getattr(sample, item.name)
+        if value is ABSENT or value == []:
+            assert item.name not in record.dtype.names
+        else:
+            count += check_written(value, record[item.name])
+    return count
+
+
+CASES = [
+    ("bench_leg", ()),
+    ("treadmill", ()),
+    ("treadmill_start_stop", ()),
+    ("treadmill", ("patient=stroke_left", "interface=brace", "faults=['motor_dead:left_hip@0.1s']")),
+]
+
+
+@pytest.mark.parametrize(("preset", "settings"), CASES)
+def test_a_whole_episode_is_written_and_takes_no_more_room_than_it_has_numbers(
+    preset: str, settings: tuple[str, ...]
+) -> None:
+    problem = build_problem(load_experiment(preset, [*settings]).experiment)
+    _, episode, _ = laid_out(problem)
+    record = numpy_record(episode)
+    count = check_written(episode, record)
+    assert 300 < count and record.dtype.itemsize == 8 * count  # a bool is filled up to 8 bytes
+
+
+@pytest.mark.parametrize(("preset", "settings"), CASES)
+def test_a_row_of_the_log_is_a_table_of_floats_in_the_order_of_its_numbers(
+    preset: str, settings: tuple[str, ...]
+) -> None:
+    layout = log_layout(build_problem(load_experiment(preset, [*settings]).experiment))
+    row = layout.row()
+    number = iter(range(1000))
+
+    def count_up(sample: Any) -> None:
+        for item in fields(sample):
+            value = getattr(sample, item.name)
+            if isinstance(value, float):
+                setattr(sample, item.name, float(next(number)))
+            elif isinstance(value, list) and value and isinstance(value[0], float):
+                setattr(sample, item.name, [float(next(number)) for _ in value])
+            elif value is not ABSENT:
+                for entry in value if isinstance(value, list) else [value]:
+                    count_up(entry)
+
+    count_up(row)
+    numbers = numbers_in(row)
+    assert numbers == [float(place) for place in range(len(layout.names))]
+    table = np.zeros(2, dtype_of(row))
+    write(row, table[1])
+    assert table.view(np.float64).reshape(2, -1).tolist() == [[0.0] * len(numbers), numbers]
+
+
+# ------------------------------------------------------------------ copies
+
+
+def test_a_copy_is_equal_and_shares_nothing() -> None:
+    first = outer()
+    second = copied(first)
+    assert second == first
+    second.row[0] = second.table[0][0] = second.inner.gain = second.many[1].gain = 99.0
+    second.spare.append(Inner(1.0))
+    assert first == outer()
+
+
+@dataclass(frozen=True)
+class Parameters:
+    gain: float = 0.75
+    other: str = "not part of the record"
+
+
+def test_a_record_is_taken_from_attributes_of_the_same_names() -> None:
+    assert taken_from(Inner, Parameters(), count=4) == Inner(0.75, 4)
+    assert taken_from(Inner, Parameters(), gain=1.0, count=4) == Inner(1.0, 4)
+
+
+# ------------------------------------------------------------------ what must fail
+
+
+@dataclass(slots=True)
+class Named:
+    name: str
+
+
+@dataclass(slots=True)
+class Ragged:
+    rows: list[list[float]]
+
+
+def test_a_field_that_is_no_number_has_no_dtype() -> None:
+    with pytest.raises(TypeError):
+        dtype_of(Named("left"))
+
+
+def test_a_record_that_lacks_an_attribute_is_not_made_up() -> None:
+    with pytest.raises(AttributeError, match="count"):
+        taken_from(Inner, Parameters())
+
+
+def test_a_field_that_the_record_does_not_have_is_refused() -> None:
+    with pytest.raises(TypeError, match="surplus"):
+        taken_from(Inner, Parameters(), count=1, surplus=2)
+
+
+def test_rows_of_unlike_length_are_refused() -> None:
+    ragged = Ragged([[1.0, 2.0], [3.0]])
+    record = np.zeros(1, dtype_of(ragged))[0]
+    with pytest.raises(ValueError, match="inhomogeneous"):
+        write(ragged, record)
+
+
+def test_more_records_than_there_is_room_for_are_refused() -> None:
+    record, sample = numpy_record(outer()), outer()
+    sample.many.append(Inner(1.0))
+    with pytest.raises(IndexError):
+        write(sample, record)
+
+
+def test_slots_refuse_a_name_that_is_misspelt() -> None:
+    with pytest.raises(AttributeError):
+        outer().vlaue = 1.0  # type: ignore[attr-defined]

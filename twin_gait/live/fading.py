@@ -1,0 +1,49 @@
+"""Numbers of an episode that fade to others while it runs."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from twin_gait.core.blending import BLEND_MINIMUM_JERK, blend, blend_share
+
+
+class Fade(NamedTuple):
+    """Numbers on their way to others by the minimum-jerk law; JSON takes it as it is.
+
+    Attributes:
+        start: What they were, as nested lists.
+        target: What they come to, likewise.
+        first: First tick of the fade.
+        ticks: Its length; 0 for a change at once.
+    """
+
+    start: list[Any]
+    target: list[Any]
+    first: int
+    ticks: int
+
+    def write(self, tick: int, values: np.ndarray) -> bool:
+        """Write what they are in a tick; True if they are not there yet. ``values`` are changed in place."""
+        if tick - self.first + 1 >= self.ticks:
+            values[...] = self.target
+            return False
+        share = blend_share((tick - self.first + 1) / self.ticks, BLEND_MINIMUM_JERK)
+        values[...] = blend(np.array(self.start), np.array(self.target), share)  # type: ignore[arg-type]
+        return True
+
+
+def arrive(episode: np.void, chosen: np.ndarray) -> None:
+    """Give the chosen legs the parameters of their phases; ``episode`` is changed in place."""
+    joints = episode["joints"].reshape(len(chosen), -1)
+    for leg, own, wanted in zip(episode["legs"], joints, chosen, strict=True):
+        if wanted:
+            own["blended"] = own["setpoints"][:, leg["phase"]]
+            leg["gravity"] = leg["gravity_shares"][leg["phase"]]
+
+
+def fade_anew(episode: np.void) -> None:
+    """Let every leg fade from its present parameters; ``episode`` is changed in place."""
+    joints, legs = episode["joints"], episode["legs"]
+    joints["blend_start"], legs["gravity_start"] = joints["blended"], legs["gravity"]

@@ -1,0 +1,327 @@
+"""A run that is advanced piece by piece and changed in between, in compiled code.
+
+:func:`twin_gait.simulation.simulate` runs an experiment from start to end. Here the caller holds the clock:
+they advance the walk by some ticks, look at the rows of the log, change the parameters of the phases, the
+belt or the support, push the leg or inject a fault, and go on. Without a change the rows are those of
+``simulate``, bit for bit.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from twin_gait.control import ControllerFunction, Trip
+from twin_gait.core.control_tick import COLUMNS_PER_JOINT
+from twin_gait.core.guards import Comparison
+from twin_gait.core.safety import OPERATOR_TRIP
+from twin_gait.exceptions import ParameterError
+from twin_gait.experiment.problem import Problem
+from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.gait.table import TICK
+from twin_gait.live.fading import Fade, arrive, fade_anew
+from twin_gait.measures.outcome import RunEvent, run_events
+from twin_gait.scenario.faults import Fault, FaultKind
+from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
+from twin_gait.simulation.record import entries
+from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks
+
+FADE_TICKS = 300  # over which a change fades in where the caller says nothing
+MOST_FAULTS = 16  # that can be injected into one walk
+CHUNK_TICKS = 2000  # after which a phase that was let go is held again at the latest
+
+
+class SteppedRun:
+    """One walk in compiled code that its caller advances and changes.
+
+    Attributes:
+        problem: The experiment as an engine needs it, as the walk began.
+        layout: Names and positions of the log's columns.
+        tick: Ticks that have been run.
+        held_phase: The phase that no leg leaves by itself, or None.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        *,
+        controller: ControllerFunction | None = None,
+        on_compile: Callable[[], None] | None = None,
+    ) -> None:
+        """Lay the walk out; no tick is run.
+
+        Args:
+            problem: From :func:`twin_gait.experiment.problem.build_problem`.
+            controller: Control law that takes the place of the thesis's; numba must be able to compile it.
+            on_compile: Called if the loop has to be compiled first, which takes 10 to 20 s.
+        """
+        self.problem = problem
+        self.layout = log_layout(problem)
+        self.tick = 0
+        experiment = problem.experiment
+        spare = (Fault(kind=FaultKind.SUPPLY_DIP, time=0.0),) * MOST_FAULTS
+        self._engine = CompiledEngine(
+            replace(problem, experiment=replace(experiment, faults=(*experiment.faults, *spare))),
+            controller=controller,
+            on_compile=on_compile,
+        )
+        self._episode = self._engine.episode
+        starts = self._episode["faults"]["start_tick"]
+        starts[len(experiment.faults) :] = NEVER
+        self._episode["first_fault"] = starts.min()
+        self._start = [part.copy() for part in self._engine.parts]
+        self._values = self._changeable()
+        self._fades: dict[str, Fade] = {}
+        self._push_ends = np.full(len(problem.joints), NEVER)
+        self._injected: list[Fault] = []
+        self._log: list[tuple[int, np.ndarray]] = []  # first tick and rows of every call
+        self.held_phase: int | None = None
+        self._released_at: int | None = None
+        self._watching = True
+
+    def _changeable(self) -> dict[str, np.ndarray]:
+        """What a caller may give other values for good, by name: what a restart keeps."""
+        joints, model = self._episode["joints"], self.problem.world.model
+        found = {
+            "setpoints": joints["setpoints"].view(float).reshape(len(joints), -1, COLUMNS_PER_JOINT),
+            "gravity_shares": self._episode["legs"]["gravity_shares"],
+            "target_torque": joints["target"],
+            "belt_speed": self._engine.parts[0]["belt"]["cruise"],
+            "comparisons": self._episode["program"]["comparisons"],
+        }
+        if model.pelvis_index is not None:  # the wearer's hangs in the support
+            hung = model.pelvis_index + self.problem.world.wearer_shift
+            found["support_force"] = self._episode["plant"]["spring"]["force"][hung : hung + 1]
+        return found
+
+    @property
+    def status(self) -> RunStatus:
+        """How the walk stands; ``completed`` as long as nothing has ended it."""
+        return self._engine.ending(self.tick)[0]
+
+    @property
+    def reason(self) -> str:
+        """Why it has ended; empty before that."""
+        return self._engine.ending(self.tick)[1]
+
+    @property
+    def trip(self) -> Trip | None:
+        """What the safety monitor tripped on, or None."""
+        return self._engine.trip()
+
+    @property
+    def events(self) -> tuple[RunEvent, ...]:
+        """Injected faults, trip, fall and divergence so far, in the order of time."""
+        faults = (*self.problem.experiment.faults, *self._injected)
+        return run_events(faults, self.trip, self.status, max(self.tick - 1, 0) * TICK)
+
+    @property
+    def q(self) -> np.ndarray:
+        """Present coordinates of the rigid-body model, of the device, in [rad] and [m], shape ``(n,)``."""
+        return np.array(self._episode["q"][: self.problem.world.model.nv])
+
+    def advance(self, ticks: int) -> np.ndarray:
+        """Run some ticks, fewer if the wearer falls or the state diverges on the way.
+
+        Returns:
+            Rows of the log that they wrote, shape ``(ticks, n_columns)`` in the order of the layout.
+        """
+        first, end = self.tick, self.tick + ticks
+        rows = np.zeros((ticks, len(self.layout.names)))
+        while self.tick < end and self.status is RunStatus.COMPLETED:
+            self._apply_fades()
+            over = self._push_ends <= self.tick
+            self._episode["joints"]["push"][over], self._push_ends[over] = 0.0, NEVER
+            chunk = (self.tick // CHUNK_TICKS + 1) * CHUNK_TICKS
+            until = self.tick + 1 if self._fades else min(end, chunk, int(self._push_ends.min()))
+            self.tick = self._engine.run_ticks(self.tick, until, rows, first)
+            self._hold_again()
+        self._log.append((first, rows[: self.tick - first]))
+        return self._log[-1][1]
+
+    def _apply_fades(self) -> None:
+        going = {
+            name: fade for name, fade in self._fades.items() if fade.write(self.tick, self._values[name])
+        }
+        if "setpoints" in self._fades:
+            since = self.tick - self._episode["legs"]["entry_tick"]
+            # A leg whose own fade is over no longer reads the parameters of its phase.
+            arrive(self._episode, since > self._episode["rates"]["blend_ticks"])
+        self._fades = going
+
+    def rows(self, first: int = 0) -> np.ndarray:
+        """The log from a tick on that has not been forgotten, shape ``(tick - first, n_columns)``."""
+        parts = [rows[max(first - begin, 0) :] for begin, rows in self._log if begin + len(rows) > first]
+        return np.concatenate([np.zeros((0, len(self.layout.names))), *parts])
+
+    def forget_rows(self, before: int) -> None:
+        """Let the memory of old rows go; a walk of an hour then needs no more of it than one of seconds."""
+        self._log = [(begin, rows) for begin, rows in self._log if begin + len(rows) > before]
+
+    def result(self, *, interrupted: bool = False) -> EngineResult:
+        """The walk so far as an engine hands it back; one that has not ended can be marked as interrupted."""
+        status, reason = self._engine.ending(self.tick)
+        if interrupted and status is RunStatus.COMPLETED:
+            status, reason = RunStatus.INTERRUPTED, stopped_reason(self.tick)
+        return EngineResult(self.rows(), self._engine.phase_switches(), status, reason, self._engine.trip())
+
+    def switches(self, first: int = 0) -> tuple[PhaseSwitch, ...]:
+        """Switches of the phases so far."""
+        return self._engine.phase_switches(first)
+
+    def moment(self) -> dict[str, Any]:
+        """The present moment, from which another run of the same problem can go on: plain values for JSON."""
+        return {
+            "tick": self.tick,
+            "parts": [base64.b64encode(part.tobytes()).decode() for part in self._engine.parts],
+            "fades": dict(self._fades),
+            "push_ends": self._push_ends.tolist(),
+            "watching": self._watching,
+            "held": self.held_phase,
+            "released": self._released_at is not None,
+        }
+
+    def go_on_from(self, moment: Mapping[str, Any]) -> None:
+        """Take over a moment of another run of the same problem; rows and switches before it are unknown."""
+        for text, part in zip(moment["parts"], self._engine.parts, strict=True):
+            part[...] = np.frombuffer(base64.b64decode(text), part.dtype).reshape(part.shape)
+        self._engine.point_at_rows()  # addresses are those of a process
+        self._episode["recording"]["n_switches"] = 0
+        self._fades = {name: Fade(*fade) for name, fade in moment["fades"].items()}
+        self._push_ends[:] = moment["push_ends"]
+        self.tick, self._log = moment["tick"], []
+        self._watching, self.held_phase = moment["watching"], moment["held"]
+        self._released_at = 0 if moment["released"] else None
+
+    def _fade(self, name: str, target: np.ndarray | float, ticks: int) -> None:
+        values = self._values[name]
+        shaped = np.broadcast_to(target, values.shape).tolist()
+        self._fades[name] = Fade(values.tolist(), shaped, self.tick, ticks)
+
+    def set_phase_rows(self, rows: np.ndarray, *, fade_ticks: int = FADE_TICKS) -> None:
+        """Give the phases other k, b, θ0, G and gravity shares, shaped as ``problem.phase_rows``.
+
+        They fade by the minimum-jerk law, in all phases at once, also in one whose own fade is over.
+        """
+        by_joint = rows[..., :-1].reshape(*rows.shape[:2], -1, COLUMNS_PER_JOINT).swapaxes(1, 2)
+        self._fade("setpoints", by_joint.reshape(self._values["setpoints"].shape), fade_ticks)
+        self._fade("gravity_shares", rows[..., -1], fade_ticks)
+
+    def set_comparisons(self, comparisons: Sequence[Comparison]) -> None:
+        """Give the guards other thresholds, at once."""
+        given = [entries(comparison) for comparison in comparisons]
+        self._values["comparisons"][: len(given)] = given  # the record has room for more
+
+    def set_target_torque(self, torque: np.ndarray, *, fade_ticks: int = FADE_TICKS) -> None:
+        """Add other torques to the commands, in [N m], shape ``(n_joints,)``."""
+        self._fade("target_torque", torque, fade_ticks)
+
+    def set_belt_speed(self, speed: float, *, fade_ticks: int = FADE_TICKS) -> None:
+        """Let the belt run at another speed in [m] / [s], 0 to stop; with a profile, between its ramps."""
+        self._fade("belt_speed", speed, fade_ticks)
+
+    def set_support_force(self, force: float, *, fade_ticks: int = FADE_TICKS) -> None:
+        """Let the support carry another weight in [N]; a ParameterError if the pelvis hangs in none."""
+        if "support_force" not in self._values:
+            raise ParameterError("support: the pelvis of this experiment is fixed; choose a treadmill")
+        self._fade("support_force", force, fade_ticks)
+
+    def push(self, joint: int, torque: float, ticks: int) -> None:
+        """Push a joint of ``problem.joints`` for some ticks, in [N m], positive towards flexion."""
+        self._episode["joints"]["push"][joint] = torque
+        self._push_ends[joint] = self.tick + ticks
+
+    def inject(self, fault: Fault) -> None:
+        """Inject a fault in the next tick, whatever time it has.
+
+        Raises:
+            ParameterError: If the fault does not fit the experiment, or too many have been injected.
+        """
+        faults = self._episode["faults"]
+        spare = np.flatnonzero(faults["start_tick"] == NEVER)
+        if len(spare) == 0:
+            raise ParameterError(f"fault {fault}: at most {MOST_FAULTS} in one walk; restart it")
+        experiment = replace(self.problem.experiment, faults=(replace(fault, time=0.0),))
+        (injected,) = fault_records(replace(self.problem, experiment=experiment))
+        faults[spare[0]] = entries(replace(injected, start_tick=self.tick))
+        self._injected.append(replace(fault, time=self.tick * TICK))
+        self._episode["first_fault"] = faults["start_tick"].min()
+
+    def hold_phase(self, phase: int | None) -> None:
+        """Let no leg leave a phase, by index, or with None let all of them go their way again.
+
+        As long as a phase is held the monitor does not watch how long a leg stays.
+        """
+        self.held_phase, self._released_at = phase, None
+        minimum = self._episode["program"]["minimum_ticks"]
+        minimum[:] = self.problem.program.minimum_ticks
+        if phase is not None:
+            minimum[phase] = NEVER
+        self._note_phase_time_out()
+
+    def waiting(self) -> tuple[int, ...]:
+        """Legs that stand in the held phase with an exit open."""
+        if self.held_phase is None or self._released_at is not None:
+            return ()
+        legs, rules = self._episode["legs"], self._episode["program"]["transitions"]
+        due = (rules["source"] == self.held_phase) & (legs["debounce"] >= rules["debounce_ticks"])
+        return tuple(np.flatnonzero((legs["phase"] == self.held_phase) & due.any(axis=1)).tolist())
+
+    def release(self) -> None:
+        """Let one leg leave the held phase, now or as soon as an exit opens."""
+        if self.held_phase is not None:
+            minimum = self.problem.program.minimum_ticks[self.held_phase]
+            self._episode["program"]["minimum_ticks"][self.held_phase] = minimum
+            self._released_at = int(self._episode["recording"]["n_switches"])
+
+    def _hold_again(self) -> None:
+        """After the step that was let go the next one waits again."""
+        if self._released_at is None:
+            return
+        switched = self._engine.switches[self._released_at : self._episode["recording"]["n_switches"]]
+        if self.held_phase in switched["source"]:
+            self.hold_phase(self.held_phase)
+
+    def watch_phases(self, watching: bool) -> None:
+        """Let the monitor watch how long a leg stays in a phase, or not."""
+        self._watching = watching
+        self._note_phase_time_out()
+
+    def _note_phase_time_out(self) -> None:
+        limits = self._episode["limits"]
+        before = limits["phase_ticks"]
+        limit = phase_time_out_ticks(self.problem) if self._watching and self.held_phase is None else NEVER
+        limits["phase_ticks"] = limit
+        if before == NEVER and limit < NEVER:  # the present phase of every leg begins anew
+            self._episode["legs"]["entry_tick"] = self.tick
+            fade_anew(self._episode)
+
+    def stop(self) -> None:
+        """Trip the monitor by hand: from the next tick on the legs are held and lowered.
+
+        As after any trip the belt comes to rest and the harness locks; only :meth:`restart` takes it back.
+        """
+        if self.trip is not None:
+            return
+        joints, trip = self._episode["joints"], self._episode["trip"]
+        joints["hold_angle"] = joints["encoder"]["angle"]
+        trip["tick"], trip["cause"], trip["place"] = self.tick, OPERATOR_TRIP, -1
+
+    def restart(self) -> None:
+        """Go back to tick 0 with the present parameters; pushes and injected faults are forgotten."""
+        kept = {name: values.copy() for name, values in self._values.items()}
+        for part, start in zip(self._engine.parts, self._start, strict=True):
+            part[...] = start
+        for name, values in self._values.items():
+            values[...] = self._fades[name].target if name in self._fades else kept[name]
+        arrive(self._episode, np.ones(len(self.problem.sides)))
+        fade_anew(self._episode)
+        self.tick, self._log, self._injected, self._fades = 0, [], [], {}
+        self._push_ends[:] = NEVER
+        self.hold_phase(self.held_phase)
