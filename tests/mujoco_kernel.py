@@ -15,10 +15,9 @@ import numpy as np
 from crosscheck.mujoco_legs import compiled_legs, coordinate_order, legs_spec
 
 from twin_gait import Experiment, LegModel, Patient
-from twin_gait.core.contact import ground_contact_force
-from twin_gait.leg_model import PELVIS_JOINT
-from twin_gait.simulation.episode import Ground, Point
+from twin_gait.core.contact import Ground, Point, ground_contact_force
 from twin_gait.experiment.problem import Problem
+from twin_gait.leg_model import PELVIS_JOINT
 
 
 class Legs:
@@ -103,9 +102,7 @@ class MujocoKernel:
             mujoco.mj_jac(model, data, jacobian, None, place, body)
             forward, _, upward = (jacobian @ data.qvel).tolist()
             point.height = float(place[2])
-            law = (ground.belt_speed, ground.stiffness, ground.dissipation)
-            law += (ground.friction_coefficient, ground.transition_velocity)
-            point.forward, point.upward = ground_contact_force(point.height, forward, upward, *law)
+            point.forward, point.upward = ground_contact_force(ground, point.height, forward, upward)
             power += point.forward * forward + point.upward * upward
             force = np.array([point.forward, 0.0, point.upward])
             data.xfrc_applied[body] += [*force, *np.cross(place - data.xipos[body], force)]

@@ -16,9 +16,10 @@ import pinocchio as pin
 from transitions import Machine
 
 from twin_gait.experiment import ControlMode, IntegrationMethod
+from twin_gait.experiment.problem import Problem
 from twin_gait.gait.guards import OTHER, AnyOf, Comparison, Guard, PhaseMembership, signal_scale
 from twin_gait.gait.table import TICK, BlendingLaw
-from twin_gait.experiment.problem import Problem
+from twin_gait.parameters import FrictionParameters
 from twin_gait.vocabulary import Side
 
 # Parameters a, b, c, d of equation (3.1) of the thesis.
@@ -232,12 +233,16 @@ class Leg:
         """Read the parameters."""
         world = problem.world
         self.world, self.model, self.data = world, world.model.model, world.model.data
-        self._law = _columns([row.friction for row in world.plant], LAW)
+        self._law, self._load_friction = np.zeros((4, world.model.nv)), np.zeros(world.model.nv)
+        self._law[2] = 1.0  # where there is no friction, nor a motor
+        given = problem.experiment.plant
+        for item in problem.joints:
+            self._law[:, item.coordinate] = _columns([given.true_friction()[item.joint]], LAW)[:, 0]
+            self._load_friction[item.coordinate] = given.load_friction[item.joint]
         self._stops = _columns(
             [row.stop for row in world.plant], ("lower", "upper", "stiffness", "dissipation")
         )
         self._springs = _columns([row.spring for row in world.plant], ("stiffness", "damping", "force"))
-        self._load_friction = np.array([row.load_friction for row in world.plant])
         frames = [name for names in world.contact_frames.values() for name in names]
         self._frames = [self.model.getFrameId(name) for name in frames]
 
@@ -247,7 +252,7 @@ class Leg:
         below = hardness * np.maximum(lower - q, 0.0) * np.maximum(1.0 - dissipation * v, 0.0)
         above = hardness * np.maximum(q - upper, 0.0) * np.maximum(1.0 + dissipation * v, 0.0)
         stiffness, damping, force = self._springs
-        rubbing = self._load_friction * np.abs(motor) * np.tanh(v / (self._law[2] / 10.0))
+        rubbing = self._load_friction * np.abs(motor) * np.tanh(v / np.abs(self._law[2] / 10.0))
         rubbing = rubbing + friction_torque(v, self._law)
         return np.asarray(force - stiffness * q - damping * v + below - above - rubbing)
 
@@ -333,6 +338,7 @@ def _require_known(problem: Problem) -> None:
     assert control.assistance.is_full
     assert control.inertia_compensation == 0.0
     assert not experiment.faults
+    assert all(isinstance(law, FrictionParameters) for law in experiment.plant.friction.values())
     assert not problem.wearer.acts
     assert world.braces is None
     assert world.imposed_motion is None

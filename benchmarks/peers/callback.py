@@ -6,7 +6,7 @@ integration; at each of them the plant gives its passive torques, and the dynami
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -21,7 +21,7 @@ from twin_gait.simulation.compiled_engine import (
     compiled_rows,
     laid_out,
 )
-from twin_gait.simulation.compiling import jit, numbers_at, record_at
+from twin_gait.simulation.compiling import jit, numbers_at, quickly, record_at
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.reference_engine import ReferenceEngine
@@ -32,8 +32,9 @@ from twin_gait.simulation.rooms.tick import run_ticks
 # tick, stages times substeps.
 PLACES: tuple[int, ...] = ()
 EVALUATIONS = 1
-# Contacts are MuJoCo's own, and no gait table of the benchmark asks for the load of a foot.
-STRUCTURE = {"RK4": False, "POINTS_PER_FOOT": 0}
+# Contacts are MuJoCo's own, no gait table of the benchmark asks for the load of a foot, and no friction
+# remembers anything from step to step.
+STRUCTURE = {"RK4": False, "POINTS_PER_FOOT": 0, "OTHER_LAWS": False}
 
 _CALLS = np.dtype([("made", "i8")])
 
@@ -78,6 +79,14 @@ def _dynamics(
     return 0.0
 
 
+def _names(problem: Problem, order: Sequence[int], evaluations: int) -> dict[str, Any]:
+    """What both callbacks are bound to: structure, kernel, and MuJoCo's arrays."""
+    kernel, _, structure = laid_out(problem, record=False)
+    assert not structure["OTHER_LAWS"]
+    places = {"PLACES": tuple(order), "EVALUATIONS": evaluations}
+    return {**structure, **bound_kernel(kernel), **STRUCTURE, **places}
+
+
 class PythonCallback:
     """The rooms as they stand.
 
@@ -95,22 +104,17 @@ class PythonCallback:
             ticks: Length of a run.
         """
         self.trace = np.zeros((ticks, len(order)))
-        self._problem, self._kernel = problem, bound_kernel(laid_out(problem)[0])
-        self._kernel |= {**STRUCTURE, "integrate": _integrate, "dynamics": _dynamics}
-        self._names = {
-            "PLACES": tuple(order),
-            "EVALUATIONS": evaluations,
-            "trace_row": self.trace.__getitem__,
-        }
+        own = {"integrate": _integrate, "dynamics": _dynamics, "trace_row": self.trace.__getitem__}
+        self._problem, self._names = problem, {**_names(problem, order, evaluations), **own}
         self.reset()
 
     def reset(self) -> None:
         """Go back to the start."""
-        engine = ReferenceEngine(self._problem, kernel=self._kernel)
+        engine = ReferenceEngine(self._problem, kernel=self._names)
         engine.episode.recording.on = False
         rows, self._calls, self._episode = np.zeros((0, 0)), 0, engine.episode
         ticking = {"run_ticks": lambda e, first, end: engine.run_ticks(first, end, rows)}
-        self._respond = bind(respond, {**STRUCTURE, "dynamics": _dynamics, **self._names, **ticking})
+        self._respond = bind(respond, {**self._names, **ticking})
 
     def function(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """For ``mujoco.set_mjcb_control``."""
@@ -133,13 +137,8 @@ class NativeCallback:
         self.trace = np.zeros((ticks, len(order)))
         self._engine, self._calls = CompiledEngine(problem, record=False), np.zeros(1, _CALLS)
         self._start = [part.copy() for part in self._engine.parts]
-        table, trace = numbers_at(len(order)), self.trace.ctypes.data
-        names = {
-            "PLACES": tuple(order),
-            "EVALUATIONS": evaluations,
-            "trace_row": jit(lambda tick: table(trace, tick)),
-        }
-        self._native = self._compiled(problem, names, data)
+        with quickly():
+            self._native = self._compiled(_names(problem, order, evaluations), data)
         self.function = self._native.ctypes
 
     def reset(self) -> None:
@@ -148,22 +147,16 @@ class NativeCallback:
         for part, start in zip(self._engine.parts, self._start, strict=True):
             part[...] = start
 
-    def _compiled(self, problem: Problem, names: Mapping[str, Any], data: mujoco.MjData) -> Any:
-        kernel, _, structure = laid_out(problem, record=False)
+    def _compiled(self, names: Mapping[str, Any], data: mujoco.MjData) -> Any:
         store, _ = self._engine.parts
-        rooms: Callable[..., None] = bind(
-            respond,
-            {
-                **structure,
-                **bound_kernel(kernel),
-                **compiled_rows(store.dtype, dtype_of(self._engine.layout.row())),
-                **STRUCTURE,
-                "integrate": jit(_integrate),
-                "dynamics": jit(_dynamics),
-                **names,
-            },
-            jit,
-        )
+        table, trace = numbers_at(self.trace.shape[1]), self.trace.ctypes.data
+        own = {
+            **compiled_rows(store.dtype, dtype_of(self._engine.layout.row())),
+            "integrate": jit(_integrate),
+            "dynamics": jit(_dynamics),
+            "trace_row": jit(lambda tick: table(trace, tick)),
+        }
+        rooms = bind(respond, {**names, **own}, jit)
         episode_at, calls_at, numbers = record_at(store.dtype), record_at(_CALLS), numbers_at(data.qpos.size)
         home, counter = store.ctypes.data, self._calls.ctypes.data
         q, v, applied = (array.ctypes.data for array in (data.qpos, data.qvel, data.qfrc_applied))

@@ -12,7 +12,7 @@ import numpy as np
 from thesis.bench import KNEE, SEED
 from thesis.friction import DEVIATIONS, FACTOR, WINDOW, table_values
 
-from twin_gait.identification import BenchSetup, LoadAngle, decimate, moving_average
+from twin_gait.identification import BenchSetup, decimate, moving_average
 from twin_gait.scenario import (
     BENCH_ACTUATORS,
     HORIZONTAL,
@@ -20,6 +20,7 @@ from twin_gait.scenario import (
     TRANSPARENCY_STEPS,
     BenchJoint,
     DutyControl,
+    LoadAngle,
     bench_joint,
 )
 from twin_gait.simulation import BenchRun, BenchVariation, simulate_bench

@@ -20,9 +20,9 @@ from twin_gait.core.blending import (
     blend_share,
 )
 from twin_gait.core.control_tick import Setpoint
+from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode
-from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.record import copied
 from twin_gait.simulation.rooms import phases
 
@@ -114,7 +114,9 @@ def parameters(e: Episode, leg: int = 0) -> list[float]:
     return [*astuple(hip.blended), *astuple(knee.blended), e.legs[leg].gravity]
 
 
-TARGETS = [np.array([*astuple(item), *astuple(item), share]) for item, share in zip(SETPOINTS, SHARES, strict=True)]
+TARGETS = [
+    np.array([*astuple(item), *astuple(item), share]) for item, share in zip(SETPOINTS, SHARES, strict=True)
+]
 
 
 def fade(legs: Episode, duration: int, law: int, switches: list[int], ticks: int) -> np.ndarray:

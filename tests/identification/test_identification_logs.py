@@ -32,7 +32,6 @@ from twin_gait.identification import (
     BenchSetup,
     CurrentSource,
     IdentificationOptions,
-    LoadAngle,
     Log,
     LogColumns,
     Processing,
@@ -46,6 +45,7 @@ from twin_gait.identification import (
 )
 from twin_gait.identification.signals import moving_average, zero_phase
 from twin_gait.parameters import KNEE_ACTUATOR
+from twin_gait.scenario import LoadAngle
 
 ROTATIONAL = (
     "breakaway_torque_Nm",

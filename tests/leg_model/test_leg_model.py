@@ -546,9 +546,9 @@ def test_packaged_urdfs_are_found_by_name() -> None:
 def test_hash_tells_edited_urdfs_apart(tmp_path: Path, bench: LegModel) -> None:
     copy = tmp_path / "copy.urdf"
     copy.write_bytes(packaged_urdf("twin_leg.urdf").read_bytes())
-    assert urdf_hash(copy) == bench.urdf_hash
+    assert urdf_hash(copy) == urdf_hash(bench.urdf_path)
     copy.write_bytes(copy.read_bytes() + b"\n")
-    assert urdf_hash(copy) != bench.urdf_hash
+    assert urdf_hash(copy) != urdf_hash(bench.urdf_path)
 
 
 # ---------------------------------------------------------------------------------- second subject

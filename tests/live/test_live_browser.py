@@ -24,8 +24,8 @@ import pytest
 from twin_gait import load_experiment
 from twin_gait.gait.table import TICK
 from twin_gait.live.finishing import CHANGES_FILE
-from twin_gait.runs.record import LOG_FILE, load_run
 from twin_gait.live.stepping import FADE_TICKS
+from twin_gait.runs.record import LOG_FILE, load_run
 from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.curves import EXTREMES_TICKS
 from twin_gait.viewer.figure import Figure

@@ -17,6 +17,7 @@ from test_live_loop import Rig, say, wait_for
 from twin_gait.cli.program import main
 from twin_gait.configuration import load_experiment
 from twin_gait.exceptions import RunDirectoryError
+from twin_gait.experiment.problem import build_problem
 from twin_gait.live import finishing
 from twin_gait.live.finishing import complete, complete_all
 from twin_gait.live.journal import Journal, locked, read_journal
@@ -24,12 +25,11 @@ from twin_gait.live.loop import PIECE_TICKS
 from twin_gait.live.pieces import AppliedChange, Piece, take_of
 from twin_gait.live.session import LiveSession
 from twin_gait.live.session_records import list_sessions, read_session
+from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import journal_of
 from twin_gait.runs.record import load_run
 from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation.engine import log_layout
-from twin_gait.experiment.problem import build_problem
-from twin_gait.live.stepping import SteppedRun
 
 pytestmark = pytest.mark.slow
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import subprocess
 import sys
 from pathlib import Path
@@ -15,14 +14,13 @@ from hypothesis import strategies as st
 
 import twin_gait
 from twin_gait import load_experiment, simulate
-from twin_gait.core.contact import ground_contact_force
 from twin_gait.exceptions import ModelError, ParameterError
+from twin_gait.experiment.problem import build_problem
 from twin_gait.leg_model.bodies import contact_points, export_bodies
 from twin_gait.simulation import keeping, loops, rigid_body
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
 from twin_gait.simulation.kernel import body_values, write_kernel
 from twin_gait.simulation.log import WORK_SOURCES
-from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.tracing import Trace, cosine
 

@@ -85,7 +85,7 @@ def test_a_branch_that_a_constant_rules_out_may_name_a_field_that_is_not_there(r
 @pytest.mark.parametrize("room", BRANCHES)
 def test_a_branch_that_is_taken_has_to_have_its_fields(room: Any) -> None:
     bound = bind(room, {"WIDE": True, "COUNT": 2}, jit)
-    with pytest.raises(TypingError, match="wide|many"):
+    with pytest.raises(TypingError, match=r"wide|many"):
         bound.compile(SIGNATURE)
 
 
@@ -102,7 +102,7 @@ def test_numba_without_its_rewrites_would_type_the_dead_branch(room: Any) -> Non
     """Where this no longer fails, the pipeline of compiling.py is not needed any more."""
     options = {**compiling._OPTIONS, "pipeline_class": WithoutPruning}
     bound = bind(room, {"WIDE": False, "COUNT": 0}, lambda function: numba.njit(**options)(function))
-    with pytest.raises(TypingError, match="wide|many"):
+    with pytest.raises(TypingError, match=r"wide|many"):
         bound.compile(SIGNATURE)
 
 

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from twin_gait import load_experiment
+from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.engine import log_layout
-from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.record import ABSENT, copied, dtype_of, numbers_in, taken_from, write
 
 
@@ -39,7 +39,13 @@ class Outer:
 
 def outer() -> Outer:
     return Outer(
-        True, -3, 0.1, [1.0, 2.0, 3.0], [[1.5, 2.5], [3.5, 4.5]], Inner(0.5, 7), [Inner(0.25, 1), Inner(4.0, 2)]
+        True,
+        -3,
+        0.1,
+        [1.0, 2.0, 3.0],
+        [[1.5, 2.5], [3.5, 4.5]],
+        Inner(0.5, 7),
+        [Inner(0.25, 1), Inner(4.0, 2)],
     )
 
 

@@ -13,10 +13,10 @@ from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
-from twin_gait.simulation import Run
-from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.experiment.problem import build_problem
 from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP, POSTURES
+from twin_gait.simulation import Run
+from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.vocabulary import JointName, Side
 
 # A leg in the air, from its swing on, stepped in Python so that nothing is compiled.

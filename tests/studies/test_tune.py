@@ -25,10 +25,10 @@ from twin_gait.exceptions import (
     RunDirectoryError,
     TwinGaitError,
 )
+from twin_gait.experiment.problem import scaled_table
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import Patient
 from twin_gait.simulation import RunStatus
-from twin_gait.experiment.problem import scaled_table
 from twin_gait.studies.batch import overridden
 from twin_gait.studies.tune import search as screening
 from twin_gait.studies.tune import stages

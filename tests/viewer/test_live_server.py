@@ -27,7 +27,7 @@ from twin_gait.viewer.commands import set_object, set_property
 from twin_gait.viewer.live import scene_server
 from twin_gait.viewer.live.guards import LONGEST_MESSAGE, Allowance, is_loopback, is_own_page
 from twin_gait.viewer.live.server import LiveServer
-from twin_gait.viewer.live.window import LiveWindow, Outbox
+from twin_gait.viewer.live.window import MOST_WAITING, LiveWindow, Outbox
 
 PAGE = "<!DOCTYPE html><title>page</title>"
 
@@ -575,7 +575,6 @@ def test_frozen_page_misses_frames_and_delays_nobody() -> None:
                     last = max(last, command["value"][0])
         stuck = max((one.outbox for one in listener.server.views), key=len)
         assert len(stuck) == 2  # one value for each property: the newest
-        assert stuck.replaced > 100
         assert worst < 0.1
         frozen.close()
 
@@ -592,8 +591,7 @@ def test_frozen_panel_keeps_a_bounded_number_of_events() -> None:
             listener.server.tell({"kind": "frame", "number": number}, key="frame")
             if number % 100 == 0:
                 await asyncio.sleep(0)
-        assert len(panel.outbox) <= 4096
-        assert panel.outbox.dropped > 0
+        assert len(panel.outbox) == MOST_WAITING
         frozen.close()
 
     with_listener(scene)

@@ -165,8 +165,9 @@ def _bench(arguments: argparse.Namespace) -> Any:
     """The bench; None without a joint, whose motor would be unknown."""
     import math
 
-    from twin_gait.identification import BenchSetup, LoadAngle
+    from twin_gait.identification import BenchSetup
     from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
+    from twin_gait.scenario import LoadAngle
 
     if arguments.joint is None:
         return None

@@ -17,7 +17,7 @@ import pinocchio as pin
 from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.leg_model.assembly import Assembly
 from twin_gait.leg_model.joints import PELVIS_JOINT, Bodies, LegJoints, PelvisGuide
-from twin_gait.leg_model.urdf import find_urdf, urdf_hash
+from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters import Patient
 from twin_gait.vocabulary import JointName, Side
@@ -31,7 +31,6 @@ class LegModel:
         legs: Joint names per side, as in the URDF.
         sizes: Device sizes after fitting to the wearer, or None if the URDF was left as it is.
         urdf_path: The file.
-        urdf_hash: SHA-256 of the file's content.
     """
 
     def __init__(
@@ -73,7 +72,6 @@ class LegModel:
         if not legs:
             raise ParameterError("legs: expected at least one leg, got none")
         self.urdf_path = find_urdf(urdf)
-        self.urdf_hash = urdf_hash(self.urdf_path)
         self.pelvis = pelvis
         self.up_axis = up_axis
         assembly = Assembly(self.urdf_path, legs, pelvis, up_axis)

@@ -129,7 +129,7 @@ def compile_loop(
         names = {**names, "controller_torques": _jitted(controller)}
     loop = bind(entry, names, lambda function: jit(function, inline=function.__name__ != entry.__name__))
     signature = (numba.intp,) * n_arguments
-    with _quick():
+    with quickly():
         loop.compile(signature)
     result = loop.overloads[signature]
     symbol = result.fndesc.llvm_func_name
@@ -142,7 +142,8 @@ def compile_loop(
 
 
 @contextmanager
-def _quick() -> Iterator[None]:
+def quickly() -> Iterator[None]:
+    """Whatever is compiled in here is compiled as the loops are."""
     config, collects = numba.config, gc.isenabled()
     kept = config.OPT, config.LOOP_VECTORIZE
     config.OPT, config.LOOP_VECTORIZE = type(config.OPT)(OPTIMISATION), VECTORISE

@@ -174,7 +174,7 @@ class Comparison:
             {
                 f"{name}{end}": value
                 for name in names
-                for end, value in zip(("", "_half_width"), self.interval(item.name, name), strict=False)
+                for end, value in zip(("", "_half_width"), self.interval(item.name, name), strict=True)
             }
             for item in self.controllers
         ]

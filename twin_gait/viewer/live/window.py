@@ -62,10 +62,6 @@ class Outbox(Generic[Item]):
 
     While a batch is on its way, what comes is kept under its key, and a newer item takes the place of an
     older one of the same key. A page that has stopped reading therefore costs a bounded memory and no time.
-
-    Attributes:
-        replaced: How many items gave way to newer ones.
-        dropped: How many items were thrown away because too many had come.
     """
 
     def __init__(self, write: Callable[[list[Item]], Awaitable[None]]) -> None:
@@ -77,8 +73,6 @@ class Outbox(Generic[Item]):
         self._write = write
         self._waiting: dict[Hashable, Item] = {}
         self._sending: asyncio.Task[None] | None = None
-        self.replaced = 0
-        self.dropped = 0
 
     def __len__(self) -> int:
         """How many items wait."""
@@ -87,12 +81,10 @@ class Outbox(Generic[Item]):
     def post(self, items: Iterable[tuple[Hashable, Item]]) -> None:
         """Send items as soon as the page takes them; returns at once, inside of an event loop."""
         for key, item in items:
-            if self._waiting.pop(key, None) is not None:
-                self.replaced += 1
+            self._waiting.pop(key, None)  # a newer one comes last
             self._waiting[key] = item
         while len(self._waiting) > MOST_WAITING:
             del self._waiting[next(iter(self._waiting))]
-            self.dropped += 1
         if self._sending is None or self._sending.done():
             self._sending = asyncio.get_running_loop().create_task(self._send())
 
