@@ -17,7 +17,7 @@ from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
 from twin_gait.simulation.binding import kernel_functions
 from twin_gait.simulation.engine import EngineResult, ending_of, log_layout, run_in_chunks, switches_of
-from twin_gait.simulation.episode import Episode, Switch
+from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode, structure_of
 from twin_gait.simulation.interface import episode_at
 from twin_gait.simulation.keeping import source_key
@@ -26,6 +26,7 @@ from twin_gait.simulation.loops import kept_loop
 from twin_gait.simulation.machine_code import NativeFunction
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import run_ticks
+from twin_gait.simulation.rows import Switch
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.watching import trip_of
 
