@@ -37,7 +37,7 @@ def dynamics(
         q: Coordinates, n entries.
         v: Velocities, n entries.
         torque: On the coordinates, n entries.
-        bodies: Masses, inertias, lengths and armature, from :func:`~twin_gait.simulation.kernel.body_values`.
+        bodies: Masses, inertias, lengths and armature, from :func:`~twin_gait.kernels.generated.body_values`.
         gravity: In [m] / [s²].
         ground: Under the feet.
         a: Accelerations, n entries; changed in place.
