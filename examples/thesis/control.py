@@ -34,9 +34,9 @@ from thesis.bench import (
 from thesis.friction import rms
 from thesis.velocity import closed_delay
 
+from twin_gait.core import coulomb_viscous_tanh_torque
 from twin_gait.gait import TICK
 from twin_gait.identification import decimate, moving_average
-from twin_gait.identification.laws import coulomb_viscous_tanh_torque
 from twin_gait.scenario import OldFrictionModel
 from twin_gait.simulation import BenchRun, simulate_bench
 
@@ -65,7 +65,8 @@ def old_model_test(reach: float, fastest: float, seed: int = SEED) -> BenchRun:
 
 def old_law(velocity: np.ndarray) -> np.ndarray:
     """Old friction model in [N m], equation (2.5)."""
-    return coulomb_viscous_tanh_torque(velocity, OLD.coulomb, OLD.viscous, OLD.steepness)
+    law = OLD.coulomb, OLD.viscous, OLD.steepness
+    return np.array([coulomb_viscous_tanh_torque(speed, *law) for speed in velocity.tolist()])
 
 
 def seen_steepness(run: BenchRun) -> float:

@@ -19,7 +19,7 @@ from twin_gait.core.blending import (
     blend,
     blend_share,
 )
-from twin_gait.core.control_tick import Setpoint
+from twin_gait.core.control_tick import Setpoint, copy_setpoint
 from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode
@@ -156,3 +156,11 @@ def test_present_values_are_kept_in_the_tick_of_the_switch(legs: Episode) -> Non
 
 def test_fade_without_duration_is_a_switch(legs: Episode) -> None:
     assert_allclose(fade(legs, 0, BLEND_MINIMUM_JERK, [5], 6)[5], TARGETS[1])
+
+
+def test_copied_setpoint_is_no_second_name_of_its_source() -> None:
+    source, target = copied(SETPOINTS[1]), copied(SETPOINTS[2])
+    copy_setpoint(source, target)
+    assert target == source
+    source.stiffness = 0.0
+    assert target == SETPOINTS[1]

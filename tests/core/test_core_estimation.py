@@ -12,11 +12,17 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from twin_gait.core.control_tick import measure_joint, new_encoder
-from twin_gait.core.estimation import first_order_gain, first_order_step, quantise
+from twin_gait.core.estimation import (
+    delayed_sample,
+    first_order_gain,
+    first_order_step,
+    new_delay_line,
+    quantise,
+)
 from twin_gait.parameters import SensorParameters
 
+ANGLE, VELOCITY_FAST, VELOCITY_SLOW = range(3)  # columns of the measurements below
 TICK = 1e-3
-ANGLE, VELOCITY_FAST, VELOCITY_SLOW = range(3)  # columns of the measurements
 SENSORS = SensorParameters()
 
 
@@ -29,7 +35,8 @@ def measurements(
 ) -> np.ndarray:
     """Measure a path of one joint; columns angle, fast and slow velocity, one row a tick."""
     gain = first_order_gain(TICK, sensors.fast_time_constant)
-    encoder, rows = new_encoder(resolution, 0.0, sensors.window), []
+    encoder = new_encoder(resolution, 0.0, sensors.window)
+    rows = []
     for tick in range(ticks):
         measure_joint(encoder, tick, angle_at(tick * TICK), TICK, gain, sensors.decimation)
         rows.append([encoder.angle, encoder.velocity_fast, encoder.velocity_slow])
@@ -137,3 +144,16 @@ def test_first_tick_reads_the_angle_and_claims_no_velocity() -> None:
 def test_joint_at_rest_shows_no_velocity() -> None:
     measured = measurements(lambda t: 0.4, 300)
     assert np.all(measured[:, [VELOCITY_FAST, VELOCITY_SLOW]] == 0.0)
+
+
+@pytest.mark.parametrize("delay", [0, 1, 15, 16, 40])
+def test_delayed_sample_is_the_one_of_so_many_before(delay: int) -> None:
+    line, samples = new_delay_line(delay), [math.sin(number) for number in range(100)]
+    late = [delayed_sample(line, number, sample) for number, sample in enumerate(samples)]
+    assert late == ([0.0] * delay + samples)[:100]
+
+
+def test_windows_and_delays_of_like_length_have_room_of_one_length() -> None:
+    rooms = [len(new_encoder(0.0, 0.0, window).ring) for window in (1, 10, 16, 17)]
+    assert rooms == [16, 16, 16, 32]
+    assert [len(new_delay_line(delay).samples) for delay in (0, 15, 16)] == [16, 16, 32]

@@ -20,9 +20,10 @@ from twin_gait import core, load_experiment, simulate, simulation
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.exceptions import ModelError
 from twin_gait.experiment.problem import build_problem
+from twin_gait.kernels import generated as kernel
 from twin_gait.leg_model import LegModel, packaged_urdf
 from twin_gait.leg_model.bodies import export_bodies
-from twin_gait.simulation import keeping, kernel, rooms
+from twin_gait.simulation import keeping, rooms
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import bound_kernel, laid_out, run_at
 from twin_gait.vocabulary import JointName, Side
@@ -57,8 +58,9 @@ def test_a_model_of_more_joints_than_the_limit_is_refused():
     fits, too_many = (export_bodies(chain(joints)) for joints in (limit, limit + 1))
     control = export_bodies(chain(2))
     assert "def dynamics(" in kernel.write_kernel(fits, [], control, "z")
+    assert kernel.kernel_structure(fits, [], control, "z")
     with pytest.raises(ModelError, match=f"{limit + 1} joints.* at most {limit}; use engine: pinocchio"):
-        kernel.write_kernel(too_many, [], control, "z")
+        kernel.kernel_structure(too_many, [], control, "z")
 
 
 def test_the_largest_model_of_an_experiment_is_within_the_limit():
@@ -161,8 +163,12 @@ def finished(process: subprocess.Popen[str]) -> list[str]:
     return output.split()
 
 
+def hashed_sources(*more: str) -> list[Path]:
+    return [path.resolve() for path in keeping.source_files(*keeping.SOURCES, *more)]
+
+
 def test_every_module_of_core_and_every_room_is_hashed():
-    hashed = set(keeping.source_files(*keeping.SOURCES))
+    hashed = set(hashed_sources())
     for folder in (core, rooms):
         modules = set(Path(folder.__file__).parent.glob("*.py"))
         assert len(modules) > 5 and modules <= hashed
@@ -202,17 +208,17 @@ def test_an_edit_of_any_source_changes_the_key_and_of_nothing_else(copied_source
 
 @pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])
 def test_every_function_that_is_compiled_stands_in_a_source_that_is_hashed(preset):
-    text, _, structure = laid_out(build_problem(load_experiment(preset).experiment))
+    bodies, _, structure = laid_out(build_problem(load_experiment(preset).experiment))
     bound: list[FunctionType] = []
-    bind(run_at, {**structure, **bound_kernel(text)}, lambda function: bound.append(function) or function)
-    hashed = set(keeping.source_files(*keeping.SOURCES, "compiled_engine"))
+    bind(run_at, {**structure, **bound_kernel(bodies)}, lambda function: bound.append(function) or function)
+    hashed = set(hashed_sources("compiled_engine"))
     found = {Path(function.__code__.co_filename) for function in bound}
     assert found - hashed == {Path("generated kernel")}  # the key has its text
     assert {path.stem for path in found} >= {"tick", "motion", "impedance", "contact", "compiled_engine"}
 
 
 def test_rooms_and_laws_take_constants_from_sources_that_are_hashed_alone():
-    hashed = keeping.source_files(*keeping.SOURCES)
+    hashed = hashed_sources()
     home = Path(simulation.__file__).parents[1]
     names = {".".join(("twin_gait", *path.relative_to(home).with_suffix("").parts)) for path in hashed}
     for path in hashed:

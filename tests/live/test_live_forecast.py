@@ -124,7 +124,7 @@ def test_a_session_tells_the_forecast_of_a_try_changes_nothing_and_then_applies(
     loaded = load_experiment("treadmill", ["duration_s=60"])
     with LiveSession(loaded, tmp_path / "run", pictures=False) as session:
         name, value = FALLS[0]
-        wait_for(lambda: session.newest_frame().number > 10)
+        wait_for(lambda: session.news.frame.number > 10)
         told = say(session, kind="try", control=name, value=value)
         assert told.response is Response.FORECAST and told.forecast["bad"] and told.subject == name
         assert told.forecast["text"] in told.text and told.effect == {}
@@ -134,6 +134,6 @@ def test_a_session_tells_the_forecast_of_a_try_changes_nothing_and_then_applies(
         applied = say(session, kind="set", control=name, value=value)
         assert applied.response is Response.APPLIED  # it is for the therapist to decide
         # A forecaster that died is started again.
-        session._forecaster._process.kill()
-        wait_for(lambda: not session._forecaster.alive)
+        session._tuning._forecaster._process.kill()
+        wait_for(lambda: not session._tuning._forecaster.alive)
         assert say(session, kind="try", control="belt_speed", value=1.5).response is Response.FORECAST

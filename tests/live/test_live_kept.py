@@ -188,12 +188,12 @@ def test_a_walk_process_that_is_killed_is_told_and_loses_a_second_at_most(loaded
     session = LiveSession(loaded, tmp_path / "run", user="Ann", records=database, pictures=False)
     with session:
         changed = say(session, kind="set", control="late_stance.hip.stiffness", value=2.4)
-        wait_for(lambda: json.loads(session.newest_frame().text)["tick"] > changed.tick + MOST_LOST)
+        wait_for(lambda: json.loads(session.news.frame.text)["tick"] > changed.tick + MOST_LOST)
         os.kill(session.pid, signal.SIGKILL)
         wait_for(lambda: not session.alive)
-        last = json.loads(session.newest_frame().text)
-        assert last["status"] == session.status == "died"
-        assert "died" in session.events()[-1].text and "signal 9" in session.death
+        last = json.loads(session.news.frame.text)
+        assert last["status"] == session.news.status == "died"
+        assert "died" in session.events()[-1].text and "signal 9" in session.news.death
     stored = load_run(tmp_path / "run")
     assert len(stored.log) >= last["tick"] - MOST_LOST
     assert (
@@ -246,7 +246,7 @@ PARENT = """
     while True:
         serial += 1
         session.submit(SetControl(id=str(serial), user="Ann", control="belt", value=1.0))
-        head = session.newest_frame().text.partition(',"time_s"')[0]
+        head = session.news.frame.text.partition(',"time_s"')[0]
         print(time.monotonic(), len(session.events()), head, flush=True)
         time.sleep(0.02)
 """

@@ -634,9 +634,9 @@ def finished(tmp_path_factory):
         time.sleep(0.5)
         said["state"] = session.state()
         said["table"] = session.table
-        said["frame"] = Frame.from_dict(json.loads(wait_for(lambda: session.newest_frame().text)))
+        said["frame"] = Frame.from_dict(json.loads(wait_for(lambda: session.news.frame.text)))
         said["stop"] = say(session, kind="do", action="stop")
-        wait_for(lambda: session.status == "held")
+        wait_for(lambda: session.news.status == "held")
         said["restart"] = say(session, kind="do", action="restart")
         time.sleep(0.3)
     return session, said, folder
@@ -690,8 +690,8 @@ def test_the_state_shows_what_differs_from_the_preset(finished):
 
 def test_every_walk_of_the_session_has_a_complete_run_folder(finished):
     session, _, folder = finished
-    assert session.folders == [folder / "run", folder / "run-3"] and session.failure == ""
-    for path in session.folders:
+    assert session.news.folders == [folder / "run", folder / "run-3"] and session.news.failure == ""
+    for path in session.news.folders:
         stored = load_run(path)
         assert stored.summary["status"] == "interrupted" and len(stored.log) > 200
         assert stored.experiment.duration == pytest.approx(len(stored.log) * 1e-3)
@@ -724,7 +724,7 @@ def test_the_session_is_in_the_record_with_its_changes_tables_and_summary(finish
     (entry,) = list_sessions(folder / "sessions")
     found = read_session(folder / "sessions", entry.id)
     assert (entry.user, entry.experiment, entry.status, entry.versions) == ("Ann", "bench_leg", "ended", 3)
-    assert entry.folders == tuple(map(str, session.folders)) and found["summary"] == session.summary
+    assert entry.folders == tuple(map(str, session.news.folders)) and found["summary"] == session.news.summary
     logged = {item["serial"]: item for item in found["log"]}
     for name in ("k", "unsafe", "range", "push", "stop"):
         item = logged[said[name].serial]

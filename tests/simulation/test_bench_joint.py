@@ -44,7 +44,7 @@ from twin_gait.simulation.bench_joint import BenchRun, BenchVariation, simulate_
 from twin_gait.simulation.bench_joint.filling import bench_episode
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.keeping import SOURCES, source_files
-from twin_gait.simulation.record import dtype_of
+from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.run import RunStatus
 from twin_gait.vocabulary import JointName
 
@@ -226,6 +226,15 @@ def test_tests_share_one_loop_whatever_their_parts_and_lengths() -> None:
     fall = bench_joint(KNEE, control=DutyControl(), sensors=sensors, inertial_unit=late)
     layouts = {dtype_of(bench_episode(test, BenchVariation())) for test in (fall, everything(), knee())}
     assert len(layouts) == 1
+
+
+def test_parameters_stand_in_the_record_as_they_are_declared() -> None:
+    test = everything()
+    kept = stored(bench_episode(test, BenchVariation()))[0]
+    assert kept["test"]["drive"]["ripple"] == test.drive.ripple > 0.0
+    assert kept["efficiency"]["coefficients"].tolist() == list(CatalogueEfficiency().coefficients)
+    assert "inductance" in kept["test"]["drive"].dtype.names
+    assert "loop" not in kept["test"]["drive"].dtype.names  # an enumeration is no number
 
 
 def test_same_seed_gives_the_same_log_and_another_seed_another_one() -> None:

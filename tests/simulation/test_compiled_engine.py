@@ -16,13 +16,14 @@ import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.experiment.problem import build_problem
+from twin_gait.kernels import rigid_body
+from twin_gait.kernels.generated import body_values, write_kernel
+from twin_gait.kernels.tracing import Trace, cosine
 from twin_gait.leg_model.bodies import contact_points, export_bodies
-from twin_gait.simulation import keeping, loops, rigid_body
-from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
-from twin_gait.simulation.kernel import body_values, write_kernel
+from twin_gait.simulation import keeping, loops
+from twin_gait.simulation.compiled_engine import Bodies, CompiledEngine, bound_kernel, laid_out
 from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.simulation.reference_engine import ReferenceEngine
-from twin_gait.simulation.tracing import Trace, cosine
 
 GRAVITY = 9.81
 
@@ -60,7 +61,7 @@ def random_model(seed: int, joints: int, *, armature: bool = True) -> pin.Model:
 def plain_kernel(model: pin.Model):
     """The generated functions as plain Python, and what they are called with."""
     bodies = export_bodies(model)
-    return bound_kernel(write_kernel(bodies, [], bodies, "z")), body_values(bodies)
+    return bound_kernel(Bodies(bodies, [], bodies, "z", (0,))), body_values(bodies)
 
 
 @settings(max_examples=25)
@@ -449,6 +450,18 @@ def test_uncompiled_rooms_over_the_generated_kernel_give_the_same_log_bit_for_bi
     assert compiled.rows.tobytes() == plain.rows.tobytes()
     assert compiled.switches == plain.switches
     assert (compiled.trip, compiled.status, compiled.reason) == (plain.trip, plain.status, plain.reason)
+
+
+@pytest.mark.parametrize("case", PLAIN_CASES.values(), ids=PLAIN_CASES.keys())
+def test_the_code_of_every_such_loop_is_kept_for_the_next_process(case, monkeypatch):
+    """An array that is counted needs more than the C library, and the loop would be compiled every time."""
+    name, *changes = case
+    problem = build_problem(load_experiment(name, ["duration_s=0.3", *changes]).experiment)
+    CompiledEngine(problem)
+    monkeypatch.setattr(loops, "_loops", {})
+    told = []
+    CompiledEngine(problem, on_compile=lambda: told.append(1))
+    assert not told
 
 
 @pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])

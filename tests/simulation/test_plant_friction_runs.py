@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from scipy.integrate import solve_ivp
 
-from twin_gait import Experiment, Run, RunStatus, load_experiment, simulate
+from twin_gait import Experiment, JointName, Run, RunStatus, load_experiment, simulate
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait import TICK
+from twin_gait.parameters import LuGreFriction
+from twin_gait.scenario.bench_joint import BenchFriction, bench_joint
+from twin_gait.scenario.bench_leg import ImposedMotionParameters
+from twin_gait.simulation import simulate_bench
 from twin_gait.simulation.log import WORK_SOURCES
 
 PHASES = ("early_stance", "middle_stance", "late_stance", "swing_flexion", "swing_extension")
@@ -173,3 +178,30 @@ def test_bristles_too_stiff_for_the_step_are_refused_in_one_line() -> None:
                 "control.target_torque_Nm={hip: 0, knee: 1}")  # fmt: skip
     assert found.status is RunStatus.COMPLETED
     assert np.ptp(knee(found)) < 1e-4
+
+
+# ---------------------------------------------------------------------- the joint bench
+
+
+DAHL = LuGreFriction(coulomb_friction=3.0, bristle_stiffness=1500.0)
+
+
+def test_bristles_of_the_joint_bench_bend_by_the_closed_form_of_dahl() -> None:
+    """Pushed along from rest: F = F_c (1 - exp(-σ0 x / F_c)), whatever the speed on the way."""
+    push = ImposedMotionParameters(amplitude=0.02, frequency=0.5)
+    friction = BenchFriction(law=DAHL)
+    test = bench_joint(JointName.KNEE, friction=friction, gravity=0.0, imposed_motion=push, duration=0.9)
+    found = simulate_bench(test)
+    way = found.column("motor_angle_rad") - test.start_angle
+    assert (np.diff(way) > 0.0).all()
+    assert way[-1] > 3.0 * 3.0 / 1500.0  # it slides in the end
+    expected = 3.0 * np.expm1(-1500.0 * way / 3.0)
+    assert_allclose(found.column("friction_torque_Nm"), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_a_joint_that_sticks_on_the_bench_is_the_same_compiled_and_plain() -> None:
+    law = replace(DAHL, breakaway_torque=4.5, stribeck_velocity=0.05, bristle_damping=30.0, offset=0.4)
+    friction = BenchFriction(law=law, coulomb_per_load=0.1, ripple=0.3)
+    test = bench_joint(JointName.KNEE, friction=friction, start_angle=0.5, duration=0.05)
+    compiled, plain = simulate_bench(test), simulate_bench(test, compiled=False)
+    assert_array_equal(compiled.rows, plain.rows)

@@ -126,22 +126,23 @@ def _ended_by_signals(ended: asyncio.Event) -> Iterator[None]:
 
 
 def _finish(session: LiveSession, interrupted: bool) -> int:
-    if session.failure:
+    news = session.news
+    if news.failure:
         from twin_gait.exceptions import RunDirectoryError
 
-        raise RunDirectoryError(session.failure)
-    if session.summary:
-        summary = session.summary
+        raise RunDirectoryError(news.failure)
+    if news.summary:
+        summary = news.summary
         print(f"{summary['outcome'] or summary['status']}: {summary['duration_s']:g} s")
         if summary["outcome_reason"]:
             print(f"  {summary['outcome_reason']}")
         for line in summary_lines(summary):
             print(f"  {line}")
-    for folder in session.folders:
+    for folder in news.folders:
         print(f"  {folder}")
-    if session.death:
-        print(f"twin-gait live: {session.death}; the run is kept up to its last second", file=sys.stderr)
+    if news.death:
+        print(f"twin-gait live: {news.death}; the run is kept up to its last second", file=sys.stderr)
         return terminal.FAILED
-    if session.summary.get("status") == "diverged":
+    if news.summary.get("status") == "diverged":
         return terminal.FAILED
     return terminal.INTERRUPTED if interrupted else terminal.DONE

@@ -24,7 +24,14 @@ from twin_gait.core.contact import (
 )
 from twin_gait.core.dead_zone import dead_zone
 from twin_gait.core.estimation import first_order_gain, first_order_step, quantise
-from twin_gait.core.friction import load_friction_torque, rotational_friction_torque
+from twin_gait.core.friction import (
+    PlantFriction,
+    advanced_deflection,
+    friction_torque,
+    load_friction_torque,
+    rotational_friction_torque,
+    steady_deflection,
+)
 from twin_gait.core.friction_models import (
     asymmetric_torque,
     bristle_rate,
@@ -47,7 +54,9 @@ from twin_gait.core.transparency import breakaway_duty, viscous_duty
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, spastic_torque
 
 __all__ = [
+    "PlantFriction",
     "adapted_assistance",
+    "advanced_deflection",
     "angular_acceleration",
     "asymmetric_torque",
     "belt_speed",
@@ -70,6 +79,7 @@ __all__ = [
     "drive_efficiency",
     "first_order_gain",
     "first_order_step",
+    "friction_torque",
     "ground_contact_force",
     "hyperbolic_tangent",
     "impedance_torque",
@@ -84,6 +94,7 @@ __all__ = [
     "rotational_friction_torque",
     "sagged_bus_voltage",
     "spastic_torque",
+    "steady_deflection",
     "stribeck_level",
     "stribeck_torque",
     "tangential_specific_force",

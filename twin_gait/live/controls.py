@@ -324,10 +324,9 @@ class Panel:
             return replace(settings, monitor={**settings.monitor, joint: item})
         scenario, begun_scenario = settings.experiment.scenario, self.preset.experiment.scenario
         if isinstance(scenario, TreadmillScenario) and isinstance(begun_scenario, TreadmillScenario):
-            if name == "belt_speed":
-                scenario = replace(scenario, belt_speed=begun_scenario.belt_speed)
-            elif name == "support_share":
-                scenario = replace(scenario, support=begun_scenario.support)
+            changed = {"belt_speed": "belt_speed", "support_share": "support"}.get(name)
+            if changed is not None:
+                scenario = replace(scenario, **{changed: getattr(begun_scenario, changed)})
             settings = replace(settings, experiment=replace(settings.experiment, scenario=scenario))
         if name in ("mode", "manual"):
             settings = replace(settings, **{name: getattr(self.preset, name)})

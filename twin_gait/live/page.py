@@ -87,7 +87,7 @@ class LivePage:
         """Bring what is new in the session to all pages; call it every ``PERIOD``."""
         self._tell_events()
         self._tell_state()
-        number, text = self._session.newest_frame()
+        number, text = self._session.news.frame
         if number != self._number:
             self._number = number
             self.show(Frame.from_dict(json.loads(text)))
@@ -97,7 +97,7 @@ class LivePage:
         if frame.log:  # empty before the first tick
             belt_speed = self._belt_speed * self._belt_share(frame)
             self.figure.show(
-                frame.time_s, frame.q, frame.log, belt_speed=belt_speed, traces=self._session.traces(),
+                frame.time_s, frame.q, frame.log, belt_speed=belt_speed, traces=self._session.news.traces(),
                 events=frame.events,
             )  # fmt: skip
             self.server.show(self.figure.window.changes())

@@ -8,60 +8,33 @@ waits for none of it. Stop, pause and the other actions that need no check do no
 from __future__ import annotations
 
 import itertools
-import json
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from twin_gait.configuration.documents import dump_yaml, table_document
 from twin_gait.configuration.experiments import LoadedExperiment, presets
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.files import write_new
-from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.live.actions import EVERYTHING, Actions
-from twin_gait.live.controls import KM_PER_H, Panel
+from twin_gait.gait.table import GaitTable
+from twin_gait.live.actions import Actions
+from twin_gait.live.controls import KM_PER_H
+from twin_gait.live.events import EventBook
 from twin_gait.live.finishing import complete, complete_all
 from twin_gait.live.handle import LoopProcess
-from twin_gait.live.loop import MOST_TRACES
-from twin_gait.live.protocol import (
-    Action,
-    DoAction,
-    Event,
-    Message,
-    MessageRefused,
-    Response,
-    SetControl,
-    State,
-    Value,
-    dump,
-)
-from twin_gait.live.rules import Checked, Place, check_settings, described, refusal, warnings
+from twin_gait.live.news import WalkNews
+from twin_gait.live.protocol import Action, DoAction, Event, Message, Response, SetControl, State
 from twin_gait.live.session_records import SessionRecorder
-from twin_gait.live.settings import Settings, effect_of, loop_numbers
+from twin_gait.live.tuning import Tuning
 from twin_gait.runs.folders import check_target, journal_of
 from twin_gait.runs.record import RUN_DIRECTORY
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.watching import ticks
-from twin_gait.viewer.live.figure import Trace
 
-MOST_EVENTS = 10_000  # that are kept for pages that come late
 # Actions that go straight to the walk, whatever is being checked meanwhile.
 DIRECT = frozenset({Action.WALK, Action.PAUSE, Action.STEP, Action.STOP, Action.PUSH, Action.FAULT})
-
-
-class LatestFrame(NamedTuple):
-    """The newest frame.
-
-    Attributes:
-        number: Counts frames; 0 before the first.
-        text: The frame as JSON, ready for a page.
-    """
-
-    number: int
-    text: str
 
 
 class LiveSession:
@@ -71,10 +44,7 @@ class LiveSession:
 
     Attributes:
         folder: Run folder of the first walk.
-        folders: Run folders that have been written.
-        summary: Content of the last walk's ``summary.json``; empty before the end.
-        failure: Why the process could not walk or write, or empty.
-        death: How the process of the walk died, or empty.
+        news: What is known of the walks: how they stand, where they are, how they ended.
     """
 
     def __init__(
@@ -99,9 +69,7 @@ class LiveSession:
             on_compile: Called if the walk has to be compiled first, which takes 10 to 20 s.
             on_step: Called at the end with the name of each file before it is written.
         """
-        self.folder, self.folders = Path(folder).expanduser().absolute(), list[Path]()
-        self.summary: dict[str, Any] = {}
-        self.failure = self.death = ""
+        self.folder = Path(folder).expanduser().absolute()
         self._loaded, self._user = loaded, user
         self._setup = {
             "document": loaded.document,
@@ -109,31 +77,23 @@ class LiveSession:
             "force": force,
             "pictures": pictures,
         }
-        self._records, self._on_compile = records, on_compile
-        self._on_step = on_step or (lambda name: None)
-        self._walks: list[Path] = []  # run folders to come
-        self._panel = Panel(loaded.experiment)
-        self._actions = Actions(self._panel.problem)
-        self._settings = self._panel.preset
-        self._numbers = loop_numbers(self._settings)
-        self._known: frozenset[Place] = frozenset()
-        self._warned: dict[Place, str] = {}
-        self._loop = LoopProcess(on_frame=self._note_frame, on_message=self._hear, on_end=self._note_end)
-        self._forecaster = self._new_forecaster()
-        self._checked: tuple[Settings, frozenset[Place], Checked] | None = None
-        self._recorder: SessionRecorder | None = None
-        self._frame = LatestFrame(0, "")
-        self._traces: deque[Trace] = deque(maxlen=MOST_TRACES)
-        self._events: deque[Event] = deque(maxlen=MOST_EVENTS)
-        self._serial = 0
-        self._state: State | None = None
-        self._tick, self._status = 0, "starting"
+        self._records = records
+        self._book = EventBook()
+        self.news = WalkNews(
+            self._book,
+            on_compile=on_compile or (lambda: None),
+            on_step=on_step or (lambda name: None),
+        )
+        self._loop = LoopProcess(
+            on_frame=self.news.note_frame, on_message=self.news.hear, on_end=self.news.note_end
+        )
+        self._tuning = Tuning(loaded, self._loop, self._book)
+        self._actions = Actions(self._tuning.problem)
+        self._action_specs = self._actions.specs()
         self._saved: list[str] = []
         self._queue: deque[Message] = deque()
-        self._work, self._ready = threading.Condition(), threading.Event()
-        self._lock, self._closing = threading.RLock(), False
+        self._work, self._closing = threading.Condition(), False
         self._worker: threading.Thread | None = None
-        self._renew_state()
 
     # ------------------------------------------------------------------ beginning and end
 
@@ -160,7 +120,7 @@ class LiveSession:
             self._begin()
         except BaseException:
             self._loop.close()
-            self._forecaster.close()
+            self._tuning.close()
             raise
         self._worker = threading.Thread(target=self._work_off, name="live worker", daemon=True)
         self._worker.start()
@@ -169,27 +129,20 @@ class LiveSession:
     def _begin(self) -> None:
         """Start the process; while it gets ready, check what the session begins with."""
         self._loop.start(self._setup)
-        checked = check_settings(self._settings)
-        self._known = checked.places
-        if checked.errors:
-            found = tuple(described(item) for item in checked.errors)
-            self._emit(
-                Response.NOTE, "the check finds errors in what the session begins with", warnings=found
-            )
-        self._warned = warnings(self._settings)
-        self._ready.wait()
-        if self.failure:
-            raise ParameterError(self.failure)
-        self._start_forecaster()
+        self._tuning.check_first()
+        self.news.ready.wait()
+        if self.news.failure:
+            raise ParameterError(self.news.failure)
+        self._tuning.start_forecaster()
         if self._records is not None:
-            self._recorder = SessionRecorder(
+            self._book.recorder = SessionRecorder(
                 self._records,
                 user=self._user,
                 experiment=self._loaded.experiment.name,
                 document=self._loaded.document,
             )
-            self._recorder.table(table_document(self._settings.table), 0)
-            self._record_folders()
+            self._tuning.record_table(0)
+            self.news.record_folders()
 
     @property
     def alive(self) -> bool:
@@ -201,31 +154,27 @@ class LiveSession:
         """Number of the process of the walk."""
         return self._loop.pid
 
-    @property
-    def status(self) -> str:
-        """What the walk does, as in :class:`~twin_gait.live.protocol.Frame`."""
-        return self._status
-
     def close(self) -> dict[str, Any]:
         """End the walk, wait until its run folder is written, and close the record.
 
         Returns:
-            The summary of the last walk; empty if it could not be written, see :attr:`failure`.
+            The summary of the last walk; empty if it could not be written, and ``news.failure`` says why.
         """
         with self._work:
             if self._closing:
-                return self.summary
+                return self.news.summary
             self._closing = True
             self._work.notify_all()
         self._loop.close()
         if self._worker is not None:
             self._worker.join()
-        self._forecaster.close()
-        complete_all(map(journal_of, self._walks), self._hear, pictures=True)  # those that it left behind
-        if self._recorder is not None:
-            folders = [str(item) for item in self.folders]
-            self._recorder.close(self._status, self._tick, self.summary, folders)
-        return self.summary
+        self._tuning.close()
+        # Those that the process left behind.
+        complete_all(map(journal_of, self.news.walks), self.news.hear, pictures=True)
+        if self._book.recorder is not None:
+            folders = [str(item) for item in self.news.folders]
+            self._book.recorder.close(self.news.status, self._book.tick, self.news.summary, folders)
+        return self.news.summary
 
     # ------------------------------------------------------------------ what pages ask for
 
@@ -240,15 +189,7 @@ class LiveSession:
 
     def refuse(self, reason: str, *, id: str = "", user: str = "") -> Event:
         """Record that a message could not even be read."""
-        return self._emit(Response.REFUSED, reason, id=id, user=user)
-
-    def newest_frame(self) -> LatestFrame:
-        """The newest frame; its number tells whether it is a new one."""
-        return self._frame
-
-    def traces(self) -> list[Trace]:
-        """What the curves did since the last call, in order; of a long time the last eight seconds."""
-        return [self._traces.popleft() for _ in range(len(self._traces))]
+        return self._book.emit(Response.REFUSED, reason, id=id, user=user)
 
     def events(self, after: int = 0) -> list[Event]:
         """Events since one of them.
@@ -256,13 +197,26 @@ class LiveSession:
         Args:
             after: Serial number of the last event that is known; 0 gives all that are kept.
         """
-        with self._lock:
-            return [item for item in self._events if item.serial > after]
+        return self._book.after(after)
 
     def state(self) -> State:
         """The panel with its present values."""
-        assert self._state is not None  # start() made it
-        return self._state
+        problem = self._tuning.problem
+        return State(
+            serial=self._book.serial,
+            experiment=self._loaded.experiment.name,
+            phases=problem.table.phase_names,
+            joints=tuple(problem.table.joints),
+            sides=tuple(str(side) for side in problem.sides),
+            controls=self._tuning.controls,
+            actions=self._action_specs,
+            saved=tuple(self._saved),
+        )
+
+    @property
+    def table(self) -> GaitTable:
+        """The gait table as it is now, before scaling."""
+        return self._tuning.settings.table
 
     # ------------------------------------------------------------------ working them off
 
@@ -288,123 +242,19 @@ class LiveSession:
 
     def _refuse(self, message: Message, reason: str) -> None:
         value = message.value if isinstance(message, SetControl) else None
-        self._emit(
+        self._book.emit(
             Response.REFUSED, reason, id=message.id, user=message.user, subject=_subject(message), value=value
         )
 
     def _handle(self, message: Message) -> None:
         if isinstance(message, SetControl):
-            before = self._value_of(message.control)
-            settings = self._panel.set(self._settings, message.control, message.value)
-            if message.trying:
-                self._foresee(settings, message, before)
-                return
-            self._change(settings, message, message.control, message.value, before)
+            self._tuning.set(message)
         elif message.action is Action.REVERT:
-            name = str(self._actions.values_of(message)["control"])
-            before = None if name == EVERYTHING else self._value_of(name)
-            self._change(self._panel.revert(self._settings, name), message, name, None, before)
+            self._tuning.revert(message, str(self._actions.values_of(message)["control"]))
         elif message.action is Action.SAVE:
             self._save(message)
         else:
             self._restart(message)
-
-    def _value_of(self, control: str) -> Value | None:
-        found = [item.value for item in self.state().controls if item.name == control]
-        return found[0] if found else None
-
-    def _change(
-        self, settings: Settings, message: Message, name: str, value: Value | None, before: Value | None
-    ) -> None:
-        """Check new settings, hand them to the walk, and tell what they do."""
-        checking = settings.driving != self._settings.driving
-        known = self._check(settings).places if checking else self._known
-        numbers = loop_numbers(settings)
-        if value is None and name != EVERYTHING:
-            value = next(item.value for item in self._panel.controls(settings) if item.name == name)
-        text = _told(name, before, value)
-        note = {"user": message.user, "subject": name, "before": before, "value": value, "text": text}
-        table = table_document(settings.table) if settings.table != self._settings.table else None
-        answer = self._loop.ask(
-            {"command": "settings", "numbers": numbers.to_dict(), "table": table, "note": note}
-        )
-        effect = effect_of(self._numbers, numbers, self._panel.problem)
-        self._settings, self._numbers, self._known = settings, numbers, known
-        self._renew_state()
-        self._emit(
-            Response.APPLIED,
-            text,
-            tick=answer["tick"],
-            id=message.id,
-            user=message.user,
-            subject=name,
-            value=value,
-            before=before,
-            effect=effect,
-        )
-        if self._recorder is not None and table is not None:
-            self._recorder.table(table, answer["tick"])
-        if checking:
-            self._warn(settings)
-
-    def _check(self, settings: Settings) -> Checked:
-        """Hold settings to the rules; those that have just been tried have been held to them."""
-        if self._checked is None or self._checked[:2] != (settings, self._known):
-            self._checked = (settings, self._known, check_settings(settings, self._known))
-        checked = self._checked[2]
-        reason = refusal(checked, self._known)
-        if reason:
-            raise MessageRefused(reason)
-        return checked
-
-    # ------------------------------------------------------------------ looking ahead
-
-    def _new_forecaster(self) -> LoopProcess:
-        return LoopProcess(
-            "forecast", on_frame=lambda line: None, on_message=self._hear, on_end=lambda status: None
-        )
-
-    def _start_forecaster(self) -> None:
-        self._forecaster.close()
-        self._forecaster = self._new_forecaster()
-        self._forecaster.start({"document": self._loaded.document, "numbers": self._numbers.to_dict()})
-
-    def _foresee(self, settings: Settings, message: SetControl, before: Value | None) -> None:
-        """Forecast new settings; the walk goes on as it does."""
-        if not self._forecaster.alive:
-            self._start_forecaster()
-        moment = self._loop.ask({"command": "moment"})
-        request = {
-            "command": "forecast",
-            "moment": moment["moment"],
-            "numbers": loop_numbers(settings).to_dict(),
-        }
-        coming = self._forecaster.command(request, lambda answer: None)
-        if settings.driving != self._settings.driving:  # held to the rules in the meantime
-            self._check(settings)
-        try:
-            forecast = self._forecaster.answer(coming)["forecast"]
-        except ParameterError as error:
-            raise MessageRefused("no forecast: its process has died; try again, or apply at once") from error
-        self._emit(
-            Response.FORECAST,
-            f"forecast of {_told(message.control, before, message.value)}: {forecast['text']}",
-            tick=moment["tick"],
-            id=message.id,
-            user=message.user,
-            subject=message.control,
-            value=message.value,
-            before=before,
-            forecast=forecast,
-        )
-
-    def _warn(self, settings: Settings) -> None:
-        """Tell what the check warns of since the last change."""
-        found = warnings(settings)
-        new = [text for place, text in found.items() if place not in self._warned]
-        self._warned = found
-        if new:
-            self._emit(Response.NOTE, "the check warns", warnings=tuple(new))
 
     def _do_directly(self, message: DoAction) -> None:
         values = self._actions.values_of(message)
@@ -433,13 +283,11 @@ class LiveSession:
         if answer["refused"]:
             self._refuse(message, answer["refused"])
             return
-        self._emit(
-            Response.APPLIED,
-            text,
-            tick=answer["tick"],
-            id=message.id,
-            user=message.user,
-            subject=_subject(message),
+        self._tell(message, text, tick=answer["tick"])
+
+    def _tell(self, message: DoAction, text: str, **rest: Any) -> None:
+        self._book.emit(
+            Response.APPLIED, text, id=message.id, user=message.user, subject=_subject(message), **rest
         )
 
     def _save(self, message: DoAction) -> None:
@@ -449,146 +297,21 @@ class LiveSession:
             folder.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise ParameterError(f"{folder.parent}: cannot be written ({error.strerror})") from error
-        document = table_document(self._settings.table)
+        document = table_document(self.table)
         # Tables of an earlier session with this --out stay.
         names = (folder.with_name(f"{folder.name}-table-{number}.yaml") for number in itertools.count(1))
-        path = write_new(names, dump_yaml({**document, "name": f"{self._settings.table.name}_live"}))
+        path = write_new(names, dump_yaml({**document, "name": f"{self.table.name}_live"}))
         self._saved.append(str(path))
-        self._renew_state()
-        self._emit(
-            Response.APPLIED,
-            f"saved {path}; run it with: {self._run_again(path)}",
-            id=message.id,
-            user=message.user,
-            subject=_subject(message),
-            value=str(path),
-        )
+        self._tell(message, f"saved {path}; run it with: {self._run_again(path)}", value=str(path))
 
     def _run_again(self, path: Path) -> str:
         """The command that runs a saved table as it walks now."""
-        name, scenario = self._loaded.experiment.name, self._settings.experiment.scenario
+        name, scenario = self._loaded.experiment.name, self._tuning.settings.experiment.scenario
         words = ["twin-gait simulate", name if name in presets() else "EXPERIMENT", f"--set table={path}"]
         if isinstance(scenario, TreadmillScenario) and scenario != self._loaded.experiment.scenario:
             words.append(f"--set scenario.belt_speed_km_per_h={scenario.belt_speed / KM_PER_H:.6g}")
             words.append(f"--set scenario.support.share={scenario.support.share:.6g}")
         return " ".join(words)
-
-    @property
-    def table(self) -> GaitTable:
-        """The gait table as it is now, before scaling."""
-        return self._settings.table
-
-    # ------------------------------------------------------------------ what the process says
-
-    def _note_frame(self, line: str) -> None:
-        """Notice by the head of a frame what the walk does by itself; the rest is for the pages."""
-        self._frame = LatestFrame(self._frame.number + 1, line)
-        head = json.loads(line.partition(',"q":')[0] + "}")
-        self._tick, status = head["tick"], head["status"]
-        if status != self._status:
-            before, self._status = self._status, status
-            if status in ("held", "fell", "diverged") and before not in ("starting", "ended"):
-                told = "; ".join([*(event["text"] for event in head["events"]), _ENDINGS[status]])
-                self._emit(Response.NOTE, told, tick=self._tick)
-        if self._recorder is not None and self._recorder.failure:
-            lost, self._recorder = self._recorder.failure, None
-            self._emit(Response.NOTE, f"the session is no longer recorded: {lost}")
-
-    def _hear(self, message: Mapping[str, Any]) -> None:
-        kind = message["kind"]
-        if kind == "compiling" and self._on_compile is not None:
-            self._on_compile()
-        elif kind == "ready":
-            self._ready.set()
-        elif kind == "failed":
-            self.failure = message["text"]
-            self._ready.set()
-        elif kind == "journal":
-            self._walks.append(Path(message["folder"]))
-            self._record_folders()
-        elif kind == "unkept":
-            self._emit(Response.NOTE, f"the walk is no longer kept: {message['text']}")
-        elif kind == "writing":
-            self._on_step(message["step"])
-        elif kind == "folder":
-            self._note_folder(message)
-        elif kind == "trace":
-            self._traces.append(Trace(message["first"], message["end"], message["columns"]))
-
-    def _note_folder(self, message: Mapping[str, Any]) -> None:
-        if message["failed"]:
-            self.failure = message["failed"]
-            self._emit(Response.NOTE, f"the run folder could not be written: {self.failure}")
-            return
-        self.folders.append(Path(message["folder"]))
-        self.summary = dict(message["summary"])
-        self._emit(Response.NOTE, f"the run is in {message['folder']}")
-        self._record_folders()
-
-    def _record_folders(self) -> None:
-        """Record where the runs are, and where those to come will be: somebody may have to complete them."""
-        if self._recorder is not None:
-            written = [str(item) for item in self.folders]
-            coming = [str(item) for item in self._walks if journal_of(item).exists()]
-            self._recorder.folders([*written, *(item for item in coming if item not in written)])
-
-    def _note_end(self, status: int) -> None:
-        """The process is gone."""
-        if not self._ready.is_set():
-            self.failure = self.failure or "the process of the walk has ended unexpectedly"
-            self._ready.set()
-        elif status != 0:
-            how = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
-            self.death = f"the process of the walk died at {self._tick * TICK:.1f} s ({how})"
-            self._status = "died"
-            self._emit(Response.NOTE, f"{self.death}; the walk is kept up to its last second")
-            self._show_death()
-
-    def _show_death(self) -> None:
-        """Let the last frame tell the pages too."""
-        if self._frame.text:
-            frame = {**json.loads(self._frame.text), "status": self._status}
-            self._frame = LatestFrame(self._frame.number + 1, dump(frame))
-
-    # ------------------------------------------------------------------ events
-
-    def _renew_state(self) -> None:
-        problem = self._panel.problem
-        with self._lock:
-            self._state = State(
-                serial=self._serial,
-                experiment=self._loaded.experiment.name,
-                phases=problem.table.phase_names,
-                joints=tuple(problem.table.joints),
-                sides=tuple(str(side) for side in problem.sides),
-                controls=self._panel.controls(self._settings),
-                actions=self._actions.specs(),
-                saved=tuple(self._saved),
-            )
-
-    def _emit(self, response: Response, text: str, *, tick: int | None = None, **rest: Any) -> Event:
-        with self._lock:
-            self._serial += 1
-            event = Event(
-                serial=self._serial,
-                response=response,
-                text=text,
-                tick=self._tick if tick is None else tick,
-                **rest,
-            )
-            self._events.append(event)
-            if self._state is not None:
-                self._state = replace(self._state, serial=self._serial)
-        if self._recorder is not None:
-            self._recorder.event(event)
-        return event
-
-
-_ENDINGS = {
-    "held": "the legs are held, the belt stops and the harness is locked; start again to walk",
-    "fell": "the wearer fell; start again to walk",
-    "diverged": "the simulation diverged; start again to walk",
-}
 
 
 def _replaces(later: Message, message: Message) -> bool:
@@ -600,13 +323,3 @@ def _replaces(later: Message, message: Message) -> bool:
 
 def _subject(message: Message) -> str:
     return message.control if isinstance(message, SetControl) else str(message.action)
-
-
-def _told(name: str, before: Value | None, value: Value | None) -> str:
-    if name == EVERYTHING:
-        return "everything as it began"
-    return f"{name}: {_shown(before)} → {_shown(value)}"
-
-
-def _shown(value: Value | None) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value).lower() if value is not None else "?"

@@ -21,7 +21,7 @@ _CODES = {float: "f8", int: "i8", bool: "?"}
 
 
 def _kinds(kind: Any) -> tuple[tuple[str, type], ...]:
-    """Name and type of each field of a record; of a list, of its entries."""
+    """Name and type of each field of a record that holds numbers or records; of a list, of its entries."""
     if kind not in _known:
         hints = get_type_hints(kind)
         result = []
@@ -29,7 +29,8 @@ def _kinds(kind: Any) -> tuple[tuple[str, type], ...]:
             hint = hints[item.name]
             while get_args(hint):
                 hint = get_args(hint)[0]
-            result.append((item.name, hint))
+            if hint in _CODES or is_dataclass(hint):
+                result.append((item.name, hint))
         _known[kind] = tuple(result)
     return _known[kind]
 
@@ -49,7 +50,7 @@ def dtype_of(sample: Any) -> np.dtype[Any]:
         while isinstance(value, (list, tuple)):
             shape.append(len(value))
             value = value[0] if value else ABSENT
-        if value is not ABSENT and (kind in _CODES or is_dataclass(kind)):
+        if value is not ABSENT:
             layout.append((name, _CODES.get(kind) or dtype_of(value), tuple(shape)))
     return np.dtype(layout, align=True)
 
@@ -117,4 +118,5 @@ def copied(sample: Record) -> Record:
             return [copy(item) for item in value]
         return copied(value) if hasattr(value, "__slots__") else value
 
-    return type(sample)(**{name: copy(getattr(sample, name)) for name, _ in _kinds(type(sample))})
+    values = {item.name: copy(getattr(sample, item.name)) for item in fields(sample)}  # type: ignore[arg-type]
+    return type(sample)(**values)

@@ -5,8 +5,7 @@ A test is one record (:mod:`.episode`). The rooms of its loop are ordinary funct
 """
 
 from twin_gait.gait.table import TICK
-from twin_gait.simulation.bench_joint.episode import COLUMNS, LOG_COLUMNS
-from twin_gait.simulation.bench_joint.filling import BenchVariation
+from twin_gait.simulation.bench_joint.episode import COLUMNS, LOG_COLUMNS, BenchVariation
 from twin_gait.simulation.bench_joint.loop import BenchRun, simulate_bench
 
 __all__ = ["COLUMNS", "LOG_COLUMNS", "TICK", "BenchRun", "BenchVariation", "simulate_bench"]

@@ -24,7 +24,7 @@ def control(e: BenchEpisode, tick: int) -> None:
 def _control_duty(e: BenchEpisode, tick: int) -> None:
     """Duty that lets the joint be moved; no current loop is asked for anything."""
     motor, winding, velocity, counts = e.motor, e.winding, e.encoder.velocity_fast, e.test.drive.counts
-    duty = transparency_duty(e.transparency, tick + e.duty_start, velocity, e.bus_voltage, counts)
+    duty = transparency_duty(e.transparency, tick + e.variation.duty_start, velocity, e.bus_voltage, counts)
     winding.voltage = inverter_voltage(duty, counts, e.bus_voltage)
     winding.duty = winding.voltage / e.bus_voltage
     # What the firmware can know of it: the current that this voltage drives at the measured speed.
@@ -35,30 +35,26 @@ def _control_duty(e: BenchEpisode, tick: int) -> None:
 def _control_torque(e: BenchEpisode, tick: int) -> None:
     """Torque of impedance, compensations and target, and the current that gives it."""
     law, limits, encoder, row = e.torque_control, e.test.limits, e.encoder, log_row(e, tick)
-    path, path_velocity, path_acceleration = cosine_path(
+    row.target_position, path_velocity, path_acceleration = cosine_path(
         tick * TICK, e.path.start_angle, e.path.amplitude, e.path.frequency
     )
-    inertia = e.rotor.inertia + e.link.inertia
-    target = law.target_torque + inertia * path_acceleration
-    impedance, friction = controller_torques(
+    row.impedance_torque, row.friction_compensation_torque = controller_torques(
         encoder.angle,
         encoder.velocity_fast - path_velocity,
         encoder.velocity_slow,
         law.stiffness,
         law.damping,
-        path,
+        row.target_position,
         law.friction_compensation_gain,
         _model_friction(e, path_velocity),
     )
-    compensation = law.inertia_compensation * inertia * e.acceleration.estimate
-    command = impedance + friction + compensation + target
-    e.winding.target_current = target_current(e.motor, command, limits.torque, limits.current)
-    row.target_position = path
-    row.target_torque = target
-    row.impedance_torque = impedance
-    row.friction_compensation_torque = friction
-    row.inertia_compensation_torque = compensation
+    inertia = e.rotor.inertia + e.link.inertia
+    row.inertia_compensation_torque = law.inertia_compensation * inertia * e.acceleration.estimate
+    row.target_torque = law.target_torque + inertia * path_acceleration
+    command = row.impedance_torque + row.friction_compensation_torque + row.inertia_compensation_torque
+    command += row.target_torque
     row.motor_command_torque = command
+    e.winding.target_current = target_current(e.motor, command, limits.torque, limits.current)
 
 
 def _model_friction(e: BenchEpisode, path_velocity: float) -> float:

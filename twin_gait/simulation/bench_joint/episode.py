@@ -70,6 +70,23 @@ COLUMNS = tuple(columns_of(BenchRow))
 LOG_COLUMNS = COLUMNS[:9]
 
 
+@dataclass(frozen=True, eq=False)
+class BenchVariation:
+    """What differs from one test to the next though nothing was changed.
+
+    Attributes:
+        current_offset: Of the current measurement in [A].
+        friction_ratio: On the friction law.
+        ripple_phase: Of the friction that repeats with the angle, in [rad].
+        duty_start: Ticks that the sine of (2.1a) has run when the test begins.
+    """
+
+    current_offset: float = 0.0
+    friction_ratio: float = 1.0
+    ripple_phase: float = 0.0
+    duty_start: int = 0
+
+
 @dataclass(slots=True)
 class Winding:
     """Winding of the motor, with the inverter on it and the loop that drives it.
@@ -80,7 +97,6 @@ class Winding:
         period: Its length in [s].
         proportional_gain: K_p in [V] / [A].
         integral_gain: K_i in [V] / [A s].
-        offset: Of the current measurement in [A].
         line: Samples of the current on their way to the loop in [A].
         sample: With which the loop works in [A].
         target_current: In [A].
@@ -97,7 +113,6 @@ class Winding:
     period: float
     proportional_gain: float
     integral_gain: float
-    offset: float
     line: DelayLine
     sample: float = 0.0
     target_current: float = 0.0
@@ -168,6 +183,7 @@ class BenchEpisode:
 
     Attributes:
         test: Parameters of the parts that every test has.
+        variation: What chance adds to them.
         fast_gain: Of the fast velocity filter.
         encoder: On the motor.
         motor: Motor and gear.
@@ -191,7 +207,6 @@ class BenchEpisode:
         old: Whether it takes the place of the compensator's friction model.
         follows_path: Whether friction is compensated at the velocity of the path.
         transparency: What the control of duties asks for.
-        duty_start: Ticks that the sine of (2.1a) has run when the test begins.
         ticks_at_stop: Since the upper stop was reached.
         status: ``COMPLETED`` or ``DIVERGED``.
         log: Address of the rows.
@@ -199,6 +214,7 @@ class BenchEpisode:
     """
 
     test: BenchJoint
+    variation: BenchVariation
     fast_gain: float
     encoder: Encoder
     motor: Motor
@@ -224,7 +240,6 @@ class BenchEpisode:
     old: bool
     follows_path: bool
     transparency: Transparency
-    duty_start: int
     ticks_at_stop: int = 0
     status: int = COMPLETED
     deflection: float = 0.0

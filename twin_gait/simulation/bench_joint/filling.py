@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,23 +42,6 @@ _SOURCES = {
 }
 
 
-@dataclass(frozen=True, eq=False)
-class BenchVariation:
-    """What differs from one test to the next though nothing was changed.
-
-    Attributes:
-        current_offset: Of the current measurement in [A].
-        friction_ratio: On the friction law.
-        ripple_phase: Of the friction that repeats with the angle, in [rad].
-        duty_start: Ticks that the sine of (2.1a) has run when the test begins.
-    """
-
-    current_offset: float = 0.0
-    friction_ratio: float = 1.0
-    ripple_phase: float = 0.0
-    duty_start: int = 0
-
-
 def bench_noise(test: BenchJoint, ticks: int, seed: int) -> np.ndarray:
     """Draw the noise of a test; what is not noisy draws nothing.
 
@@ -77,7 +60,7 @@ def bench_noise(test: BenchJoint, ticks: int, seed: int) -> np.ndarray:
     return noise
 
 
-def bench_episode(test: BenchJoint, variation: BenchVariation) -> record.BenchEpisode:
+def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.BenchEpisode:
     """The record of a test at tick 0.
 
     Raises:
@@ -95,7 +78,8 @@ def bench_episode(test: BenchJoint, variation: BenchVariation) -> record.BenchEp
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
         encoder=new_encoder(0.0 if sensors.ideal else resolution, test.start_angle, sensors.window),
         motor=taken_from(Motor, test.actuator),
-        winding=_winding(test, variation.current_offset),
+        variation=variation,
+        winding=_winding(test),
         bus_voltage=test.battery.voltage,
         rotor=record.Body(test.actuator.armature, test.start_angle, test.start_velocity),
         link=record.Body(link.total_inertia, test.start_angle, test.start_velocity),
@@ -117,7 +101,6 @@ def bench_episode(test: BenchJoint, variation: BenchVariation) -> record.BenchEp
         old=torque.old_model is not None,
         follows_path=torque.compensation_velocity is CompensationVelocity.REFERENCE,
         transparency=_transparency(test),
-        duty_start=variation.duty_start,
     )
 
 
@@ -126,13 +109,13 @@ def _periods(test: BenchJoint) -> int:
     return round(test.drive.rate * TICK)
 
 
-def _winding(test: BenchJoint, offset: float) -> record.Winding:
+def _winding(test: BenchJoint) -> record.Winding:
     drive, periods = test.drive, _periods(test)
     kind = record.PI if drive.loop is CurrentLoop.PI else record.IDEAL
     if not isinstance(test.control, TorqueControl):
         kind = record.OPEN if test.control is None else record.DUTY
     gains = current_loop_gains(test.actuator.resistance, drive.inductance, drive.bandwidth)
-    return record.Winding(kind, periods, TICK / periods, *gains, offset, new_delay_line(drive.delay))
+    return record.Winding(kind, periods, TICK / periods, *gains, new_delay_line(drive.delay))
 
 
 def _acceleration(test: BenchJoint, unit: InertialUnit) -> record.Acceleration:

@@ -16,8 +16,14 @@ from twin_gait.core.friction import ASYMMETRIC, BRISTLE
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
 from twin_gait.scenario.bench_joint import BenchJoint, TorqueControl
-from twin_gait.simulation.bench_joint.episode import COLUMNS, LOG_COLUMNS, BenchEpisode, BenchRow
-from twin_gait.simulation.bench_joint.filling import BenchVariation, bench_episode, bench_noise
+from twin_gait.simulation.bench_joint.episode import (
+    COLUMNS,
+    LOG_COLUMNS,
+    BenchEpisode,
+    BenchRow,
+    BenchVariation,
+)
+from twin_gait.simulation.bench_joint.filling import bench_episode, bench_noise
 from twin_gait.simulation.bench_joint.interface import CURRENT_NOISE, bench_at
 from twin_gait.simulation.bench_joint.tick import run_ticks
 from twin_gait.simulation.binding import bind

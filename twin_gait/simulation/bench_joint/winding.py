@@ -17,7 +17,7 @@ from twin_gait.simulation.bench_joint.interface import CURRENT_NOISE, noise
 def sample_current(e: BenchEpisode, tick: int, number: int) -> None:
     """Read the shunts in a period of a tick; the loop sees the sample after its delay."""
     winding, drive = e.winding, e.test.drive
-    stray = winding.offset + drive.noise * noise(e, tick, CURRENT_NOISE + number)
+    stray = e.variation.current_offset + drive.noise * noise(e, tick, CURRENT_NOISE + number)
     motor_angle = e.motor.gear_ratio * e.rotor.angle
     sample = six_step_current(winding.current, motor_angle, drive.pole_pairs, drive.ripple, stray)
     taken = quantise(sample, drive.resolution)

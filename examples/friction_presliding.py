@@ -1,0 +1,221 @@
+"""Friction that sticks: what a knee does with LuGre's bristles, beside the static law of the thesis. Seconds.
+
+The bench leg, its motors idle. A hand moves the knee to and fro by less than it takes to slide, a weak spring
+drags it along, and it is let go where its weight is less than its friction. Coulomb and viscous friction are
+those of table 3.1; break-away torque, Stribeck velocity and bristles of TWIN have not been measured: they are
+assumptions. Page: docs/model.md.
+"""
+
+# %% [markdown]
+# ## Two laws
+# Bristles slide after a tenth of a degree, and it takes 1.4 times the Coulomb friction to break away.
+
+# %%
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from gallery import form_of
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from twin_gait import Experiment, GaitPhase, JointName, Run, load_experiment, simulate
+from twin_gait.core import friction_torque, steady_deflection
+from twin_gait.palette import BLUE, GREY, ORANGE
+from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionLaw, FrictionParameters, LuGreFriction
+from twin_gait.report import put_legend, save, style_panel
+
+SLIDES_AFTER = math.radians(0.1)  # [rad], where Coulomb friction bends the bristles to; an assumption
+BREAKAWAY_RATIO, STRIBECK_VELOCITY = 1.4, 0.05  # assumptions
+DAMPING = 0.03  # [s], σ1 / σ0; an assumption
+TABLE = {JointName.HIP: HIP_FRICTION.normalised(), JointName.KNEE: KNEE_FRICTION.normalised()}
+STATIC, LUGRE = "static law (3.1)", "LuGre"
+COLOURS = {STATIC: ORANGE, LUGRE: BLUE}
+DEGREE = math.pi / 180.0
+
+
+def bristles(law: FrictionParameters) -> LuGreFriction:
+    """LuGre's law with the Coulomb and viscous friction of a static one."""
+    stiffness = law.coulomb_friction / SLIDES_AFTER
+    return LuGreFriction(
+        coulomb_friction=law.coulomb_friction,
+        breakaway_torque=BREAKAWAY_RATIO * law.coulomb_friction,
+        stribeck_velocity=STRIBECK_VELOCITY,
+        viscous_friction_forward=law.viscous_friction,
+        viscous_friction_backward=law.viscous_friction,
+        bristle_stiffness=stiffness,
+        bristle_damping=DAMPING * stiffness,
+    )
+
+
+LAWS: dict[str, Mapping[JointName, FrictionLaw]] = {
+    STATIC: TABLE,
+    LUGRE: {joint: bristles(law) for joint, law in TABLE.items()},
+}
+
+
+def idle_leg(law: str, *settings: str) -> Experiment:
+    """The bench leg with idle motors and the whole of a friction law."""
+    gains = [
+        f"table.phases.{phase}.{joint}.friction_compensation_gain=0" for phase in GaitPhase for joint in TABLE
+    ]
+    common = ("control.mode=transparent", "control.safety.enabled=false", "integration.step_ms=0.25")
+    idle = [f"control.target_torque_Nm.{joint}=0" for joint in TABLE]
+    phases = [f"table.phases.{phase}.gravity_compensation=0" for phase in GaitPhase]
+    experiment = load_experiment("bench_leg", [*common, *idle, *gains, *phases, *settings]).experiment
+    plant = replace(experiment.plant, friction=LAWS[law], friction_ratio=dict.fromkeys(TABLE, 1.0))
+    return replace(experiment, plant=plant)
+
+
+def knee(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Time in [s], way of the knee from its start in [°], friction in [N m] with the sign of the velocity."""
+    angle = run.log["right_knee_angle_rad"].to_numpy()
+    friction = -run.log["right_knee_friction_torque_Nm"].to_numpy()
+    return run.log["time_s"].to_numpy(), (angle - angle[0]) / DEGREE, friction
+
+
+# %% [markdown]
+# ## To and fro, dragged along, let go
+# The hand holds fast and moves by so many degrees; the spring is weak and its other end moves slowly.
+
+# %%
+HAND_AMPLITUDES = (0.1, 0.3, 1.0)  # [°], end to end
+HAND_FREQUENCY = 0.5  # [Hz]
+SPRING, DRAG_AMPLITUDE, DRAG_FREQUENCY = 15.0, 90.0, 0.02  # [N m] / [rad], [°], [Hz]
+
+
+def led(law: str, amplitude: float, frequency: float, stiffness: float, damping: float, time: float) -> Run:
+    """A run without gravity whose knee is led along a cosine path by a spring and a damper."""
+    motion = (
+        f"scenario.imposed_motion={{joint: knee, amplitude_deg: {amplitude}, frequency_Hz: {frequency}, "
+        f"stiffness_Nm_per_rad: {stiffness}, damping_Nms_per_rad: {damping}}}"
+    )
+    start = "scenario.start={hip_deg: 20, knee_deg: 20}"
+    return simulate(idle_leg(law, motion, start, "plant.gravity_m_per_s2=0", f"duration_s={time}"))
+
+
+def swayed(law: str, amplitude: float) -> Run:
+    """Two periods of a hand's motion; the grip is far stiffer than bristles."""
+    return led(law, amplitude, HAND_FREQUENCY, 2e4, 200.0, 2.0 / HAND_FREQUENCY)
+
+
+def dragged(law: str) -> Run:
+    """Half a period of the weak spring's path."""
+    return led(law, DRAG_AMPLITUDE, DRAG_FREQUENCY, SPRING, 0.0, 0.5 / DRAG_FREQUENCY)
+
+
+def let_go(law: str, time: float) -> Run:
+    """The leg is let go bent, under its own weight."""
+    return simulate(idle_leg(law, "scenario.start={hip_deg: 5, knee_deg: 30}", f"duration_s={time}"))
+
+
+def path_of(time: np.ndarray) -> np.ndarray:
+    """Way of the other end of the weak spring in [°]."""
+    return 0.5 * DRAG_AMPLITUDE * (1.0 - np.cos(2.0 * math.pi * DRAG_FREQUENCY * time))
+
+
+# %% [markdown]
+# ## Numbers
+
+
+# %%
+def loop_energy(run: Run) -> float:
+    """Energy in [mJ] that friction takes in the second period."""
+    _, way, friction = knee(run)
+    last = slice(len(way) // 2, None)
+    angle, torque = way[last] * DEGREE, friction[last]
+    return float(1e3 * np.sum(0.5 * (torque[1:] + torque[:-1]) * np.diff(angle)))
+
+
+def numbers_of(runs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """What the page quotes."""
+    found: dict[str, Any] = {
+        "breakaway_ratio": BREAKAWAY_RATIO,
+        "stribeck_velocity_rad_per_s": STRIBECK_VELOCITY,
+        "slides_after_deg": SLIDES_AFTER / DEGREE,
+        "breakaway_torque_Nm": BREAKAWAY_RATIO * TABLE[JointName.KNEE].coulomb_friction,
+    }
+    for name, key in ((STATIC, "static"), (LUGRE, "lugre")):
+        mine = runs[name]
+        velocity = mine["dragged"].log["right_knee_velocity_rad_per_s"].to_numpy()
+        slips = velocity > 5.0 * DEGREE
+        fell = knee(mine["let_go"])[1]
+        found[key] = {
+            "loop_energies_mJ": [loop_energy(run) for run in mine["swayed"]],
+            "largest_friction_Nm": float(knee(mine["dragged"])[2].max()),
+            "slips": int(np.sum(slips[1:] & ~slips[:-1])),
+            "let_go_s": float(mine["let_go"].log["time_s"].iloc[-1]),
+            "let_go_way_deg": float(np.abs(fell).max()),
+            "let_go_way_in_the_second_half_deg": float(np.ptp(fell[len(fell) // 2 :])),
+        }
+    return found
+
+
+# %% [markdown]
+# ## Figure
+
+
+# %%
+def draw(runs: Mapping[str, Mapping[str, Any]]) -> Figure:
+    figure = Figure(figsize=(11.0, 7.0), layout="constrained")
+    steady, loops, drag, hang = figure.subplots(2, 2).ravel()
+    for name, mine in runs.items():
+        look = {"color": COLOURS[name], "linewidth": 1.4}
+        draw_steady(steady, LAWS[name][JointName.KNEE], look)
+        for run in mine["swayed"]:
+            _, way, friction = knee(run)
+            loops.plot(way, friction, **look)
+        time, way, _ = knee(mine["dragged"])
+        drag.plot(time, way, **look)
+        time, way, _ = knee(mine["let_go"])
+        hang.plot(time, way, **look)
+    drag.plot(
+        time_of := knee(runs[LUGRE]["dragged"])[0],
+        path_of(time_of),
+        color=GREY,
+        linestyle="--",
+        linewidth=1.0,
+    )
+    style_panel(steady, "steady sliding", "friction [N m]")
+    steady.set(xlabel="velocity [rad/s]", ylim=(0.0, None))
+    style_panel(loops, "a hand moves the knee to and fro: by 0.1, 0.3 and 1°", "friction [N m]")
+    loops.set(xlabel="way of the knee [°]")
+    style_panel(drag, "a weak spring drags the knee along", "way of the knee [°]")
+    drag.set(xlabel="time [s]")
+    style_panel(hang, "let go where its weight is less than its friction", "way of the knee [°]")
+    hang.set(xlabel="time [s]")
+    handles = [Line2D([], [], color=COLOURS[name], linewidth=2, label=name) for name in runs]
+    end = Line2D([], [], color=GREY, linestyle="--", linewidth=1.0, label="other end of the spring")
+    put_legend(figure, [*handles, end])
+    return figure
+
+
+def draw_steady(axes: Axes, law: FrictionLaw, look: Mapping[str, Any]) -> None:
+    """Friction over a steady velocity."""
+    friction = law.in_plant()
+    speeds = np.geomspace(1e-4, 0.6, 600).tolist()
+    torques = [friction_torque(friction, w, steady_deflection(friction, w, 0.0), 0.0) for w in speeds]
+    axes.plot(speeds, torques, **look)
+
+
+# %%
+if __name__ == "__main__":
+    form = form_of("friction_presliding")
+    rest = 2.0 if form.quick else 20.0
+    runs = {
+        name: {
+            "swayed": [swayed(name, amplitude) for amplitude in HAND_AMPLITUDES],
+            "dragged": dragged(name),
+            "let_go": let_go(name, rest),
+        }
+        for name in LAWS
+    }
+    save(draw(runs), form.out / "friction_presliding.png", resolution=80)
+    numbers = numbers_of(runs)
+    print(numbers)
+    form.keep(numbers)

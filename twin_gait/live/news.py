@@ -1,0 +1,134 @@
+"""What the process of a live walk says: frames, traces, where its run folders are, and how it ended."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections import deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from twin_gait.gait.table import TICK
+from twin_gait.live.events import EventBook
+from twin_gait.live.loop import MOST_TRACES
+from twin_gait.live.protocol import Response, dump
+from twin_gait.runs.folders import journal_of
+from twin_gait.viewer.live.figure import Trace
+
+_ENDINGS = {
+    "held": "the legs are held, the belt stops and the harness is locked; start again to walk",
+    "fell": "the wearer fell; start again to walk",
+    "diverged": "the simulation diverged; start again to walk",
+}
+
+
+class LatestFrame(NamedTuple):
+    """The newest frame.
+
+    Attributes:
+        number: Counts frames; 0 before the first.
+        text: The frame as JSON, ready for a page.
+    """
+
+    number: int
+    text: str
+
+
+class WalkNews:
+    """What is known of the walks of a session; told by the thread that reads, asked by any.
+
+    Attributes:
+        ready: Set when the process walks, or has said why it cannot.
+        frame: The newest one.
+        status: What the walk does, as in :class:`~twin_gait.live.protocol.Frame`.
+        walks: Run folders to come.
+        folders: Run folders that have been written.
+        summary: Content of the last walk's ``summary.json``; empty before the end.
+        failure: Why the process could not walk or write, or empty.
+        death: How the process of the walk died, or empty.
+    """
+
+    def __init__(
+        self, book: EventBook, *, on_compile: Callable[[], None], on_step: Callable[[str], None]
+    ) -> None:
+        """Begin with no news; the arguments are those of :class:`~twin_gait.live.session.LiveSession`."""
+        self.ready = threading.Event()
+        self.frame, self.status = LatestFrame(0, ""), "starting"
+        self.walks, self.folders = list[Path](), list[Path]()
+        self.summary: dict[str, Any] = {}
+        self.failure = self.death = ""
+        self._book, self._on_compile, self._on_step = book, on_compile, on_step
+        self._traces: deque[Trace] = deque(maxlen=MOST_TRACES)
+
+    def traces(self) -> list[Trace]:
+        """What the curves did since the last call, in order; of a long time the last eight seconds."""
+        return [self._traces.popleft() for _ in range(len(self._traces))]
+
+    def note_frame(self, line: str) -> None:
+        """Notice by the head of a frame what the walk does by itself; the rest is for the pages."""
+        self.frame = LatestFrame(self.frame.number + 1, line)
+        head = json.loads(line.partition(',"q":')[0] + "}")
+        self._book.tick, status = head["tick"], head["status"]
+        if status != self.status:
+            before, self.status = self.status, status
+            if status in _ENDINGS and before not in ("starting", "ended"):
+                told = "; ".join([*(event["text"] for event in head["events"]), _ENDINGS[status]])
+                self._book.emit(Response.NOTE, told)
+        recorder = self._book.recorder
+        if recorder is not None and recorder.failure:
+            self._book.recorder = None
+            self._book.emit(Response.NOTE, f"the session is no longer recorded: {recorder.failure}")
+
+    def hear(self, message: Mapping[str, Any]) -> None:
+        """Take a message that is neither a frame nor an answer."""
+        kind = message["kind"]
+        if kind == "compiling":
+            self._on_compile()
+        elif kind == "ready":
+            self.ready.set()
+        elif kind == "failed":
+            self.failure = message["text"]
+            self.ready.set()
+        elif kind == "journal":
+            self.walks.append(Path(message["folder"]))
+            self.record_folders()
+        elif kind == "unkept":
+            self._book.emit(Response.NOTE, f"the walk is no longer kept: {message['text']}")
+        elif kind == "writing":
+            self._on_step(message["step"])
+        elif kind == "folder":
+            self._note_folder(message)
+        elif kind == "trace":
+            self._traces.append(Trace(message["first"], message["end"], message["columns"]))
+
+    def _note_folder(self, message: Mapping[str, Any]) -> None:
+        if message["failed"]:
+            self.failure = message["failed"]
+            self._book.emit(Response.NOTE, f"the run folder could not be written: {self.failure}")
+            return
+        self.folders.append(Path(message["folder"]))
+        self.summary = dict(message["summary"])
+        self._book.emit(Response.NOTE, f"the run is in {message['folder']}")
+        self.record_folders()
+
+    def record_folders(self) -> None:
+        """Record where the runs are, and where those to come will be: somebody may have to complete them."""
+        if self._book.recorder is not None:
+            written = [str(item) for item in self.folders]
+            coming = [str(item) for item in self.walks if journal_of(item).exists()]
+            self._book.recorder.folders([*written, *(item for item in coming if item not in written)])
+
+    def note_end(self, status: int) -> None:
+        """Take the exit status of the process, which is gone."""
+        if not self.ready.is_set():
+            self.failure = self.failure or "the process of the walk has ended unexpectedly"
+            self.ready.set()
+        elif status != 0:
+            how = f"killed by signal {-status}" if status < 0 else f"exit status {status}"
+            self.death = f"the process of the walk died at {self._book.tick * TICK:.1f} s ({how})"
+            self.status = "died"
+            self._book.emit(Response.NOTE, f"{self.death}; the walk is kept up to its last second")
+            if self.frame.text:  # the last frame tells the pages too
+                frame = {**json.loads(self.frame.text), "status": self.status}
+                self.frame = LatestFrame(self.frame.number + 1, dump(frame))
