@@ -20,8 +20,8 @@ from twin_gait.cli import main
 from twin_gait.cli.program import build_parser
 from twin_gait.configuration.documents import dump_yaml
 from twin_gait.configuration.table_inheritance import gait_table_path
+from twin_gait.kernels import generated as kernel
 from twin_gait.leg_model import packaged_urdf
-from twin_gait.simulation import kernel
 
 FAST = ["--no-pictures"]
 

@@ -19,10 +19,10 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from twin_gait.core.contact import Ground, Point, ground_contact_force
+from twin_gait.kernels import generated as kernel
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import ContactPoint, export_bodies
 from twin_gait.leg_model.urdf import build_model
-from twin_gait.simulation import kernel
 
 GRAVITY = 9.81
 TOLERANCE = 1e-12

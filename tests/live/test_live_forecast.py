@@ -5,7 +5,6 @@ import json
 import numpy as np
 import pytest
 from test_live_loop import Rig, say, wait_for
-from twin_gait.live.stepping import SteppedRun
 
 from twin_gait.configuration import load_experiment
 from twin_gait.live.controls import Panel

@@ -13,7 +13,6 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from test_live_loop import Rig, say, wait_for
-from twin_gait.live.stepping import SteppedRun
 
 from twin_gait.cli.program import main
 from twin_gait.configuration import load_experiment

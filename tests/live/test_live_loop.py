@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from twin_gait.live.stepping import SteppedRun
 
 from twin_gait.configuration import load_experiment
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from twin_gait.live.stepping import SteppedRun
 
 from twin_gait import load_experiment, simulate
 from twin_gait.configuration.documents import experiment_document

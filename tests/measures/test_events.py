@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from twin_gait.live.stepping import SteppedRun
 
 from twin_gait import load_experiment, simulate
 from twin_gait.experiment.problem import build_problem

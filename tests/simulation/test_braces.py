@@ -21,6 +21,7 @@ from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMet
 from twin_gait.experiment.problem import build_problem
 from twin_gait.export import export_motion
 from twin_gait.gait.table import TICK
+from twin_gait.kernels.pinocchio import PinocchioKernel
 from twin_gait.measures.effort import energy_balance
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.strides import normalise_strides, root_mean_square_error, stride_extremes
@@ -34,7 +35,6 @@ from twin_gait.simulation.binding import bind
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode, structure_of
 from twin_gait.simulation.log import BRACED_WORK_SOURCES
-from twin_gait.simulation.pinocchio_kernel import PinocchioKernel
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from twin_gait.live.stepping import SteppedRun
 
 from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.core.belt import belt_speed, belt_travel, walk_command

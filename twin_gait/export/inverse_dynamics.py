@@ -35,10 +35,10 @@ from twin_gait.export.motion import joint_angles, write_storage
 from twin_gait.export.osim_model import FORMAT, PELVIS, PELVIS_COORDINATES, body_name, osim_text, to_opensim
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
+from twin_gait.kernels.pinocchio import GroundContacts
 from twin_gait.leg_model import LegModel
 from twin_gait.scenario import TreadmillScenario, World
 from twin_gait.simulation.log import state_columns
-from twin_gait.simulation.pinocchio_kernel import GroundContacts
 from twin_gait.simulation.record import taken_from
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side

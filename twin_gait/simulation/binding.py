@@ -63,7 +63,7 @@ def kernel_functions(text: str, called: Mapping[str, Any]) -> dict[str, Any]:
     """Functions of a generated kernel by name, to be bound.
 
     Args:
-        text: From :func:`twin_gait.simulation.kernel.write_kernel`.
+        text: From :func:`twin_gait.kernels.generated.write_kernel`.
         called: What its functions call.
     """
     scope = {"__name__": f"{OURS}generated_kernel", **called}

@@ -13,19 +13,20 @@ from twin_gait.control import ControllerFunction, Trip
 from twin_gait.core.contact import ground_contact_force
 from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import PhaseSwitch
+from twin_gait.kernels.generated import body_values, kernel_structure, write_kernel
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
 from twin_gait.simulation.binding import kernel_functions
 from twin_gait.simulation.engine import EngineResult, ending_of, log_layout, run_in_chunks, switches_of
-from twin_gait.simulation.episode import Episode, Switch
+from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode, structure_of
 from twin_gait.simulation.interface import episode_at
 from twin_gait.simulation.keeping import source_key
-from twin_gait.simulation.kernel import body_values, kernel_structure, write_kernel
 from twin_gait.simulation.loops import kept_loop
 from twin_gait.simulation.machine_code import NativeFunction
 from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import run_ticks
+from twin_gait.simulation.rows import Switch
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.watching import trip_of
 
@@ -155,7 +156,7 @@ class CompiledEngine:
 
 
 class Bodies(NamedTuple):
-    """What a kernel is written for, as :func:`twin_gait.simulation.kernel.write_kernel` takes it."""
+    """What a kernel is written for, as :func:`twin_gait.kernels.generated.write_kernel` takes it."""
 
     bodies: list[BodyArrays]
     points: list[ContactPoint]
@@ -212,7 +213,7 @@ def _loop_of(
         return compile_loop(run_at, names, _ARGUMENTS, controller)
 
     what = (_text(episode), _text(row), kernel_structure(*bodies), structure)
-    key = source_key(repr(what), "compiled_engine", "kernel", "rigid_body", "tracing")
+    key = source_key(repr(what), "compiled_engine", "../kernels")
     return kept_loop(key, _ARGUMENTS, make, controller, on_compile)
 
 

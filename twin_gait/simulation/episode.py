@@ -21,6 +21,7 @@ from twin_gait.core.plant import Brace, ImposedMotion, Plant
 from twin_gait.core.safety import Bounds, Watched
 from twin_gait.core.wearer import Condition
 from twin_gait.simulation.log import WorkRow
+from twin_gait.simulation.rows import Efforts, Recording
 
 COMPLETED, FELL, DIVERGED = 0, 1, 2
 
@@ -133,25 +134,6 @@ class Trip:
 
 
 @dataclass(slots=True)
-class Switch:
-    """A change of phase.
-
-    Attributes:
-        tick: At which the new phase begins.
-        leg: Which leg.
-        source: Phase that was left.
-        target: Phase that was entered.
-        transition: Place in the table.
-    """
-
-    tick: int
-    leg: int
-    source: int
-    target: int
-    transition: int
-
-
-@dataclass(slots=True)
 class Rates:
     """How the firmware samples.
 
@@ -261,52 +243,6 @@ class Path:
     angles: list[list[float]]
     cycle_ticks: int
     adaptation: Adaptation
-
-
-@dataclass(slots=True)
-class Efforts:
-    """The wearer's efforts, which come with a delay; their rows are behind an address.
-
-    Attributes:
-        lowest_posture: First hip angle of the normative moments in [rad].
-        posture_step: From one to the next in [rad].
-        ring: Address of the efforts of the last ticks.
-        n_ring: Their number.
-        noise: Address of the share by which the effort strays, tick by tick.
-        n_noise: Rows of it, taken in turn.
-    """
-
-    lowest_posture: float
-    posture_step: float
-    n_ring: int
-    n_noise: int
-    ring: int = 0
-    noise: int = 0
-
-
-@dataclass(slots=True)
-class Recording:
-    """Log, switches and sensor noise; their rows are behind an address.
-
-    Attributes:
-        on: Whether the log is written.
-        log: Address of its first row.
-        first_row: Tick of that row.
-        switches: Address of the first switch.
-        n_switches: That have happened.
-        most_switches: That there is room for.
-        noise: Address of the sensors' noise, tick by tick.
-        n_noise: Rows of it, taken in turn.
-    """
-
-    on: bool
-    most_switches: int
-    n_noise: int
-    log: int = 0
-    first_row: int = 0
-    switches: int = 0
-    n_switches: int = 0
-    noise: int = 0
 
 
 @dataclass(slots=True)

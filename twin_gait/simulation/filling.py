@@ -18,18 +18,17 @@ from twin_gait.gait.table import TICK
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import (
     ControlModel,
-    Efforts,
     Episode,
     Joint,
     Leg,
     Limits,
     Path,
     Rates,
-    Recording,
     Stages,
     Supply,
 )
 from twin_gait.simulation.record import Record, copied, taken_from
+from twin_gait.simulation.rows import Efforts, Recording
 from twin_gait.simulation.watching import (
     NEVER,
     fault_records,

@@ -9,8 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from twin_gait.core.contact import Ground, Point
-from twin_gait.simulation.episode import Episode, Switch
+from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.log import LogRow
+from twin_gait.simulation.rows import Switch
 
 # Legs, actuated joints of a leg, contact points of a foot; place of the pelvis, -1 without one; how far
 # behind a coordinate of the device that of the wearer stands, 0 if they are one.
@@ -36,7 +37,7 @@ def dynamics(
         q: Coordinates, n entries.
         v: Velocities, n entries.
         torque: On the coordinates, n entries.
-        bodies: Masses, inertias, lengths and armature, from :func:`~twin_gait.simulation.kernel.body_values`.
+        bodies: Masses, inertias, lengths and armature, from :func:`~twin_gait.kernels.generated.body_values`.
         gravity: In [m] / [s²].
         ground: Under the feet.
         a: Accelerations, n entries; changed in place.

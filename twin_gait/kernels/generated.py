@@ -1,6 +1,6 @@
 """Write the rigid-body dynamics of one model as straight-line Python.
 
-The generic algorithms of :mod:`twin_gait.simulation.rigid_body` run once over symbols. Topology, axes and
+The generic algorithms of :mod:`twin_gait.kernels.rigid_body` run once over symbols. Topology, axes and
 structural zeros are folded into the text; masses, inertias, lengths and armature stay inputs, so that
 another wearer needs no new kernel.
 
@@ -18,10 +18,10 @@ import numpy as np
 
 from twin_gait.core.contact import Point
 from twin_gait.exceptions import ModelError
+from twin_gait.kernels import rigid_body
+from twin_gait.kernels.rigid_body import Vector, vector
+from twin_gait.kernels.tracing import Scalar, Trace, compact, text
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
-from twin_gait.simulation import rigid_body
-from twin_gait.simulation.rigid_body import Vector, vector
-from twin_gait.simulation.tracing import Scalar, Trace, compact, text
 
 # Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32. Two legs
 # with ankles on a moving pelvis have 7, and with a wearer in braces 14.

@@ -1,7 +1,7 @@
 """Rigid-body algorithms on numbers or symbols: Newton-Euler, composite inertia, sparse L'DL.
 
 Written after Featherstone, Rigid Body Dynamics Algorithms (2008), chapters 5, 6 and 8, in body
-frames with three-vectors. Run over :class:`~twin_gait.simulation.tracing.Symbol` they write the
+frames with three-vectors. Run over :class:`~twin_gait.kernels.tracing.Symbol` they write the
 specialised kernel of one model.
 """
 
@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from twin_gait.kernels.tracing import Scalar, cosine, sine
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
-from twin_gait.simulation.tracing import Scalar, cosine, sine
 
 # Arrays of numbers and symbols, for which numpy has no type.
 Vector: TypeAlias = Any
