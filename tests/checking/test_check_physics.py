@@ -253,6 +253,25 @@ def test_left_over_friction_is_the_hump_less_the_compensated_share():
     assert (left_over_friction(generous, 0) == 0.0).all()
 
 
+def test_left_over_friction_of_bristles_is_what_they_break_away_at():
+    """In the direction that holds more: F_s and the offset, less the compensator at the same speed."""
+    law = "{law: lugre, coulomb_friction_Nm: 3, breakaway_torque_Nm: 4.5, stribeck_velocity_rad_per_s: 0.05, "
+    law += "bristle_stiffness_Nm_per_rad: 1800, offset_Nm: -0.5}"
+    _, leg = holding(f"plant.friction.knee={law}", "plant.friction_ratio={hip: 1, knee: 1}")
+    speed = 0.05 / 199  # the slowest that is looked at
+    expected = 4.5 + 0.5 - 0.40 * friction_torque(KNEE_FRICTION, speed)
+    assert left_over_friction(leg, 0)[1] == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_table_is_not_blamed_for_a_joint_that_rings_within_its_bristles():
+    law = "{law: lugre, coulomb_friction_Nm: 3.2, bristle_stiffness_Nm_per_rad: 1800, "
+    law += "bristle_damping_Nms_per_rad: 20, viscous_friction_Nms_per_rad: 2.06}"
+    experiment = load_experiment("bench_leg", [f"plant.friction.knee={law}"]).experiment
+    case = build_case(experiment.table, experiment)
+    assert stability.unstable(case) == stability.effective_damping(case) == []
+    assert len(stability.stability_margin(case)) == len(experiment.table.phase_names)
+
+
 # ---------------------------------------------------------------------- torque jumps
 
 

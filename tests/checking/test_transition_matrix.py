@@ -12,7 +12,12 @@ from loop_stability import UNDECIDED, Case, linear_run_is_unstable, predicted_ra
 from scipy.integrate import solve_ivp
 
 from twin_gait.checking.check import build_case
-from twin_gait.checking.hanging_leg import friction_slope, friction_torque, hanging_legs
+from twin_gait.checking.hanging_leg import (
+    friction_slope,
+    friction_stiffness,
+    friction_torque,
+    hanging_legs,
+)
 from twin_gait.checking.linear_loop import (
     RING,
     LinearLoop,
@@ -22,11 +27,11 @@ from twin_gait.checking.linear_loop import (
     transition_matrix,
 )
 from twin_gait.configuration import load_experiment
-from twin_gait.core.control_tick import controller_torques, measure_joint, new_encoder
+from twin_gait.core.control_tick import EQUILIBRIUM, controller_torques, measure_joint, new_encoder
 from twin_gait.core.estimation import first_order_gain
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION
+from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, LuGreFriction
 
 MASS = np.array([[4.7, -0.4], [-0.4, 3.5]])
 GRAVITY = np.array([[30.0, 4.0], [4.0, 9.0]])  # slope of the weight's torques [N m] / [rad]
@@ -222,3 +227,40 @@ def test_without_a_damper_the_stable_gain_is_true_over_modelled_friction_whateve
     limit = float(gains[np.argmax(np.array(radii) > 1.0)])
     # The unstable mode is slow, so that the delay hardly counts.
     assert limit == pytest.approx(0.5, abs=0.02)
+
+
+# ---------------------------------------------------------------------- friction with bristles or directions
+
+
+BRISTLES = LuGreFriction(
+    coulomb_friction=3.0,
+    breakaway_torque=4.5,
+    stribeck_velocity=0.05,
+    viscous_friction_forward=2.0,
+    viscous_friction_backward=1.2,
+    bristle_stiffness=1800.0,
+    bristle_damping=50.0,
+    offset=0.3,
+)
+
+
+def test_bristles_at_rest_are_a_spring_and_sliding_ones_a_damper():
+    """At rest σ0 with σ1 and the lesser F_v; far beyond the Stribeck velocity the lesser F_v alone."""
+    assert friction_stiffness(BRISTLES, 0.0) == 1800.0
+    assert friction_stiffness(BRISTLES, 1.0) == 0.0 == friction_stiffness(KNEE_FRICTION, 0.0)
+    assert friction_slope(BRISTLES, 0.0) == pytest.approx(50.0 + 0.5 * (2.0 + 1.2), rel=1e-9)
+    assert friction_slope(BRISTLES, 1.0) == pytest.approx(1.2, rel=1e-9)
+    assert friction_torque(BRISTLES, -1.0) == pytest.approx(0.3 - 3.0 - 1.2, rel=1e-12)
+
+
+def test_a_leg_whose_joints_stick_stands_on_its_bristles():
+    """Posture and torque at rest, by the acceleration that a small angle gives within a tick."""
+    experiment = load_experiment("bench_leg", ["plant.friction_ratio={hip: 1, knee: 1}"]).experiment
+    sticking = replace(experiment.plant, friction=dict.fromkeys(experiment.plant.friction, BRISTLES))
+    (leg,) = hanging_legs(build_case(experiment.table, replace(experiment, plant=sticking)))
+    (free,) = hanging_legs(build_case(experiment.table, experiment))
+    phase = leg.phases.index("swing_flexion")
+    mass = leg.mass(leg.column(EQUILIBRIUM)[phase])
+    moved = [item.linear_loop(phase, 0.0).motion.free[2:, :2] / TICK for item in (leg, free)]
+    expected = -np.linalg.solve(mass, np.diag([1800.0, 1800.0]))
+    np.testing.assert_allclose(moved[0] - moved[1], expected, rtol=0.05, atol=2.0)

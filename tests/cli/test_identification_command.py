@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from friction_bench import KNEE, campaign, rotational, write_log
 
-from twin_gait import load_experiment
+from twin_gait import RunStatus, load_experiment, simulate
 from twin_gait.cli import identify
 from twin_gait.cli.terminal import DONE
 from twin_gait.exceptions import ParameterError, ParameterFileError, RunDirectoryError
@@ -238,6 +238,10 @@ def test_bristles_that_fit_best_are_the_friction_of_a_plant_that_runs(tmp_path, 
     )
     assert law.offset == pytest.approx(0.4, rel=0.05)
     assert loaded.plant.friction[JointName.HIP] == HIP_FRICTION
+    run = simulate(loaded)
+    assert run.status is RunStatus.COMPLETED
+    # At the start the bristles are straight, and what is left at rest is the offset.
+    assert run.log["right_knee_friction_torque_Nm"].iloc[0] == pytest.approx(-law.offset, rel=1e-9)
     compensator = load_experiment(tmp_path / "out" / "compensator.yaml").experiment
     assert compensator.plant.friction[JointName.KNEE] == KNEE_FRICTION
     assert compensator.control.friction_model[JointName.KNEE] != KNEE_FRICTION

@@ -272,6 +272,14 @@ def test_a_plant_takes_every_friction_law_and_writes_it_down(text, law, tmp_path
     assert changed.plant.friction[JointName.KNEE] == replace(law, coulomb_friction=2.5)
 
 
+def test_a_file_may_give_one_joint_a_law_and_leave_the_other_its_own(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(f"preset: bench_leg\nplant: {{friction: {{hip: {LUGRE}}}}}}}\n")
+    friction = load_experiment(path).experiment.plant.friction
+    law = LuGreFriction(coulomb_friction=2.0, bristle_stiffness=900.0)
+    assert friction == {JointName.HIP: law, JointName.KNEE: KNEE_FRICTION}
+
+
 def test_a_linear_viscous_friction_is_not_given_beside_directions():
     settings = [f"plant.friction.knee={LUGRE}, viscous_friction_forward_Nm: 3}}"]
     with pytest.raises(ParameterFileError, match="viscous_friction_Nms_per_rad: 2 is linear and of both"):

@@ -30,3 +30,12 @@ def test_a_shifted_equilibrium_flexes_the_knee_further(tmp_path):
 def test_imposing_a_motion_takes_less_with_more_compensation(tmp_path):
     work = [row["work_J"] for row in results_of("bench_leg", tmp_path)["rows"]]
     assert work[0] > work[1] > work[2] > 0.0
+
+
+def test_a_knee_that_sticks_stays_where_a_static_law_creeps(tmp_path):
+    found = results_of("friction_presliding", tmp_path)
+    assert found["lugre"]["let_go_way_in_the_second_half_deg"] < 1e-3
+    assert found["static"]["let_go_way_in_the_second_half_deg"] > 1.0
+    assert found["lugre"]["largest_friction_Nm"] < found["breakaway_torque_Nm"]
+    assert found["lugre"]["slips"] >= 3
+    assert (tmp_path / "friction_presliding.png").read_bytes().startswith(b"\x89PNG")

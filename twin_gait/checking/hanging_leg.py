@@ -150,6 +150,12 @@ class HangingLeg:
 
     # ------------------------------------------------------------------ the linear loop
 
+    @property
+    def sticks(self) -> bool:
+        """Whether bristles hold a joint at rest."""
+        laws = self.problem.experiment.plant.true_friction()
+        return any(friction_stiffness(laws[joint], 0.0) > 0.0 for joint in self.joints)
+
     def linear_loop(self, phase: int, velocity: float) -> LinearLoop:
         """Loop of a phase at its equilibrium angles, friction linearised at a velocity in [rad] / [s]."""
         experiment, angles = self.problem.experiment, self.column(EQUILIBRIUM)[phase]

@@ -59,7 +59,11 @@ def _each_phase(case: CheckCase) -> Iterator[_Phase]:
         for index, name in enumerate(leg.phases):
             loops = [leg.linear_loop(index, velocity) for velocity in VELOCITIES]
             maps = [transition_matrix(loop) for loop in loops]
-            ratios = [effective_damping_ratio(matrix, loops[0].frame) for matrix in maps]
+            ratios = [
+                # A joint that sticks rings within its bristles, whatever the table asks for.
+                1.0 if leg.sticks and not velocity else effective_damping_ratio(matrix, loops[0].frame)
+                for velocity, matrix in zip(VELOCITIES, maps, strict=True)
+            ]
             yield _Phase(leg, name, loops, [spectral_radius(matrix) for matrix in maps], ratios)
 
 

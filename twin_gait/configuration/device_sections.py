@@ -20,6 +20,8 @@ from twin_gait.experiment import (
     PlantParameters,
 )
 from twin_gait.parameters import (
+    HIP_FRICTION,
+    KNEE_FRICTION,
     ActuatorParameters,
     AnkleParameters,
     AsymmetricFriction,
@@ -125,10 +127,10 @@ PlantFrictionEntry = Annotated[
 
 
 class PlantFrictionsEntry(PerJoint):
-    """True friction of hip and knee."""
+    """True friction of hip and knee; a joint that is left out has table 3.1."""
 
-    hip: PlantFrictionEntry
-    knee: PlantFrictionEntry
+    hip: PlantFrictionEntry = FrictionEntry(**FrictionEntry.document(HIP_FRICTION))
+    knee: PlantFrictionEntry = FrictionEntry(**FrictionEntry.document(KNEE_FRICTION))
 
 
 class ActuatorEntry(Section):
