@@ -111,6 +111,7 @@ class CompiledEngine:
         Returns:
             Ticks run since the start.
         """
+        assert rows.flags.c_contiguous and rows.dtype == float  # the loop writes at its address
         recording = self.episode["recording"]
         recording["log"], recording["first_row"] = rows.ctypes.data, first_row
         return self._loop(self._store.ctypes.data, first, end)

@@ -69,7 +69,7 @@ def entries(sample: Any) -> tuple[Any, ...]:
     result = []
     for name, kind in _kinds(type(sample)):
         value = getattr(sample, name)
-        if value is ABSENT or value == []:
+        if value is ABSENT or value == [] or value == ():
             continue
         if kind not in _CODES:
             value = [entries(item) for item in value] if isinstance(value, list) else entries(value)
@@ -93,7 +93,7 @@ def _collect(value: Any, found: list[float]) -> None:
                     _collect(item, found)
                 else:
                     found.append(item)
-        elif type(entry) is float or type(entry) is int:
+        elif isinstance(entry, (float, int)):
             found.append(entry)
         elif entry is not ABSENT:
             _collect(entry, found)
