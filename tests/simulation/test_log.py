@@ -109,7 +109,7 @@ def test_a_name_that_is_no_column_means_nothing() -> None:
 def test_braces_are_a_source_of_work_where_there_are_some() -> None:
     for layout in LAYOUTS:
         sources = BRACED_WORK_SOURCES if layout.braced else WORK_SOURCES
-        assert work_sources(layout.names) == layout.work_sources == sources
+        assert work_sources(layout.names) == sources
         assert {f"{name}_work_J" for name in sources} <= set(layout.names)
     assert len(BRACED_WORK_SOURCES) == len(WORK_SOURCES) + 1
 

@@ -308,11 +308,6 @@ class LogLayout:
                 names += columns_of(type(value)) if item.name != "phases" else []
         return tuple(names)
 
-    @property
-    def work_sources(self) -> tuple[str, ...]:
-        """Sources of work on the leg."""
-        return BRACED_WORK_SOURCES if self.braced else WORK_SOURCES
-
     @cached_property
     def positions(self) -> dict[str, int]:
         """Position of each column."""

@@ -46,11 +46,6 @@ def phase_time_out_ticks(problem: Problem) -> int:
     return ticks(control.safety.phase_time_out)
 
 
-def start_angles(problem: Problem) -> np.ndarray:
-    """Joint angles at time 0 in [rad], shape ``(n_joints,)``; the encoders are referenced there."""
-    return problem.world.start_q[[joint.coordinate for joint in problem.joints]].copy()
-
-
 def watch_bounds(problem: Problem, joint: ActuatedJoint) -> Bounds:
     """Bounds of the monitor for a joint."""
     control, model = problem.experiment.control, problem.control_model
