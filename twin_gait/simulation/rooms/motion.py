@@ -107,20 +107,13 @@ def _move(e: Episode, place: int, displacement: float) -> None:
 def _add_work(e: Episode, duration: float, contact_power: float, v: list[float]) -> None:
     """Add the work that every source does on the leg in a short time."""
     works, motion = e.works, e.imposed_motion
-    by_motor, by_friction, by_stop = works.motor_work, works.friction_work, works.stop_work
-    by_spring, by_patient = works.spring_work, works.patient_work  # sums in registers, not in memory
     for i in range(len(e.q)):
         plant = e.plant[i]
-        by_motor += duration * e.motor[i] * v[i]
-        by_friction += duration * plant.friction_torque * v[i]
-        by_stop += duration * plant.stop_torque * v[i]
-        by_spring += duration * plant.spring_torque * v[i]
-        by_patient += duration * e.external[i] * v[i]
-    works.motor_work = by_motor
-    works.friction_work = by_friction
-    works.stop_work = by_stop
-    works.spring_work = by_spring
-    works.patient_work = by_patient
+        works.motor_work += duration * e.motor[i] * v[i]
+        works.friction_work += duration * plant.friction_torque * v[i]
+        works.stop_work += duration * plant.stop_torque * v[i]
+        works.spring_work += duration * plant.spring_torque * v[i]
+        works.patient_work += duration * e.external[i] * v[i]
     works.contact_work += duration * contact_power
     if SHIFT > 0:
         for i in range(SHIFT):
