@@ -63,7 +63,7 @@ def respond(e: Episode, call: int, q: Any, v: Any, applied: Any) -> None:
         for i in range(len(PLACES)):
             row[i] = e.q[i]
         run_ticks(e, tick, tick + 1)
-    acceleration(e, 0.0, 0.0, e.q, e.v)
+    acceleration(e, 0.0, e.q, e.v)
     for i in range(len(PLACES)):
         applied[PLACES[i]] = e.torque[i]
 
