@@ -439,7 +439,15 @@ PLAIN_CASES = {
 }
 
 
-@pytest.mark.parametrize("case", PLAIN_CASES.values(), ids=PLAIN_CASES.keys())
+# Each compiles a loop of its own; a user's change breaks the others as soon.
+SLOW_CASES = ("treadmill in braces, rk4", "treadmill, a path and adaptive help", "treadmill that starts")
+TRIED = [
+    pytest.param(case, id=name, marks=[pytest.mark.slow] if name in SLOW_CASES else [])
+    for name, case in PLAIN_CASES.items()
+]
+
+
+@pytest.mark.parametrize("case", TRIED)
 def test_uncompiled_rooms_over_the_generated_kernel_give_the_same_log_bit_for_bit(case):
     """Short, for plain Python is slow and a bit that differs shows at once."""
     name, *changes = case
@@ -452,7 +460,7 @@ def test_uncompiled_rooms_over_the_generated_kernel_give_the_same_log_bit_for_bi
     assert (compiled.trip, compiled.status, compiled.reason) == (plain.trip, plain.status, plain.reason)
 
 
-@pytest.mark.parametrize("case", PLAIN_CASES.values(), ids=PLAIN_CASES.keys())
+@pytest.mark.parametrize("case", TRIED)
 def test_the_code_of_every_such_loop_is_kept_for_the_next_process(case, monkeypatch):
     """An array that is counted needs more than the C library, and the loop would be compiled every time."""
     name, *changes = case
