@@ -61,23 +61,6 @@ class PlantFriction:
     bristle_damping: float = 0.0
 
 
-@dataclass(slots=True)
-class Friction:
-    """Parameters of :func:`rotational_friction_torque`.
-
-    Attributes:
-        breakaway_torque: a in [N m].
-        coulomb_friction: b in [N m].
-        breakaway_velocity: c in [rad] / [s].
-        viscous_friction: d in [N m s] / [rad].
-    """
-
-    breakaway_torque: float
-    coulomb_friction: float
-    breakaway_velocity: float
-    viscous_friction: float
-
-
 def rotational_friction_torque(
     velocity: float,
     breakaway_torque: float,
