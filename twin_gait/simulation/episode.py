@@ -17,13 +17,46 @@ from twin_gait.core.control_tick import Encoder, Setpoint
 from twin_gait.core.faults import Fault
 from twin_gait.core.guards import GuardProgram
 from twin_gait.core.plant import Brace, ImposedMotion, Plant
-from twin_gait.core.safety import Bounds, Watched
+from twin_gait.core.safety import NO_TRIP, Bounds, Watched
 from twin_gait.core.wearer import Condition
 from twin_gait.parameters import FrictionParameters
 from twin_gait.simulation.log import WorkRow
 from twin_gait.simulation.rows import Efforts, Recording
 
 COMPLETED, FELL, DIVERGED = 0, 1, 2
+
+
+@dataclass(slots=True)
+class Command:
+    """What a joint is asked for in a tick, by the controller or in the hold.
+
+    Attributes:
+        stiffness: k in [N m] / [rad].
+        damping: b in [N m s] / [rad].
+        equilibrium: θ0 in [rad].
+        gain: G, of the friction compensation.
+        impedance: Torque in [N m], as all of them.
+        friction: Compensation.
+        gravity: Compensation.
+        inertia: Compensation.
+        target: That is added.
+        torque: Sum of these, before limits.
+        target_current: That the drive is asked for in [A].
+        cause: Of a trip, if no drive may be asked for what the controller wants.
+    """
+
+    stiffness: float = 0.0
+    damping: float = 0.0
+    equilibrium: float = 0.0
+    gain: float = 0.0
+    impedance: float = 0.0
+    friction: float = 0.0
+    gravity: float = 0.0
+    inertia: float = 0.0
+    target: float = 0.0
+    torque: float = 0.0
+    target_current: float = 0.0
+    cause: int = NO_TRIP
 
 
 @dataclass(slots=True)
@@ -49,6 +82,7 @@ class Joint:
         tracking: Sum of the absolute errors of the stride in [rad].
         bounds: Of the safety monitor.
         watched: What the monitor remembers.
+        command: Of this tick.
         drive_off: Whether the drive is cut off.
         hold_angle: Angle at the trip in [rad].
         condition: What the wearer does.
@@ -70,6 +104,7 @@ class Joint:
     condition: Condition
     moments: list[list[float]]
     watched: Watched = field(default_factory=Watched)
+    command: Command = field(default_factory=Command)
     model_friction: float = 0.0
     push: float = 0.0
     rate: float = 0.0
@@ -96,6 +131,8 @@ class Leg:
         load: Of the foot over body weight.
         last_load: Of the tick before.
         load_streak: Consecutive ticks in which the load stood still while the hip turned.
+        phase_cause: Of a trip in this tick: the phase has timed out.
+        load_cause: Of a trip in this tick: the load stands still.
         path_start: Share of the cycle at which the leg begins.
         stride_start: Tick in which its stride began.
         stride_ticks: Length of the last stride.
@@ -115,6 +152,8 @@ class Leg:
     load: float = 0.0
     last_load: float = 0.0
     load_streak: int = 0
+    phase_cause: int = NO_TRIP
+    load_cause: int = NO_TRIP
     stride_start: int = 0
 
 
@@ -163,6 +202,8 @@ class Supply:
         least_voltage: That the monitor bears, in [V].
         low_ticks: How long it bears less.
         low_streak: Consecutive ticks with less.
+        power: That the motors draw in this tick in [W].
+        cause: Of a trip in this tick: less for too long.
     """
 
     voltage: float
@@ -171,6 +212,8 @@ class Supply:
     least_voltage: float
     low_ticks: int
     low_streak: int = 0
+    power: float = 0.0
+    cause: int = NO_TRIP
 
 
 @dataclass(slots=True)

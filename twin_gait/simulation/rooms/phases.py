@@ -47,13 +47,12 @@ def _blend(e: Episode, number: int, tick: int) -> None:
     """Fade the parameters of a leg towards those of its phase, unless they have arrived."""
     leg, ticks = e.legs[number], e.rates.blend_ticks
     since = tick - leg.entry_tick
-    if since > ticks:
-        return
-    share = blend_share(1.0 if ticks <= 0 else since / ticks, e.rates.blend_law)
-    for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
-        joint = e.joints[place]
-        blend_setpoint(joint.blend_start, joint.setpoints[leg.phase], share, joint.blended)
-    leg.gravity = blend(leg.gravity_start, leg.gravity_shares[leg.phase], share)
+    if since <= ticks:
+        share = blend_share(1.0 if ticks <= 0 else since / ticks, e.rates.blend_law)
+        for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
+            joint = e.joints[place]
+            blend_setpoint(joint.blend_start, joint.setpoints[leg.phase], share, joint.blended)
+        leg.gravity = blend(leg.gravity_start, leg.gravity_shares[leg.phase], share)
 
 
 def _switch(e: Episode, number: int, tick: int, chosen: int) -> None:

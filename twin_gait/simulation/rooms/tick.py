@@ -6,9 +6,9 @@ import math
 
 from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, Episode
 from twin_gait.simulation.interface import ADAPTS, FOLLOWS, PELVIS, SHIFT
-from twin_gait.simulation.rooms.monitor import watch
+from twin_gait.simulation.rooms.monitor import trip, watch
 from twin_gait.simulation.rooms.motion import integrate
-from twin_gait.simulation.rooms.motors import control, feed_forward, supply
+from twin_gait.simulation.rooms.motors import demand, drive, feed_forward, supply
 from twin_gait.simulation.rooms.path import follow, track
 from twin_gait.simulation.rooms.phases import decide
 from twin_gait.simulation.rooms.recording import record
@@ -38,14 +38,15 @@ def run_ticks(e: Episode, first: int, end: int) -> int:
             if ADAPTS:
                 track(e, tick)
         feed_forward(e)
-        battery_power = 0.0
-        for number in range(len(e.joints)):
-            battery_power += control(e, number, tick)
+        e.supply.power = 0.0
+        for number in range(len(e.joints)):  # one is driven before the next one's command is known
+            trip(e, tick, demand(e, number, tick), number)
+            drive(e, number, tick)
         push(e, tick)
         catch(e, tick)
         if e.recording.on:
-            record(e, tick, battery_power)
-        supply(e, tick, battery_power)
+            record(e, tick)
+        supply(e, tick)
         integrate(e, tick)
         status = status_of(e)
         if status != COMPLETED:
