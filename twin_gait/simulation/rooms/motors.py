@@ -55,8 +55,7 @@ def feed_forward(e: Episode) -> None:
 def demand(e: Episode, number: int, tick: int) -> int:
     """What the controller asks of a joint; the cause of a trip if no drive may be asked for it."""
     joint, leg = e.joints[number], e.legs[number // JOINTS_PER_LEG]
-    asked, encoder, setpoint = joint.command, joint.encoder, joint.blended
-    asked.cause = NO_TRIP
+    asked, encoder, setpoint, cause = joint.command, joint.encoder, joint.blended, NO_TRIP
     if e.trip.tick < 0:
         stiffness, damping = setpoint.stiffness, setpoint.damping
         if ASSISTS:
@@ -81,16 +80,18 @@ def demand(e: Episode, number: int, tick: int) -> int:
         target = joint.target
         if FOLLOWS:
             target += joint.lead
-        asked.torque = impedance + friction + gravity + inertia + target
+        torque = impedance + friction + gravity + inertia + target
         if e.watching:
-            if not command_is_plausible(asked.torque, joint.bounds.highest_command):
-                asked.cause = COMMAND_TRIP
+            if not command_is_plausible(torque, joint.bounds.highest_command):
+                cause = COMMAND_TRIP
+        asked.torque = torque
         if e.recording.on:
             asked.stiffness, asked.damping = stiffness, damping
             asked.equilibrium, asked.gain = setpoint.equilibrium, setpoint.gain
             asked.impedance, asked.friction, asked.gravity = impedance, friction, gravity
             asked.inertia, asked.target = inertia, target
-    return asked.cause
+    asked.cause = cause
+    return cause
 
 
 def hold(e: Episode, number: int, tick: int) -> None:
