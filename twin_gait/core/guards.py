@@ -110,25 +110,60 @@ def guard_holds(
     """
     stack = 0
     for index in range(first, end):
-        node = program.nodes[index]
-        if node.operation == OP_COMPARE:
-            comparison = program.comparisons[node.operand]
-            value = comparison.factor_a * signals[comparison.signal_a]
-            if comparison.factor_b != 0.0:
-                value += comparison.factor_b * signals[comparison.signal_b]
-            result = 1 if value > comparison.threshold else 0
-        elif node.operation == OP_PHASE:
-            result = (node.operand >> other_phase) & 1 if other_phase >= 0 else 0
-        else:
-            mask = (1 << node.operand) - 1
-            joined = stack & mask
-            stack = stack >> node.operand
-            if node.operation == OP_ALL:
-                result = 1 if joined == mask else 0
-            else:
-                result = 1 if joined != 0 else 0
-        stack = (stack << 1) | result
+        stack = evaluate_node(program, index, signals, other_phase, stack)
     return (stack & 1) == 1
+
+
+def evaluate_node(
+    program: GuardProgram, index: int, signals: Sequence[float], other_phase: int, stack: int
+) -> int:
+    """One step of a guard: :func:`guard_holds` takes them in turn.
+
+    Args:
+        program: The guards.
+        index: Of the node.
+        signals: As for :func:`guard_holds`.
+        other_phase: Likewise.
+        stack: Results so far, the last one in the lowest bit.
+
+    Returns:
+        The stack after the step.
+    """
+    node = program.nodes[index]
+    if node.operation == OP_COMPARE:
+        comparison = program.comparisons[node.operand]
+        value = comparison.factor_a * signals[comparison.signal_a]
+        if comparison.factor_b != 0.0:
+            value += comparison.factor_b * signals[comparison.signal_b]
+        result = 1 if value > comparison.threshold else 0
+    elif node.operation == OP_PHASE:
+        result = (node.operand >> other_phase) & 1 if other_phase >= 0 else 0
+    else:
+        mask = (1 << node.operand) - 1
+        joined = stack & mask
+        stack = stack >> node.operand
+        if node.operation == OP_ALL:
+            result = 1 if joined == mask else 0
+        else:
+            result = 1 if joined != 0 else 0
+    return (stack << 1) | result
+
+
+def is_due(program: GuardProgram, index: int, ticks_in_phase: int, open_ticks: int) -> bool:
+    """Whether a transition of the present phase may be taken: debounce, time-out and least time are over.
+
+    Args:
+        program: The transitions.
+        index: Of the transition.
+        ticks_in_phase: Ticks since the phase was entered.
+        open_ticks: Consecutive ticks with an open guard.
+    """
+    rule = program.transitions[index]
+    return (
+        open_ticks >= rule.debounce_ticks
+        and ticks_in_phase >= rule.time_out_ticks
+        and ticks_in_phase >= program.minimum_ticks[rule.source]
+    )
 
 
 def next_transition(
@@ -166,11 +201,6 @@ def next_transition(
             debounce[index] = 0
             continue
         debounce[index] += 1
-        if (
-            chosen == NO_TRANSITION
-            and debounce[index] >= rule.debounce_ticks
-            and ticks_in_phase >= rule.time_out_ticks
-            and ticks_in_phase >= program.minimum_ticks[phase]
-        ):
+        if chosen == NO_TRANSITION and is_due(program, index, ticks_in_phase, debounce[index]):
             chosen = index
     return chosen

@@ -143,7 +143,7 @@ class CompiledEngine:
     def trip(self) -> Trip | None:
         """What the safety monitor has tripped on, or None."""
         trip = self.episode["trip"]
-        return trip_of(self.problem, int(trip["tick"]), int(trip["cause"]), int(trip["place"]))
+        return trip_of(self.problem, int(trip["tick"]), int(trip["cause"]), int(trip["part"]))
 
     def ending(self, done: int) -> tuple[RunStatus, str]:
         """How the run stands after some ticks, and why; completed as long as nothing has ended it."""

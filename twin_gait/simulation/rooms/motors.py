@@ -15,6 +15,7 @@ from twin_gait.core.faults import (
 )
 from twin_gait.core.safety import (
     COMMAND_TRIP,
+    NO_TRIP,
     command_is_plausible,
     hold_torque,
     motor_speed,
@@ -29,103 +30,124 @@ from twin_gait.simulation.interface import (
     JOINTS_PER_LEG,
     control_gravity,
     control_inertia,
-    log_row,
+    each,
+    lanes,
 )
 from twin_gait.simulation.rooms.monitor import trip
 
 
 def feed_forward(e: Episode) -> None:
     """Gravity and inertia torques of the controller's model, where a share of them is wanted."""
-    model, holding = e.control, e.trip.tick >= 0
-    wanted = holding or INERTIA_WANTED
+    wanted = False
+    for one in lanes(e):
+        wanted |= _wants_feed_forward(one)
+    if wanted:
+        for one in lanes(e):
+            if _wants_feed_forward(one):
+                _compensate_gravity(one)
+    if INERTIA_WANTED:
+        for one in lanes(e):
+            if one.trip.tick < 0:
+                _compensate_inertia(one)
+
+
+def _wants_feed_forward(e: Episode) -> bool:
+    wanted = INERTIA_WANTED or e.trip.tick >= 0
     for leg in e.legs:
         wanted = wanted or leg.gravity != 0.0
-    if not wanted:
-        return
+    return wanted
+
+
+def _compensate_gravity(e: Episode) -> None:
+    """Gravity torques at the measured angles, or at those that are held."""
+    model = e.control
     for joint in e.joints:
-        model.q[joint.control_place] = joint.hold_angle if holding else joint.encoder.angle
+        model.q[joint.control_place] = joint.hold_angle if e.trip.tick >= 0 else joint.encoder.angle
     control_gravity(model.q, model.bodies, e.gravity, model.gravity_torque)
-    if INERTIA_WANTED:
-        if not holding:
-            for joint in e.joints:
-                rate = (joint.encoder.velocity_fast - joint.encoder.last_fast) / e.rates.period
-                joint.rate = first_order_step(joint.rate, rate, e.rates.fast_gain)
-                model.a[joint.control_place] = joint.rate
-            control_inertia(model.q, model.a, model.bodies, model.inertia_torque)
 
 
-def control(e: Episode, number: int, tick: int) -> float:
-    """Torque of one motor for this tick; returns its electrical power in [W]."""
+def _compensate_inertia(e: Episode) -> None:
+    """Inertia torques at the measured angles and accelerations."""
+    model = e.control
+    for joint in e.joints:
+        rate = (joint.encoder.velocity_fast - joint.encoder.last_fast) / e.rates.period
+        joint.rate = first_order_step(joint.rate, rate, e.rates.fast_gain)
+        model.a[joint.control_place] = joint.rate
+    control_inertia(model.q, model.a, model.bodies, model.inertia_torque)
+
+
+def control(e: Episode, tick: int) -> None:
+    """Command and drive joint after joint: one is driven before the next one's command is known."""
+    for one in lanes(e):
+        one.supply.power = 0.0
+    for number in range(len(e.joints)):
+        causes = NO_TRIP
+        for one in lanes(e):
+            causes |= demand(one, number, tick)
+        if causes != NO_TRIP:
+            for one in each(e):
+                trip(one, tick, one.joints[number].command.cause, number)
+        for one in lanes(e):
+            drive(one, number, tick)
+
+
+def demand(e: Episode, number: int, tick: int) -> int:
+    """What the controller asks of a joint; the cause of a trip if no drive may be asked for it."""
     joint, leg = e.joints[number], e.legs[number // JOINTS_PER_LEG]
-    encoder, setpoint = joint.encoder, joint.blended
-    stiffness, damping = setpoint.stiffness, setpoint.damping
-    equilibrium, gain = setpoint.equilibrium, setpoint.gain
-    if ASSISTS:
-        stiffness *= joint.assistance
-        damping *= joint.assistance
-    impedance, friction, gravity, inertia, target, command = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    support = 0.0
-    if e.trip.tick >= 0:
-        support = support_share(tick - e.trip.tick, e.limits.lowering_ticks)
-    else:
-        impedance, friction = controller_torques(
+    asked, encoder, setpoint = joint.command, joint.encoder, joint.blended
+    asked.cause = NO_TRIP
+    if e.trip.tick < 0:
+        asked.stiffness, asked.damping = setpoint.stiffness, setpoint.damping
+        asked.equilibrium, asked.gain = setpoint.equilibrium, setpoint.gain
+        if ASSISTS:
+            asked.stiffness *= joint.assistance
+            asked.damping *= joint.assistance
+        asked.impedance, asked.friction = controller_torques(
             encoder.angle,
             encoder.velocity_fast,
             encoder.velocity_slow,
-            stiffness,
-            damping,
-            equilibrium,
-            gain,
+            asked.stiffness,
+            asked.damping,
+            asked.equilibrium,
+            asked.gain,
             joint.model_friction,
         )
         if FAULTY:
             if tick >= e.first_fault:
-                impedance += runaway_torque(number, tick, e.rates.period, e.faults)
-        gravity = leg.gravity * e.control.gravity_torque[joint.control_place] if leg.gravity != 0.0 else 0.0
-        inertia = e.control.inertia_gain * e.control.inertia_torque[joint.control_place]
-        target = joint.target
+                asked.impedance += runaway_torque(number, tick, e.rates.period, e.faults)
+        weight = e.control.gravity_torque[joint.control_place]
+        asked.gravity = leg.gravity * weight if leg.gravity != 0.0 else 0.0
+        asked.inertia = e.control.inertia_gain * e.control.inertia_torque[joint.control_place]
+        asked.target = joint.target
         if FOLLOWS:
-            target += joint.lead
-        command = impedance + friction + gravity + inertia + target
+            asked.target += joint.lead
+        asked.torque = asked.impedance + asked.friction + asked.gravity + asked.inertia + asked.target
         if e.watching:
-            if not command_is_plausible(command, joint.bounds.highest_command):
-                trip(e, tick, COMMAND_TRIP, number)
-    if e.trip.tick >= 0:
-        stiffness, damping, gain = 0.0, e.limits.hold_damping, 0.0
-        equilibrium = joint.hold_angle
-        friction, inertia, target = 0.0, 0.0, 0.0
-        impedance = hold_torque(joint.watched.motor_speed, damping)
-        gravity = support * e.control.gravity_torque[joint.control_place] if support != 0.0 else 0.0
-        command = impedance + friction + gravity + inertia + target
-    target_current, current, torque = drive(e, number, tick, command)
-    if e.recording.on:
-        row = log_row(e, tick).joints[number]
-        row.measured_angle = encoder.angle
-        row.velocity_fast = encoder.velocity_fast
-        row.velocity_slow = encoder.velocity_slow
-        row.impedance_torque = impedance
-        row.friction_compensation_torque = friction
-        row.gravity_compensation_torque = gravity
-        row.inertia_compensation_torque = inertia
-        row.target_torque = target
-        row.motor_command_torque = command
-        row.motor_torque = torque
-        row.target_current = target_current
-        row.measured_current = current
-        row.stiffness = stiffness
-        row.damping = damping
-        row.equilibrium = equilibrium
-        row.friction_compensation_gain = gain
-    motor = joint.motor
-    return motor_electrical_power(
-        current, e.v[joint.place], motor.resistance, motor.torque_constant, motor.gear_ratio
-    )
+            if not command_is_plausible(asked.torque, joint.bounds.highest_command):
+                asked.cause = COMMAND_TRIP
+    return asked.cause
 
 
-def drive(e: Episode, number: int, tick: int, command: float) -> tuple[float, float, float]:
-    """Target current, measured current and torque of a motor, and what the monitor keeps of them."""
+def hold(e: Episode, number: int, tick: int) -> None:
+    """Brake a joint after a trip, and let it down slowly."""
+    joint = e.joints[number]
+    asked, support = joint.command, 0.0
+    if asked.cause == NO_TRIP:  # otherwise this is still the tick of a walk, whose weight is not carried
+        support = support_share(tick - e.trip.tick, e.limits.lowering_ticks)
+    asked.stiffness, asked.damping, asked.gain = 0.0, e.limits.hold_damping, 0.0
+    asked.equilibrium = joint.hold_angle
+    asked.friction, asked.inertia, asked.target = 0.0, 0.0, 0.0
+    asked.impedance = hold_torque(joint.watched.motor_speed, asked.damping)
+    asked.gravity = support * e.control.gravity_torque[joint.control_place] if support != 0.0 else 0.0
+    asked.torque = asked.impedance + asked.friction + asked.gravity + asked.inertia + asked.target
+
+
+def drive(e: Episode, number: int, tick: int) -> None:
+    """Torque and power of a motor, and what the monitor keeps of them."""
     joint, voltage = e.joints[number], e.supply.bus_voltage
-    velocity, motor, watched = e.v[joint.place], joint.motor, joint.watched
+    if e.trip.tick >= 0:
+        hold(e, number, tick)
+    velocity, motor, watched, command = e.v[joint.place], joint.motor, joint.watched, joint.command.torque
     target_current, current, torque = drive_motor(
         motor, command, velocity, voltage, e.limits.torque, e.limits.current
     )
@@ -142,25 +164,35 @@ def drive(e: Episode, number: int, tick: int, command: float) -> tuple[float, fl
                     motor, wrong, velocity, voltage, e.limits.torque, e.limits.current
                 )
     e.motor[joint.place] = torque
+    joint.command.target_current = target_current
     watched.commanded = command
     watched.motor_current = current
     watched.current_deviation = current - expected
     watched.motor_speed = motor_speed(
         current, velocity, motor.resistance, joint.bounds.emf_constant, joint.bounds.model_resistance
     )
-    return target_current, current, torque
+    e.supply.power += motor_electrical_power(
+        current, velocity, motor.resistance, motor.torque_constant, motor.gear_ratio
+    )
 
 
-def supply(e: Episode, tick: int, battery_power: float) -> None:
+def supply(e: Episode, tick: int) -> None:
     """Bus voltage of the next tick."""
-    battery = e.supply
-    voltage = sagged_bus_voltage(battery.voltage, battery.resistance, battery_power, battery.bus_voltage)
+    for one in lanes(e):
+        battery = one.supply
+        battery.bus_voltage = sagged_bus_voltage(
+            battery.voltage, battery.resistance, battery.power, battery.bus_voltage
+        )
     if FAULTY:
-        if tick >= e.first_fault:
-            drop = supply_drop(tick, e.faults)
-            if drop > 0.0:
-                highest = 0.0
-                for joint in e.joints:
-                    highest = max(highest, joint.bounds.emf_constant * abs(e.v[joint.place]))
-                voltage = dipped_bus_voltage(voltage, drop, highest)
-    battery.bus_voltage = voltage
+        for one in each(e):
+            if tick >= one.first_fault:
+                _dip(one, tick)
+
+
+def _dip(e: Episode, tick: int) -> None:
+    """Let a fault of the supply lower its voltage."""
+    drop, highest = supply_drop(tick, e.faults), 0.0
+    if drop > 0.0:
+        for joint in e.joints:
+            highest = max(highest, joint.bounds.emf_constant * abs(e.v[joint.place]))
+        e.supply.bus_voltage = dipped_bus_voltage(e.supply.bus_voltage, drop, highest)
