@@ -313,6 +313,11 @@ class _Distinct(ir.values.MDValue):  # type: ignore[misc]  # llvmlite has no typ
     def descr(self, buffer: Any) -> None:
         buffer += ("distinct !{ ", ", ".join(item.get_reference() for item in self.operands), " }\n")
 
+    def __eq__(self, other: object) -> bool:
+        return self is other  # llvmlite takes metadata with equal operands for one, and so one group for the other
+
+    __hash__ = ir.values.MDValue.__hash__
+
 
 def _number(block: Any) -> int:
     """Place of a basic block in the function's text."""

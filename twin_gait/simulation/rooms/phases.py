@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import blend_setpoint, copy_setpoint, joint_signals, leg_signals
-from twin_gait.core.guards import NO_TRANSITION, evaluate_node, is_due
+from twin_gait.core.guards import (
+    NO_TRANSITION,
+    OP_COMPARE,
+    OP_PHASE,
+    is_above,
+    is_among,
+    is_due,
+    joined,
+)
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import JOINTS_PER_LEG, LEGS, each, lanes, switch_row
 
@@ -49,13 +57,30 @@ def advance(e: Episode, number: int, tick: int) -> None:
             occupied |= leg.before == rule.source
         if occupied:
             for node in range(rule.first_node, rule.end_node):
-                for one in lanes(e):
-                    leg, other = one.legs[number], -1
-                    if LEGS == 2:
-                        other = one.legs[1 - number].before
-                    leg.results = evaluate_node(one.program, node, one.signals, other, leg.results)
+                _evaluate(e, number, node)
         for one in lanes(e):
             _count(one, number, index)
+
+
+def _evaluate(e: Episode, number: int, index: int) -> None:
+    """One step of :func:`twin_gait.core.guards.guard_holds`."""
+    node = e.program.nodes[index]
+    if node.operation == OP_COMPARE:
+        comparison = e.program.comparisons[node.operand]
+        first, second = comparison.signal_a, comparison.signal_b
+        for one in lanes(e):
+            leg, rule = one.legs[number], one.program.comparisons[node.operand]
+            above = is_above(rule, one.signals[first], one.signals[second])
+            leg.results = (leg.results << 1) | above
+    elif node.operation == OP_PHASE:
+        for one in lanes(e):
+            leg = one.legs[number]
+            other = one.legs[LEGS - 1 - number].before if LEGS == 2 else -1
+            leg.results = (leg.results << 1) | is_among(node.operand, other)
+    else:
+        for one in lanes(e):
+            leg = one.legs[number]
+            leg.results = joined(leg.results, node.operation, node.operand)
 
 
 def _count(one: Episode, number: int, index: int) -> None:
