@@ -36,24 +36,9 @@ from numba.extending import (
     register_model,
 )
 
-from twin_gait.simulation.compiling import Manner, Pruning
+from twin_gait.simulation.block import SHARED, WIDTH
+from twin_gait.simulation.compiling import Manner, Pruning, jit, numbers_at
 
-# With 8 or 16 LLVM unrolls the loop over the lanes before it could turn it into vectors.
-WIDTH = 32
-# Fields that the lanes of a block have in common and no tick changes, after the field that their record stands
-# in: where something is, which law it has, and what the whole tick goes by.
-SHARED = frozenset(
-    {
-        *("episode.step", "episode.substeps", "episode.watching"),
-        *("rates.period", "rates.decimation", "rates.blend_law", "rates.blend_ticks"),
-        *("recording.on", "recording.first_row", "recording.n_noise", "efforts.n_ring", "efforts.n_noise"),
-        *("joints.place", "joints.control_place", "legs.ankle", "encoder.window", "friction.law"),
-        *("imposed_motion.place", "program.n_transitions", "program.minimum_ticks"),
-        *("nodes.operation", "nodes.operand", "comparisons.signal_a", "comparisons.signal_b"),
-        *(f"transitions.{name}" for name in ("source", "target", "first_node", "end_node")),
-        *("transitions.debounce_ticks", "transitions.time_out_ticks"),
-    }
-)
 _OWNERS = frozenset(name.split(".")[0] for name in SHARED)
 _WORD = 8
 _INTEGER = ir.IntType(64)
@@ -418,7 +403,42 @@ def _through(in_vectors: bool) -> Any:
     return through
 
 
+def rows_beside(dtype: np.dtype[Any]) -> Any:
+    """Compiled function from an address, a number and a lane to that lane's part of the row of that number.
+
+    Rows of all lanes stand side by side, as their records do.
+    """
+    row = RecordView(numba.from_dtype(dtype), "log", False)
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def row_beside(typing: Any, address: Any, number: Any, one: Any) -> Any:
+        def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+            place = builder.mul(args[1], _INTEGER(dtype.itemsize * WIDTH))
+            base = builder.inttoptr(builder.add(args[0], place), cgutils.voidptr_t)
+            lane = cgutils.create_struct_proxy(one)(context, builder, args[2]).lane
+            return _view(context, builder, row, base, lane)
+
+        return row(types.int64, types.int64, one), generate
+
+    return row_beside
+
+
 IN_LOCKSTEP = Manner(InLanes, 3, True)
 
-# ``lanes`` and ``each`` of :mod:`twin_gait.simulation.interface` for a block.
-LOOPS = {"lanes": _through(True), "each": _through(False)}
+
+def bound_in_lanes(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:
+    """What a loop over a block is bound to in place of what that of a single episode is."""
+    row_of, tables = rows_beside(row), numbers_at(episode["joints"].shape[0])
+
+    def log_row(e: Any, tick: int) -> Any:
+        return row_of(e.recording.log, tick - e.recording.first_row, e)
+
+    # No run of a block is longer than its table, in which a modulo would look for the row.
+    def noise_row(e: Any, tick: int) -> Any:
+        return tables(e.recording.noise, min(tick, e.recording.n_noise - 1))
+
+    def effort_noise_row(e: Any, tick: int) -> Any:
+        return tables(e.efforts.noise, min(tick, e.efforts.n_noise - 1))
+
+    found = {item.__name__: jit(item, manner=IN_LOCKSTEP) for item in (log_row, noise_row, effort_noise_row)}
+    return {"episode_at": block_at(episode), "lanes": _through(True), "each": _through(False), **found}
