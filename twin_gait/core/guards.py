@@ -108,27 +108,62 @@ def guard_holds(
     Returns:
         True if the guard is open.
     """
-    stack = 0
+    results = 0
     for index in range(first, end):
         node = program.nodes[index]
         if node.operation == OP_COMPARE:
             comparison = program.comparisons[node.operand]
-            value = comparison.factor_a * signals[comparison.signal_a]
-            if comparison.factor_b != 0.0:
-                value += comparison.factor_b * signals[comparison.signal_b]
-            result = 1 if value > comparison.threshold else 0
+            first_signal, second_signal = signals[comparison.signal_a], signals[comparison.signal_b]
+            results = (results << 1) | is_above(comparison, first_signal, second_signal)
         elif node.operation == OP_PHASE:
-            result = (node.operand >> other_phase) & 1 if other_phase >= 0 else 0
+            results = (results << 1) | is_among(node.operand, other_phase)
         else:
-            mask = (1 << node.operand) - 1
-            joined = stack & mask
-            stack = stack >> node.operand
-            if node.operation == OP_ALL:
-                result = 1 if joined == mask else 0
-            else:
-                result = 1 if joined != 0 else 0
-        stack = (stack << 1) | result
-    return (stack & 1) == 1
+            results = joined(results, node.operation, node.operand)
+    return (results & 1) == 1
+
+
+def is_above(comparison: Comparison, first: float, second: float) -> bool:
+    """Whether a comparison is true for its two signals; with NaN it is not."""
+    value = comparison.factor_a * first
+    if comparison.factor_b != 0.0:
+        value += comparison.factor_b * second
+    return value > comparison.threshold
+
+
+def is_among(phases: int, phase: int) -> bool:
+    """Whether a phase is one of those of a bit mask; a negative number is none."""
+    return phase >= 0 and (phases >> phase) & 1 == 1
+
+
+def joined(results: int, operation: int, count: int) -> int:
+    """Results with the last ones of them joined to one.
+
+    Args:
+        results: A bit each, the last one lowest.
+        operation: ``OP_ALL`` or ``OP_ANY``.
+        count: How many are joined.
+    """
+    mask = (1 << count) - 1
+    found = results & mask
+    true = found == mask if operation == OP_ALL else found != 0
+    return ((results >> count) << 1) | true
+
+
+def is_due(program: GuardProgram, index: int, ticks_in_phase: int, open_ticks: int) -> bool:
+    """Whether a transition of the present phase may be taken: debounce, time-out and least time are over.
+
+    Args:
+        program: The transitions.
+        index: Of the transition.
+        ticks_in_phase: Ticks since the phase was entered.
+        open_ticks: Consecutive ticks with an open guard.
+    """
+    rule = program.transitions[index]
+    return (
+        open_ticks >= rule.debounce_ticks
+        and ticks_in_phase >= rule.time_out_ticks
+        and ticks_in_phase >= program.minimum_ticks[rule.source]
+    )
 
 
 def next_transition(
@@ -166,11 +201,6 @@ def next_transition(
             debounce[index] = 0
             continue
         debounce[index] += 1
-        if (
-            chosen == NO_TRANSITION
-            and debounce[index] >= rule.debounce_ticks
-            and ticks_in_phase >= rule.time_out_ticks
-            and ticks_in_phase >= program.minimum_ticks[phase]
-        ):
+        if chosen == NO_TRANSITION and is_due(program, index, ticks_in_phase, debounce[index]):
             chosen = index
     return chosen

@@ -68,6 +68,7 @@ class Joint:
         control_place: In the coordinates of the controller's model.
         encoder: With its velocity estimates.
         reading: What it reads before it quantises, in [rad].
+        last_reading: Likewise in the tick before.
         motor: Motor and gear.
         friction_model: Of the compensator.
         model_friction: Its torque at the slow velocity in [N m].
@@ -105,6 +106,7 @@ class Joint:
     moments: list[list[float]]
     watched: Watched = field(default_factory=Watched)
     command: Command = field(default_factory=Command)
+    last_reading: float = 0.0
     model_friction: float = 0.0
     push: float = 0.0
     rate: float = 0.0
@@ -124,6 +126,8 @@ class Leg:
         before: Phase at the start of the tick.
         entry_tick: Tick in which the phase was entered.
         ticks: Since then.
+        chosen: Transition that it takes in this tick, -1 for none.
+        results: Of the guard that is being evaluated, a bit each.
         debounce: Consecutive ticks with an open guard, by transition.
         gravity_shares: Of the gravity compensation, by phase.
         gravity_start: Share at the last switch.
@@ -149,6 +153,8 @@ class Leg:
     before: int = 0
     entry_tick: int = 0
     ticks: int = 0
+    chosen: int = -1
+    results: int = 0
     load: float = 0.0
     last_load: float = 0.0
     load_streak: int = 0
@@ -164,12 +170,12 @@ class Trip:
     Attributes:
         tick: Of the trip, -1 before it.
         cause: As :mod:`twin_gait.core.safety` numbers them.
-        place: A joint, or the number of joints plus a leg, or -1 for the supply.
+        part: A joint, or the number of joints plus a leg, or -1 for the supply.
     """
 
     tick: int = -1
     cause: int = 0
-    place: int = 0
+    part: int = 0
 
 
 @dataclass(slots=True)
@@ -243,13 +249,19 @@ class Limits:
 
 @dataclass(slots=True)
 class Stages:
-    """Room of the integrators, one entry per coordinate each."""
+    """Room of the integrators, one entry per coordinate each.
+
+    Attributes:
+        q: Coordinates of a stage.
+        v: Its velocities; of a step without stages the mean of those before and after.
+        sum_v: Weighted sum of the velocities.
+        sum_a: Of the accelerations.
+    """
 
     q: list[float]
     v: list[float]
     sum_v: list[float]
     sum_a: list[float]
-    mean_v: list[float]
 
 
 @dataclass(slots=True)
@@ -303,7 +315,6 @@ class Episode:
         first_fault: First tick with a fault.
         status: ``COMPLETED``, ``FELL`` or ``DIVERGED``.
         last_rest: Last tick in which the legs were told to stand.
-        time: Of the present step in [s].
         contact_power: Of the contact forces in [W].
         last_contact_power: Of the step before.
         q: Coordinates in [rad] and [m].
@@ -359,6 +370,5 @@ class Episode:
     trip: Trip = field(default_factory=Trip)
     status: int = COMPLETED
     last_rest: int = 0
-    time: float = 0.0
     contact_power: float = 0.0
     last_contact_power: float = 0.0

@@ -7,53 +7,66 @@ from __future__ import annotations
 
 from twin_gait.core.safety import LOAD_TRIP, NO_TRIP, PHASE_TIME_OUT_TRIP, SUPPLY_TRIP, watch_joint
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import JOINTS_PER_LEG, POINTS_PER_FOOT
+from twin_gait.simulation.interface import JOINTS_PER_LEG, POINTS_PER_FOOT, each, lanes
 
 
 def watch(e: Episode, tick: int) -> None:
     """Let the safety monitor look at measurements, phases and the drives' last tick."""
-    causes = watch_supply(e)
+    for one in lanes(e):
+        watch_supply(one)
     for number in range(len(e.joints)):
-        causes |= watch_drive(e, number)
+        for one in lanes(e):
+            watch_drive(one, number)
     for number in range(len(e.legs)):
-        causes |= watch_phase(e, number, tick)
-        if POINTS_PER_FOOT > 0:
-            causes |= watch_foot(e, number)
-    if causes != NO_TRIP:
-        trip_on_causes(e, tick)
+        for one in lanes(e):
+            watch_phase(one, number, tick)
+            if POINTS_PER_FOOT > 0:
+                watch_foot(one, number)
+    found = False
+    for one in lanes(e):
+        found |= has_cause(one)
+    if found:
+        for one in each(e):
+            trip_on_causes(one, tick)
 
 
-def watch_drive(e: Episode, number: int) -> int:
+def has_cause(e: Episode) -> bool:
+    """Whether anything has been noted on which the monitor has to trip."""
+    causes = e.supply.cause
+    for joint in e.joints:
+        causes |= joint.watched.cause
+    for leg in e.legs:
+        causes |= leg.phase_cause | leg.load_cause
+    return causes != NO_TRIP
+
+
+def watch_drive(e: Episode, number: int) -> None:
     """Note the cause of a trip that is found on a joint and its drive."""
     joint = e.joints[number]
     joint.watched.cause = watch_joint(joint.bounds, joint.watched, joint.encoder, e.rates.period)
-    return joint.watched.cause
 
 
-def watch_phase(e: Episode, number: int, tick: int) -> int:
+def watch_phase(e: Episode, number: int, tick: int) -> None:
     """Note whether a leg stays in its phase for too long."""
     leg = e.legs[number]
     late = tick - max(leg.entry_tick, e.last_rest) > e.limits.phase_ticks
     leg.phase_cause = PHASE_TIME_OUT_TRIP if late else NO_TRIP
-    return leg.phase_cause
 
 
-def watch_foot(e: Episode, number: int) -> int:
+def watch_foot(e: Episode, number: int) -> None:
     """Note whether the load of a foot stands still while the hip above it turns."""
     leg, hip = e.legs[number], e.joints[number * JOINTS_PER_LEG]
     still = leg.load == leg.last_load and leg.load > 0.0
     turning = abs(hip.watched.motor_speed) > hip.bounds.frozen_speed
     leg.load_streak = leg.load_streak + 1 if still and turning else 0
     leg.load_cause = LOAD_TRIP if leg.load_streak >= e.limits.frozen_load_ticks else NO_TRIP
-    return leg.load_cause
 
 
-def watch_supply(e: Episode) -> int:
+def watch_supply(e: Episode) -> None:
     """Note whether the bus voltage has been too low for too long."""
     supply = e.supply
     supply.low_streak = supply.low_streak + 1 if supply.bus_voltage < supply.least_voltage else 0
     supply.cause = SUPPLY_TRIP if supply.low_streak >= supply.low_ticks else NO_TRIP
-    return supply.cause
 
 
 def trip_on_causes(e: Episode, tick: int) -> None:
@@ -74,7 +87,7 @@ def trip(e: Episode, tick: int, cause: int, place: int) -> None:
     if cause != NO_TRIP and e.trip.tick < 0:
         e.trip.tick = tick
         e.trip.cause = cause
-        e.trip.place = place
+        e.trip.part = place
         for joint in e.joints:
             # The angles of this tick may be what the monitor tripped on.
             joint.hold_angle = joint.encoder.last_angle

@@ -8,6 +8,7 @@ from twin_gait.simulation.interface import (
     PELVIS,
     POINTS_PER_FOOT,
     SHIFT,
+    lanes,
     log_row,
     observe,
 )
@@ -18,12 +19,19 @@ from twin_gait.simulation.rooms.sensors import normal_force
 
 def record(e: Episode, tick: int) -> None:
     """Write everything, at the state before integration."""
-    e.time = tick * e.rates.period
-    acceleration(e, 0.0, e.q, e.v)
-    row = log_row(e, tick)
+    acceleration(e, tick * e.rates.period, False)
     for number in range(len(e.joints)):
-        _record_joint(e, number, row.joints[number])
-    _record_legs(e, row)
+        for one in lanes(e):
+            _record_joint(one, number, log_row(one, tick).joints[number])
+    for number in range(len(e.legs)):
+        for one in lanes(e):
+            _record_leg(one, number, log_row(one, tick))
+    for one in lanes(e):
+        _record_whole(one, log_row(one, tick))
+
+
+def _record_whole(e: Episode, row: LogRow) -> None:
+    """Write energies, works, supply, pelvis and what has tripped."""
     kinetic, potential, force, moment = observe(e.q, e.v, e.a, e.bodies, e.gravity, e.points)
     if PELVIS >= 0:
         pelvis, hung = row.pelvis, e.plant[PELVIS + SHIFT]
@@ -78,24 +86,24 @@ def _record_joint(e: Episode, number: int, out: JointRow) -> None:
     out.friction_compensation_gain = asked.gain
 
 
-def _record_legs(e: Episode, row: LogRow) -> None:
-    """Write phases, ankles and feet."""
-    for number, leg in enumerate(e.legs):
-        row.phases[number] = float(leg.phase)
-        if ANKLES:
-            ankle = row.ankles[number]
-            ankle.angle = e.q[leg.ankle]
-            ankle.velocity = e.v[leg.ankle]
-            ankle.orthosis_torque = e.plant[leg.ankle].spring_torque
-        if POINTS_PER_FOOT > 0:
-            foot, first = row.feet[number], number * POINTS_PER_FOOT
-            friction, lowest = 0.0, e.points[first].height
-            for place in range(first, first + POINTS_PER_FOOT):
-                friction += e.points[place].forward
-                lowest = min(lowest, e.points[place].height)
-            foot.normal_force = normal_force(e, number)
-            foot.friction_force = friction
-            foot.clearance = lowest
+def _record_leg(e: Episode, number: int, row: LogRow) -> None:
+    """Write phase, ankle and foot."""
+    leg = e.legs[number]
+    row.phases[number] = float(leg.phase)
+    if ANKLES:
+        ankle = row.ankles[number]
+        ankle.angle = e.q[leg.ankle]
+        ankle.velocity = e.v[leg.ankle]
+        ankle.orthosis_torque = e.plant[leg.ankle].spring_torque
+    if POINTS_PER_FOOT > 0:
+        foot, first = row.feet[number], number * POINTS_PER_FOOT
+        friction, lowest = 0.0, e.points[first].height
+        for place in range(first, first + POINTS_PER_FOOT):
+            friction += e.points[place].forward
+            lowest = min(lowest, e.points[place].height)
+        foot.normal_force = normal_force(e, number)
+        foot.friction_force = friction
+        foot.clearance = lowest
 
 
 def _record_braces(e: Episode, row: LogRow) -> None:
