@@ -220,7 +220,7 @@ def test_an_error_in_making_an_experiment_has_its_number(bench):
         yield bench
         raise ParameterError("no such person")
 
-    with pytest.raises(EpisodeFailed, match="^episode 1: no such person"):
+    with pytest.raises(EpisodeFailed, match=r"^episode 1: no such person"):
         list(simulate_together(asked()))
 
 
