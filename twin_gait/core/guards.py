@@ -149,21 +149,10 @@ def joined(results: int, operation: int, count: int) -> int:
     return ((results >> count) << 1) | true
 
 
-def is_due(program: GuardProgram, index: int, ticks_in_phase: int, open_ticks: int) -> bool:
-    """Whether a transition of the present phase may be taken: debounce, time-out and least time are over.
-
-    Args:
-        program: The transitions.
-        index: Of the transition.
-        ticks_in_phase: Ticks since the phase was entered.
-        open_ticks: Consecutive ticks with an open guard.
-    """
+def least_ticks_of(program: GuardProgram, index: int) -> int:
+    """Ticks that the phase lasts at least before a transition leaves it: of the phase, and of a time-out."""
     rule = program.transitions[index]
-    return (
-        open_ticks >= rule.debounce_ticks
-        and ticks_in_phase >= rule.time_out_ticks
-        and ticks_in_phase >= program.minimum_ticks[rule.source]
-    )
+    return max(rule.time_out_ticks, program.minimum_ticks[rule.source])
 
 
 def next_transition(
@@ -201,6 +190,10 @@ def next_transition(
             debounce[index] = 0
             continue
         debounce[index] += 1
-        if chosen == NO_TRANSITION and is_due(program, index, ticks_in_phase, debounce[index]):
+        if (
+            chosen == NO_TRANSITION
+            and debounce[index] >= rule.debounce_ticks
+            and ticks_in_phase >= least_ticks_of(program, index)
+        ):
             chosen = index
     return chosen

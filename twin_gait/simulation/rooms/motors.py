@@ -107,27 +107,29 @@ def demand(e: Episode, number: int) -> None:
     """What the controller asks of a joint."""
     joint, leg = e.joints[number], e.legs[number // JOINTS_PER_LEG]
     asked, encoder, setpoint, place = joint.command, joint.encoder, joint.blended, joint.control_place
-    stiffness, damping = setpoint.stiffness, setpoint.damping
-    if ASSISTS:
-        stiffness *= joint.assistance
-        damping *= joint.assistance
-    asked.stiffness, asked.damping = stiffness, damping
-    asked.equilibrium, asked.gain = setpoint.equilibrium, setpoint.gain
-    asked.impedance, asked.friction = controller_torques(
-        encoder.angle,
-        encoder.velocity_fast,
-        encoder.velocity_slow,
-        stiffness,
-        damping,
-        setpoint.equilibrium,
-        setpoint.gain,
-        joint.model_friction,
-    )
-    asked.gravity = leg.gravity * e.control.gravity_torque[place] if leg.gravity != 0.0 else 0.0
-    asked.inertia = e.control.inertia_gain * e.control.inertia_torque[place]
-    asked.target = joint.target
-    if FOLLOWS:
-        asked.target += joint.lead
+    weight, inertia = e.control.gravity_torque[place], e.control.inertia_torque[place]
+    if e.trip.tick < 0:
+        stiffness, damping = setpoint.stiffness, setpoint.damping
+        if ASSISTS:
+            stiffness *= joint.assistance
+            damping *= joint.assistance
+        asked.stiffness, asked.damping = stiffness, damping
+        asked.equilibrium, asked.gain = setpoint.equilibrium, setpoint.gain
+        asked.impedance, asked.friction = controller_torques(
+            encoder.angle,
+            encoder.velocity_fast,
+            encoder.velocity_slow,
+            stiffness,
+            damping,
+            setpoint.equilibrium,
+            setpoint.gain,
+            joint.model_friction,
+        )
+        asked.gravity = leg.gravity * weight if leg.gravity != 0.0 else 0.0
+        asked.inertia = e.control.inertia_gain * inertia
+        asked.target = joint.target
+        if FOLLOWS:
+            asked.target += joint.lead
 
 
 def _run_away(e: Episode, number: int, tick: int) -> None:
@@ -141,7 +143,9 @@ def judge(e: Episode, number: int) -> None:
     joint, watching = e.joints[number], e.watching
     asked = joint.command
     asked.torque = asked.impedance + asked.friction + asked.gravity + asked.inertia + asked.target
-    wild = watching and e.trip.tick < 0 and not command_is_plausible(asked.torque, joint.bounds.highest_command)
+    wild = (
+        watching and e.trip.tick < 0 and not command_is_plausible(asked.torque, joint.bounds.highest_command)
+    )
     asked.cause = COMMAND_TRIP if wild else NO_TRIP
 
 

@@ -10,8 +10,8 @@ from twin_gait.core.guards import (
     OP_PHASE,
     is_above,
     is_among,
-    is_due,
     joined,
+    least_ticks_of,
 )
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import JOINTS_PER_LEG, LEGS, each, lanes, switch_row
@@ -46,52 +46,52 @@ def advance(e: Episode, number: int, tick: int) -> None:
 
     The reference engine asks its machine instead.
     """
+    occupied, program = 0, e.program
     for one in lanes(e):
-        one.legs[number].chosen = NO_TRANSITION
-    for index in range(e.program.n_transitions):
-        rule = e.program.transitions[index]
-        occupied = False
-        for one in lanes(e):
-            leg = one.legs[number]
-            leg.results = 0
-            occupied |= leg.before == rule.source
-        if occupied:
+        leg = one.legs[number]
+        leg.chosen = NO_TRANSITION
+        occupied |= 1 << leg.before
+    for index in range(program.n_transitions):
+        rule = program.transitions[index]
+        if (occupied >> rule.source) & 1 == 1:  # elsewhere nothing is counted
+            for one in lanes(e):
+                one.legs[number].results = 0
             for node in range(rule.first_node, rule.end_node):
                 _evaluate(e, number, node)
-        for one in lanes(e):
-            _count(one, number, index)
+            least_ticks = least_ticks_of(program, index)
+            for one in lanes(e):
+                _count(one, number, index, rule.source, rule.debounce_ticks, least_ticks)
 
 
 def _evaluate(e: Episode, number: int, index: int) -> None:
     """One step of :func:`twin_gait.core.guards.guard_holds`."""
     node = e.program.nodes[index]
-    if node.operation == OP_COMPARE:
-        comparison = e.program.comparisons[node.operand]
+    operation, operand = node.operation, node.operand
+    if operation == OP_COMPARE:
+        comparison = e.program.comparisons[operand]
         first, second = comparison.signal_a, comparison.signal_b
         for one in lanes(e):
-            leg, rule = one.legs[number], one.program.comparisons[node.operand]
-            above = is_above(rule, one.signals[first], one.signals[second])
-            leg.results = (leg.results << 1) | above
-    elif node.operation == OP_PHASE:
+            leg, own = one.legs[number], one.program.comparisons[operand]
+            leg.results = (leg.results << 1) | is_above(own, one.signals[first], one.signals[second])
+    elif operation == OP_PHASE:
         for one in lanes(e):
             leg = one.legs[number]
             other = one.legs[LEGS - 1 - number].before if LEGS == 2 else -1
-            leg.results = (leg.results << 1) | is_among(node.operand, other)
+            leg.results = (leg.results << 1) | is_among(operand, other)
     else:
         for one in lanes(e):
             leg = one.legs[number]
-            leg.results = joined(leg.results, node.operation, node.operand)
+            leg.results = joined(leg.results, operation, operand)
 
 
-def _count(one: Episode, number: int, index: int) -> None:
-    """Count the ticks in which a transition's guard has been open, and choose it if it is the first one due."""
+def _count(one: Episode, number: int, index: int, source: int, debounce_ticks: int, least_ticks: int) -> None:
+    """Count the ticks in which a transition's guard has been open; choose it if it is the first one due."""
     leg = one.legs[number]
-    if leg.before == one.program.transitions[index].source and (leg.results & 1) == 1 and one.trip.tick < 0:
-        leg.debounce[index] += 1
-        if leg.chosen == NO_TRANSITION and is_due(one.program, index, leg.ticks, leg.debounce[index]):
-            leg.chosen = index
-    else:
-        leg.debounce[index] = 0
+    is_open = leg.before == source and (leg.results & 1) == 1 and one.trip.tick < 0
+    open_ticks = leg.debounce[index] + 1 if is_open else 0
+    leg.debounce[index] = open_ticks
+    due = is_open and open_ticks >= debounce_ticks and leg.ticks >= least_ticks
+    leg.chosen = index if due and leg.chosen == NO_TRANSITION else leg.chosen
 
 
 def _write_signals(e: Episode, number: int, place: int) -> None:
@@ -134,6 +134,8 @@ def _switch(e: Episode, number: int, tick: int) -> None:
     e.recording.n_switches += 1
     leg.phase = target
     leg.entry_tick = tick
+    for index in range(len(leg.debounce)):
+        leg.debounce[index] = 0
     for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
         copy_setpoint(e.joints[place].blended, e.joints[place].blend_start)
     leg.gravity_start = leg.gravity
