@@ -58,7 +58,7 @@ def started(free: Episode, q: list[float], v: list[float], step: float, *, recor
 def evaluated_and_integrated(e: Episode, tick: int) -> None:
     """A tick as with a log, whose row is evaluated where it begins."""
     if e.recording.on:
-        acceleration(e, 0.0, e.q, e.v)
+        acceleration(e, tick * e.rates.period, False)
     integrate(e, tick)
 
 
