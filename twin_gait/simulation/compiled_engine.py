@@ -209,12 +209,14 @@ def _loop_of(
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop
+        from twin_gait.simulation.vectors import in_vectors
 
-        names = {**structure, **bound_kernel(bodies), **compiled_rows(episode, row)}
+        kernel = bound_kernel(bodies)
+        names = {**structure, **kernel, **in_vectors(kernel), **compiled_rows(episode, row)}
         return compile_loop(run_at, names, _ARGUMENTS, controller)
 
     what = (_text(episode), _text(row), kernel_structure(*bodies), structure)
-    key = source_key(repr(what), "compiled_engine", "../kernels")
+    key = source_key(repr(what), "compiled_engine", "vectors", "../kernels")
     return kept_loop(key, _ARGUMENTS, make, controller, on_compile)
 
 
