@@ -14,7 +14,7 @@ from twin_gait.core.contact import Ground
 from twin_gait.kernels.generated import SIDE_BY_SIDE, write_side_by_side
 from twin_gait.kernels.tracing import together
 from twin_gait.simulation.binding import kernel_functions
-from twin_gait.simulation.compiling import jit, quickly, record_at
+from twin_gait.simulation.compiling import jit, compiled_in, record_at
 from twin_gait.simulation.record import stored
 from twin_gait.simulation.vectors import in_vectors
 
@@ -90,7 +90,7 @@ def test_llvm_makes_vectors_of_them_though_its_vectoriser_is_off(item: Any) -> N
     scope = {"each": each, "ground": record_at(stored(GROUND).dtype)}
     exec(compile(f"def entry(address, given):\n    return each({', '.join(given)})", "entry", "exec"), scope)
     made, signature = jit(scope["entry"], inline=False), (types.intp, types.float64[::1])
-    with quickly():
+    with compiled_in():
         made.compile(signature)
     code = str(made.overloads[signature].library._final_module)
     multiplied = re.findall(r"fmul (<8 x double>|double) ", code)
