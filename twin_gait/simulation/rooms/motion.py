@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from twin_gait.core.friction import OTHER_LAWS, advanced_deflection
+from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, rotational_friction_torque
 from twin_gait.core.plant import brace_torque, imposed_motion_torque, passive_torque
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import RK4, SHIFT, dynamics
+from twin_gait.simulation.interface import RK4, RUBBING, SHIFT, dynamics, side_by_side
 
 
 def integrate(e: Episode, tick: int) -> None:
@@ -28,8 +28,9 @@ def acceleration(e: Episode, offset: float, q: list[float], v: list[float]) -> N
         q: Coordinates of the stage.
         v: Velocities of the stage.
     """
+    side_by_side(RUBBING, _rubbing, rotational_friction_torque, _keep_friction, e, v)
     for i in range(len(e.q)):
-        passive = passive_torque(e.plant[i], q[i], v[i], e.motor[i], q[i] - e.q[i])
+        passive = passive_torque(e.plant[i], e.torque[i], q[i], v[i], e.motor[i], q[i] - e.q[i])
         e.torque[i] = e.motor[i] + e.external[i] + passive
     motion = e.imposed_motion
     if motion.place >= 0:
@@ -43,6 +44,23 @@ def acceleration(e: Episode, offset: float, q: list[float], v: list[float]) -> N
             e.torque[i] -= brace.torque
             e.torque[i + SHIFT] += brace.torque
     e.contact_power = dynamics(q, v, e.torque, e.bodies, e.gravity, e.ground, e.a, e.points)
+
+
+def _rubbing(place: int, e: Episode, v: list[float]) -> tuple[float, float, float, float, float]:
+    """What :func:`~twin_gait.core.friction.rotational_friction_torque` is asked for."""
+    law = e.plant[place].friction
+    return (
+        v[place],
+        law.breakaway_torque,
+        law.coulomb_friction,
+        law.stribeck_velocity,
+        law.viscous_friction_forward,
+    )
+
+
+def _keep_friction(place: int, torque: float, e: Episode, v: list[float]) -> None:
+    """Keep it where the sum of all torques will be."""
+    e.torque[place] = torque
 
 
 def _euler_step(e: Episode, known: bool) -> None:
