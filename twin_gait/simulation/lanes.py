@@ -135,7 +135,7 @@ def _entry(view: Any) -> Any:
 def _bytes_of(item: Any) -> int:
     if isinstance(item, types.Record):
         return int(item.size)
-    return int(item.nbytes) if isinstance(item, types.NestedArray) else _WORD
+    return int(item.nitems) * _WORD if isinstance(item, types.NestedArray) else _WORD
 
 
 # ---------------------------------------------------------------------- typing
