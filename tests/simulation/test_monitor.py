@@ -18,8 +18,8 @@ from twin_gait.simulation.compiled_engine import CompiledEngine, laid_out
 from twin_gait.simulation.episode import Episode, Joint
 from twin_gait.simulation.record import copied, dtype_of, stored
 from twin_gait.simulation.reference_engine import ReferenceEngine
-from twin_gait.simulation.rooms.monitor import trip, watch
-from twin_gait.simulation.rooms.motors import demand, drive
+from twin_gait.simulation.rooms.monitor import watch
+from twin_gait.simulation.rooms.motors import control
 
 JOINT, LEG = 2, 1  # right hip and right leg of the treadmill: none is the first
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
@@ -161,7 +161,7 @@ def broken_for(e: Episode, look: Callable[..., None], case: Case, ticks: int, am
 
 
 def kept(e: Episode) -> tuple[int, int, int]:
-    return e.trip.tick, e.trip.cause, e.trip.place
+    return e.trip.tick, e.trip.cause, e.trip.part
 
 
 def test_there_is_a_case_of_every_cause_that_the_monitor_can_give():
@@ -328,14 +328,7 @@ def test_a_later_cause_changes_nothing_but_that_a_broken_drive_is_still_cut_off(
 @pytest.fixture(scope="module")
 def ask(laid):
     """Commands, trips and drives of a tick, joint after joint."""
-
-    def ask(e: Episode, tick: int) -> None:
-        for number in range(len(e.joints)):
-            bound_trip(e, tick, bound_demand(e, number, tick), number)
-            bound_drive(e, number, tick)
-
-    bound_demand, bound_trip, bound_drive = (bind(room, laid[1]) for room in (demand, trip, drive))
-    return ask
+    return bind(control, laid[1])
 
 
 def slacken(e: Episode) -> None:
@@ -399,11 +392,13 @@ def test_after_a_trip_the_controller_is_not_asked(e, laid):
     def never(*measured: float) -> tuple[float, float]:
         raise AssertionError("asked in the hold")
 
-    asked = bind(demand, {**laid[1], "controller_torques": never})
+    asked = bind(control, {**laid[1], "controller_torques": never})
     with pytest.raises(AssertionError, match="in the hold"):
-        asked(e, 0, 100)
-    e.trip.tick = 100
-    assert asked(e, 0, 101) == NO_TRIP
+        asked(e, 100)
+    e.trip.tick, e.trip.cause, e.trip.part = 100, safety.SUPPLY_TRIP, -1
+    asked(e, 101)
+    assert kept(e) == (100, safety.SUPPLY_TRIP, -1)
+    assert [joint.command.torque for joint in e.joints] == [0.0] * 4
 
 
 # ------------------------------------------------------------------ compiled

@@ -13,8 +13,8 @@ import numpy as np
 
 # With 8 or 16 LLVM unrolls a loop over the lanes before it could turn it into vectors.
 WIDTH = 32
-# Fields that the lanes of a block have in common and no tick changes, after the field that their record stands
-# in: where something is, which law it has, and what the whole tick goes by.
+# Fields that the lanes of a block have in common and no tick changes, after the field that their record
+# stands in: where something is, which law it has, and what the whole tick goes by.
 SHARED = frozenset(
     {
         *("episode.step", "episode.substeps", "episode.watching"),

@@ -122,25 +122,33 @@ class CompiledEngine:
         self,
         progress: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
+        columns: Sequence[int] | None = None,
     ) -> EngineResult:
         """Run to the end of the experiment, or to a fall, divergence or a request to stop.
 
         Args:
             progress: Called with ticks done and ticks in all, now and then.
             should_stop: Asked now and then; True ends the run.
+            columns: Positions of the columns of the log that are kept; all by default.
 
         Returns:
             The log up to there and how it ended.
         """
-        total = self.problem.experiment.n_ticks
-        rows = np.zeros((total if self._record else 1, len(self.layout.names)))
+        width = len(self.layout.names)
+        kept = range(width) if columns is None else columns
+        total = self.problem.experiment.n_ticks if self._record else 0
+        # Everybody reads columns: each chunk is turned round while the cache still holds it.
+        table, rows = np.empty((len(kept), total)), np.zeros((CHUNK_TICKS if self._record else 1, width))
 
         def run_ticks(first: int, end: int) -> tuple[int, int]:
-            return self.run_ticks(first, end, rows), int(self.episode["status"])
+            done = self.run_ticks(first, end, rows, first)
+            if self._record:
+                for place, column in enumerate(kept):
+                    table[place, first:done] = rows[: done - first, column]
+            return done, int(self.episode["status"])
 
         done, status, reason = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
-        rows = rows[:done] if self._record else rows[:0]
-        return EngineResult(rows, self.phase_switches(), status, reason, self.trip())
+        return EngineResult(table[:, :done].T, self.phase_switches(), status, reason, self.trip())
 
     def result(self, done: int, rows: np.ndarray) -> EngineResult:
         """The result of a run that has ended by itself after some ticks.

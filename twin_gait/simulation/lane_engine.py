@@ -16,14 +16,12 @@ import numpy as np
 from twin_gait.simulation.block import WIDTH, shared_words, side_by_side, word_of
 from twin_gait.simulation.compiled_engine import ARGUMENTS, CompiledEngine, Pattern, bound_to, run_at
 from twin_gait.simulation.engine import EngineResult
-from twin_gait.simulation.episode import COMPLETED, Episode
+from twin_gait.simulation.episode import COMPLETED
 from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.loops import kept_loop
 from twin_gait.simulation.machine_code import NativeFunction
 
 if TYPE_CHECKING:
-    from typing import Any
-
     from twin_gait.simulation.compiling import CompiledLoop
 
 # With fewer lanes in use a block takes longer than their episodes alone.
@@ -46,7 +44,7 @@ class LaneEngine:
         """
         assert len({kind_of(engine) for engine in engines}) == 1
         self.engines = engines
-        self._loop = _loop_of(engines[0].pattern, on_compile)
+        self._loop = lane_loop(engines[0].pattern, on_compile)
         self._block = side_by_side(np.concatenate([engine.parts[0] for engine in engines]))
         self._totals = np.array([engine.problem.experiment.n_ticks for engine in engines])
         self._ends = np.zeros_like(self._totals)
@@ -72,7 +70,7 @@ class LaneEngine:
             if record:
                 logs[running, :, begin:done] = rows[: done - begin, kept].transpose(2, 1, 0)[running]
             running = self._take_out(running, done)
-        for lane in running:
+        for lane in running.tolist():
             self._finish(lane, done, logs[lane], kept)
         return [
             engine.result(int(end), log[:, :end].T)
@@ -88,8 +86,8 @@ class LaneEngine:
         """Give back the records of lanes that have ended, or of all if few are left; returns the others."""
         over = (self._numbers("status")[running] != COMPLETED) | (self._totals[running] == done)
         self._ends[running[over]] = done
-        left = running[~over]
-        for lane in running if len(left) < FEWEST else running[over]:
+        left: np.ndarray = running[~over]
+        for lane in (running if len(left) < FEWEST else running[over]).tolist():
             self._give_back(lane)
         if len(left) > 0:
             self._block[:, np.setdiff1d(np.arange(WIDTH), left)] = self._block[:, left[:1]]
@@ -110,7 +108,8 @@ class LaneEngine:
 
     def _numbers(self, *path: str) -> np.ndarray:
         """A whole number of the record in all lanes."""
-        return self._block[word_of(self.engines[0].pattern.episode, *path)]
+        numbers: np.ndarray = self._block[word_of(self.engines[0].pattern.episode, *path)]
+        return numbers
 
 
 def kind_of(engine: CompiledEngine) -> Hashable | None:
@@ -124,7 +123,7 @@ def kind_of(engine: CompiledEngine) -> Hashable | None:
     return engine.loop, words[shared_words(engine.pattern.episode)].tobytes()
 
 
-def _loop_of(pattern: Pattern, on_compile: Callable[[], None] | None) -> NativeFunction:
+def lane_loop(pattern: Pattern, on_compile: Callable[[], None] | None) -> NativeFunction:
     """The loop for blocks of episodes of one pattern, compiled if need be."""
 
     def make() -> CompiledLoop:

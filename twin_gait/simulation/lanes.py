@@ -1,14 +1,21 @@
-"""Episodes side by side: a field of the record is a vector over the lanes of a block.
+"""Episodes in lockstep: a field of the record is a vector over the lanes of a block.
 
-A block holds the records of :data:`WIDTH` episodes, number by number: the number at byte o of a record lies at
-``o * WIDTH + 8 * lane`` bytes from the block's address. For numba a block, a lane of it, and every record or
-list in them are views with the fields of the record, so that rooms and laws compile over a block as they
-stand. A loop over ``lanes`` is marked for LLVM's vectoriser as one whose passes share no memory. Nobody checks
-that promise but the rule that all its body may write are fields of its own lane.
+For numba a block (:mod:`twin_gait.simulation.block`), a lane of it, and every record or list in them are
+views with the fields of the record, so that rooms and laws compile over a block as they stand. A loop over
+``lanes`` is marked for LLVM's vectoriser as one whose passes share no memory: its body may write fields of
+its own lane only, which is all that it is handed.
 
-Outside such a loop only fields that are alike in all lanes may be read (:data:`SHARED`); numba refuses any
-other. tests/simulation/test_lanes.py compares lanes and single episodes bit for bit.
+Three rules make a body vector code. Fields that are alike in all lanes (``block.SHARED``) are read before any
+condition, since LLVM moves no conditional read out of a loop, and what they lead to would be gathered. A loop
+that sums up a flag reads it from memory, or LLVM makes two loops of it, one for each value. And there is no
+loop of unknown length, no ``continue`` and no call that is not inlined in it.
+
+Outside a loop over lanes only what is alike in all of them can be read; numba refuses any other field.
+tests/simulation/test_lanes.py compares lanes and single episodes bit for bit.
 """
+
+# numba and llvmlite have no types.
+# mypy: disable-error-code="misc, untyped-decorator, name-defined, attr-defined, no-untyped-def"
 
 from __future__ import annotations
 
@@ -25,7 +32,13 @@ from numba.core import cgutils, lowering, types
 from numba.core.compiler_machinery import register_pass
 from numba.core.imputils import RefType, iternext_impl
 from numba.core.typed_passes import NativeLowering
-from numba.core.typing.templates import AbstractTemplate, AttributeTemplate, infer_getattr, infer_global, signature
+from numba.core.typing.templates import (
+    AbstractTemplate,
+    AttributeTemplate,
+    infer_getattr,
+    infer_global,
+    signature,
+)
 from numba.extending import (
     intrinsic,
     lower_builtin,
@@ -50,7 +63,7 @@ def _short(item: Any) -> str:
     return hashlib.blake2b(str(item).encode(), digest_size=6).hexdigest()
 
 
-class View(types.Type):  # type: ignore[misc]  # numba has no types
+class View(types.Type):
     """What stands at a place of a block.
 
     Attributes:
@@ -75,7 +88,7 @@ class RecordView(View):
     """A record."""
 
 
-class ListView(View, types.IterableType):  # type: ignore[misc]  # numba has no types
+class ListView(View, types.IterableType):
     """A list of records or numbers with ``count`` entries."""
 
     @property
@@ -84,7 +97,7 @@ class ListView(View, types.IterableType):  # type: ignore[misc]  # numba has no 
         return ViewIterator(self, _entry(self))
 
 
-class LanesView(View, types.IterableType):  # type: ignore[misc]  # numba has no types
+class LanesView(View, types.IterableType):
     """The lanes of a block, one after the other; ``count`` says whether in vectors."""
 
     @property
@@ -93,7 +106,7 @@ class LanesView(View, types.IterableType):  # type: ignore[misc]  # numba has no
         return ViewIterator(self, RecordView(self.item, self.field, False))
 
 
-class ViewIterator(types.SimpleIteratorType):  # type: ignore[misc]  # numba has no types
+class ViewIterator(types.SimpleIteratorType):
     """Goes through a list or the lanes."""
 
     def __init__(self, over: View, entry: Any) -> None:
@@ -105,13 +118,13 @@ class ViewIterator(types.SimpleIteratorType):  # type: ignore[misc]  # numba has
 @register_model(RecordView)
 @register_model(ListView)
 @register_model(LanesView)
-class _ViewModel(models.StructModel):  # type: ignore[misc]  # numba has no types
+class _ViewModel(models.StructModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, [("base", types.voidptr), ("lane", types.int64)])
 
 
 @register_model(ViewIterator)
-class _IteratorModel(models.StructModel):  # type: ignore[misc]  # numba has no types
+class _IteratorModel(models.StructModel):
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, [("over", kind.over), ("index", types.EphemeralPointer(types.int64))])
 
@@ -123,7 +136,9 @@ def _seen(item: Any, owner: str, name: str, whole: bool) -> Any:
     if isinstance(item, types.NestedArray):
         rest = item.shape[1:]
         entry = types.NestedArray(item.dtype, rest) if rest else item.dtype
-        return ListView(entry, f"{owner}.{name}" if f"{owner}.{name}" in SHARED else name, whole, item.shape[0])
+        return ListView(
+            entry, f"{owner}.{name}" if f"{owner}.{name}" in SHARED else name, whole, item.shape[0]
+        )
     return item
 
 
@@ -142,7 +157,7 @@ def _bytes_of(item: Any) -> int:
 
 
 @infer_getattr
-class _Fields(AttributeTemplate):  # type: ignore[misc]  # numba has no types
+class _Fields(AttributeTemplate):
     key = RecordView
 
     def generic_resolve(self, kind: Any, name: str) -> Any:
@@ -154,7 +169,7 @@ class _Fields(AttributeTemplate):  # type: ignore[misc]  # numba has no types
 
 
 @infer_global(operator.getitem)
-class _Entries(AbstractTemplate):  # type: ignore[misc]  # numba has no types
+class _Entries(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         if type(args[0]) is ListView and isinstance(args[1], types.Integer):
             found = _entry(args[0])
@@ -164,15 +179,15 @@ class _Entries(AbstractTemplate):  # type: ignore[misc]  # numba has no types
 
 
 @infer_global(operator.setitem)
-class _Stores(AbstractTemplate):  # type: ignore[misc]  # numba has no types
+class _Stores(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         if type(args[0]) is ListView and isinstance(args[1], types.Integer):
             return signature(types.none, args[0], types.int64, args[0].item)
         return None
 
 
-@overload(len)  # type: ignore[untyped-decorator]
-def _length(view):  # type: ignore[no-untyped-def]  # numba compares this with the signature of what it returns
+@overload(len)
+def _length(view):  # numba compares this with the signature of what it returns
     if isinstance(view, ListView):
         count = view.count
         return lambda view: count
@@ -194,7 +209,9 @@ def _address(context: Any, builder: Any, kind: Any, view: Any, offset: Any) -> t
     return builder.gep(view.base, [offset], inbounds=True), view.lane
 
 
-def _load(context: Any, builder: Any, kind: Any, view: Any, found: Any, offset: Any, name: str, shared: bool) -> Any:
+def _load(
+    context: Any, builder: Any, kind: Any, view: Any, found: Any, offset: Any, name: str, shared: bool
+) -> Any:
     """A number, or the view of what is larger."""
     base, lane = _address(context, builder, kind, view, offset)
     if isinstance(found, View):
@@ -209,7 +226,9 @@ def _load(context: Any, builder: Any, kind: Any, view: Any, found: Any, offset: 
     return number
 
 
-def _store(context: Any, builder: Any, kind: Any, view: Any, value: Any, item: Any, offset: Any, name: str) -> None:
+def _store(
+    context: Any, builder: Any, kind: Any, view: Any, value: Any, item: Any, offset: Any, name: str
+) -> None:
     base, lane = _address(context, builder, kind, view, offset)
     address = builder.bitcast(base, context.get_data_type(item).as_pointer())
     _label(builder, builder.store(value, builder.gep(address, [lane], inbounds=True), align=_WORD), name)
@@ -280,26 +299,32 @@ def _next(context: Any, builder: Any, sig: Any, args: Any, result: Any) -> None:
     result.set_valid(more)
     loops = builder.function.__dict__.setdefault("view_loops", [])
     loops.append((header, state.index, over))
-    if isinstance(over, LanesView):  # without a branch: a lane kept from before would tie one pass to the next
+    if isinstance(
+        over, LanesView
+    ):  # without a branch: a lane kept from before would tie one pass to the next
         block = cgutils.create_struct_proxy(over)(context, builder, state.over)
         result.yield_(_view(context, builder, kind.yield_type, block.base, index))
         return
     with builder.if_then(more):
         offset = _stride(builder, over, index)
-        result.yield_(_load(context, builder, over, state.over, _entry(over), offset, over.field, over.shared))
+        result.yield_(
+            _load(context, builder, over, state.over, _entry(over), offset, over.field, over.shared)
+        )
 
 
 # ---------------------------------------------------------------------- loops over lanes
 
 
-class _Distinct(ir.values.MDValue):  # type: ignore[misc]  # llvmlite has no types
+class _Distinct(ir.values.MDValue):
     """Metadata that is equal to itself only, as LLVM wants its loops and groups of accesses."""
 
     def descr(self, buffer: Any) -> None:
         buffer += ("distinct !{ ", ", ".join(item.get_reference() for item in self.operands), " }\n")
 
     def __eq__(self, other: object) -> bool:
-        return self is other  # llvmlite takes metadata with equal operands for one, and so one group for the other
+        return (
+            self is other
+        )  # llvmlite takes metadata with equal operands for one, and so one group for the other
 
     __hash__ = ir.values.MDValue.__hash__
 
@@ -310,7 +335,7 @@ def _number(block: Any) -> int:
     return int(found[1]) if found else -1
 
 
-class _Marking(lowering.Lower):  # type: ignore[misc]  # numba has no types
+class _Marking(lowering.Lower):
     """Marks loops over lanes for the vectoriser, and those over lists to be unrolled."""
 
     def post_lower(self) -> None:
@@ -352,8 +377,8 @@ class _Marking(lowering.Lower):  # type: ignore[misc]  # numba has no types
         return _Distinct(self.module, (), name=str(len(self.module.metadata)))
 
 
-@register_pass(mutates_CFG=True, analysis_only=False)  # type: ignore[untyped-decorator]
-class _MarkingPass(NativeLowering):  # type: ignore[misc]  # numba has no types
+@register_pass(mutates_CFG=True, analysis_only=False)
+class _MarkingPass(NativeLowering):
     _name = "marking"
     lowering_class = _Marking
 
@@ -364,7 +389,9 @@ class InLanes(Pruning):
     def define_pipelines(self) -> list[Any]:
         """Passes of the one pipeline."""
         (manager,) = super().define_pipelines()
-        manager.passes = [(_MarkingPass if item is NativeLowering else item, why) for item, why in manager.passes]
+        manager.passes = [
+            (_MarkingPass if item is NativeLowering else item, why) for item, why in manager.passes
+        ]
         manager._finalized = False
         manager.finalize()
         return [manager]
@@ -377,7 +404,7 @@ def block_at(dtype: np.dtype[Any]) -> Any:
     """Compiled function from an address to the block there."""
     block = RecordView(numba.from_dtype(dtype), "episode", True)
 
-    @intrinsic  # type: ignore[untyped-decorator]
+    @intrinsic
     def block_at(typing: Any, address: Any) -> Any:
         def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             return _view(context, builder, block, builder.inttoptr(args[0], cgutils.voidptr_t), _INTEGER(0))
@@ -388,7 +415,7 @@ def block_at(dtype: np.dtype[Any]) -> Any:
 
 
 def _through(in_vectors: bool) -> Any:
-    @intrinsic  # type: ignore[untyped-decorator]
+    @intrinsic
     def through(typing: Any, e: Any) -> Any:
         if not (isinstance(e, RecordView) and e.whole):
             return None
@@ -410,7 +437,7 @@ def rows_beside(dtype: np.dtype[Any]) -> Any:
     """
     row = RecordView(numba.from_dtype(dtype), "log", False)
 
-    @intrinsic  # type: ignore[untyped-decorator]
+    @intrinsic
     def row_beside(typing: Any, address: Any, number: Any, one: Any) -> Any:
         def generate(context: Any, builder: Any, sig: Any, args: Any) -> Any:
             place = builder.mul(args[1], _INTEGER(dtype.itemsize * WIDTH))

@@ -47,9 +47,7 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
                 one.torque[i + SHIFT] += brace.torque
     for one in lanes(e):
         q, v = _state(one, staged)
-        one.contact_power = dynamics(
-            q, v, one.torque, one.bodies, one.gravity, one.ground, one.a, one.points
-        )
+        one.contact_power = dynamics(q, v, one.torque, one.bodies, one.gravity, one.ground, one.a, one.points)
 
 
 def _state(one: Episode, staged: bool) -> tuple[list[float], list[float]]:
@@ -146,8 +144,8 @@ def _add_work(e: Episode, duration: float) -> None:
     if SHIFT > 0:
         for i in range(SHIFT):
             for one in lanes(e):
-                v = one.stages.v
-                one.brace_work += duration * one.braces[i].torque * (v[i + SHIFT] - v[i])
+                stages = one.stages
+                one.brace_work += duration * one.braces[i].torque * (stages.v[i + SHIFT] - stages.v[i])
     if e.imposed_motion.place >= 0:
         for one in lanes(e):
             motion = one.imposed_motion

@@ -143,7 +143,9 @@ def judge(e: Episode, number: int) -> None:
     joint, watching = e.joints[number], e.watching
     asked = joint.command
     asked.torque = asked.impedance + asked.friction + asked.gravity + asked.inertia + asked.target
-    wild = watching and e.trip.tick < 0 and not command_is_plausible(asked.torque, joint.bounds.highest_command)
+    wild = (
+        watching and e.trip.tick < 0 and not command_is_plausible(asked.torque, joint.bounds.highest_command)
+    )
     asked.cause = COMMAND_TRIP if wild else NO_TRIP
 
 

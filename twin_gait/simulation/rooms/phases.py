@@ -84,10 +84,8 @@ def _evaluate(e: Episode, number: int, index: int) -> None:
             leg.results = joined(leg.results, operation, operand)
 
 
-def _count(
-    one: Episode, number: int, index: int, source: int, debounce_ticks: int, least_ticks: int
-) -> None:
-    """Count the ticks in which a transition's guard has been open, and choose it if it is the first one due."""
+def _count(one: Episode, number: int, index: int, source: int, debounce_ticks: int, least_ticks: int) -> None:
+    """Count the ticks in which a transition's guard has been open; choose it if it is the first one due."""
     leg = one.legs[number]
     is_open = leg.before == source and (leg.results & 1) == 1 and one.trip.tick < 0
     open_ticks = leg.debounce[index] + 1 if is_open else 0
