@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,7 +30,6 @@ from twin_gait.experiment.problem import scaled_table
 from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import Patient
 from twin_gait.simulation import RunStatus
-from twin_gait.studies.batch import overridden
 from twin_gait.studies.tune import search as screening
 from twin_gait.studies.tune import stages
 from twin_gait.studies.tune import state as tune_settings
@@ -240,7 +240,7 @@ def test_another_mass_is_unknown_to_the_device() -> None:
     for case in robust_cases(nominal):
         if not case.name.startswith("mass"):
             continue
-        world = overridden(nominal, case.changes)
+        world = case.change(nominal)
         assert isinstance(world.patient, Patient) and isinstance(nominal.patient, Patient)
         assert abs(world.patient.mass / nominal.patient.mass - 1.0) == pytest.approx(0.1)
         assert world.control.patient == nominal.patient
@@ -252,7 +252,7 @@ def test_another_mass_is_unknown_to_the_device() -> None:
 
 def test_the_robust_set_covers_what_it_promises() -> None:
     nominal = load_experiment("treadmill").experiment
-    worlds = [overridden(nominal, case.changes) for case in robust_cases(nominal)]
+    worlds = [case.change(nominal) for case in robust_cases(nominal)]
     ratios = {ratio for world in worlds for ratio in world.plant.friction_ratio.values()}
     assert {0.35, 1.0} <= ratios
     assert {23.0, 33.6} <= {world.plant.battery.voltage for world in worlds}
@@ -266,10 +266,10 @@ def test_every_departure_passes_the_person_tuned_for() -> None:
     nominal = load_experiment("treadmill").experiment
     for item in departures(nominal):
         place = item.values.index(item.nominal)
-        assert item.cases[place].changes == {}
+        assert item.cases[place].change(nominal) == nominal
         assert list(item.values) == sorted(set(item.values))
-        for case in item.cases:
-            overridden(nominal, case.changes)
+        changed = [case.change(nominal) for case in item.cases]
+        assert all(one != other for one, other in itertools.pairwise(changed))
 
 
 def test_a_leg_on_a_bench_cannot_be_tuned(tmp_path: Path) -> None:
@@ -377,10 +377,9 @@ class Bowl:
     def __call__(
         self,
         asks: Sequence[Ask],
-        document: Mapping[str, Any],
+        experiment: object,
         workers: object,
         *,
-        quick: bool = False,
         reference_speed: float | None = None,
         progress: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
@@ -390,8 +389,9 @@ class Bowl:
             if should_stop is not None and should_stop():
                 return None
             self.walks += 1
-            swing = ask.table["phases"]["swing_flexion"]
-            stiffness, angle = swing["knee"]["stiffness_Nm_per_deg"], swing["hip"]["equilibrium_deg"]
+            swing = ask.table.phases["swing_flexion"].joints
+            stiffness = math.radians(swing["knee"].stiffness)
+            angle = math.degrees(swing["hip"].equilibrium_angle)
             hip = 2.0 + abs(angle - 45.0)
             knee = 4.0 + 20.0 * abs(math.log(stiffness / 3.0))
             values: dict[str, float | None] = {part.name: 0.0 for part in PARTS}
@@ -404,7 +404,7 @@ class Bowl:
 def bowl(monkeypatch: pytest.MonkeyPatch) -> Bowl:
     walks = Bowl()
     monkeypatch.setattr(stages, "walk_all", walks)
-    monkeypatch.setattr(stages, "run_walk", lambda walk, on_compile: Rating(0.0, {}, False, 1.0))
+    monkeypatch.setattr(stages, "rate_walks", lambda portion, on_compile: [])
     return walks
 
 
@@ -475,12 +475,13 @@ def test_the_worse_half_of_a_population_does_not_walk_the_corners(bowl: Bowl, tm
         result = tune(experiment, tmp_path / "out", settings)
     nominal, corners = portions[1:3]
     assert [ask.case.name for ask in nominal] == [NOMINAL] * 7
-    alone = bowl(nominal, {}, None)
+    alone = bowl(nominal, None, None)
     assert alone is not None
     leaders = sorted(range(7), key=lambda place: nominal_cost(alone[place]))[:4]
     names = [case.name for case in search_cases(experiment)[1:]]
     assert [ask.case.name for ask in corners] == names * 4
     assert [ask.table for ask in corners[:: len(names)]] == [nominal[place].table for place in leaders]
+    assert [ask.checked for ask in (*nominal, *corners)] == [False] * 7 + [True, False] * 4
     (generation,) = result.state.generations
     assert np.argsort(generation.costs).tolist()[:4] == leaders
     others = [generation.costs[place] for place in range(7) if place not in leaders]
@@ -492,9 +493,10 @@ def test_a_table_with_errors_is_never_a_finalist(bowl: Bowl, tmp_path: Path) -> 
         results = bowl(asks, *rest, **options)
         assert results is not None
         starts = stages.start_tables(load_experiment("treadmill").experiment.table)
-        if {ask.table["name"] for ask in asks} == {item.name for item in starts}:
+        if {ask.table.name for ask in asks} == {item.name for item in starts}:
             return results
-        return [item._replace(cost=1001.0, errors=("unstable",)) for item in results]
+        wrong = Rating(1001.0, {}, False, 0.0, ("unstable",))
+        return [wrong if ask.checked else item for ask, item in zip(asks, results, strict=True)]
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages, "walk_all", all_wrong)

@@ -13,7 +13,7 @@ import numpy as np
 
 from twin_gait import __version__
 from twin_gait.checking.check import counts
-from twin_gait.configuration.documents import dump_yaml, experiment_document
+from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
@@ -28,7 +28,7 @@ from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, PARTS, 
 from twin_gait.studies.tune.search import best_so_far, better_half
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
 from twin_gait.studies.tune.tune import Chosen, choose, final_table
-from twin_gait.studies.tune.walks import Ask, experiment_of, walk_all
+from twin_gait.studies.tune.walks import Ask, table_of, walk_all, walker
 from twin_gait.vocabulary import MOTOR_JOINTS
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
@@ -178,16 +178,11 @@ def walk_departures(
         None where it fell or hardly walked, and the falls. None if it was stopped.
     """
     found = departures(experiment)
-    asks = [Ask(table, case) for item in found for table in (before, after) for case in item.cases]
-    document = {
-        **experiment_document(experiment),
-        "seed": settings.seed,
-        "table": None,
-        "duration_s": settings.robust_duration,
-    }
+    tables = table_of(before), table_of(after)
+    asks = [Ask(table, case) for item in found for table in tables for case in item.cases]
     results = walk_all(
         asks,
-        document,
+        walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration),
         workers,
         reference_speed=settings.reference_speed,
         progress=progress,
@@ -224,9 +219,9 @@ def gait_curves(
         }
         for joint in MOTOR_JOINTS
     }
-    document = {**experiment_document(experiment), "seed": settings.seed}
+    walked = walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration)
     for name, table in (("before", before), ("after", after)):
-        run = simulate(replace(experiment_of(document, table, {}), duration=settings.robust_duration))
+        run = simulate(replace(walked, table=table_of(table)))
         for record in run.leg_records():
             for joint in MOTOR_JOINTS:
                 cycles = normalise_strides(record.angles[joint], record.strides())

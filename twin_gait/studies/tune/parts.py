@@ -19,16 +19,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from twin_gait.files import finite_or_none
+from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.reference import reference_curve
 from twin_gait.measures.strides import (
     PERCENT,
+    SKIPPED_STRIDES,
     normalise_strides,
     root_mean_square_error,
     symmetry_index,
 )
-from twin_gait.runs.summary import summarise
-from twin_gait.simulation import Run
-from twin_gait.vocabulary import JointName, Outcome
+from twin_gait.runs.leg_summary import by_contact, joint_motion, joint_saturation, torque_at_switches
+from twin_gait.simulation import Run, RunStatus
+from twin_gait.vocabulary import JointName
 
 WORST = 30.0  # cost of the worst walk that does not fall; the shipped table costs some 6
 FALL = 100.0  # cost of a fall at the start
@@ -84,13 +87,14 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
     Returns:
         Value by name of the part; None where the walk has too few strides for it.
     """
-    sides = list(summarise(run)["sides"].values())
+    legs = run.leg_records()
+    sides = [_leg(run, leg) for leg in legs]
     joints = [joint for side in sides for joint in side["joints"].values()]
     # Contacts of a foot that has just landed; further contacts in swing are scuffs.
     bounces = [(side["further_contacts"] - side["scuffs"], side["strides"]) for side in sides]
     return {
-        "hip_error_deg": _error(run, sides, JointName.HIP, reference_speed),
-        "knee_error_deg": _error(run, sides, JointName.KNEE, reference_speed),
+        "hip_error_deg": _error(run, legs, sides, JointName.HIP, reference_speed),
+        "knee_error_deg": _error(run, legs, sides, JointName.KNEE, reference_speed),
         "stride_variation_pct": _percent(_largest(side["stride_time_variation"] for side in sides)),
         "second_contacts_per_stride": _per_stride(bounces),
         "scuffs_per_stride": _per_stride([(side["scuffs"], side["strides"]) for side in sides]),
@@ -99,6 +103,26 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
         "torque_jump_Nm": _largest(joint["switch_torque_jump_Nm"] for joint in joints),
         "clearance_lack_mm": _clearance_lack(sides),
         "asymmetry_pct": _percent(_asymmetry(sides)),
+    }
+
+
+def _leg(run: Run, leg: LegRecord) -> dict[str, Any]:
+    """Those numbers of the summary of a leg that the parts are made of; None for what is not defined."""
+
+    def defined(numbers: Mapping[str, float]) -> dict[str, float | None]:
+        return {name: finite_or_none(value) for name, value in numbers.items()}
+
+    joints = {
+        joint: {
+            **joint_motion(leg, joint, SKIPPED_STRIDES),
+            **joint_saturation(run, leg, joint),
+            **torque_at_switches(run, leg, joint, SKIPPED_STRIDES),
+        }
+        for joint in leg.angles
+    }
+    return {
+        **defined(by_contact(run, leg, SKIPPED_STRIDES)),
+        "joints": {joint: defined(numbers) for joint, numbers in joints.items()},
     }
 
 
@@ -132,7 +156,7 @@ def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
         ``hip_error_deg``, whether it fell, and the share of the time that it lasted.
     """
     values = part_values(run, reference_speed)
-    fell = run.verdict.outcome in (Outcome.FELL, Outcome.DIVERGED, Outcome.HELD)
+    fell = run.trip is not None or run.status in (RunStatus.FELL, RunStatus.DIVERGED)
     end = run.duration if run.trip is None else run.trip.time
     lasted = min(1.0, end / run.experiment.duration)
     return Rating(walk_cost(values, lasted, fell), values, fell, lasted)
@@ -188,7 +212,11 @@ def _percent(share: float | None) -> float | None:
 
 
 def _error(
-    run: Run, sides: Sequence[Mapping[str, Any]], joint: JointName, reference_speed: float | None
+    run: Run,
+    legs: Sequence[LegRecord],
+    sides: Sequence[Mapping[str, Any]],
+    joint: JointName,
+    reference_speed: float | None,
 ) -> float | None:
     """RMSE from foot contact to foot contact in [deg], larger leg; the summary's unless a speed is given."""
     if reference_speed is None:
@@ -196,13 +224,8 @@ def _error(
     assert run.experiment.patient is not None  # a walk to be tuned has a wearer
     height = run.experiment.patient.height
     reference = reference_curve(joint, PERCENT, speed=reference_speed, height=height)
-    errors = []
-    for side in run.sides:
-        record = run.leg_record(side)
-        cycles = normalise_strides(record.angles[joint], record.strides())
-        error = math.degrees(root_mean_square_error(cycles, reference)) if len(cycles) else math.nan
-        errors.append(error if math.isfinite(error) else None)
-    return _largest(errors)
+    cycles = [normalise_strides(leg.angles[joint], leg.strides()) for leg in legs]
+    return _largest(finite_or_none(math.degrees(root_mean_square_error(item, reference))) for item in cycles)
 
 
 def _per_stride(counted: Iterable[tuple[int, int]]) -> float | None:

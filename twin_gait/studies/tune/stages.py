@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
@@ -38,10 +37,12 @@ from twin_gait.studies.tune.space import (
 from twin_gait.studies.tune.state import Finalist, Progress, Settings, State, Tuning, write_state
 from twin_gait.studies.tune.walks import (
     Ask,
-    Walk,
+    Portion,
     nominal_cost,
-    run_walk,
+    rate_walks,
+    table_of,
     walk_all,
+    walker,
     weighted_cost,
 )
 
@@ -88,9 +89,7 @@ class Stages:
         self._directory, self._should_stop = directory, should_stop
         self._progress = progress or (lambda step: None)
         self._began, self._before = time.perf_counter(), state.elapsed
-        self._experiment = experiment
-        document = experiment_document(experiment)
-        self._document = {**document, "seed": settings.seed, "table": None}
+        self._experiment = replace(experiment, seed=settings.seed)
         self._table = editable_document(experiment.table)
         self._begin_with(experiment.table)
         self._effects: tuple[Effect, ...] = ()
@@ -152,11 +151,10 @@ class Stages:
         cases = robust_cases(self._experiment)
         for number, case in enumerate(cases):
             self._tell("compiling", number, len(cases))
-            document = {**self._document, "duration_s": WARM_UP}
             for quick in (False, True):
-                walk = Walk(number, document, self._table, case.changes, None, False, quick)
+                walked = case.change(walker(self._experiment, duration=WARM_UP, quick=quick))
                 try:
-                    run_walk(walk, on_compile)
+                    rate_walks(Portion(number, ((walked, None),), None), on_compile)
                 except TwinGaitError as error:
                     raise ParameterError(f"{case.name}: {error}") from error
 
@@ -165,9 +163,8 @@ class Stages:
         counted = (lambda done, total: self._tell(stage, done, total)) if last else None
         results = walk_all(
             asks,
-            {**self._document, "duration_s": duration},
+            walker(self._experiment, duration=duration, quick=not last),
             self._workers,
-            quick=not last,
             reference_speed=self._settings.reference_speed,
             progress=counted,
             should_stop=self._should_stop,
@@ -179,7 +176,11 @@ class Stages:
     def _costs(self, tables: Sequence[Mapping[str, Any]], cases: Sequence[Case], stage: str) -> list[float]:
         """Cost of some tables in the short walks."""
         checked = stage != "screening"  # which wants to know what walks, not what may
-        asks = [Ask(table, case, checked and case.name == NOMINAL) for table in tables for case in cases]
+        asks = [
+            Ask(table, case, checked and case.name == NOMINAL)
+            for table in map(table_of, tables)
+            for case in cases
+        ]
         results = self._walk(asks, self._settings.search_duration, stage)
         size = len(cases)
         costs = []
@@ -191,26 +192,31 @@ class Stages:
                 self._best = (cost, results[place].values)
         return costs
 
-    def _raced(self, tables: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[float]:
+    def _raced(self, tables: Sequence[GaitTable], cases: Sequence[Case]) -> list[float]:
         """Cost of a population, of which the worse half of the nominal walks does not walk the corners.
 
-        The optimiser learns from the better half, by the order of the costs; each of the others costs more.
+        The optimiser learns from the better half, by the order of the costs; each of the others costs more,
+        and a table with an error most of all. Only what walked well is checked: that takes as long as a walk.
         """
         first, *corners = cases
         duration = self._settings.search_duration
-        nominal = self._walk([Ask(table, first, True) for table in tables], duration, "")
+        nominal = self._walk([Ask(table, first) for table in tables], duration, "")
         order = better_half([nominal_cost(walk) for walk in nominal])
-        leaders = [place for place in order if not nominal[place].errors]
-        asks = [Ask(tables[place], case) for place in leaders for case in corners]
+        leaders = [place for place in order if not nominal[place].fell]
+        asks = [Ask(tables[place], case, case is corners[0]) for place in leaders for case in corners]
         others = iter(self._walk(asks, duration, ""))
-        costs = {
-            place: weighted_cost([nominal[place], *(next(others) for _ in corners)]) for place in leaders
-        }
+        costs, forbidden = dict[int, float](), dict[int, float]()
         for place in leaders:
+            walks = [nominal[place], *(next(others) for _ in corners)]
+            if walks[1].errors:
+                forbidden[place] = walks[1].cost
+                continue
+            costs[place] = weighted_cost(walks)
             if costs[place] < self._best[0]:
                 self._best = (costs[place], nominal[place].values)
-        worst = max(costs.values(), default=0.0)
-        return [costs.get(place, worst + nominal_cost(nominal[place])) for place in range(len(tables))]
+        worst = max(costs.values(), default=FALL)
+        told = costs | forbidden
+        return [told.get(place, worst + nominal_cost(nominal[place])) for place in range(len(tables))]
 
     def _walk_start(self) -> None:
         """Walk the table that is to be bettered and all that the search could begin with."""
@@ -253,7 +259,7 @@ class Stages:
         while not self._over():
             self._tell("search", len(state.generations), settings.generations)
             points = search.ask()
-            tables = [table_with(self._origin, searched, point) for point in points]
+            tables = [table_of(table_with(self._origin, searched, point)) for point in points]
             generation = Generation(points, self._raced(tables, cases))
             search.tell(generation)
             state.generations.append(generation)
@@ -279,7 +285,7 @@ class Stages:
             if len(chosen) <= FINALISTS and all(table != other for _, _, other in chosen):
                 chosen.append((tuple(points), cost, table))
         cases = robust_cases(self._experiment)
-        asks = [Ask(table, case, False) for _, _, table in chosen for case in cases]
+        asks = [Ask(table_of(table), case) for _, _, table in chosen for case in cases]
         results = self._walk(asks, self._settings.robust_duration, "robust set")
         names = [case.name for case in cases]
         return [

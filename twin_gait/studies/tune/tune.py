@@ -10,8 +10,6 @@ from typing import Any, NamedTuple
 
 from twin_gait.checking.check import build_case, check
 from twin_gait.checking.finding import Finding, Severity
-from twin_gait.configuration.documents import experiment_document
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
@@ -28,7 +26,7 @@ from twin_gait.studies.tune.state import (
     open_state,
     write_state,
 )
-from twin_gait.studies.tune.walks import experiment_of
+from twin_gait.studies.tune.walks import table_of
 
 
 def tune(
@@ -102,7 +100,7 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
     with tempfile.TemporaryDirectory() as folder:
         tuning = tune(experiment, Path(folder) / "tuning", Settings(**settings), workers=workers)
         chosen = choose(tuning, experiment)
-    return experiment_of(experiment_document(experiment), chosen.finalist.table, {}).table
+    return table_of(chosen.finalist.table)
 
 
 class Chosen(NamedTuple):
@@ -126,8 +124,7 @@ def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
         ParameterError: If none passes, not even the table that the search began with.
     """
     for refused, finalist in enumerate(tuning.ranked):
-        driven = experiment_of(experiment_document(experiment), finalist.table, {})
-        findings = check(build_case(driven.table, driven))
+        findings = check(build_case(table_of(finalist.table), experiment))
         if not any(item.severity is Severity.ERROR for item in findings):
             return Chosen(finalist, tuple(findings), refused)
     raise ParameterError(
@@ -146,5 +143,5 @@ def final_table(chosen: Chosen, experiment: Experiment, wearer: str, began_with:
         "nothing here was measured on a person."
     )
     document = {**chosen.finalist.table, "name": f"{start}_tuned", "description": origin}
-    gait_table_from_mapping(document, "the tuned table", start)
+    table_of(document)
     return document

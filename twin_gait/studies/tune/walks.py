@@ -1,20 +1,20 @@
-"""One walk of one candidate as a job, which any process that has this package can do."""
+"""Walks of candidates, some at a time as a job that any process that has this package can do."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from twin_gait.checking import exits, graph, leaving, stability
 from twin_gait.checking.check import build_case
 from twin_gait.checking.finding import Rule, Severity
-from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
+from twin_gait.gait.table import GaitTable
 from twin_gait.simulation import simulate
-from twin_gait.studies.batch import overridden
 from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
 from twin_gait.studies.tune.cases import Case
 from twin_gait.studies.tune.parts import Rating, excess_cost, rate_walk
@@ -38,62 +38,69 @@ QUICK_RULES: tuple[Rule, ...] = tuple(
 )
 NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the other cases share the rest
 FORBIDDEN = 1000.0  # cost of a table with an error, far above any walk
+MOST_TOGETHER = 32  # walks that a worker does together
 # For screening and search, where a quarter of the time buys four times the candidates: parts of the shipped
 # walk are within 0.01° and 0.1 percentage points of those at the default step, at which all is walked that is
 # told in the end.
 QUICK_INTEGRATION = Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
 
 
-class Walk(NamedTuple):
-    """A walk to be done: plain values only.
+class Ask(NamedTuple):
+    """One table in one case, for :func:`walk_all`.
 
     Attributes:
-        number: Of it in its portion.
-        document: The experiment, whose table is replaced.
-        table: Document of the gait table.
-        changes: Values by keys of the experiment.
-        reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
-        checked: Whether the quick rules of the check come first.
-        quick: Whether ``QUICK_INTEGRATION`` will do.
+        table: The gait table.
+        case: The case.
+        checked: Whether the quick rules of the check come first, with the table in the case of nothing.
     """
 
-    number: int
-    document: Mapping[str, Any]
-    table: Mapping[str, Any]
-    changes: Mapping[str, Any]
-    reference_speed: float | None
-    checked: bool
-    quick: bool
-
-    def __str__(self) -> str:
-        return f"walk {self.number}"
-
-
-class Ask(NamedTuple):
-    """One table in one case, for :func:`walk_all`."""
-
-    table: Mapping[str, Any]
+    table: GaitTable
     case: Case
     checked: bool = False
 
 
-def run_walk(walk: Walk, on_compile: Callable[[], None] | None = None) -> Rating:
-    """Check a table and walk it; a fall is a result, and an error of this package that it cannot be run."""
-    experiment = experiment_of(walk.document, walk.table, walk.changes, quick=walk.quick)
-    errors = quick_errors(experiment) if walk.checked else ()
-    if errors:
-        return Rating(FORBIDDEN + len(errors), {}, False, 0.0, errors)
-    run = simulate(experiment, on_compile=on_compile)
-    return rate_walk(run, walk.reference_speed)
+class Portion(NamedTuple):
+    """Walks that a worker does together.
+
+    Attributes:
+        number: Of the first.
+        walks: What is to be walked, and what the quick rules of the check see first, if anything.
+        reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
+    """
+
+    number: int
+    walks: tuple[tuple[Experiment, Experiment | None], ...]
+    reference_speed: float | None
+
+    def __str__(self) -> str:
+        return f"walks from {self.number} on"
 
 
-def experiment_of(
-    document: Mapping[str, Any], table: Mapping[str, Any], changes: Mapping[str, Any], *, quick: bool = False
-) -> Experiment:
-    """Experiment with another table and some changes by its keys, for the compiled engine."""
-    experiment = experiment_from_mapping({**document, "table": dict(table)}, "the tuning", Path())
-    experiment = replace(experiment, engine=Engine.COMPILED, integration=QUICK_INTEGRATION if quick else None)
-    return overridden(experiment, changes, "the tuning") if changes else experiment
+def rate_walks(portion: Portion, on_compile: Callable[[], None] | None = None) -> list[Rating]:
+    """Check tables and walk them; a fall is a result, and an error of this package that one cannot be run."""
+    found = []
+    for experiment, checked in portion.walks:
+        errors = () if checked is None else quick_errors(checked)
+        if errors:
+            found.append(Rating(FORBIDDEN + len(errors), {}, False, 0.0, errors))
+        else:
+            found.append(rate_walk(simulate(experiment, on_compile=on_compile), portion.reference_speed))
+    return found
+
+
+def table_of(document: Mapping[str, Any]) -> GaitTable:
+    """The gait table of a document of :func:`twin_gait.studies.tune.space.editable_document`."""
+    return gait_table_from_mapping(dict(document), "the tuning", str(document["name"]))
+
+
+def walker(experiment: Experiment, *, duration: float, quick: bool = False) -> Experiment:
+    """An experiment as it is walked: by the compiled engine, for so long in [s], at the default step or not.
+
+    Args:
+        quick: Whether ``QUICK_INTEGRATION`` will do.
+    """
+    integration = QUICK_INTEGRATION if quick else None
+    return replace(experiment, engine=Engine.COMPILED, integration=integration, duration=duration)
 
 
 def quick_errors(experiment: Experiment) -> tuple[str, ...]:
@@ -105,10 +112,9 @@ def quick_errors(experiment: Experiment) -> tuple[str, ...]:
 
 def walk_all(
     asks: Sequence[Ask],
-    document: Mapping[str, Any],
+    experiment: Experiment,
     workers: Workers,
     *,
-    quick: bool = False,
     reference_speed: float | None = None,
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
@@ -116,8 +122,8 @@ def walk_all(
     """Walk many tables in many cases; the results do not depend on the workers.
 
     Args:
+        experiment: From :func:`walker`; its table is replaced.
         workers: Processes or a cluster that execute the walks.
-        quick: Whether ``QUICK_INTEGRATION`` will do.
         reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
         progress: Called with walks done and in all.
 
@@ -127,15 +133,21 @@ def walk_all(
     Raises:
         ParameterFileError: If a walk could not be run.
     """
-    walks = [
-        Walk(index, document, ask.table, ask.case.changes, reference_speed, ask.checked, quick)
-        for index, ask in enumerate(asks)
+    walks = []
+    for table, case, checked in asks:
+        own = replace(experiment, table=table)
+        walks.append((case.change(own), own if checked else None))
+    size = max(1, min(MOST_TOGETHER, math.ceil(len(walks) / workers.slots())))
+    portions = [
+        Portion(place, tuple(walks[place : place + size]), reference_speed)
+        for place in range(0, len(walks), size)
     ]
+    told = progress and (lambda done, total: progress(min(done * size, len(walks)), len(walks)))
     try:
-        results = run_jobs(run_walk, walks, workers=workers, progress=progress, should_stop=should_stop)
+        results = run_jobs(rate_walks, portions, workers=workers, progress=told, should_stop=should_stop)
     except JobFailed as error:
-        raise ParameterFileError("the tuning", asks[error.index].case.name, error.problem) from error
-    return results if len(results) == len(asks) else None
+        raise ParameterFileError("the tuning", str(portions[error.index]), error.problem) from error
+    return [rating for part in results for rating in part] if len(results) == len(portions) else None
 
 
 def weighted_cost(walks: Sequence[Rating]) -> float:
