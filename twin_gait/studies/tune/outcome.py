@@ -25,10 +25,9 @@ from twin_gait.simulation import simulate
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import check_walker, departures
 from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, PARTS, WORST, Rating, part_costs
-from twin_gait.studies.tune.search import best_so_far, better_half
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
 from twin_gait.studies.tune.tune import Chosen, choose, final_table
-from twin_gait.studies.tune.walks import Ask, table_of, walk_all, walker
+from twin_gait.studies.tune.walks import table_of, walk_all, walker
 from twin_gait.vocabulary import MOTOR_JOINTS
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
@@ -124,7 +123,6 @@ def outcome(
     before = tuning.before
     assert before is not None and tuning.state.start_cost is not None  # a completed tuning has both
     after = chosen.finalist
-    curve = best_so_far(tuning.state.start_cost, tuning.state.generations)
     return {
         "schema_version": OUTCOME_VERSION,
         "version": __version__,
@@ -147,14 +145,9 @@ def outcome(
         "robust_set": _robust(before, after),
         "departures": dict(departed),
         "parameters": _parameters(tuning, after),
-        "screening": [asdict(effect) for effect in tuning.effects],
         "convergence": {
-            "best": curve.tolist(),
-            # Of those that have walked all cases; the others' costs only say that they are worse.
-            "median": [
-                float(np.median([item.costs[place] for place in better_half(item.costs)]))
-                for item in tuning.state.generations
-            ],
+            "best": [item.cost for item in tuning.state.generations],
+            "median": [item.median for item in tuning.state.generations],
         },
         "check": {**counts(chosen.findings), "refused_before_it": chosen.refused},
         "effort": _effort(tuning, settings),
@@ -179,10 +172,14 @@ def walk_departures(
     """
     found = departures(experiment)
     tables = table_of(before), table_of(after)
-    asks = [Ask(table, case) for item in found for table in tables for case in item.cases]
+    walked = walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration)
     results = walk_all(
-        asks,
-        walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration),
+        [
+            case.change(replace(walked, table=table))
+            for item in found
+            for table in tables
+            for case in item.cases
+        ],
         workers,
         reference_speed=settings.reference_speed,
         progress=progress,
@@ -285,19 +282,17 @@ def _degradation(walks: Sequence[Rating]) -> dict[str, list[Any]]:
 
 
 def _parameters(tuning: Tuning, chosen: Finalist) -> list[dict[str, Any]]:
-    points = dict(zip((item.name for item in tuning.searched), chosen.points or (), strict=False))
-    searched = {item.name for item in tuning.searched}
+    points = chosen.points or tuple(item.start_coordinate for item in tuning.parameters)
     return [
         {
             "name": item.name,
             "unit": item.unit,
             "start": item.start,
-            "tuned": item.value(points[item.name]) if item.name in points else item.start,
+            "tuned": item.value(point),
             "lower": item.lower,
             "upper": item.upper,
-            "searched": item.name in searched,
         }
-        for item in tuning.parameters
+        for item, point in zip(tuning.parameters, points, strict=True)
     ]
 
 
@@ -305,10 +300,8 @@ def _effort(tuning: Tuning, settings: Settings) -> dict[str, Any]:
     generations = tuning.state.generations
     return {
         "seed": settings.seed,
-        "generations": len(generations),
-        "population": settings.population,
-        "candidates": sum(len(item.costs) for item in generations),
-        "screening_points": len(tuning.state.screening),
+        "generations": len(generations) - 1,  # the first is the start
+        "candidates": sum(item.candidates for item in generations),
         "elapsed_s": tuning.state.elapsed,
         "versions": tuning.state.identity["versions"],
     }

@@ -29,13 +29,14 @@ from twin_gait.measures.strides import (
     root_mean_square_error,
     symmetry_index,
 )
+from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.leg_summary import by_contact, joint_motion, joint_saturation, torque_at_switches
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.vocabulary import JointName
 
 WORST = 30.0  # cost of the worst walk that does not fall; the shipped table costs some 6
 FALL = 100.0  # cost of a fall at the start
-# The tool is held to the goals of the errors. Without the excess the search trades one goal for the other.
+# Without the excess the search trades one goal for the other.
 HELD_TO = 20.0  # weight
 AIM = 0.9  # share of a goal beyond which the excess counts: a little better than asked for
 NEEDED_CLEARANCE = 15.0  # [mm]; how far the toe stays below it is a part
@@ -51,7 +52,6 @@ class Part:
         unit: For people.
         goal: Value that costs just the weight.
         weight: w, see the module.
-        excess: Of :func:`excess_cost`.
     """
 
     name: str
@@ -59,14 +59,14 @@ class Part:
     unit: str
     goal: float
     weight: float
-    excess: float = 0.0
 
 
+SAMPLES_APART = 5  # [%] of a stride: of the deviations that the search learns from
 _TOE = f"toe lower than {NEEDED_CLEARANCE:g} mm in swing by"
-# Goals of the errors and of saturation are those that the tool is held to; 60 N m is the motors' limit.
+# 60 N m is the motors' limit.
 PARTS = (
-    Part("hip_error_deg", "hip error", "°", goal=4.0, weight=1.0, excess=HELD_TO),
-    Part("knee_error_deg", "knee error", "°", goal=8.0, weight=1.0, excess=HELD_TO),
+    Part("hip_error_deg", "hip error", "°", goal=4.0, weight=1.0),
+    Part("knee_error_deg", "knee error", "°", goal=8.0, weight=1.0),
     Part("stride_variation_pct", "stride variation", "%", goal=2.0, weight=0.25),
     Part("second_contacts_per_stride", "second contacts", "per stride", goal=0.25, weight=0.25),
     Part("scuffs_per_stride", "toe scuffs", "per stride", goal=0.25, weight=0.25),
@@ -76,6 +76,7 @@ PARTS = (
     Part("clearance_lack_mm", _TOE, "mm", goal=5.0, weight=0.25),
     Part("asymmetry_pct", "difference of the legs", "%", goal=10.0, weight=0.25),
 )
+ERRORS = PARTS[:2]
 
 
 def part_values(run: Run, reference_speed: float | None = None) -> dict[str, float | None]:
@@ -130,18 +131,19 @@ class Rating(NamedTuple):
     """What a walk is worth: plain values only, which any process can send.
 
     Attributes:
-        cost: See the module; ``FORBIDDEN`` and more for a table with errors.
+        cost: See the module.
         values: Of the parts.
         fell: Whether it ended in a fall, a trip of the safety monitor or diverged.
         lasted: Share of the time.
-        errors: Ids of the rules of the check that forbid the table; then it was not walked.
+        deviations: Of the mean strides from the reference, over goals; their squares add up to about those of
+            the errors, halved by the legs. Empty if a leg made no stride.
     """
 
     cost: float
     values: dict[str, float | None]
     fell: bool
     lasted: float
-    errors: tuple[str, ...] = ()
+    deviations: tuple[float, ...] = ()
 
 
 def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
@@ -159,7 +161,7 @@ def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
     fell = run.trip is not None or run.status in (RunStatus.FELL, RunStatus.DIVERGED)
     end = run.duration if run.trip is None else run.trip.time
     lasted = min(1.0, end / run.experiment.duration)
-    return Rating(walk_cost(values, lasted, fell), values, fell, lasted)
+    return Rating(walk_cost(values, lasted, fell), values, fell, lasted, _deviations(run, reference_speed))
 
 
 def walk_cost(values: Mapping[str, float | None], lasted: float, fell: bool) -> float:
@@ -185,18 +187,63 @@ def part_costs(values: Mapping[str, float | None]) -> dict[str, float]:
     return costs
 
 
-def excess_cost(values: Mapping[str, float | None]) -> float:
-    r"""What missed goals cost on top, in the walk that a table is tuned for.
+def nominal_cost(walk: Rating) -> float:
+    r"""Cost of the walk that a table is tuned for, in which a goal that is missed costs more.
 
-    :math:`\sum_i e_i \max(0, x_i / g_i - 0.9)^2`, where e is not 0 for the two errors only.
-    What is not defined costs nothing, nor does a table that did not walk and has no values.
+    .. math::
+
+        J + 20 \sum_i \max(0, x_i / g_i - 0.9)^2
+
+    Above half of ``WORST`` it bends so that it stays below that: a fall costs more than any walk, and of two
+    bad walks the worse costs more.
     """
-    total = 0.0
-    for part in PARTS:
-        value = values.get(part.name)
-        if value is not None:
-            total += part.excess * max(0.0, value / part.goal - AIM) ** 2
-    return total
+    if walk.fell or not walk.deviations:
+        return walk.cost
+    total = walk.cost + HELD_TO * sum(lack * lack for lack in _lacks(walk.values))
+    half = 0.5 * WORST
+    return total if total <= half else WORST - half * half / total
+
+
+def residuals(walk: Rating) -> np.ndarray | None:
+    """Numbers whose squares add up to about the :func:`nominal_cost` of a walk; None of one that fell.
+
+    The errors are told sample by sample, and so more than by two numbers.
+    """
+    if walk.fell or not walk.deviations:
+        return None
+    costs = part_costs(walk.values)
+    others = [math.sqrt(costs[part.name]) for part in PARTS if part not in ERRORS]
+    return np.array([*walk.deviations, *others, *(math.sqrt(HELD_TO) * lack for lack in _lacks(walk.values))])
+
+
+def _lacks(values: Mapping[str, float | None]) -> list[float]:
+    """How far each part is beyond ``AIM`` of its goal, over the goal; 0 of one that is not defined."""
+    ratios = ((values[part.name] or 0.0) / part.goal for part in PARTS)
+    return [max(0.0, ratio - AIM) for ratio in ratios]
+
+
+def _deviations(run: Run, reference_speed: float | None) -> tuple[float, ...]:
+    """Mean strides less the reference over goal, every 5 %, with squares that add up to 1 at the goals."""
+    legs = run.leg_records()
+    found: list[float] = []
+    for leg in legs:
+        for part, joint in zip(ERRORS, (JointName.HIP, JointName.KNEE), strict=True):
+            cycles = normalise_strides(leg.angles[joint], leg.strides())
+            reference = _reference(run, joint, reference_speed)
+            if not len(cycles) or reference is None:
+                return ()
+            apart = np.degrees(cycles.mean(axis=0) - reference)[:-1:SAMPLES_APART]
+            found += (apart / (part.goal * math.sqrt(len(legs) * len(apart)))).tolist()
+    return tuple(found)
+
+
+def _reference(run: Run, joint: JointName, reference_speed: float | None) -> np.ndarray | None:
+    """Reference angles in [rad] at ``PERCENT``; those of the summary unless a speed is given."""
+    if reference_speed is None:
+        return reference_cycle(run.experiment, joint)
+    assert run.experiment.patient is not None  # a walk to be tuned has a wearer
+    height = run.experiment.patient.height
+    return reference_curve(joint, PERCENT, speed=reference_speed, height=height)
 
 
 def _largest(values: Iterable[float | None]) -> float | None:
@@ -221,9 +268,8 @@ def _error(
     """RMSE from foot contact to foot contact in [deg], larger leg; the summary's unless a speed is given."""
     if reference_speed is None:
         return _largest(side[f"rmse_{joint}_by_contact_deg"] for side in sides)
-    assert run.experiment.patient is not None  # a walk to be tuned has a wearer
-    height = run.experiment.patient.height
-    reference = reference_curve(joint, PERCENT, speed=reference_speed, height=height)
+    reference = _reference(run, joint, reference_speed)
+    assert reference is not None  # given with the speed
     cycles = [normalise_strides(leg.angles[joint], leg.strides()) for leg in legs]
     return _largest(finite_or_none(math.degrees(root_mean_square_error(item, reference))) for item in cycles)
 

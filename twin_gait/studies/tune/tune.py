@@ -1,4 +1,4 @@
-"""Tune a gait table to a wearer: screening, search, robust set, and the choice of the table."""
+"""Tune a gait table to a wearer: search, robust set, and the choice of the table."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def tune(
     should_stop: Callable[[], bool] | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> Tuning:
-    """Screen, search and rank, keeping the state in a folder after every step.
+    """Search and rank, keeping the state in a folder after every step.
 
     The result depends on the experiment, the settings and the number of generations, neither on the workers
     nor on how often it was stopped and resumed.
@@ -57,7 +57,6 @@ def tune(
         on_compile: Called if the engine has to be compiled, which takes 10 to 20 s.
 
     Raises:
-        MissingOptionalDependency: If cma or SALib is not installed.
         ParameterError: If there is nothing to tune, or the settings make no sense.
         ParameterFileError: If a walk could not be run.
         RunDirectoryError: If the folder may not be used.
@@ -86,15 +85,13 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
         experiment: A treadmill with a wearer, and the table that is to be bettered.
         workers: Processes or a cluster that execute the walks; the calling process if None.
         **settings: Those of :class:`twin_gait.studies.tune.settings.Settings`: ``minutes`` for everything
-            (10), or ``generations`` of the search, with which the result does not depend on the machine's
-            speed; ``seed``; ``screening``, whether the search is narrowed to the numbers that matter;
-            ``population``; ``search_duration`` and ``robust_duration`` of a walk in [s].
+            (3), or ``generations`` of the search, with which the result does not depend on the machine's
+            speed; ``seed``; ``search_duration`` and ``robust_duration`` of a walk in [s].
 
     Returns:
         The best table that passes ``twin-gait check``.
 
     Raises:
-        MissingOptionalDependency: If cma or SALib is not installed.
         ParameterError: If there is nothing to tune, or no table passes the check.
     """
     with tempfile.TemporaryDirectory() as folder:

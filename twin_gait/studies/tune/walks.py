@@ -16,8 +16,7 @@ from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMet
 from twin_gait.gait.table import GaitTable
 from twin_gait.simulation import simulate
 from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
-from twin_gait.studies.tune.cases import Case
-from twin_gait.studies.tune.parts import Rating, excess_cost, rate_walk
+from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
 QUICK_RULES: tuple[Rule, ...] = tuple(
@@ -37,26 +36,11 @@ QUICK_RULES: tuple[Rule, ...] = tuple(
     }
 )
 NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the other cases share the rest
-FORBIDDEN = 1000.0  # cost of a table with an error, far above any walk
 MOST_TOGETHER = 32  # walks that a worker does together
-# For screening and search, where a quarter of the time buys four times the candidates: parts of the shipped
+# For the search, where a quarter of the time buys four times the candidates: parts of the shipped
 # walk are within 0.01° and 0.1 percentage points of those at the default step, at which all is walked that is
 # told in the end.
 QUICK_INTEGRATION = Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
-
-
-class Ask(NamedTuple):
-    """One table in one case, for :func:`walk_all`.
-
-    Attributes:
-        table: The gait table.
-        case: The case.
-        checked: Whether the quick rules of the check come first, with the table in the case of nothing.
-    """
-
-    table: GaitTable
-    case: Case
-    checked: bool = False
 
 
 class Portion(NamedTuple):
@@ -64,12 +48,12 @@ class Portion(NamedTuple):
 
     Attributes:
         number: Of the first.
-        walks: What is to be walked, and what the quick rules of the check see first, if anything.
+        walks: What is to be walked.
         reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
     """
 
     number: int
-    walks: tuple[tuple[Experiment, Experiment | None], ...]
+    walks: tuple[Experiment, ...]
     reference_speed: float | None
 
     def __str__(self) -> str:
@@ -77,15 +61,9 @@ class Portion(NamedTuple):
 
 
 def rate_walks(portion: Portion, on_compile: Callable[[], None] | None = None) -> list[Rating]:
-    """Check tables and walk them; a fall is a result, and an error of this package that one cannot be run."""
-    found = []
-    for experiment, checked in portion.walks:
-        errors = () if checked is None else quick_errors(checked)
-        if errors:
-            found.append(Rating(FORBIDDEN + len(errors), {}, False, 0.0, errors))
-        else:
-            found.append(rate_walk(simulate(experiment, on_compile=on_compile), portion.reference_speed))
-    return found
+    """Walk tables; a fall is a result, and an error of this package that one cannot be run."""
+    runs = (simulate(experiment, on_compile=on_compile) for experiment in portion.walks)
+    return [rate_walk(run, portion.reference_speed) for run in runs]
 
 
 def table_of(document: Mapping[str, Any]) -> GaitTable:
@@ -111,8 +89,7 @@ def quick_errors(experiment: Experiment) -> tuple[str, ...]:
 
 
 def walk_all(
-    asks: Sequence[Ask],
-    experiment: Experiment,
+    walks: Sequence[Experiment],
     workers: Workers,
     *,
     reference_speed: float | None = None,
@@ -122,7 +99,7 @@ def walk_all(
     """Walk many tables in many cases; the results do not depend on the workers.
 
     Args:
-        experiment: From :func:`walker`; its table is replaced.
+        walks: From :func:`walker`, each with its table and case.
         workers: Processes or a cluster that execute the walks.
         reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
         progress: Called with walks done and in all.
@@ -133,10 +110,6 @@ def walk_all(
     Raises:
         ParameterFileError: If a walk could not be run.
     """
-    walks = []
-    for table, case, checked in asks:
-        own = replace(experiment, table=table)
-        walks.append((case.change(own), own if checked else None))
     size = max(1, min(MOST_TOGETHER, math.ceil(len(walks) / workers.slots())))
     portions = [
         Portion(place, tuple(walks[place : place + size]), reference_speed)
@@ -153,16 +126,10 @@ def walk_all(
 def weighted_cost(walks: Sequence[Rating]) -> float:
     """Cost of a table over its cases, the nominal one first.
 
-    The nominal walk's, with what missed goals cost on top, and the mean of the others, weighted; the nominal
-    cost alone of a table that must not walk.
+    The nominal walk's, with what missed goals cost on top, and the mean of the others, weighted.
     """
     nominal, *others = walks
-    if nominal.errors or not others:
+    if not others:
         return nominal_cost(nominal)
     mean = sum(walk.cost for walk in others) / len(others)
     return NOMINAL_WEIGHT * nominal_cost(nominal) + (1.0 - NOMINAL_WEIGHT) * mean
-
-
-def nominal_cost(walk: Rating) -> float:
-    """Cost of the walk that a table is tuned for: its own, and for each goal that it misses some more."""
-    return walk.cost if walk.fell else walk.cost + excess_cost(walk.values)
