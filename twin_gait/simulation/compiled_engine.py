@@ -51,6 +51,7 @@ class CompiledEngine:
         layout: Names and positions of the log's columns.
         episode: The record, which changes as the loop runs.
         switches: Room for the switches of the phases.
+        loop: The compiled loop; episodes of the same structure have the same.
     """
 
     def __init__(
@@ -75,7 +76,7 @@ class CompiledEngine:
         self._store = stored(episode)
         self.episode = self._store[0]
         self._give_rows(episode)
-        self._loop = _loop_of(
+        self.loop = _loop_of(
             self._store.dtype, dtype_of(self.layout.row()), bodies, structure, controller, on_compile
         )
 
@@ -114,31 +115,39 @@ class CompiledEngine:
         assert rows.flags.c_contiguous and rows.dtype == float  # the loop writes at its address
         recording = self.episode["recording"]
         recording["log"], recording["first_row"] = rows.ctypes.data, first_row
-        return self._loop(self._store.ctypes.data, first, end)
+        return self.loop(self._store.ctypes.data, first, end)
 
     def run(
         self,
         progress: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
+        columns: Sequence[int] | None = None,
     ) -> EngineResult:
         """Run to the end of the experiment, or to a fall, divergence or a request to stop.
 
         Args:
             progress: Called with ticks done and ticks in all, now and then.
             should_stop: Asked now and then; True ends the run.
+            columns: Positions of the columns of the log that are kept; all by default.
 
         Returns:
             The log up to there and how it ended.
         """
-        total = self.problem.experiment.n_ticks
-        rows = np.zeros((total if self._record else 1, len(self.layout.names)))
+        width = len(self.layout.names)
+        kept = range(width) if columns is None else columns
+        total = self.problem.experiment.n_ticks if self._record else 0
+        # Everybody reads columns: each chunk is turned round while the cache still holds it.
+        table, rows = np.empty((len(kept), total)), np.zeros((CHUNK_TICKS if self._record else 1, width))
 
         def run_ticks(first: int, end: int) -> tuple[int, int]:
-            return self.run_ticks(first, end, rows), int(self.episode["status"])
+            done = self.run_ticks(first, end, rows, first)
+            if self._record:
+                for place, column in enumerate(kept):
+                    table[place, first:done] = rows[: done - first, column]
+            return done, int(self.episode["status"])
 
         done, status, reason = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
-        rows = rows[:done] if self._record else rows[:0]
-        return EngineResult(rows, self.phase_switches(), status, reason, self.trip())
+        return EngineResult(table[:, :done].T, self.phase_switches(), status, reason, self.trip())
 
     def trip(self) -> Trip | None:
         """What the safety monitor has tripped on, or None."""

@@ -6,7 +6,7 @@ are carried by machines of `transitions`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -77,16 +77,9 @@ class ReferenceEngine:
         self,
         progress: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
+        columns: Sequence[int] | None = None,
     ) -> EngineResult:
-        """Run to the end of the experiment, or to a fall, divergence or a request to stop.
-
-        Args:
-            progress: Called with ticks done and ticks in all, now and then.
-            should_stop: Asked now and then; True ends the run.
-
-        Returns:
-            The log up to there and how it ended.
-        """
+        """See :meth:`twin_gait.simulation.compiled_engine.CompiledEngine.run`."""
         rows = np.zeros((self.problem.experiment.n_ticks, len(self.layout.names)))
 
         def run_ticks(first: int, end: int) -> tuple[int, int]:
@@ -98,7 +91,7 @@ class ReferenceEngine:
             (item.tick, item.leg, item.source, item.target, item.transition) for item in self.switches
         ]
         return EngineResult(
-            rows[:done],
+            rows[:done] if columns is None else rows[:done, list(columns)],
             switches_of(self.problem, switches),
             status,
             reason,

@@ -13,8 +13,10 @@ import numpy as np
 from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
+from twin_gait.experiment.problem import build_problem
 from twin_gait.gait.table import GaitTable
 from twin_gait.simulation import RunStatus
+from twin_gait.simulation.together import compile_ahead
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import Case, robust_cases, search_cases
 from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
@@ -27,9 +29,7 @@ from twin_gait.studies.tune.space import (
 )
 from twin_gait.studies.tune.state import Finalist, Progress, Settings, State, Tuning, write_state
 from twin_gait.studies.tune.walks import (
-    Portion,
     quick_errors,
-    rate_walks,
     table_of,
     walk_all,
     walker,
@@ -42,7 +42,6 @@ RACED = 8  # candidates of a generation that walk all cases, the best of the nom
 FINALISTS = 5  # of the search, beside the table that is to be bettered
 # Shipped tables for the same walk; a search does not come from the one to the other.
 START_TABLES = ("treadmill", "treadmill_normative")
-WARM_UP = 0.05  # [s], long enough to compile what a case needs
 
 
 class Stopped(Exception):  # not an error: somebody asked for it
@@ -138,11 +137,14 @@ class Stages:
         for number, case in enumerate(cases):
             self._tell("compiling", number, len(cases))
             for quick in (False, True):
-                walked = case.change(walker(self._experiment, duration=WARM_UP, quick=quick))
+                walked = case.change(
+                    walker(self._experiment, duration=self._settings.search_duration, quick=quick)
+                )
                 try:
-                    rate_walks(Portion(number, (walked,), None), on_compile)
+                    build_problem(walked)
                 except TwinGaitError as error:
                     raise ParameterError(f"{case.name}: {error}") from error
+                compile_ahead(walked, on_compile)
 
     def _walk(
         self, tables: Sequence[GaitTable], cases: Sequence[Case], *, last: bool = False

@@ -1,11 +1,11 @@
-"""Walks of candidates, some at a time as a job that any process that has this package can do."""
+"""Walks of candidates, many at a time, and what they cost."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from functools import partial
+from typing import Any
 
 from twin_gait.checking import exits, graph, leaving, stability
 from twin_gait.checking.check import build_case
@@ -14,9 +14,11 @@ from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.gait.table import GaitTable
-from twin_gait.simulation import simulate
-from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
+from twin_gait.simulation.together import LANES
+from twin_gait.studies.episodes import measured
+from twin_gait.studies.jobs import JobFailed, Workers, run_blocks
 from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk
+from twin_gait.vocabulary import MOTOR_JOINTS
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
 QUICK_RULES: tuple[Rule, ...] = tuple(
@@ -35,35 +37,22 @@ QUICK_RULES: tuple[Rule, ...] = tuple(
         "unstable",
     }
 )
+# Ends of the names of the columns of a log that the parts are made of, beside time and phases.
+READ = (
+    *(f"_{joint}_angle_rad" for joint in MOTOR_JOINTS),
+    "_wearer_angle_rad",
+    "_motor_command_torque_Nm",
+    "_motor_torque_Nm",
+    "_target_current_A",
+    "_measured_current_A",
+    "_foot_normal_force_N",
+    "_foot_clearance_m",
+)
 NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the other cases share the rest
-MOST_TOGETHER = 32  # walks that a worker does together
 # For the search, where a quarter of the time buys four times the candidates: parts of the shipped
 # walk are within 0.01° and 0.1 percentage points of those at the default step, at which all is walked that is
 # told in the end.
 QUICK_INTEGRATION = Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
-
-
-class Portion(NamedTuple):
-    """Walks that a worker does together.
-
-    Attributes:
-        number: Of the first.
-        walks: What is to be walked.
-        reference_speed: As in :func:`twin_gait.studies.tune.parts.part_values`.
-    """
-
-    number: int
-    walks: tuple[Experiment, ...]
-    reference_speed: float | None
-
-    def __str__(self) -> str:
-        return f"walks from {self.number} on"
-
-
-def rate_walks(portion: Portion, on_compile: Callable[[], None] | None = None) -> list[Rating]:
-    """Walk tables; a fall is a result, and an error of this package that one cannot be run."""
-    runs = (simulate(experiment, on_compile=on_compile) for experiment in portion.walks)
-    return [rate_walk(run, portion.reference_speed) for run in runs]
 
 
 def table_of(document: Mapping[str, Any]) -> GaitTable:
@@ -110,17 +99,24 @@ def walk_all(
     Raises:
         ParameterFileError: If a walk could not be run.
     """
-    size = max(1, min(MOST_TOGETHER, math.ceil(len(walks) / workers.slots())))
-    portions = [
-        Portion(place, tuple(walks[place : place + size]), reference_speed)
-        for place in range(0, len(walks), size)
-    ]
-    told = progress and (lambda done, total: progress(min(done * size, len(walks)), len(walks)))
+    rate = partial(rate_walk, reference_speed=reference_speed)
     try:
-        results = run_jobs(rate_walks, portions, workers=workers, progress=told, should_stop=should_stop)
+        results = run_blocks(
+            partial(measured, itself, rate, READ),
+            walks,
+            block=LANES,
+            workers=workers,
+            progress=progress,
+            should_stop=should_stop,
+        )
     except JobFailed as error:
-        raise ParameterFileError("the tuning", str(portions[error.index]), error.problem) from error
-    return [rating for part in results for rating in part] if len(results) == len(portions) else None
+        raise ParameterFileError("the tuning", f"walk {error.index}", error.problem) from error
+    return results if len(results) == len(walks) else None
+
+
+def itself(walk: Experiment) -> Experiment:
+    """The walk, which is its own experiment."""
+    return walk
 
 
 def weighted_cost(walks: Sequence[Rating]) -> float:
