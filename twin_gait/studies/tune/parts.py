@@ -36,8 +36,8 @@ from twin_gait.vocabulary import JointName
 
 WORST = 30.0  # cost of the worst walk that does not fall; the shipped table costs some 6
 FALL = 100.0  # cost of a fall at the start
-# Without the excess the search trades one goal for the other.
-HELD_TO = 20.0  # weight
+# Without the excess the search trades one goal for the other; the tool is held to those of the errors.
+HELD_TO, EXCESS = 20.0, 6.0  # weights
 AIM = 0.9  # share of a goal beyond which the excess counts: a little better than asked for
 NEEDED_CLEARANCE = 15.0  # [mm]; how far the toe stays below it is a part
 
@@ -52,6 +52,7 @@ class Part:
         unit: For people.
         goal: Value that costs just the weight.
         weight: w, see the module.
+        excess: Weight e of what it lacks to its goal, see :func:`nominal_cost`.
     """
 
     name: str
@@ -59,14 +60,15 @@ class Part:
     unit: str
     goal: float
     weight: float
+    excess: float = EXCESS
 
 
 SAMPLES_APART = 5  # [%] of a stride: of the deviations that the search learns from
 _TOE = f"toe lower than {NEEDED_CLEARANCE:g} mm in swing by"
 # 60 N m is the motors' limit.
 PARTS = (
-    Part("hip_error_deg", "hip error", "°", goal=4.0, weight=1.0),
-    Part("knee_error_deg", "knee error", "°", goal=8.0, weight=1.0),
+    Part("hip_error_deg", "hip error", "°", goal=4.0, weight=1.0, excess=HELD_TO),
+    Part("knee_error_deg", "knee error", "°", goal=8.0, weight=1.0, excess=HELD_TO),
     Part("stride_variation_pct", "stride variation", "%", goal=2.0, weight=0.25),
     Part("second_contacts_per_stride", "second contacts", "per stride", goal=0.25, weight=0.25),
     Part("scuffs_per_stride", "toe scuffs", "per stride", goal=0.25, weight=0.25),
@@ -192,14 +194,14 @@ def nominal_cost(walk: Rating) -> float:
 
     .. math::
 
-        J + 20 \sum_i \max(0, x_i / g_i - 0.9)^2
+        J + \sum_i e_i \max(0, x_i / g_i - 0.9)^2
 
     Above half of ``WORST`` it bends so that it stays below that: a fall costs more than any walk, and of two
     bad walks the worse costs more.
     """
     if walk.fell or not walk.deviations:
         return walk.cost
-    total = walk.cost + HELD_TO * sum(lack * lack for lack in _lacks(walk.values))
+    total = walk.cost + sum(lack * lack for lack in _lacks(walk.values))
     half = 0.5 * WORST
     return total if total <= half else WORST - half * half / total
 
@@ -213,13 +215,13 @@ def residuals(walk: Rating) -> np.ndarray | None:
         return None
     costs = part_costs(walk.values)
     others = [math.sqrt(costs[part.name]) for part in PARTS if part not in ERRORS]
-    return np.array([*walk.deviations, *others, *(math.sqrt(HELD_TO) * lack for lack in _lacks(walk.values))])
+    return np.array([*walk.deviations, *others, *_lacks(walk.values)])
 
 
 def _lacks(values: Mapping[str, float | None]) -> list[float]:
-    """How far each part is beyond ``AIM`` of its goal, over the goal; 0 of one that is not defined."""
+    """Roots of what each part costs beyond ``AIM`` of its goal; 0 of one that is not defined."""
     ratios = ((values[part.name] or 0.0) / part.goal for part in PARTS)
-    return [max(0.0, ratio - AIM) for ratio in ratios]
+    return [math.sqrt(part.excess) * max(0.0, ratio - AIM) for part, ratio in zip(PARTS, ratios, strict=True)]
 
 
 def _deviations(run: Run, reference_speed: float | None) -> tuple[float, ...]:

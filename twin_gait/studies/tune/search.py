@@ -21,20 +21,19 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-
-from twin_gait.studies.tune.space import Parameter
+from scipy.optimize import lsq_linear
 
 REACH = 0.05  # of the unit cube, by which a number is moved for a slope; about 1° of an equilibrium
-LEAST_REACH = 0.02
+LEAST_REACH = 0.01
 DAMPING = 1.0  # μ, in units of the cost's root over the unit cube
 DAMPINGS = (0.05, 8.0)  # between which it stays
-FACTORS = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # dampings that are tried, over the one that did best
-PARTS_OF_STEPS = (1.0, 0.5, 0.25)
-JOINED = (2, 3, 5, 8, 12)  # of the moves that gained most, made together
+FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # dampings that are tried, over the one that did best
+PARTS_OF_STEPS = (1.0, 0.5)
 MEMORY = 0.5  # share of the earlier slopes
 # Beyond so many times the cost a move has led to another kind of gait, whose slope tells nothing of this one.
 OTHER_GAIT = 4.0
-PATIENCE = 5  # generations without a gain, after which the search has come to its end
+_ROOM = 1e-9
+PATIENCE = 8  # generations without a gain, after which the search has come to its end
 
 
 class Generation(NamedTuple):
@@ -82,53 +81,39 @@ class Descent:
         """Whether there is nothing more to gain."""
         return self.generation - self.gained >= PATIENCE
 
-    def neighbours(self, parameters: Sequence[Parameter]) -> list[list[float]]:
+    def neighbours(self) -> list[list[float]]:
         """The point with one number moved, up and down in turn; the other way where the range ends."""
+        reach = self.reach if self.generation % 2 == 0 else -self.reach
         found = []
         for place, own in enumerate(self.point):
-            moved = own + (self.reach if self.generation % 2 == 0 else -self.reach)
-            if not 0.0 <= moved <= 1.0:
-                moved = 2.0 * own - moved
-            found.append(_rounded(parameters, [*self.point[:place], moved, *self.point[place + 1 :]]))
+            moved = own + reach if 0.0 <= own + reach <= 1.0 else own - reach
+            found.append([*self.point[:place], moved, *self.point[place + 1 :]])
         return found
 
-    def steps(
-        self,
-        parameters: Sequence[Parameter],
-        neighbours: Sequence[Sequence[float]],
-        residuals: Sequence[np.ndarray | None],
-    ) -> list[tuple[float | None, list[float]]]:
-        """Take in the slopes towards the neighbours, and make steps of them.
-
-        Returns:
-            Points with the damping that led there; None for moves that are made together.
-        """
-        own, point = np.array(self.residuals), np.array(self.point)
-        ways = np.array(neighbours) - point
-        known = [
-            there is not None and len(own) > 0 and there @ there <= OTHER_GAIT * (own @ own)
-            for there in residuals
-        ]
-        slopes, gains = np.zeros((len(point), len(own))), np.zeros(len(point))
-        for place, there in enumerate(residuals):
-            if there is not None and known[place] and ways[place, place]:
-                slopes[place] = (there - own) / ways[place, place]
-                gains[place] = own @ own - there @ there
+    def learn(self, neighbours: Sequence[Sequence[float]], residuals: Sequence[np.ndarray | None]) -> None:
+        """Take in the slopes towards the neighbours; those to another kind of gait count as 0."""
+        own = np.array(self.residuals)
+        slopes = np.zeros((len(neighbours), len(own)))
+        for place, (neighbour, there) in enumerate(zip(neighbours, residuals, strict=True)):
+            if there is not None and len(own) and there @ there <= OTHER_GAIT * (own @ own):
+                slopes[place] = (there - own) / (neighbour[place] - self.point[place])
         if self.slopes:
             slopes = MEMORY * np.array(self.slopes) + (1.0 - MEMORY) * slopes
         self.slopes = slopes.tolist()
-        best = np.argsort(-gains, kind="stable")[: int((gains > 0.0).sum())]
-        found: list[tuple[float | None, np.ndarray]] = [
-            (None, ways[best[:count]].sum(axis=0)) for count in JOINED if count <= len(best)
-        ]
-        for damping in (factor * self.damping for factor in FACTORS) if len(own) else ():
-            damped = np.vstack((slopes.T, damping * np.eye(len(point))))
-            step = -np.linalg.lstsq(damped, np.append(own, np.zeros(len(point))))[0]
-            found += [(damping, part * step) for part in PARTS_OF_STEPS]
-        return [
-            (damping, _rounded(parameters, np.clip(point + step, 0.0, 1.0).tolist()))
-            for damping, step in found
-        ]
+
+    def steps(self) -> list[tuple[float, list[float]]]:
+        """Dampings, and the points where their steps lead, in full and in part; none before it walks."""
+        if not self.residuals:
+            return []
+        point, found = np.array(self.point), []
+        wanted = np.append(-np.array(self.residuals), np.zeros(len(point)))
+        for damping in (factor * self.damping for factor in FACTORS):
+            damped = np.vstack((np.array(self.slopes).T, damping * np.eye(len(point))))
+            # The solver wants room between the bounds, also for a number that is at both ends of its range.
+            step = lsq_linear(damped, wanted, (-point - _ROOM, 1.0 - point + _ROOM)).x
+            for part in PARTS_OF_STEPS:
+                found.append((damping, np.clip(point + part * step, 0.0, 1.0).tolist()))
+        return found
 
     def go_to(self, point: list[float], cost: float, residuals: list[float], damping: float | None) -> None:
         """Go on from another point, for the gain of a step with some damping, or of a neighbour."""
@@ -146,9 +131,3 @@ class Descent:
         self.reach = max(LEAST_REACH, 0.6 * self.reach)
         self.damping = min(DAMPINGS[1], 2.0 * self.damping)
         self.generation += 1
-
-
-def _rounded(parameters: Sequence[Parameter], point: Sequence[float]) -> list[float]:
-    """Coordinates of the numbers that walk, which are rounded to what a person would type."""
-    pairs = zip(parameters, point, strict=True)
-    return [parameter.coordinate(parameter.value(own)) for parameter, own in pairs]

@@ -70,16 +70,12 @@ class Parameter:
             raw = self.lower + share * (self.upper - self.lower)
         return round(raw, self.digits)
 
-    def coordinate(self, value: float) -> float:
-        """Coordinate of a value, from 0 to 1."""
-        if self.logarithmic:
-            return math.log(value / self.lower) / math.log(self.upper / self.lower)
-        return (value - self.lower) / (self.upper - self.lower)
-
     @property
     def start_coordinate(self) -> float:
         """Coordinate of the start, from 0 to 1."""
-        return self.coordinate(self.start)
+        if self.logarithmic:
+            return math.log(self.start / self.lower) / math.log(self.upper / self.lower)
+        return (self.start - self.lower) / (self.upper - self.lower)
 
 
 def editable_document(table: GaitTable) -> dict[str, Any]:

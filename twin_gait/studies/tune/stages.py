@@ -38,7 +38,7 @@ from twin_gait.studies.tune.walks import (
 
 # Share of the minutes for the search; the robust set, the departures and the report take the rest.
 SEARCH_SHARE = 0.75
-RACED = 8  # candidates of a generation that walk all cases, the best of the nominal walk
+RACED = 6  # candidates of a generation that walk all cases, the best of the nominal walk
 FINALISTS = 5  # of the search, beside the table that is to be bettered
 # Shipped tables for the same walk; a search does not come from the one to the other.
 START_TABLES = ("treadmill", "treadmill_normative")
@@ -194,11 +194,12 @@ class Stages:
     def _generation(self, descent: Descent) -> Generation:
         """Walk one generation and go on from its best candidate."""
         first, *corners = search_cases(self._experiment)
-        points = descent.neighbours(self._parameters)
+        points = descent.neighbours()
         tables = [self._table_at(point) for point in points]
         walks = self._walk(tables, [first])
         slopes = replace(descent)  # as long as the generation may be stopped, the state is that before it
-        steps = slopes.steps(self._parameters, points, [residuals(walk) for walk in walks])
+        slopes.learn(points, [residuals(walk) for walk in walks])
+        steps = slopes.steps()
         dampings = [None] * len(points) + [damping for damping, _ in steps]
         points += [point for _, point in steps]
         tables += [self._table_at(point) for _, point in steps]
