@@ -18,10 +18,10 @@ from twin_gait import Run, load_experiment, simulate, simulate_batch
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.runs.summary import READ_IN_BRIEF, summarise
+from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.together import (
     FEWEST_IN_ALL,
     FEWEST_LANES,
-    LANES,
     MOST_TICKS,
     EpisodeFailed,
     block_size,
@@ -105,7 +105,7 @@ def test_blocks_hold_every_episode_once_and_only_what_is_alike_and_fits(episodes
     assert sorted(place for block in blocks for place in block.members) == list(range(len(episodes)))
     for block in blocks:
         if block.alike:
-            assert FEWEST_LANES <= len(block.members) <= LANES
+            assert FEWEST_LANES <= len(block.members) <= WIDTH
             assert {kinds[place] for place in block.members} in ({"a"}, {"b"})
             assert len(block.members) * max(ticks[place] for place in block.members) <= MOST_TICKS
 
@@ -130,7 +130,7 @@ def test_the_order_of_the_episodes_does_not_decide_who_is_together():
 
 
 def test_blocks_are_handed_over_where_there_are_many_and_their_logs_fit(bench):
-    assert block_size(bench, FEWEST_IN_ALL) == LANES
+    assert block_size(bench, FEWEST_IN_ALL) == WIDTH
     assert block_size(bench, FEWEST_IN_ALL - 1) == 1
     assert block_size(replace(bench, engine=Engine.PINOCCHIO), 1000) == 1
     assert block_size(replace(bench, duration=100.0), 1000) == 20  # logs of 100 000 ticks

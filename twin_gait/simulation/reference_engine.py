@@ -95,7 +95,7 @@ class ReferenceEngine:
             switches_of(self.problem, switches),
             status,
             reason,
-            trip_of(self.problem, trip.tick, trip.cause, trip.place),
+            trip_of(self.problem, trip.tick, trip.cause, trip.part),
         )
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray) -> int:
@@ -119,10 +119,11 @@ class ReferenceEngine:
 
     # ------------------------------------------------------------------ what the rooms are bound to
 
-    def advance(self, e: Episode, number: int, tick: int, other: int) -> int:
-        """Transition that the machine of a leg takes in this tick, or ``NO_TRANSITION``."""
+    def advance(self, e: Episode, number: int, tick: int) -> None:
+        """Note the transition that the machine of a leg takes in this tick, or ``NO_TRANSITION``."""
+        other = e.legs[1 - number].before if len(e.legs) == 2 else -1
         switch = self.machines[number].advance(tick, e.signals, other)
-        return NO_TRANSITION if switch is None else switch.transition
+        e.legs[number].chosen = NO_TRANSITION if switch is None else switch.transition
 
     def log_row(self, e: Episode, tick: int) -> LogRow:
         """The row of this tick."""

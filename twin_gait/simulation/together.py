@@ -9,11 +9,11 @@ episodes                                      run
 fewer of one structure, the rest of a cut     one by one, compiled
 longer than ``MOST_TICKS`` / 16               one by one, compiled: 16 logs would take too much memory
 ``engine: pinocchio``                         one by one, through the reference engine
+a law of friction with powers                 one by one, compiled: there are no vectors of them
 a controller of the user's                    not here: :func:`~twin_gait.simulation.simulate` takes one
 ============================================  =======================================================
 
-A log, a status, a trip does not depend on what else is in the block, on its size, or on the order. As long as
-there is no loop for a whole block, the episodes of one run one after the other.
+A log, a status, a trip does not depend on what else is in the block, on its size, or on the order.
 """
 
 from __future__ import annotations
@@ -27,20 +27,21 @@ from typing import NamedTuple
 from twin_gait.exceptions import TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.experiment.problem import build_problem
+from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.lane_engine import LaneEngine, kind_of, lane_loop
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import engine_of, run_of
 
 AnyEngine = CompiledEngine | ReferenceEngine
 
-LANES = 32  # of a block
 FEWEST_LANES = 16  # with fewer a block costs more than its episodes alone
-FEWEST_IN_ALL = 2 * LANES  # for which it pays to hand blocks over, and to compile a loop for them
+FEWEST_IN_ALL = 2 * WIDTH  # for which it pays to hand blocks over, and to compile a loop for them
 # Of the logs of a block, all of which are in memory at once: 32 walks of a minute, 0.6 GB with the 39 columns
 # that a summary reads.
 MOST_TICKS = 2_000_000
-_LAID_OUT = 4 * LANES  # episodes that are laid out at a time, to find those that are alike
+_LAID_OUT = 4 * WIDTH  # episodes that are laid out at a time, to find those that are alike
 
 
 class EpisodeFailed(TwinGaitError):
@@ -117,7 +118,7 @@ def block_size(experiment: Experiment, total: int) -> int:
 
 def _most(ticks: int) -> int:
     """Episodes of a duration whose logs fit into memory together."""
-    return max(1, min(LANES, MOST_TICKS // max(1, ticks)))
+    return max(1, min(WIDTH, MOST_TICKS // max(1, ticks)))
 
 
 def simulate_together(
@@ -149,15 +150,13 @@ def simulate_together(
         engines, failure = _laid_out(waiting, first, on_compile)
         if not engines and failure is None:
             return
-        kinds = [_kind(engine) for engine in engines]
+        kinds = [kind_of(engine) if isinstance(engine, CompiledEngine) else None for engine in engines]
         for block in blocks_of(kinds, [engine.problem.experiment.n_ticks for engine in engines]):
-            for place in block.members:
+            for part in [block.members] if block.alike else [(place,) for place in block.members]:
                 if should_stop is not None and should_stop():
                     return
-                try:
-                    yield first + place, _run(engines[place], columns)
-                except TwinGaitError as error:
-                    raise EpisodeFailed(first + place, str(error)) from error
+                runs = _run([engines[place] for place in part], first + part[0], columns, on_compile)
+                yield from zip((first + place for place in part), runs, strict=True)
         first += len(engines)
     raise failure
 
@@ -177,27 +176,42 @@ def _laid_out(
     return engines, None
 
 
-def _kind(engine: AnyEngine) -> Hashable | None:
-    """What the lanes of a block have in common; None for an episode that runs alone."""
-    return engine.loop if isinstance(engine, CompiledEngine) else None
+def _run(
+    engines: Sequence[AnyEngine],
+    first: int,
+    columns: tuple[str, ...] | None,
+    on_compile: Callable[[], None] | None,
+) -> list[Run]:
+    """Runs of the episodes of a block, or of a single one.
 
-
-def _run(engine: AnyEngine, columns: tuple[str, ...] | None) -> Run:
-    names = engine.layout.names
-    kept = None
+    Raises:
+        EpisodeFailed: If a single one cannot be run, telling that it is the one with this number.
+    """
+    names, kept = engines[0].layout.names, None
     if columns is not None:
         kept = [place for place, name in enumerate(names) if name.endswith((*columns, "_phase"))]
     began = time.perf_counter()
-    result = engine.run(columns=kept)
-    return run_of(engine, result, time.perf_counter() - began, kept)
+    alike = [engine for engine in engines if isinstance(engine, CompiledEngine)]
+    try:
+        if len(alike) > 1:
+            results = LaneEngine(alike, on_compile=on_compile).run(kept)
+        else:
+            results = [engine.run(columns=kept) for engine in engines]
+    except TwinGaitError as error:
+        raise EpisodeFailed(first, str(error)) from error
+    share = (time.perf_counter() - began) / len(engines)
+    return [run_of(engine, result, share, kept) for engine, result in zip(engines, results, strict=True)]
 
 
-def compile_ahead(experiment: Experiment, on_compile: Callable[[], None] | None = None) -> None:
+def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> None:
     """Compile what an experiment needs and keep it, for processes that are about to run many like it.
 
     Args:
         experiment: One of them. If it cannot be run, that will be told when it is.
+        total: How many.
         on_compile: Called if there is anything to compile.
     """
     with suppress(TwinGaitError):
-        engine_of(build_problem(experiment), on_compile)
+        engine = engine_of(build_problem(experiment), on_compile)
+        if total >= FEWEST_IN_ALL and isinstance(engine, CompiledEngine) and kind_of(engine) is not None:
+            lane_loop(engine.pattern, on_compile)

@@ -85,5 +85,5 @@ def block_ahead(
         experiment = first()
     except TwinGaitError:
         return 1
-    compile_ahead(experiment, on_compile)
+    compile_ahead(experiment, total, on_compile)
     return block_size(experiment, total)
