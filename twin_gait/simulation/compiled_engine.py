@@ -243,11 +243,13 @@ def _loop_of(
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop, record_at
+        from twin_gait.simulation.vectors import in_vectors
 
-        names = {**bound_to(pattern), "episode_at": record_at(pattern.episode)}
+        bound = bound_to(pattern)
+        names = {**bound, **in_vectors(bound), "episode_at": record_at(pattern.episode)}
         return compile_loop(run_at, names, ARGUMENTS, controller)
 
-    key = source_key(pattern.text, "compiled_engine", "../kernels")
+    key = source_key(pattern.text, "compiled_engine", "vectors", "../kernels")
     return kept_loop(key, ARGUMENTS, make, controller, on_compile)
 
 

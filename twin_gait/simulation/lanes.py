@@ -50,7 +50,7 @@ from numba.extending import (
 )
 
 from twin_gait.simulation.block import SHARED, WIDTH
-from twin_gait.simulation.compiling import Manner, Pruning, jit, numbers_at
+from twin_gait.simulation.compiling import Manner, Pruning, distinct, jit, numbers_at
 
 _OWNERS = frozenset(name.split(".")[0] for name in SHARED)
 _WORD = 8
@@ -315,20 +315,6 @@ def _next(context: Any, builder: Any, sig: Any, args: Any, result: Any) -> None:
 # ---------------------------------------------------------------------- loops over lanes
 
 
-class _Distinct(ir.values.MDValue):
-    """Metadata that is equal to itself only, as LLVM wants its loops and groups of accesses."""
-
-    def descr(self, buffer: Any) -> None:
-        buffer += ("distinct !{ ", ", ".join(item.get_reference() for item in self.operands), " }\n")
-
-    def __eq__(self, other: object) -> bool:
-        return (
-            self is other
-        )  # llvmlite takes metadata with equal operands for one, and so one group for the other
-
-    __hash__ = ir.values.MDValue.__hash__
-
-
 def _number(block: Any) -> int:
     """Place of a basic block in the function's text."""
     found = re.match(r"B(\d+)", block.name)
@@ -355,7 +341,7 @@ class _Marking(lowering.Lower):
     def _mark(self, header: Any, latches: list[Any], over: Any) -> None:
         note = self.module.add_metadata
         in_vectors = isinstance(over, LanesView) and over.count
-        group, loop = self._distinct(), self._distinct()
+        group, loop = distinct(self.module), distinct(self.module)
         if in_vectors:
             parallel = note(["llvm.loop.parallel_accesses", group])
             vectorise = note(["llvm.loop.vectorize.enable", ir.IntType(1)(1)])  # warns where it cannot
@@ -372,9 +358,6 @@ class _Marking(lowering.Lower):
                 for line in block.instructions:
                     if isinstance(line, ir.CallInstr) or "tbaa" in line.metadata:
                         line.set_metadata("llvm.access.group", group)
-
-    def _distinct(self) -> Any:
-        return _Distinct(self.module, (), name=str(len(self.module.metadata)))
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
