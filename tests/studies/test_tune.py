@@ -436,7 +436,7 @@ def bowl(monkeypatch: pytest.MonkeyPatch) -> Bowl:
     walks = Bowl()
     monkeypatch.setattr(stages, "walk_all", walks)
     monkeypatch.setattr(stages, "build_problem", lambda walked: None)
-    monkeypatch.setattr(stages, "compile_ahead", lambda walked, on_compile: None)
+    monkeypatch.setattr(stages, "compile_ahead", lambda walked, total, on_compile: None)
     monkeypatch.setattr(stages, "quick_errors", lambda walked: ())
     return walks
 

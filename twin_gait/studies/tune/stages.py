@@ -38,6 +38,7 @@ from twin_gait.studies.tune.walks import (
 
 # Share of the minutes for the search; the robust set, the departures and the report take the rest.
 SEARCH_SHARE = 0.75
+SEARCH_WALKS = 1000  # or more, for which loops are compiled
 RACED = 6  # candidates of a generation that walk all cases, the best of the nominal walk
 FINALISTS = 5  # of the search, beside the table that is to be bettered
 # Shipped tables for the same walk; a search does not come from the one to the other.
@@ -144,7 +145,8 @@ class Stages:
                     build_problem(walked)
                 except TwinGaitError as error:
                     raise ParameterError(f"{case.name}: {error}") from error
-                compile_ahead(walked, on_compile)
+                walks = SEARCH_WALKS if quick else (FINALISTS + 1) * len(cases)
+                compile_ahead(walked, walks, on_compile)
 
     def _walk(
         self, tables: Sequence[GaitTable], cases: Sequence[Case], *, last: bool = False

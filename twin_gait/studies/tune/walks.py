@@ -14,7 +14,7 @@ from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.gait.table import GaitTable
-from twin_gait.simulation.together import LANES
+from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.episodes import measured
 from twin_gait.studies.jobs import JobFailed, Workers, run_blocks
 from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk
@@ -104,7 +104,7 @@ def walk_all(
         results = run_blocks(
             partial(measured, itself, rate, READ),
             walks,
-            block=LANES,
+            block=WIDTH,
             workers=workers,
             progress=progress,
             should_stop=should_stop,
