@@ -52,11 +52,11 @@ def test_a_number_that_a_template_misses_is_an_error() -> None:
 
 
 def test_paragraphs_are_apart_by_blank_lines() -> None:
-    effort = {"seed": 3, "candidates": 12, "generations": 1, "elapsed_s": 60.0}
+    effort = {"candidates": 12, "generations": 1, "elapsed_s": 60.0}
     content = {"effort": effort, "convergence": {"best": [2.0, 1.0]}}
     (text,) = paragraphs("tune_search.txt", content)
     assert text == (
-        "CMA-ES, seed 3: 12 candidates in 1 generations; the best cost went from 2.00 to 1.00. "
+        "Damped least squares: 12 candidates in 1 generations; the best cost went from 2.00 to 1.00. "
         "It took 1.0 minutes."
     )
 
