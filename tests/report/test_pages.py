@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import io
 import re
 
@@ -26,12 +25,12 @@ def line(colour: str) -> Figure:
     return figure
 
 
-def pixels(address: str) -> np.ndarray:
-    return imread(io.BytesIO(base64.b64decode(address.removeprefix("data:image/png;base64,"))))
+def pixels(png: bytes) -> np.ndarray:
+    return imread(io.BytesIO(png))
 
 
 def test_what_is_filled_in_is_escaped_and_nothing_is_loaded() -> None:
-    page = figures_page("<b>&", "'\"<i>", {"<u>": line(BLACK)}, ("<th>",), [("<td>",)])
+    page = figures_page("<b>&", "'\"<i>", {"<u>": picture_of(line(BLACK))}, ("<th>",), [("<td>",)])
     assert "&lt;b&gt;&amp;" in page and "&lt;th&gt;" in page
     assert not any(text in page for text in ("<b>", "<i>", "<u>", "<th><th>", "<td><td>"))
     assert "default-src 'none'" in page

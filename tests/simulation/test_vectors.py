@@ -15,7 +15,7 @@ from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.kernels.generated import SIDE_BY_SIDE, write_side_by_side
 from twin_gait.kernels.tracing import together
 from twin_gait.simulation.binding import bind, kernel_functions
-from twin_gait.simulation.compiling import compile_loop, jit, quickly, record_at
+from twin_gait.simulation.compiling import compile_loop, compiled_in, jit, record_at
 from twin_gait.simulation.interface import side_by_side
 from twin_gait.simulation.record import stored
 from twin_gait.simulation.vectors import in_vectors
@@ -92,7 +92,7 @@ def test_llvm_makes_vectors_of_them_though_its_vectoriser_is_off(item: Any) -> N
     scope = {"each": each, "ground": record_at(stored(GROUND).dtype)}
     exec(compile(f"def entry(address, given):\n    return each({', '.join(given)})", "entry", "exec"), scope)
     made, signature = jit(scope["entry"], inline=False), (types.intp, types.float64[::1])
-    with quickly():
+    with compiled_in():
         made.compile(signature)
     code = str(made.overloads[signature].library._final_module)
     multiplied = re.findall(r"fmul (<8 x double>|double) ", code)
@@ -104,16 +104,16 @@ PLACES = (0, 2, 5)
 STATE = np.dtype([("velocity", "f8", (6,)), ("friction", "f8", (6,))], align=True)
 
 
-def sliding(place: int, state: Any) -> tuple[float, float, float, float, float]:
+def sliding(state: Any, place: int, staged: bool) -> tuple[float, float, float, float, float]:
     return state.velocity[place], 8.0, 10.0, 0.1, 2.0
 
 
-def keep(place: int, torque: float, state: Any) -> None:
+def keep(state: Any, place: int, torque: float) -> None:
     state.friction[place] = torque
 
 
 def rub(address: int) -> int:
-    side_by_side(PLACES, sliding, rotational_friction_torque, keep, state_at(address))
+    side_by_side(state_at(address), PLACES, False, sliding, rotational_friction_torque, keep)
     return 0
 
 

@@ -7,7 +7,6 @@ what a structure rules out is never compiled.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from twin_gait.core.contact import Ground, Point
 from twin_gait.simulation.episode import Episode
@@ -77,28 +76,40 @@ def control_inertia(q: list[float], a: list[float], bodies: list[float], torque:
 
 
 def side_by_side(
+    e: Episode,
     places: tuple[int, ...],
-    take: Callable[..., tuple[float, ...]],
+    staged: bool,
+    take: Callable[[Episode, int, bool], tuple[float, ...]],
     law: Callable[..., float],
-    give: Callable[..., None],
-    *context: Any,
+    give: Callable[[Episode, int, float], None],
 ) -> None:
-    """Apply a law in places that do not touch each other; compiled, their numbers are vectors.
+    """Apply a law in places that do not touch each other; in the loop of one episode they are vectors.
 
     Args:
-        places: Where.
-        take: From a place and the context to the arguments of the law.
+        places: Where; one at least.
+        staged: Whether the state is that of a stage of the integration.
+        take: From episode, place and ``staged`` to the arguments of the law.
         law: Of numbers alone.
-        give: Takes place, result and context.
-        context: For example the episode.
+        give: Takes episode, place and result.
     """
     for place in places:
-        give(place, law(*take(place, *context)), *context)
+        for one in lanes(e):
+            give(one, place, law(*take(one, place, staged)))
 
 
 def episode_at(address: int) -> Episode:
     """The episode at an address."""
     raise NotImplementedError
+
+
+def lanes(e: Episode) -> tuple[Episode]:
+    """The episodes that are run in lockstep, to be taken through a step together; a single one by itself."""
+    return (e,)
+
+
+def each(e: Episode) -> tuple[Episode]:
+    """As :func:`lanes`, but one after the other: for what is rare, or different in each."""
+    return (e,)
 
 
 def log_row(e: Episode, tick: int) -> LogRow:
