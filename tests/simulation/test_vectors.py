@@ -11,10 +11,12 @@ import pytest
 from numba.core import types
 
 from twin_gait.core.contact import Ground
+from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.kernels.generated import SIDE_BY_SIDE, write_side_by_side
 from twin_gait.kernels.tracing import together
-from twin_gait.simulation.binding import kernel_functions
-from twin_gait.simulation.compiling import compiled_in, jit, record_at
+from twin_gait.simulation.binding import bind, kernel_functions
+from twin_gait.simulation.compiling import compile_loop, compiled_in, jit, record_at
+from twin_gait.simulation.interface import side_by_side
 from twin_gait.simulation.record import stored
 from twin_gait.simulation.vectors import in_vectors
 
@@ -96,3 +98,39 @@ def test_llvm_makes_vectors_of_them_though_its_vectoriser_is_off(item: Any) -> N
     multiplied = re.findall(r"fmul (<8 x double>|double) ", code)
     assert multiplied.count("<8 x double>") > 10
     assert multiplied.count("double") < 4
+
+
+PLACES = (0, 2, 5)
+STATE = np.dtype([("velocity", "f8", (6,)), ("friction", "f8", (6,))], align=True)
+
+
+def sliding(place: int, state: Any) -> tuple[float, float, float, float, float]:
+    return state.velocity[place], 8.0, 10.0, 0.1, 2.0
+
+
+def keep(place: int, torque: float, state: Any) -> None:
+    state.friction[place] = torque
+
+
+def rub(address: int) -> int:
+    side_by_side(PLACES, sliding, rotational_friction_torque, keep, state_at(address))
+    return 0
+
+
+def state_at(address: int) -> Any:
+    raise NotImplementedError
+
+
+@pytest.mark.compile
+def test_a_law_in_several_places_gives_the_bits_of_one_by_one(rng: np.random.Generator) -> None:
+    own = {"sliding": jit(sliding), "keep": jit(keep), "state_at": record_at(STATE)}
+    compiled = compile_loop(rub, {**in_vectors({}), **own}, 1)
+    states = np.zeros(2, STATE).view(np.recarray)
+    plain = bind(rub, {"state_at": lambda address: states[1]})
+    for _ in range(20):
+        states.velocity[:] = rng.normal(size=6)
+        states.friction[:] = 0.0
+        plain(0)
+        compiled.function(states.ctypes.data)
+        assert states[0].tobytes() == states[1].tobytes()
+        assert np.flatnonzero(states.friction[0]).tolist() == list(PLACES)

@@ -30,6 +30,7 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, lowering, types
 from numba.core.compiler_machinery import register_pass
+from numba.core.errors import TypingError
 from numba.core.imputils import RefType, iternext_impl
 from numba.core.typed_passes import NativeLowering
 from numba.core.typing.templates import (
@@ -94,6 +95,8 @@ class ListView(View, types.IterableType):
     @property
     def iterator_type(self) -> Any:
         """Of its entries."""
+        if not _readable(self, _entry(self)):
+            raise TypingError(f"{self.field}: unlike in the lanes")
         return ViewIterator(self, _entry(self))
 
 
@@ -147,10 +150,15 @@ def _entry(view: Any) -> Any:
     return _seen(view.item, "", view.field, view.whole)
 
 
+def _readable(view: Any, entry: Any) -> bool:
+    """Whether an entry of a list may be read: a number of a lane, or one that is alike in all."""
+    return isinstance(entry, View) or not view.whole or view.shared
+
+
 def _bytes_of(item: Any) -> int:
     if isinstance(item, types.Record):
         return int(item.size)
-    return int(item.nbytes) if isinstance(item, types.NestedArray) else _WORD
+    return int(item.nitems) * _WORD if isinstance(item, types.NestedArray) else _WORD
 
 
 # ---------------------------------------------------------------------- typing
@@ -173,7 +181,7 @@ class _Entries(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         if type(args[0]) is ListView and isinstance(args[1], types.Integer):
             found = _entry(args[0])
-            if isinstance(found, View) or not args[0].whole or args[0].shared:
+            if _readable(args[0], found):
                 return signature(found, args[0], types.int64)
         return None
 

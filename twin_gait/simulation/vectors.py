@@ -7,7 +7,8 @@ full. Every number goes through the same operations in the same order as alone.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 from llvmlite import ir
@@ -56,6 +57,53 @@ def _loop(builder: Any, count: int, body: Callable[[Any], None]) -> None:
     builder.position_at_end(after)
 
 
+def _law(typing: Any, function: Any, given: Sequence[Any]) -> tuple[Any, Any]:
+    """Type of a compiled function, and its signature for some types."""
+    kind = types.Dispatcher(function)
+    signature = kind.get_call_type(typing, tuple(given), {})
+    assert signature is not None  # it has just been compiled
+    return kind, signature
+
+
+def _in_turn(
+    context: Any, builder: Any, law: tuple[Any, Any], common: Sequence[Any], rows: Sequence[Sequence[Any]]
+) -> list[list[Any]]:
+    """Call a law for each of several things in a loop that may become vectors.
+
+    Args:
+        law: Type and signature.
+        common: Arguments that all have in common; they come first.
+        rows: Numbers of each.
+
+    Returns:
+        Results of each.
+    """
+    kind, signature = law
+    count, passes, arguments = len(rows), _passes(len(rows)), len(rows[0])
+    answer = signature.return_type
+    results = len(answer) if isinstance(answer, types.BaseTuple) else 1  # type: ignore[attr-defined]
+    room = cgutils.alloca_once(builder, ir.ArrayType(_NUMBER, passes * (arguments + results)))
+    room.align = _CACHE_LINE
+
+    def at(row: int, number: Any) -> Any:
+        return cgutils.gep_inbounds(builder, room, 0, builder.add(_COUNT(row * passes), number))
+
+    for number in range(passes):  # the last one again and again until the vectors are full
+        for row, value in enumerate(rows[min(number, count - 1)]):
+            builder.store(value, at(row, _COUNT(number)))
+
+    def body(index: Any) -> None:
+        numbers = [builder.load(at(row, index)) for row in range(arguments)]
+        found = context.get_function(kind, signature)(builder, (*common, *numbers))
+        found = cgutils.unpack_tuple(builder, found) if results > 1 else [found]
+        for row, value in enumerate(found):
+            builder.store(value, at(arguments + row, index))
+
+    _loop(builder, count, body)
+    places = range(arguments, arguments + results)
+    return [[builder.load(at(row, _COUNT(number))) for row in places] for number in range(count)]
+
+
 def _each(function: Any, shared: int, arguments: int) -> Any:
     """Compiled function that calls another one for each of several things.
 
@@ -67,51 +115,49 @@ def _each(function: Any, shared: int, arguments: int) -> Any:
 
     @intrinsic  # type: ignore[untyped-decorator]
     def each(typing: Any, *given: Any) -> Any:
-        common, count = given[:shared], (len(given) - shared) // arguments
-        kind, passes = types.Dispatcher(function), _passes(count)
-        called = kind.get_call_type(typing, (*common, *(types.float64,) * arguments), {})
-        assert called is not None  # it has just been compiled
-        results = len(called.return_type)
+        law = _law(typing, function, given[: shared + arguments])
+        firsts = range(shared, len(given), arguments)
 
         def generate(context: Any, builder: Any, signature: Any, packed: Any) -> Any:
             values = cgutils.unpack_tuple(builder, packed[0])
-            own = values[shared:]
-            room = cgutils.alloca_once(builder, ir.ArrayType(_NUMBER, passes * (arguments + results)))
-            room.align = _CACHE_LINE
-
-            def at(row: int, number: Any) -> Any:
-                return cgutils.gep_inbounds(builder, room, 0, builder.add(_COUNT(row * passes), number))
-
-            for number in range(passes):  # the last one again and again until the vectors are full
-                first = min(number, count - 1) * arguments
-                for row in range(arguments):
-                    builder.store(own[first + row], at(row, _COUNT(number)))
-
-            def body(index: Any) -> None:
-                numbers = [builder.load(at(row, index)) for row in range(arguments)]
-                found = context.get_function(kind, called)(builder, (*values[:shared], *numbers))
-                for row, value in enumerate(cgutils.unpack_tuple(builder, found)):
-                    builder.store(value, at(arguments + row, index))
-
-            _loop(builder, count, body)
-            rows = range(arguments, arguments + results)
-            found = [builder.load(at(row, _COUNT(number))) for number in range(count) for row in rows]
-            return context.make_tuple(builder, signature.return_type, found)
+            rows = [values[first : first + arguments] for first in firsts]
+            found = _in_turn(context, builder, law, values[:shared], rows)
+            return context.make_tuple(builder, signature.return_type, list(chain(*found)))
 
         taken = types.StarArgTuple.from_types(given)  # type: ignore[attr-defined]
-        answer = types.UniTuple(types.float64, count * results)  # type: ignore[attr-defined]
-        return answer(taken), generate
+        results = len(law[1].return_type) * len(firsts)
+        return types.UniTuple(types.float64, results)(taken), generate  # type: ignore[attr-defined]
 
     return each
 
 
+@intrinsic  # type: ignore[untyped-decorator]
+def side_by_side(typing: Any, places: Any, take: Any, law: Any, give: Any, *context_types: Any) -> Any:
+    """What :func:`twin_gait.simulation.interface.side_by_side` is bound to for one episode."""
+    taken = _law(typing, take.dispatcher, (types.int64, *context_types))
+    ruled = _law(typing, law.dispatcher, taken[1].return_type.types)
+    given = _law(typing, give.dispatcher, (types.int64, ruled[1].return_type, *context_types))
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        numbers = cgutils.unpack_tuple(builder, arguments[0])
+        more = cgutils.unpack_tuple(builder, arguments[4])
+        read, put = (context.get_function(*item) for item in (taken, given))
+        rows = [cgutils.unpack_tuple(builder, read(builder, (number, *more))) for number in numbers]
+        for number, (result,) in zip(numbers, _in_turn(context, builder, ruled, (), rows), strict=True):
+            put(builder, (number, result, *more))
+        return context.get_dummy_value()
+
+    packed = types.StarArgTuple.from_types(context_types)  # type: ignore[attr-defined]
+    return types.none(places, take, law, give, packed), generate
+
+
 def in_vectors(kernel: Mapping[str, Any]) -> dict[str, Any]:
-    """What takes the place of those functions of a kernel that call another one for each of several things.
+    """What a loop of one episode is bound to so that laws for several things at once become vectors.
 
     Args:
-        kernel: Its functions by name.
+        kernel: Functions by name.
     """
-    found = {}
+    found = {"side_by_side": side_by_side}
     for item in SIDE_BY_SIDE:
         each = _each(bind(item.function, ON_BITS, jit), item.shared, item.arguments)
         found.update({name: each for name in kernel if name.rpartition("_")[0] == item.name})
