@@ -14,7 +14,7 @@ from twin_gait.core.contact import Ground
 from twin_gait.kernels.generated import SIDE_BY_SIDE, write_side_by_side
 from twin_gait.kernels.tracing import together
 from twin_gait.simulation.binding import kernel_functions
-from twin_gait.simulation.compiling import jit, compiled_in, record_at
+from twin_gait.simulation.compiling import compiled_in, jit, record_at
 from twin_gait.simulation.record import stored
 from twin_gait.simulation.vectors import in_vectors
 
