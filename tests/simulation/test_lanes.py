@@ -55,7 +55,7 @@ def unlike_problem(number: int, preset: str, *settings: str) -> Problem:
     if faulty:
         kind = ("encoder_missing", "encoder_drift", "motor_dead", "supply_dip")[number % 4]
         place = "" if kind == "supply_dip" else f":right_{('hip', 'knee')[number % 2]}"
-        own.append(f"faults=['{kind}{place}@{rng.uniform(0.001, 0.6):.3f}s']")
+        own.append(f"faults=['{kind}{place}@{rng.uniform(0.001, 0.19):.3f}s']")
     return build_problem(load_experiment(preset, [*settings, *own]).experiment)
 
 
