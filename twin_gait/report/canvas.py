@@ -9,7 +9,6 @@ from __future__ import annotations
 import io
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,18 +16,21 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from twin_gait.files import write_atomically
 from twin_gait.palette import HELD_COLOUR, phase_colour
-from twin_gait.parameters import Patient
+from twin_gait.report.margins import GAP, POINTS, FixedMargins
+from twin_gait.report.words import wearer_words
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
 
 FORMATS = ("pdf", "svg", "png")
 RESOLUTION = 130  # [dots per inch]
-BAND_OPACITY = 0.14
+BAND_OPACITY, STRIP_OPACITY = 0.14, 0.9
 SCREEN_WIDTH = 11.0  # [inches]
 LEGEND_COLUMN = 1.65  # [inches]
 MOST_EVENTS = 3  # in a title
@@ -44,14 +46,14 @@ def new_figure(run: Run, title: str, *, height: float, width: float = SCREEN_WID
     Args:
         run: For the second line of the title, and a third where faults acted or the monitor tripped.
     """
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout=FixedMargins())
     events = [f"{event.text}, {event.time:.2f} s" for event in run.events]
     more = [f"and {len(events) - MOST_EVENTS} more"] * (len(events) > MOST_EVENTS)
     lines = [title, describe(run), " · ".join([*events[:MOST_EVENTS], *more])]
     text = "\n".join(line for line in lines if line)
     figure.set_label(text)
     if width >= SCREEN_WIDTH:
-        figure.suptitle(text, fontsize="large")
+        figure.suptitle(text, fontsize="large", y=1.0 - GAP / (POINTS * height))
     return figure
 
 
@@ -65,11 +67,6 @@ def describe(run: Run) -> str:
     return " · ".join([*parts, f"{run.duration:.1f} s", str(run.verdict.outcome or run.status)])
 
 
-def wearer_words(patient: Patient | None) -> str:
-    """Mass and height of a wearer, if there is one."""
-    return "no wearer" if patient is None else f"{patient.mass:g} kg, {patient.height:.2f} m"
-
-
 def style_panel(axes: Axes, title: str, unit: str) -> None:
     """Give a panel its title, the unit of its values and a quiet grid.
 
@@ -78,11 +75,21 @@ def style_panel(axes: Axes, title: str, unit: str) -> None:
         title: What it shows.
         unit: Label of the vertical axis.
     """
-    axes.set_title(title, fontsize="medium")
+    put_title(axes, title)
     axes.set_ylabel(unit)
     axes.grid(visible=True, color="0.88", linewidth=0.6)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
+
+
+def put_title(axes: Axes, title: str) -> None:
+    """Put a title over a panel.
+
+    Between fixed margins its height is fixed: looking for a free one lays all ticks out once more.
+    """
+    figure = axes.get_figure(root=True)
+    fixed = figure is not None and isinstance(figure.get_layout_engine(), FixedMargins)
+    axes.set_title(title, fontsize="medium", y=1.0 if fixed else None)
 
 
 def shade_phases(axes: Axes, places: np.ndarray, phases: np.ndarray, names: Sequence[str]) -> None:
@@ -93,12 +100,16 @@ def shade_phases(axes: Axes, places: np.ndarray, phases: np.ndarray, names: Sequ
         phases: Index of the phase at each sample, or ``HELD``, shape ``(n,)``.
     """
     changes = np.flatnonzero(phases[1:] != phases[:-1]) + 1
-    edges = [0, *changes.tolist(), len(phases)]
-    for start, end in pairwise(edges):
-        left, right = places[start], places[min(end, len(places) - 1)]
-        colour = colour_of(int(phases[start]), names)
-        axes.axvspan(left, right, color=colour, alpha=BAND_OPACITY, linewidth=0)
-        axes.axvspan(left, right, ymin=STRIP, color=colour, alpha=0.9, linewidth=0)
+    edges = np.array([0, *changes.tolist(), len(phases)])
+    left, right = places[edges[:-1]], places[np.minimum(edges[1:], len(places) - 1)]
+    colours = [colour_of(int(phases[start]), names) for start in edges[:-1]]
+    for bottom, opacity in ((0.0, BAND_OPACITY), (STRIP, STRIP_OPACITY)):
+        low, high = np.full(len(left), bottom), np.ones(len(left))
+        corners = np.stack([[left, left, right, right], [low, high, high, low]], axis=-1).swapaxes(0, 1)
+        # One collection, because every patch is asked for the limits of its panel and drawn by itself.
+        bands = PolyCollection(list(corners), facecolors=colours, alpha=opacity, linewidth=0, zorder=1)
+        bands.set_transform(axes.get_xaxis_transform())
+        axes.add_collection(bands, autolim=False)
     axes.set_xlim(places[0], places[-1])
 
 
@@ -116,7 +127,7 @@ def phase_handles(names: Sequence[str], occurring: np.ndarray) -> list[Artist]:
     return [
         Patch(
             color=colour_of(int(index), names),
-            alpha=0.9,
+            alpha=STRIP_OPACITY,
             label="held after the trip" if index == HELD else readable(names[index]),
         )
         for index in sorted(np.unique(occurring), key=lambda index: index == HELD)
@@ -152,7 +163,14 @@ def put_legend(figure: Figure, lines: Sequence[Artist], phases: Sequence[Artist]
     padded = [[*row, *[blank] * (columns - len(row))] for row in rows]
     # matplotlib fills a legend column by column.
     handles = [row[column] for column in range(columns) for row in padded]
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
+    own = isinstance(figure.get_layout_engine(), FixedMargins)
+    figure.legend(
+        handles=handles,
+        loc="lower center" if own else "outside lower center",
+        ncols=columns,
+        frameon=False,
+        fontsize="small",
+    )
 
 
 def _even_rows(items: list[Artist], most: int) -> list[list[Artist]]:
@@ -168,6 +186,26 @@ def picture_bytes(figure: Figure, ground: str = "auto") -> bytes:
     """
     room = io.BytesIO()
     figure.savefig(room, format="png", dpi=RESOLUTION, facecolor=ground)
+    return room.getvalue()
+
+
+def drawn_once(figure: Figure, resolution: int = RESOLUTION) -> bytes:
+    """A figure as PNG, drawn once; matplotlib's ``savefig`` lays it out in a drawing of its own before.
+
+    Without transparency, and packed at a third of the effort: 8 % more bytes in half the time.
+    """
+    from PIL import Image
+
+    before, room = figure.dpi, io.BytesIO()
+    figure.set_dpi(resolution)
+    try:
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()  # type: ignore[no-untyped-call]
+        painted = np.asarray(canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+        picture = Image.fromarray(np.ascontiguousarray(painted[..., :3]))
+    finally:
+        figure.set_dpi(before)
+    picture.save(room, "png", compress_level=3, dpi=(resolution, resolution))
     return room.getvalue()
 
 
@@ -190,6 +228,9 @@ def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLU
         RunDirectoryError: If it cannot be written.
     """
     form = form or path.suffix[1:]
+    if form == "png":
+        write_atomically(path, drawn_once(figure, resolution))
+        return path
     undated: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
     room = io.BytesIO()
     with mpl.rc_context({"pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "twin_gait"}):
