@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,8 +27,16 @@ _ANGLE_STEP = 1e-4  # [rad]
 
 def friction_torque(law: FrictionLaw, velocity: float) -> float:
     """Friction torque of a law in [N m] at a steady velocity in [rad] / [s], with its sign."""
+    return friction_torques(law, [velocity])[0]
+
+
+def friction_torques(law: FrictionLaw, velocities: Sequence[float]) -> list[float]:
+    """The same at many velocities, the law brought to its form in the plant once."""
     friction = law.in_plant()
-    return core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity, 0.0), 0.0)
+    return [
+        core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity, 0.0), 0.0)
+        for velocity in velocities
+    ]
 
 
 def friction_slope(law: FrictionLaw, velocity: float) -> float:

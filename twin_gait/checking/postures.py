@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.hanging_leg import HangingLeg, friction_torque
+from twin_gait.checking.hanging_leg import HangingLeg, friction_torques
 from twin_gait.checking.signals import Point, SignalSpace
 from twin_gait.core.actuator import saturate
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
@@ -53,15 +53,13 @@ def left_over_friction(leg: HangingLeg, phase: int) -> np.ndarray:
     left = []
     for joint, gain in zip(leg.joints, leg.column(GAIN)[phase], strict=True):
         fastest = true[joint].in_plant().stribeck_velocity
-        speeds = np.linspace(0.0, fastest, _SPEEDS)[1:].tolist()
-        left.append(
-            max(
-                sign * friction_torque(true[joint], sign * speed)
-                - gain * friction_torque(model[joint], speed)
-                for speed in speeds
-                for sign in (1.0, -1.0)
-            )
-        )
+        speeds = np.linspace(0.0, fastest, _SPEEDS)[1:]
+        compensated = gain * np.array(friction_torques(model[joint], speeds.tolist()))
+        holding = [
+            (sign * np.array(friction_torques(true[joint], (sign * speeds).tolist())) - compensated).max()
+            for sign in (1.0, -1.0)
+        ]
+        left.append(max(holding))
     return np.maximum(left, 0.0)
 
 
