@@ -7,6 +7,8 @@ import io
 import shlex
 import signal
 import sys
+import threading
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
@@ -101,8 +103,13 @@ def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
 def watched(title: str, unit: str, should_stop: Callable[[], bool] | None = None) -> Iterator[dict[str, Any]]:
     """Progress bar, request to stop and word on compiling, as what takes its time takes them."""
     stopping = stop_on_interrupt() if should_stop is None else nullcontext(should_stop)
-    with stopping as asked, progress_bar(title, unit) as progress:
-        yield {"progress": progress, "should_stop": asked, "on_compile": note_compilation}
+    with stopping as asked, progress_bar(title, unit) as bar, CompilationClock() as clock:
+
+        def progress(done: int, total: int) -> None:
+            clock.stop()  # the first progress comes when the engine is there
+            bar(done, total)
+
+        yield {"progress": progress, "should_stop": asked, "on_compile": clock.start}
 
 
 def interrupted(hint: str) -> int:
@@ -141,10 +148,61 @@ def warn_on_one_line() -> None:
     warnings.formatwarning = line
 
 
+USUAL_COMPILATION = 15.0  # [s] on a processor of 2023
+
+
 def note_compilation() -> None:
     """Say why the first run on a machine takes its time."""
+    clear_line()
     print(
         "compiling the engine for this model, once on this machine (10 to 20 s) …",
         file=sys.stderr,
         flush=True,
     )
+
+
+class CompilationClock:
+    """Says on a terminal how long the engine has been compiling; in a pipe only that it is."""
+
+    def __init__(self) -> None:
+        """Not running yet."""
+        self._stopped = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> CompilationClock:
+        """Ready to start."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Stop, whatever happened."""
+        self.stop()
+
+    def start(self) -> None:
+        """Say what takes its time and, on a terminal, how much of it has passed."""
+        note_compilation()
+        if self._thread is None and sys.stderr.isatty():
+            self._stopped.clear()  # a second model may be compiled in one command
+            self._thread = threading.Thread(target=self._run, args=(time.monotonic(),), daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Take the time away again."""
+        self._stopped.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+            clear_line()
+
+    def _run(self, began: float) -> None:
+        while not self._stopped.wait(0.5):
+            note_line(compilation_line(time.monotonic() - began))
+
+
+def compilation_line(passed: float) -> str:
+    """How far a compilation is after a time in [s]."""
+    if passed > USUAL_COMPILATION:
+        return (
+            f"  {passed:.0f} s, longer than the usual {USUAL_COMPILATION:.0f} s: the machine is slow or busy"
+        )
+    done = round(20 * passed / USUAL_COMPILATION)
+    return f"  {passed:2.0f} s of about {USUAL_COMPILATION:.0f} [{'#' * done}{'.' * (20 - done)}]"
