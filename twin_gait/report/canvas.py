@@ -87,8 +87,7 @@ def put_title(axes: Axes, title: str) -> None:
 
     Between fixed margins its height is fixed: looking for a free one lays all ticks out once more.
     """
-    figure = axes.get_figure(root=True)
-    fixed = figure is not None and isinstance(figure.get_layout_engine(), FixedMargins)
+    fixed = isinstance(axes.figure.get_layout_engine(), FixedMargins)
     axes.set_title(title, fontsize="medium", y=1.0 if fixed else None)
 
 

@@ -126,7 +126,7 @@ def _label_box(axis: Axis) -> Bbox:
     # A sign is wider than a figure.
     longest = max(texts, key=lambda text: (len(text), "\N{MINUS SIGN}" in text), default="")
     sample = Text(text=longest, fontproperties=first.get_fontproperties())
-    return _in_points(sample, axis.get_figure(root=True))
+    return _in_points(sample, axis.axes)
 
 
 def _end_labels(axes: Axes) -> tuple[float, float]:
@@ -140,17 +140,13 @@ def _end_labels(axes: Axes) -> tuple[float, float]:
 
 
 def _points(axes: Axes, pixels: float) -> float:
-    figure = axes.get_figure(root=True)
-    assert figure is not None  # a panel that is being drawn
-    return pixels * POINTS / figure.dpi
+    return pixels * POINTS / axes.figure.dpi
 
 
-def _in_points(text: Text, figure: Figure | None) -> Bbox:
-    assert figure is not None
-    text.set_figure(figure)
+def _in_points(text: Text, axes: Axes) -> Bbox:
+    text.set_figure(axes.figure)
     box = text.get_window_extent()
-    scale = POINTS / figure.dpi
-    return Bbox.from_extents(0.0, 0.0, scale * box.width, scale * box.height)
+    return Bbox.from_extents(0.0, 0.0, _points(axes, box.width), _points(axes, box.height))
 
 
 def _title_room(axes: Axes) -> float:
