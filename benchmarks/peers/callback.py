@@ -21,7 +21,7 @@ from twin_gait.simulation.compiled_engine import (
     compiled_rows,
     laid_out,
 )
-from twin_gait.simulation.compiling import jit, numbers_at, quickly, record_at
+from twin_gait.simulation.compiling import ON_BITS, jit, numbers_at, quickly, record_at
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.record import dtype_of
 from twin_gait.simulation.reference_engine import ReferenceEngine
@@ -63,7 +63,7 @@ def respond(e: Episode, call: int, q: Any, v: Any, applied: Any) -> None:
         for i in range(len(PLACES)):
             row[i] = e.q[i]
         run_ticks(e, tick, tick + 1)
-    acceleration(e, 0.0, 0.0, e.q, e.v)
+    acceleration(e, 0.0, e.q, e.v)
     for i in range(len(PLACES)):
         applied[PLACES[i]] = e.torque[i]
 
@@ -156,7 +156,7 @@ class NativeCallback:
             "dynamics": jit(_dynamics),
             "trace_row": jit(lambda tick: table(trace, tick)),
         }
-        rooms = bind(respond, {**names, **own}, jit)
+        rooms = bind(respond, {**ON_BITS, **names, **own}, jit)
         episode_at, calls_at, numbers = record_at(store.dtype), record_at(_CALLS), numbers_at(data.qpos.size)
         home, counter = store.ctypes.data, self._calls.ctypes.data
         q, v, applied = (array.ctypes.data for array in (data.qpos, data.qvel, data.qfrc_applied))

@@ -277,7 +277,18 @@ def test_a_fall_is_a_result_unless_asked_otherwise(tmp_path):
 
 def test_ctrl_c_leaves_a_complete_marked_run_and_status_130(tmp_path):
     out = tmp_path / "run"
-    command = [sys.executable, "-m", "twin_gait", "simulate", "bench_leg", "--duration", "3600"]
+    slow = "integration={method: rk4, step_ms: 0.02}"  # half a minute and more
+    command = [
+        sys.executable,
+        "-m",
+        "twin_gait",
+        "simulate",
+        "bench_leg",
+        "--duration",
+        "3600",
+        "--set",
+        slow,
+    ]
     process = subprocess.Popen([*command, "--out", str(out), *FAST], stderr=subprocess.PIPE, text=True)
     try:
         deadline = time.monotonic() + 60.0

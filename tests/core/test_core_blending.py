@@ -140,7 +140,6 @@ def test_interrupted_fade_goes_on_from_the_present_values(legs: Episode, law: in
     rows = fade(legs, duration, law, [5, second], 150)
     largest_distance = np.abs(np.diff(np.array(TARGETS), axis=0)).max(axis=0)
     steepest = {BLEND_LINEAR: 1.0, BLEND_MINIMUM_JERK: 15.0 / 8.0}[law]
-    assert_allclose(rows[second], rows[second - 1], atol=(steepest * largest_distance / duration).max())
     assert np.all(np.abs(np.diff(rows, axis=0)) <= 1.001 * steepest * largest_distance / duration)
     assert_allclose(rows[:5], np.broadcast_to(TARGETS[0], (5, 9)), atol=1e-12)
     assert_allclose(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import math
 import shutil
 import subprocess
 import sys
@@ -18,6 +17,7 @@ from test_dynamics_pinocchio import assert_equal, kernel_of, source_of
 
 from twin_gait import core, load_experiment, simulate, simulation
 from twin_gait.core.contact import ground_contact_force
+from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import ModelError
 from twin_gait.experiment.problem import build_problem
 from twin_gait.kernels import generated as kernel
@@ -45,7 +45,7 @@ def chain(joints: int) -> pin.Model:
 
 def functions_of(text: str) -> dict:
     """Functions of a kernel as plain Python."""
-    functions = {"math": math, "ground_contact_force": ground_contact_force}
+    functions = {"sine_cosine": sine_cosine, "ground_contact_force": ground_contact_force}
     exec(compile(text, "kernel", "exec"), functions)
     return functions
 

@@ -19,6 +19,7 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 from twin_gait.core.contact import Ground, Point, ground_contact_force
+from twin_gait.core.elementary import sine_cosine
 from twin_gait.kernels import generated as kernel
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import ContactPoint, export_bodies
@@ -84,7 +85,7 @@ def source_of(bodies: list, points: tuple[ContactPoint, ...] = (), up_axis: str 
 
 def kernel_of(model: pin.Model, points: tuple[ContactPoint, ...] = (), law=ground_contact_force) -> Kernel:
     bodies = export_bodies(model)
-    functions = {"math": math, "ground_contact_force": law}
+    functions = {"sine_cosine": sine_cosine, "ground_contact_force": law}
     exec(compile(source_of(bodies, points), "kernel", "exec"), functions)
     return Kernel(functions, np.array(kernel.body_values(bodies, points)), len(bodies), len(points))
 

@@ -465,6 +465,22 @@ def test_traces_have_the_extremes_of_every_five_ticks_of_the_log_without_a_gap(b
                 assert (values[inside].min(), values[inside].max()) == (span.min(), span.max())
 
 
+def test_traces_have_no_gap_where_pieces_end_between_two_frames(bench_problem):
+    # A pause at an odd block hands a piece over there; the next ends 500 ticks on, in the middle of a frame.
+    pause = {"serial": 1, "command": "pause"}
+    rig = Rig(bench_problem, [(0.207, pause), (0.3, {"serial": 2, "command": "walk"})])
+    rig.loop.run()
+    sizes = [len(piece.rows) for piece in rig.pieces[0]]
+    assert sizes[0] % 20 == 10 and sizes[1] == 500
+    rows = rig.takes[0].result.rows[:, rig.run.layout.positions["right_knee_angle_rad"]]
+    traces = [item for item in rig.sent if item["kind"] == "trace"]
+    assert [item["end"] for item in traces[:-1]] == [item["first"] for item in traces[1:]]
+    for item in traces:
+        ticks, values = (np.array(part) for part in item["columns"]["right_knee_angle_rad"])
+        assert ticks[0] - item["first"] < 5 and item["end"] - ticks[-1] <= 5
+        np.testing.assert_array_equal(values, rows[ticks])
+
+
 def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem):
     fault = {
         "serial": 1,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -18,7 +19,7 @@ from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.experiment.problem import build_problem
 from twin_gait.kernels import rigid_body
 from twin_gait.kernels.generated import body_values, write_kernel
-from twin_gait.kernels.tracing import Trace, cosine
+from twin_gait.kernels.tracing import Trace, sine_and_cosine
 from twin_gait.leg_model.bodies import contact_points, export_bodies
 from twin_gait.simulation import keeping, loops
 from twin_gait.simulation.compiled_engine import Bodies, CompiledEngine, bound_kernel, laid_out
@@ -106,8 +107,8 @@ def test_trace_folds_constants_and_shares_expressions():
     assert (x + 0.0) is x
     assert (x * 1.0) is x
     assert (x - x) == 0.0
-    assert cosine(x) is cosine(x)
-    assert cosine(0.0) == 1.0
+    assert sine_and_cosine(x)[1] is sine_and_cosine(x)[1]
+    assert sine_and_cosine(0.0) == (0.0, 1.0)
     assert len(trace.lines) == 1
 
 
@@ -439,7 +440,15 @@ PLAIN_CASES = {
 }
 
 
-@pytest.mark.parametrize("case", PLAIN_CASES.values(), ids=PLAIN_CASES.keys())
+# Each compiles a loop of its own; a user's change breaks the others as soon.
+SLOW_CASES = ("treadmill in braces, rk4", "treadmill, a path and adaptive help", "treadmill that starts")
+TRIED = [
+    pytest.param(case, id=name, marks=[pytest.mark.slow] if name in SLOW_CASES else [])
+    for name, case in PLAIN_CASES.items()
+]
+
+
+@pytest.mark.parametrize("case", TRIED)
 def test_uncompiled_rooms_over_the_generated_kernel_give_the_same_log_bit_for_bit(case):
     """Short, for plain Python is slow and a bit that differs shows at once."""
     name, *changes = case
@@ -452,7 +461,7 @@ def test_uncompiled_rooms_over_the_generated_kernel_give_the_same_log_bit_for_bi
     assert (compiled.trip, compiled.status, compiled.reason) == (plain.trip, plain.status, plain.reason)
 
 
-@pytest.mark.parametrize("case", PLAIN_CASES.values(), ids=PLAIN_CASES.keys())
+@pytest.mark.parametrize("case", TRIED)
 def test_the_code_of_every_such_loop_is_kept_for_the_next_process(case, monkeypatch):
     """An array that is counted needs more than the C library, and the loop would be compiled every time."""
     name, *changes = case
@@ -462,6 +471,25 @@ def test_the_code_of_every_such_loop_is_kept_for_the_next_process(case, monkeypa
     told = []
     CompiledEngine(problem, on_compile=lambda: told.append(1))
     assert not told
+
+
+# Functions of the C library under their names there.
+MATHEMATICS = {name.encode() for name, item in vars(math).items() if callable(item)} | {b"sincos"}
+
+
+@pytest.mark.parametrize("case", PLAIN_CASES.values(), ids=PLAIN_CASES.keys())
+def test_no_loop_calls_the_mathematics_of_the_c_library(case, monkeypatch):
+    """Its last bits differ between versions; the power of the speed in some laws of friction is left."""
+    name, *changes = case
+    problem = build_problem(load_experiment(name, ["duration_s=0.3", *changes]).experiment)
+    CompiledEngine(problem)
+    monkeypatch.setattr(loops, "_loops", {})
+    codes = []
+    monkeypatch.setattr(loops, "load_function", lambda code, n_arguments: codes.append(code))
+    CompiledEngine(problem)
+    (code,) = codes
+    called = {word.lstrip(b"_") for word in code.object_code.split(b"\0")} & MATHEMATICS
+    assert called == ({b"pow"} if "lugre" in repr(case) else set())
 
 
 @pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])

@@ -18,7 +18,7 @@ from twin_gait.simulation.binding import bind
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode
 from twin_gait.simulation.record import copied
-from twin_gait.simulation.rooms.motion import integrate
+from twin_gait.simulation.rooms.motion import acceleration, integrate
 
 # A lightly damped pair of coupled oscillators: q̈ = −K q − B q̇.
 STIFFNESS = np.array([[30.0, -8.0], [-8.0, 20.0]])
@@ -49,10 +49,17 @@ def free() -> Episode:
     return e
 
 
-def started(free: Episode, q: list[float], v: list[float], step: float) -> Episode:
+def started(free: Episode, q: list[float], v: list[float], step: float, *, recording: bool = True) -> Episode:
     e = copied(free)
-    e.q, e.v, e.step, e.substeps = list(q), list(v), step, 1
+    e.q, e.v, e.step, e.substeps, e.recording.on = list(q), list(v), step, 1, recording
     return e
+
+
+def evaluated_and_integrated(e: Episode, tick: int) -> None:
+    """A tick as with a log, whose row is evaluated where it begins."""
+    if e.recording.on:
+        acceleration(e, 0.0, e.q, e.v)
+    integrate(e, tick)
 
 
 def stepping(law: Law, *, rk4: bool, **names: Any) -> Callable[[Episode, int], None]:
@@ -71,7 +78,9 @@ def stepping(law: Law, *, rk4: bool, **names: Any) -> Callable[[Episode, int], N
         a[:] = law(np.array(q), np.array(v), np.array(torque)).tolist()
         return 0.0
 
-    function: Callable[[Episode, int], None] = bind(integrate, {"RK4": rk4, "dynamics": dynamics, **names})
+    function: Callable[[Episode, int], None] = bind(
+        evaluated_and_integrated, {"RK4": rk4, "dynamics": dynamics, **names}
+    )
     return function
 
 
@@ -140,29 +149,38 @@ def test_semi_implicit_euler_keeps_the_energy_of_an_oscillator_within_bounds(
 
 
 @pytest.mark.parametrize(
-    ("rk4", "shares"),
+    ("rk4", "stages"),
     [(True, [(0.0, 1 / 6), (0.5, 1 / 3), (0.5, 1 / 3), (1.0, 1 / 6)]), (False, [(0.0, 1.0)])],
 )
 def test_stages_come_in_order_with_the_shares_of_their_step(
-    free: Episode, rk4: bool, shares: list[tuple[float, float]]
+    free: Episode, rk4: bool, stages: list[tuple[float, float]]
 ) -> None:
-    calls = []
+    """Each is evaluated once, also with a log, whose row is evaluated where the tick begins."""
+    offsets, shares = [], []
 
-    def acceleration(e: Episode, offset: float, weight: float, q: list[float], v: list[float]) -> None:
-        calls.append((offset, weight))
+    def acceleration(e: Episode, offset: float, q: list[float], v: list[float]) -> None:
+        offsets.append(offset)
 
-    stepping(spring, rk4=rk4, acceleration=acceleration)(started(free, START_Q, START_V, 0.01), 0)
-    assert_allclose(calls, shares, rtol=1e-15)
+    def add_work(e: Episode, duration: float, contact_power: float, v: list[float]) -> None:
+        shares.append(duration / e.step)
+
+    step = stepping(spring, rk4=rk4, acceleration=acceleration, _add_work=add_work)
+    step(started(free, START_Q, START_V, 0.01, recording=False), 0)
+    assert offsets == [offset for offset, _ in stages] and shares == []
+    offsets.clear()
+    step(started(free, START_Q, START_V, 0.01, recording=True), 0)
+    assert offsets == [offset for offset, _ in stages]
+    assert_allclose(shares, [share for _, share in stages], rtol=1e-15)
 
 
 def test_substeps_of_a_tick_follow_each_other(free: Episode) -> None:
     """Their times are the tick's and a whole number of steps, not a running sum."""
     times = []
 
-    def acceleration(e: Episode, offset: float, weight: float, q: list[float], v: list[float]) -> None:
+    def acceleration(e: Episode, offset: float, q: list[float], v: list[float]) -> None:
         times.append(e.time)
 
-    e = started(free, START_Q, START_V, 0.25e-3)
+    e = started(free, START_Q, START_V, 0.25e-3, recording=False)
     e.substeps = 4
     stepping(spring, rk4=False, acceleration=acceleration)(e, 7)
     assert times == [7 * e.rates.period + number * e.step for number in range(4)]

@@ -2,8 +2,9 @@
 
 Nothing here imports anything but :mod:`math` and :mod:`numpy`, keeps state, reads a clock or draws
 a random number. The reference engine calls these functions as plain Python, and the compiled engine compiles
-the very same ones, so there is no second copy of a law to drift. Scalars use :mod:`math` and plain products,
-because numpy's tanh and powers differ in the last bit.
+the very same ones, so there is no second copy of a law to drift. Exponentials, sines and cosines are those of
+:mod:`twin_gait.core.elementary`, squares are plain products: NumPy's and the C library's differ in the last
+bit from one version and machine to the next.
 """
 
 from twin_gait.core.actuator import (
@@ -23,6 +24,7 @@ from twin_gait.core.contact import (
     mechanical_stop_torque,
 )
 from twin_gait.core.dead_zone import dead_zone
+from twin_gait.core.elementary import exponential, hyperbolic_tangent, settled_share, sine_cosine
 from twin_gait.core.estimation import first_order_gain, first_order_step, quantise
 from twin_gait.core.friction import (
     PlantFriction,
@@ -46,7 +48,6 @@ from twin_gait.core.friction_models import (
     stribeck_torque,
     two_velocity_torque,
 )
-from twin_gait.core.hyperbolic import hyperbolic_tangent
 from twin_gait.core.impedance import damping_from_ratio, damping_ratio_of, impedance_torque
 from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
 from twin_gait.core.motor_drive import drive_efficiency
@@ -77,6 +78,7 @@ __all__ = [
     "dead_zone",
     "directional_viscous_torque",
     "drive_efficiency",
+    "exponential",
     "first_order_gain",
     "first_order_step",
     "friction_torque",
@@ -93,6 +95,8 @@ __all__ = [
     "ripple_torque",
     "rotational_friction_torque",
     "sagged_bus_voltage",
+    "settled_share",
+    "sine_cosine",
     "spastic_torque",
     "steady_deflection",
     "stribeck_level",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from twin_gait.core.hyperbolic import hyperbolic_tangent
+from twin_gait.core.elementary import hyperbolic_tangent
 
 
 def contact_normal_force(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from twin_gait.core.elementary import settled_share
+
 _ROOM = 16  # delays up to the next multiple share one compiled loop
 
 
@@ -35,7 +37,7 @@ def first_order_gain(period: float, time_constant: float) -> float:
     """
     if time_constant <= 0.0:
         return 1.0
-    return 1.0 - math.exp(-period / time_constant)
+    return settled_share(period / time_constant)
 
 
 def first_order_step(estimate: float, sample: float, gain: float) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from twin_gait.core.elementary import exponential, hyperbolic_tangent
 from twin_gait.core.friction_models import (
     asymmetric_torque,
     bristle_rate,
@@ -14,7 +15,6 @@ from twin_gait.core.friction_models import (
     sign_of,
     stribeck_level,
 )
-from twin_gait.core.hyperbolic import hyperbolic_tangent
 
 _SQRT_2E = math.sqrt(2.0 * math.e)
 
@@ -61,23 +61,6 @@ class PlantFriction:
     bristle_damping: float = 0.0
 
 
-@dataclass(slots=True)
-class Friction:
-    """Parameters of :func:`rotational_friction_torque`.
-
-    Attributes:
-        breakaway_torque: a in [N m].
-        coulomb_friction: b in [N m].
-        breakaway_velocity: c in [rad] / [s].
-        viscous_friction: d in [N m s] / [rad].
-    """
-
-    breakaway_torque: float
-    coulomb_friction: float
-    breakaway_velocity: float
-    viscous_friction: float
-
-
 def rotational_friction_torque(
     velocity: float,
     breakaway_torque: float,
@@ -109,7 +92,7 @@ def rotational_friction_torque(
         Friction torque in [N m]; odd in the velocity.
     """
     x = velocity / breakaway_velocity
-    stribeck = _SQRT_2E * (breakaway_torque - coulomb_friction) * math.exp(-(x * x)) * x
+    stribeck = _SQRT_2E * (breakaway_torque - coulomb_friction) * exponential(-(x * x)) * x
     return stribeck + coulomb_friction * hyperbolic_tangent(10.0 * x) + viscous_friction * velocity
 
 

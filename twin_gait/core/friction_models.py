@@ -10,7 +10,12 @@ from __future__ import annotations
 
 import math
 
-from twin_gait.core.hyperbolic import hyperbolic_tangent
+from twin_gait.core.elementary import (
+    exponential,
+    hyperbolic_tangent,
+    settled_share,
+    sine_cosine,
+)
 
 _SQRT_2E = math.sqrt(2.0 * math.e)
 REFERENCE_TEMPERATURE = 25.0  # [°C] at which motor data sheets state their values
@@ -52,7 +57,7 @@ def coulomb_viscous_tanh_torque(velocity: float, coulomb: float, viscous: float,
     Returns:
         Torque in [N m].
     """
-    return coulomb * math.tanh(steepness * velocity) + viscous * velocity
+    return coulomb * hyperbolic_tangent(steepness * velocity) + viscous * velocity
 
 
 def stribeck_level(
@@ -72,7 +77,7 @@ def stribeck_level(
     Returns:
         Torque in [N m].
     """
-    return coulomb + (breakaway - coulomb) * math.exp(-(abs(velocity / stribeck_velocity) ** exponent))
+    return coulomb + (breakaway - coulomb) * exponential(-(abs(velocity / stribeck_velocity) ** exponent))
 
 
 def stribeck_torque(
@@ -134,8 +139,8 @@ def two_velocity_torque(
         Torque in [N m].
     """
     x = velocity / stribeck_velocity
-    bump = _SQRT_2E * (breakaway - coulomb) * x * math.exp(-(x * x))
-    return bump + coulomb * math.tanh(velocity / coulomb_velocity) + viscous * velocity
+    bump = _SQRT_2E * (breakaway - coulomb) * x * exponential(-(x * x))
+    return bump + coulomb * hyperbolic_tangent(velocity / coulomb_velocity) + viscous * velocity
 
 
 def conditioned_torque(
@@ -175,7 +180,7 @@ def conditioned_torque(
     warmer = temperature - REFERENCE_TEMPERATURE
     level = coulomb + coulomb_per_load * abs(load) + coulomb_per_kelvin * warmer
     drag = (viscous + viscous_per_kelvin * warmer) * velocity
-    return level * math.tanh(velocity / transition_velocity) + drag
+    return level * hyperbolic_tangent(velocity / transition_velocity) + drag
 
 
 def directional_viscous_torque(velocity: float, forward: float, backward: float, exponent: float) -> float:
@@ -247,7 +252,8 @@ def ripple_torque(angle: float, cosine: float, sine: float, order: float) -> flo
     Returns:
         Torque in [N m].
     """
-    return cosine * math.cos(order * angle) + sine * math.sin(order * angle)
+    sine_of, cosine_of = sine_cosine(order * angle)
+    return cosine * cosine_of + sine * sine_of
 
 
 def bristle_rate(velocity: float, deflection: float, level: float, stiffness: float) -> float:
@@ -289,7 +295,7 @@ def bristle_step(velocity: float, deflection: float, level: float, stiffness: fl
         :math:`z` after, in [rad].
     """
     travelled = stiffness * abs(velocity) * period / level
-    grown = -math.expm1(-travelled)
+    grown = settled_share(travelled)
     if velocity > 0.0:
         return deflection + (level / stiffness - deflection) * grown
     if velocity < 0.0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from twin_gait.core.elementary import sine_cosine
 
 
 def tangential_specific_force(
@@ -27,7 +27,8 @@ def tangential_specific_force(
     Returns:
         Specific force in [m] / [s²], positive in increasing angle.
     """
-    return lever * acceleration - gravity * math.cos(angle - horizontal_angle)
+    _, cosine = sine_cosine(angle - horizontal_angle)
+    return lever * acceleration - gravity * cosine
 
 
 def angular_acceleration(
@@ -48,4 +49,5 @@ def angular_acceleration(
     Returns:
         Angular acceleration in [rad] / [s²].
     """
-    return (specific_force + gravity * math.cos(angle - horizontal_angle)) / lever
+    _, cosine = sine_cosine(angle - horizontal_angle)
+    return (specific_force + gravity * cosine) / lever

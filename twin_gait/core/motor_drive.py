@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from twin_gait.core.actuator import saturate
-from twin_gait.core.hyperbolic import hyperbolic_tangent
+from twin_gait.core.elementary import hyperbolic_tangent, settled_share, sine_cosine
 
 # Switching states of six-step commutation in an electrical turn.
 _SIX_STEPS = 6.0
@@ -42,7 +42,7 @@ def winding_current_step(
     """
     steady = (voltage - back_emf) / resistance
     exponent = resistance * period / inductance
-    settled = -math.expm1(-exponent)
+    settled = settled_share(exponent)
     away = current - steady
     return current - away * settled, steady + away * settled / exponent
 
@@ -118,7 +118,8 @@ def six_step_current(
     Returns:
         Current in [A].
     """
-    return current * (1.0 + ripple * math.cos(_SIX_STEPS * pole_pairs * motor_angle)) + noise
+    _, cosine = sine_cosine(_SIX_STEPS * pole_pairs * motor_angle)
+    return current * (1.0 + ripple * cosine) + noise
 
 
 def inverter_voltage(duty: float, counts: float, bus_voltage: float) -> float:
@@ -224,7 +225,8 @@ def link_load_torque(angle: float, moment: float, gravity: float, horizontal_ang
     Returns:
         Torque on the joint in [N m], positive along the fall.
     """
-    return gravity * moment * math.cos(angle - horizontal_angle)
+    _, cosine = sine_cosine(angle - horizontal_angle)
+    return gravity * moment * cosine
 
 
 def cosine_path(
@@ -243,9 +245,9 @@ def cosine_path(
     """
     pulsation = 2.0 * math.pi * frequency
     half = 0.5 * amplitude
-    phase = pulsation * time
+    sine, cosine = sine_cosine(pulsation * time)
     return (
-        start_angle + half * (1.0 - math.cos(phase)),
-        half * pulsation * math.sin(phase),
-        half * pulsation * pulsation * math.cos(phase),
+        start_angle + half * (1.0 - cosine),
+        half * pulsation * sine,
+        half * pulsation * pulsation * cosine,
     )

@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 
 from twin_gait.core.contact import mechanical_stop_torque
+from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.friction import (
     FRICTIONLESS,
     OTHER_LAWS,
@@ -191,7 +192,7 @@ def imposed_motion_torque(motion: ImposedMotion, time: float, angle: float, velo
     """
     if time >= motion.release_time:
         return 0.0
-    phase = 2.0 * math.pi * motion.frequency * time
-    path = motion.start_angle + 0.5 * motion.amplitude * (1.0 - math.cos(phase))
-    path_velocity = 0.5 * motion.amplitude * 2.0 * math.pi * motion.frequency * math.sin(phase)
+    sine, cosine = sine_cosine(2.0 * math.pi * motion.frequency * time)
+    path = motion.start_angle + 0.5 * motion.amplitude * (1.0 - cosine)
+    path_velocity = 0.5 * motion.amplitude * 2.0 * math.pi * motion.frequency * sine
     return motion.stiffness * (path - angle) + motion.damping * (path_velocity - velocity)

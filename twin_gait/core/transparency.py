@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from twin_gait.core.actuator import saturate
+from twin_gait.core.elementary import sine_cosine
 
 
 @dataclass(slots=True)
@@ -51,7 +52,8 @@ def breakaway_duty(tick: float, amplitude: float, frequency: float, ticks_per_se
     Returns:
         Duty in counts.
     """
-    return amplitude * math.sin(2.0 * math.pi * frequency * tick / ticks_per_second)
+    sine, _ = sine_cosine(2.0 * math.pi * frequency * tick / ticks_per_second)
+    return amplitude * sine
 
 
 def viscous_duty(

@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from twin_gait.core.elementary import exponential
+
 
 @dataclass(slots=True)
 class Condition:
@@ -50,8 +52,8 @@ def passive_hip_torque(hip: float, knee: float) -> float:
         Moment in [N m].
     """
     fh, fk = _DEGREES * hip, _DEGREES * knee
-    extended = math.exp(1.4655 - 0.0034 * fk - 0.0750 * fh)
-    flexed = math.exp(1.3403 - 0.0226 * fk + 0.0305 * fh)
+    extended = exponential(1.4655 - 0.0034 * fk - 0.0750 * fh)
+    flexed = exponential(1.3403 - 0.0226 * fk + 0.0305 * fh)
     return extended - flexed + 8.072
 
 
@@ -75,9 +77,9 @@ def passive_knee_torque(hip: float, knee: float, ankle: float) -> float:
         Moment in [N m].
     """
     fh, fk, fa = _DEGREES * hip, _DEGREES * knee, _DEGREES * ankle
-    two_joint = math.exp(1.800 + 0.0460 * fa - 0.0352 * fk + 0.0217 * fh)
-    flexed = math.exp(-3.971 + 0.0004 * fa + 0.0495 * fk - 0.0128 * fh)
-    extended = math.exp(2.220 - 0.150 * fk)
+    two_joint = exponential(1.800 + 0.0460 * fa - 0.0352 * fk + 0.0217 * fh)
+    flexed = exponential(-3.971 + 0.0004 * fa + 0.0495 * fk - 0.0128 * fh)
+    extended = exponential(2.220 - 0.150 * fk)
     return two_joint - flexed - 4.820 + extended
 
 

@@ -18,9 +18,16 @@ from twin_gait.core import friction, friction_models
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE, bristle_step
 from twin_gait.identification.samples import Samples
 from twin_gait.simulation.binding import bind
+from twin_gait.simulation.compiling import ON_BITS
 
-# The laws of the plant, run over arrays: the same functions with NumPy's where they call math's.
-_NUMPY = {"math": np, "hyperbolic_tangent": np.tanh, "chosen": np.where, "sign_of": np.sign}
+# The laws of the plant, run over arrays: the same functions with NumPy's in place of core's.
+_NUMPY = {
+    "exponential": np.exp,
+    "hyperbolic_tangent": np.tanh,
+    "sine_cosine": lambda angle: (np.sin(angle), np.cos(angle)),
+    "chosen": np.where,
+    "sign_of": np.sign,
+}
 
 
 def over_arrays(law: Callable[..., float]) -> Callable[..., np.ndarray]:
@@ -246,7 +253,7 @@ def _start_of(fresh: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=1)
 def _loop() -> Callable[..., np.ndarray]:
-    compiled: Callable[..., np.ndarray] = bind(_deflections, {}, numba.njit)
+    compiled: Callable[..., np.ndarray] = bind(_deflections, ON_BITS, numba.njit)
     return compiled
 
 

@@ -243,7 +243,7 @@ def write_kernel(
         up_axis: ``"z"`` or ``"y"``.
 
     Returns:
-        Python source; it needs ``math`` and ``ground_contact_force`` in its module.
+        Python source; it needs ``sine_cosine`` and ``ground_contact_force`` of core in its module.
     """
     functions = [
         write_dynamics(bodies, points, up_axis),

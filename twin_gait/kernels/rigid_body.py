@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from twin_gait.kernels.tracing import Scalar, cosine, sine
+from twin_gait.kernels.tracing import Scalar, sine_and_cosine
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 
 # Arrays of numbers and symbols, for which numpy has no type.
@@ -64,7 +64,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 def joint_rotation(axis: Vector, angle: Scalar) -> Matrix:
     """Rotation about a constant axis (Rodrigues), sparse for coordinate axes."""
-    s, c = sine(angle), cosine(angle)
+    s, c = sine_and_cosine(angle)
     nonzero = [i for i in range(3) if axis[i] != 0.0]
     if len(nonzero) == 1 and abs(axis[nonzero[0]]) == 1.0:
         i = nonzero[0]

@@ -8,10 +8,11 @@ needs.
 
 from __future__ import annotations
 
-import math
 import re
 from collections import Counter
 from collections.abc import Collection, Sequence
+
+from twin_gait.core.elementary import sine_cosine
 
 Number = float
 
@@ -27,6 +28,7 @@ class Trace:
         """Begin an empty trace."""
         self.lines: list[str] = []
         self._known: dict[tuple[str, ...], Symbol] = {}
+        self._called: dict[tuple[str, ...], list[Symbol]] = {}
         self._negated: dict[str, Symbol] = {}
         self._count = 0
 
@@ -44,11 +46,15 @@ class Trace:
         return self._known[key]
 
     def call(self, function: str, arguments: Sequence[Scalar], outputs: int) -> list[Symbol]:
-        """Append a call of a function with several results."""
+        """Append a call of a function with several results unless the same call is known."""
+        key = (function, *map(text, arguments))
+        if key in self._called:
+            return self._called[key]
         names = [f"t{self._count + index}" for index in range(outputs)]
         self._count += outputs
         self.lines.append(f"{', '.join(names)} = {function}({', '.join(text(item) for item in arguments)})")
-        return [Symbol(self, name) for name in names]
+        self._called[key] = [Symbol(self, name) for name in names]
+        return self._called[key]
 
     def negated(self, symbol: Symbol) -> Symbol:
         """Append the negative of a symbol, and remember of what it is the negative."""
@@ -184,15 +190,9 @@ def text(value: Scalar) -> str:
     return value.name if isinstance(value, Symbol) else repr(float(value))
 
 
-def sine(angle: Scalar) -> Scalar:
-    """Sine of a number or symbol."""
+def sine_and_cosine(angle: Scalar) -> tuple[Scalar, Scalar]:
+    """Sine and cosine of a number or symbol; those of a symbol are asked for once."""
     if isinstance(angle, Symbol):
-        return angle.trace.emit(("sin", angle.name), f"math.sin({angle.name})")
-    return math.sin(angle)
-
-
-def cosine(angle: Scalar) -> Scalar:
-    """Cosine of a number or symbol."""
-    if isinstance(angle, Symbol):
-        return angle.trace.emit(("cos", angle.name), f"math.cos({angle.name})")
-    return math.cos(angle)
+        sine, cosine = angle.trace.call("sine_cosine", [angle], 2)
+        return sine, cosine
+    return sine_cosine(angle)

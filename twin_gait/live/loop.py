@@ -149,8 +149,8 @@ class LiveLoop:
         q = self._run.q
         rows = self._run.advance(1)
         self.clock.finished(self._now())
-        # A look at the last row is always possible.
-        self._run.forget_rows(self._kept.tick - 1)
+        # A look at the last row is always possible, and the page has yet to be shown what was not traced.
+        self._run.forget_rows(min(self._kept.tick, self._traced) - 1)
         if self._run.tick // BLOCK_TICKS % FRAME_BLOCKS == 0 or not self._moving:
             self._send_frame(q, rows)
 

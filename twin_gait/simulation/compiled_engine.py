@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -11,6 +10,7 @@ import numpy as np
 
 from twin_gait.control import ControllerFunction, Trip
 from twin_gait.core.contact import ground_contact_force
+from twin_gait.core.elementary import sine_cosine
 from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.kernels.generated import body_values, kernel_structure, write_kernel
@@ -226,9 +226,8 @@ def _text(dtype: np.dtype[Any]) -> str:
 
 def bound_kernel(bodies: Bodies) -> dict[str, Any]:
     """Functions of the generated kernel of some bodies by name, to be bound."""
-    return kernel_functions(
-        write_kernel(*bodies), {"math": math, "ground_contact_force": ground_contact_force}
-    )
+    called = {"sine_cosine": sine_cosine, "ground_contact_force": ground_contact_force}
+    return kernel_functions(write_kernel(*bodies), called)
 
 
 def compiled_rows(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:

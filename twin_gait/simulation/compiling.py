@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+from llvmlite import ir
 from numba.core import cgutils, types
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.dispatcher import Dispatcher
@@ -36,6 +37,7 @@ from twin_gait.simulation.machine_code import MachineCode, NativeFunction, funct
 # LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops over
 # the coordinates for long ones and makes the treadmill 15 to 20 % slower.
 OPTIMISATION, VECTORISE = 1, 0
+_BITS = ir.IntType(64)
 _ENDLESS = 1 << 40  # rows behind an address, whose number the caller knows
 
 
@@ -68,6 +70,33 @@ def _pointer(context: Any, address: Any) -> Any:
         return builder.inttoptr(arguments[0], cgutils.voidptr_t)
 
     return types.voidptr(types.int64), generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _power_of_two(context: Any, shifted: Any) -> Any:
+    """The lowest bits of a sum with 1.5 2^52, moved to where the exponent of a number lies."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        bits = builder.bitcast(arguments[0], _BITS)
+        exponent = builder.shl(builder.add(bits, _BITS(1023)), _BITS(52))
+        return builder.bitcast(exponent, ir.DoubleType())
+
+    return types.float64(types.float64), generate
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def _whole_number(context: Any, shifted: Any) -> Any:
+    """The bits of a sum with 1.5 2^52."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], _BITS)
+
+    return types.int64(types.float64), generate
+
+
+# What :mod:`twin_gait.core.elementary` leaves to machine code, by name, to be bound: as numba compiles them,
+# the functions there are a call of the C library and a round trip through integers.
+ON_BITS = {"power_of_two": _power_of_two, "whole_number": _whole_number}
 
 
 def jit(function: Any, *, inline: bool = True) -> Any:
@@ -128,7 +157,11 @@ def compile_loop(
         if not compiles(controller):
             raise ParameterError(f"{name_of(controller)}: numba cannot compile it")
         names = {**names, "controller_torques": _jitted(controller)}
-    loop = bind(entry, names, lambda function: jit(function, inline=function.__name__ != entry.__name__))
+    loop = bind(
+        entry,
+        {**ON_BITS, **names},
+        lambda function: jit(function, inline=function.__name__ != entry.__name__),
+    )
     signature = (numba.intp,) * n_arguments
     with quickly():
         loop.compile(signature)

@@ -108,7 +108,8 @@ def run_in_chunks(
         if progress is not None:
             progress(done, total)
         if should_stop is not None and should_stop():
-            return done, RunStatus.INTERRUPTED, stopped_reason(done)
+            status, reason = RunStatus.INTERRUPTED, stopped_reason(done)
+            break
         done, code = run_ticks(done, min(done + chunk, total))
         status, reason = ending_of(code, done, problem)
     if progress is not None:

@@ -15,11 +15,11 @@ from twin_gait.core.belt import Belt
 from twin_gait.core.contact import Ground, Point
 from twin_gait.core.control_tick import Encoder, Setpoint
 from twin_gait.core.faults import Fault
-from twin_gait.core.friction import Friction
 from twin_gait.core.guards import GuardProgram
 from twin_gait.core.plant import Brace, ImposedMotion, Plant
 from twin_gait.core.safety import Bounds, Watched
 from twin_gait.core.wearer import Condition
+from twin_gait.parameters import FrictionParameters
 from twin_gait.simulation.log import WorkRow
 from twin_gait.simulation.rows import Efforts, Recording
 
@@ -60,7 +60,7 @@ class Joint:
     encoder: Encoder
     reading: float
     motor: Motor
-    friction_model: Friction
+    friction_model: FrictionParameters
     setpoints: list[Setpoint]
     blend_start: Setpoint
     blended: Setpoint

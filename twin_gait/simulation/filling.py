@@ -8,7 +8,7 @@ from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
 from twin_gait.core.contact import Ground, Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
-from twin_gait.core.friction import ROTATIONAL, Friction
+from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.experiment import ControlMode, IntegrationMethod
@@ -148,7 +148,7 @@ def _joint(problem: Problem, number: int, legs: list[Leg]) -> Joint:
         encoder=new_encoder(float(problem.resolution[number]), angle, experiment.sensors.window),
         reading=angle,
         motor=taken_from(Motor, problem.actuator(joint)),
-        friction_model=taken_from(Friction, experiment.control.friction_model[joint.joint]),
+        friction_model=experiment.control.friction_model[joint.joint],
         setpoints=setpoints,
         blend_start=copied(first),
         blended=copied(first),

@@ -143,12 +143,11 @@ def _content(*names: str) -> bytes:
 
 def source_files(*names: str) -> list[Path]:
     """Modules of this package by name, of a folder all of them."""
-    home = Path(__file__).parent
-    found = [
-        sorted((home / name).glob("*.py")) if (home / name).is_dir() else [home / f"{name}.py"]
-        for name in names
-    ]
-    return [path for paths in found for path in paths]
+    home, found = Path(__file__).parent, []
+    for name in names:
+        path = home / f"{name}.py"  # before a folder: an older version may have left one of this name
+        found += [path] if path.is_file() else sorted((home / name).glob("*.py"))
+    return found
 
 
 def _processor() -> str:

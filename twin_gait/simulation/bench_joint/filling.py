@@ -10,6 +10,7 @@ import numpy as np
 from twin_gait.control import Controller
 from twin_gait.core.actuator import Motor
 from twin_gait.core.control_tick import new_encoder
+from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.estimation import first_order_gain, new_delay_line
 from twin_gait.core.motor_drive import current_loop_gains
 from twin_gait.core.plant import ImposedMotion
@@ -70,6 +71,7 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
     resolution = 2.0 * math.pi / (sensors.encoder_counts * test.actuator.gear_ratio)
     torque = _torque_control(test)
     path = CosinePath(start_angle=torque.equilibrium_angle, amplitude=0.0, frequency=1.0)
+    sine, cosine = sine_cosine(variation.ripple_phase)
     unit = test.inertial_unit or InertialUnit(sensor=InertialSensor.GYROSCOPE)
     return record.BenchEpisode(
         test=replace(
@@ -90,8 +92,8 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
         efficiency=test.efficiency or CatalogueEfficiency(),
         lossy=test.efficiency is not None,
         friction=friction.law.scaled(variation.friction_ratio).in_plant(),
-        ripple_cosine=friction.ripple * math.cos(variation.ripple_phase),
-        ripple_sine=friction.ripple * math.sin(variation.ripple_phase),
+        ripple_cosine=friction.ripple * cosine,
+        ripple_sine=friction.ripple * sine,
         imposed_motion=_imposed_motion(test),
         unit=unit,
         acceleration=_acceleration(test, unit),

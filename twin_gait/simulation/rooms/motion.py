@@ -9,22 +9,22 @@ from twin_gait.simulation.interface import RK4, SHIFT, dynamics
 
 
 def integrate(e: Episode, tick: int) -> None:
-    """All substeps of one tick."""
+    """All substeps of one tick; what the log has evaluated is where the first one begins."""
     for substep in range(e.substeps):
         e.time = tick * e.rates.period + substep * e.step
+        known = e.recording.on and substep == 0
         if RK4:
-            _runge_kutta_step(e)
+            _runge_kutta_step(e, known)
         else:
-            _euler_step(e)
+            _euler_step(e, known)
 
 
-def acceleration(e: Episode, offset: float, weight: float, q: list[float], v: list[float]) -> None:
-    """Acceleration of a state with everything that acts on it; adds the work of Runge-Kutta stages.
+def acceleration(e: Episode, offset: float, q: list[float], v: list[float]) -> None:
+    """Acceleration of a state with everything that acts on it.
 
     Args:
         e: Its accelerations are changed in place.
         offset: Of the stage in steps.
-        weight: Of the stage.
         q: Coordinates of the stage.
         v: Velocities of the stage.
     """
@@ -43,12 +43,9 @@ def acceleration(e: Episode, offset: float, weight: float, q: list[float], v: li
             e.torque[i] -= brace.torque
             e.torque[i + SHIFT] += brace.torque
     e.contact_power = dynamics(q, v, e.torque, e.bodies, e.gravity, e.ground, e.a, e.points)
-    if RK4:
-        if e.recording.on:
-            _add_work(e, weight * e.step, e.contact_power, v)
 
 
-def _euler_step(e: Episode) -> None:
+def _euler_step(e: Episode, known: bool) -> None:
     """One step of the semi-implicit Euler method, of first order.
 
     ``v ← v + h a(q, v)``, then ``q ← q + h v`` with the new velocity. The torques work on the mean of old and
@@ -57,7 +54,8 @@ def _euler_step(e: Episode) -> None:
     mean = e.stages.mean_v
     for i in range(len(e.q)):
         mean[i] = e.v[i]
-    acceleration(e, 0.0, 1.0, e.q, e.v)
+    if not known:
+        acceleration(e, 0.0, e.q, e.v)
     for i in range(len(e.q)):
         e.v[i] += e.step * e.a[i]
         _move(e, i, e.step * e.v[i])
@@ -69,7 +67,7 @@ def _euler_step(e: Episode) -> None:
         _add_work(e, e.step, contact, mean)
 
 
-def _runge_kutta_step(e: Episode) -> None:
+def _runge_kutta_step(e: Episode, known: bool) -> None:
     """One step of the classical Runge-Kutta method, of fourth order."""
     stages, n, step = e.stages, len(e.q), e.step
     for i in range(n):
@@ -81,7 +79,10 @@ def _runge_kutta_step(e: Episode) -> None:
         outer = stage == 0 or stage == 3
         weight = 1.0 / 6.0 if outer else 1.0 / 3.0
         offset = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
-        acceleration(e, offset, weight, stages.q, stages.v)
+        if not (known and stage == 0):
+            acceleration(e, offset, stages.q, stages.v)
+        if e.recording.on:
+            _add_work(e, weight * step, e.contact_power, stages.v)
         ahead = step if stage == 2 else 0.5 * step
         for i in range(n):
             stages.sum_v[i] += weight * stages.v[i]

@@ -19,7 +19,7 @@ from twin_gait.simulation.rooms.sensors import normal_force
 def record(e: Episode, tick: int, battery_power: float) -> None:
     """Write everything that is not a controller's, at the state before integration."""
     e.time = tick * e.rates.period
-    acceleration(e, 0.0, 0.0, e.q, e.v)
+    acceleration(e, 0.0, e.q, e.v)
     row = log_row(e, tick)
     _record_legs(e, row)
     kinetic, potential, force, moment = observe(e.q, e.v, e.a, e.bodies, e.gravity, e.points)

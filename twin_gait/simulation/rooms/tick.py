@@ -47,8 +47,9 @@ def run_ticks(e: Episode, first: int, end: int) -> int:
             record(e, tick, battery_power)
         supply(e, tick, battery_power)
         integrate(e, tick)
-        e.status = status_of(e)
-        if e.status != COMPLETED:
+        status = status_of(e)
+        if status != COMPLETED:
+            e.status = status
             return tick + 1
     return end
 
