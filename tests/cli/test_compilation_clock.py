@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from twin_gait.cli.terminal import USUAL_COMPILATION, CompilationClock, compilation_line, watched
+from twin_gait.cli.terminal import USUAL_COMPILATION, compilation_clock, compilation_line, watched
 
 PATIENCE = 20.0  # [s]
 
@@ -20,7 +20,7 @@ class Terminal(io.StringIO):
 
 
 def clocks() -> list[threading.Thread]:
-    return [thread for thread in threading.enumerate() if "CompilationClock" in repr(thread._target)]
+    return [thread for thread in threading.enumerate() if "compilation_clock" in repr(thread._target)]
 
 
 def test_a_terminal_says_how_long_it_takes_until_the_first_progress(monkeypatch) -> None:
@@ -41,8 +41,8 @@ def test_a_terminal_says_how_long_it_takes_until_the_first_progress(monkeypatch)
 
 
 def test_a_pipe_gets_one_line(monkeypatch, capsys) -> None:
-    with CompilationClock() as clock:
-        clock.start()
+    with compilation_clock() as (start, _):
+        start()
         assert clocks() == []
     captured = capsys.readouterr()
     assert captured.out == "" and captured.err.count("\n") == 1 and "10 to 20 s" in captured.err

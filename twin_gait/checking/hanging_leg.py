@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -27,16 +28,19 @@ _ANGLE_STEP = 1e-4  # [rad]
 
 def friction_torque(law: FrictionLaw, velocity: float) -> float:
     """Friction torque of a law in [N m] at a steady velocity in [rad] / [s], with its sign."""
-    return friction_torques(law, [velocity])[0]
+    return float(friction_torques(law, (velocity,))[0])
 
 
-def friction_torques(law: FrictionLaw, velocities: Sequence[float]) -> list[float]:
-    """The same at many velocities, the law brought to its form in the plant once."""
+@lru_cache(maxsize=64)  # every phase of both legs asks for the same few curves
+def friction_torques(law: FrictionLaw, velocities: tuple[float, ...]) -> np.ndarray:
+    """The same at many velocities."""
     friction = law.in_plant()
-    return [
-        core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity, 0.0), 0.0)
-        for velocity in velocities
-    ]
+    return np.array(
+        [
+            core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity, 0.0), 0.0)
+            for velocity in velocities
+        ]
+    )
 
 
 def friction_slope(law: FrictionLaw, velocity: float) -> float:

@@ -54,9 +54,9 @@ def left_over_friction(leg: HangingLeg, phase: int) -> np.ndarray:
     for joint, gain in zip(leg.joints, leg.column(GAIN)[phase], strict=True):
         fastest = true[joint].in_plant().stribeck_velocity
         speeds = np.linspace(0.0, fastest, _SPEEDS)[1:]
-        compensated = gain * np.array(friction_torques(model[joint], speeds.tolist()))
+        compensated = gain * friction_torques(model[joint], tuple(speeds.tolist()))
         holding = [
-            (sign * np.array(friction_torques(true[joint], (sign * speeds).tolist())) - compensated).max()
+            (sign * friction_torques(true[joint], tuple((sign * speeds).tolist())) - compensated).max()
             for sign in (1.0, -1.0)
         ]
         left.append(max(holding))

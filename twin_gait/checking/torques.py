@@ -54,7 +54,7 @@ def _commands(leg: HangingLeg, old: int, new: int, joint: int, samples: Postures
     law = leg.problem.experiment.control.friction_model[leg.joints[joint]]
     gravity = np.array([leg.modelled_gravity(posture)[joint] for posture in samples.angles])
     angles, velocities = samples.angles[:, joint], samples.velocities[:, joint]
-    friction = np.array(friction_torques(law, velocities.tolist()))
+    friction = friction_torques(law, tuple(velocities.tolist()))
     columns = [leg.column(which)[:, joint] for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
     commands = []
     for share in _blend(leg)[1].tolist():

@@ -61,14 +61,13 @@ def run(arguments: argparse.Namespace) -> int:
     """Simulate and write the run directory."""
     from twin_gait.runs.drawing import draughtsman
 
-    with draughtsman(beside=not arguments.no_pictures) as drawing:
+    with draughtsman(wanted=not arguments.no_pictures) as drawing:
         return _simulate(arguments, drawing)
 
 
 def _simulate(arguments: argparse.Namespace, drawing: Draughtsman) -> int:
     import json
 
-    from twin_gait.cli.preview import preview
     from twin_gait.runs.folders import staged_directory
     from twin_gait.runs.record import RUN_DIRECTORY, write_run
     from twin_gait.simulation import RunStatus, simulate
@@ -81,17 +80,8 @@ def _simulate(arguments: argparse.Namespace, drawing: Draughtsman) -> int:
         terminal.stop_on_interrupt() as should_stop,
         staged_directory(out, RUN_DIRECTORY, force=arguments.force) as staging,
     ):
-        with (
-            terminal.watched("simulating", "tick", should_stop) as watch,
-            preview(loaded.experiment) as begin_preview,
-        ):
-            begin_clock = watch.pop("on_compile")
-
-            def on_compile() -> None:
-                begin_clock()
-                begin_preview()
-
-            result = simulate(loaded.experiment, **watch, on_compile=on_compile)
+        with terminal.watched("simulating", "tick", should_stop) as watch:
+            result = simulate(loaded.experiment, **watch)
         accuracy = None
         if arguments.accuracy and result.status is RunStatus.COMPLETED:
             from twin_gait.studies.accuracy import step_error

@@ -103,13 +103,14 @@ def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
 def watched(title: str, unit: str, should_stop: Callable[[], bool] | None = None) -> Iterator[dict[str, Any]]:
     """Progress bar, request to stop and word on compiling, as what takes its time takes them."""
     stopping = stop_on_interrupt() if should_stop is None else nullcontext(should_stop)
-    with stopping as asked, progress_bar(title, unit) as bar, CompilationClock() as clock:
+    with stopping as asked, progress_bar(title, unit) as bar, compilation_clock() as clock:
+        start, stop = clock
 
         def progress(done: int, total: int) -> None:
-            clock.stop()  # the first progress comes when the engine is there
+            stop()  # the first progress comes when the engine is there
             bar(done, total)
 
-        yield {"progress": progress, "should_stop": asked, "on_compile": clock.start}
+        yield {"progress": progress, "should_stop": asked, "on_compile": start}
 
 
 def interrupted(hint: str) -> int:
@@ -155,47 +156,39 @@ def note_compilation() -> None:
     """Say why the first run on a machine takes its time."""
     clear_line()
     print(
-        "compiling the engine for this model, once on this machine (10 to 20 s) …",
+        "compiling the engine for this model, once on this machine (10 to 20 s); later runs start at once …",
         file=sys.stderr,
         flush=True,
     )
 
 
-class CompilationClock:
-    """Says on a terminal how long the engine has been compiling; in a pipe only that it is."""
+@contextmanager
+def compilation_clock() -> Iterator[tuple[Callable[[], None], Callable[[], None]]]:
+    """What says that the engine is being compiled, and on a terminal for how long; and what ends it."""
+    ended, thread = threading.Event(), threading.Thread()
 
-    def __init__(self) -> None:
-        """Not running yet."""
-        self._stopped = threading.Event()
-        self._thread: threading.Thread | None = None
+    def run(began: float) -> None:
+        while not ended.wait(0.5):
+            note_line(compilation_line(time.monotonic() - began))
 
-    def __enter__(self) -> CompilationClock:
-        """Ready to start."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Stop, whatever happened."""
-        self.stop()
-
-    def start(self) -> None:
-        """Say what takes its time and, on a terminal, how much of it has passed."""
+    def start() -> None:
+        nonlocal thread
         note_compilation()
-        if self._thread is None and sys.stderr.isatty():
-            self._stopped.clear()  # a second model may be compiled in one command
-            self._thread = threading.Thread(target=self._run, args=(time.monotonic(),), daemon=True)
-            self._thread.start()
+        if sys.stderr.isatty() and not thread.is_alive():
+            ended.clear()  # a second model may be compiled in one command
+            thread = threading.Thread(target=run, args=(time.monotonic(),), daemon=True)
+            thread.start()
 
-    def stop(self) -> None:
-        """Take the time away again."""
-        self._stopped.set()
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
+    def stop() -> None:
+        ended.set()
+        if thread.is_alive():
+            thread.join()
             clear_line()
 
-    def _run(self, began: float) -> None:
-        while not self._stopped.wait(0.5):
-            note_line(compilation_line(time.monotonic() - began))
+    try:
+        yield start, stop
+    finally:
+        stop()
 
 
 def compilation_line(passed: float) -> str:

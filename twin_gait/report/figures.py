@@ -9,15 +9,11 @@ from string import ascii_lowercase
 from typing import Any, Protocol
 
 import matplotlib as mpl
-import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.report.canvas import LEGEND_COLUMN, SCREEN_WIDTH, drawn_once, save, style_panel
-from twin_gait.report.margins import TALL, FixedMargins
+from twin_gait.report.canvas import LEGEND_COLUMN, SCREEN_WIDTH, save
 from twin_gait.report.run_figures import (
     draw_angles,
     draw_currents,
@@ -51,7 +47,6 @@ NARROWEST, WIDEST = 60.0, 270.0  # [mm]
 INCH = 25.4  # [mm]
 _ROW, _REST, _LEGEND_ROW = 34.0, 8.0, 3.7  # [mm] of a row of panels, around them, and of a row of the legend
 _THINNER = 0.55  # lines, of their width on a screen
-_TITLE_PAD = 3.0  # [pt]
 _PRINT: dict[Any, float] = {
     "font.size": 7.0,  # [pt]; journals ask for 6 or more
     "axes.linewidth": 0.5,
@@ -128,16 +123,10 @@ def _letter_panels(figure: Figure) -> str:
         title = axes.get_title()
         parts.append(f"({letter}) {title}")
         axes.set_title("")
-        words = rf"$\mathbf{{{letter}}}$  {re.split('[,:]', title)[0]}"
-        axes.set_title(words, loc="left", fontsize="medium", pad=_TITLE_PAD + _power_height(axes))
+        axes.set_title(
+            rf"$\mathbf{{{letter}}}$  {re.split('[,:]', title)[0]}", loc="left", fontsize="medium", pad=3.0
+        )
     return ". ".join(parts) + "."
-
-
-def _power_height(axes: Axes) -> float:
-    """Height in [pt] of the power of ten over a panel, beside which a title at the left has no place."""
-    shown = axes.yaxis.get_major_formatter()
-    shown.format_ticks(list(axes.get_yticks()))  # finds the power
-    return TALL * float(axes.yaxis.get_offset_text().get_fontsize()) if shown.get_offset() else 0.0
 
 
 def _size(figure: Figure) -> None:
@@ -152,10 +141,6 @@ def _size(figure: Figure) -> None:
     for line in [*legend.get_lines(), *(line for axes in figure.axes for line in axes.get_lines())]:
         line.set_linewidth(_THINNER * line.get_linewidth())
         line.set_markersize(_THINNER * line.get_markersize())
-    for item in (item for axes in figure.axes for item in axes.collections):
-        item.set_linewidth((_THINNER * np.asarray(item.get_linewidth())).tolist())
-        if isinstance(item, PathCollection):  # dots, by their areas
-            item.set_sizes(_THINNER**2 * item.get_sizes())
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         if not isinstance(axis.get_major_locator(), FixedLocator):
             axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
@@ -171,10 +156,3 @@ def write_figures(run: Run, directory: Path, share: slice = slice(None)) -> list
     """
     drawn = ((name, draw(run, width=SCREEN_WIDTH)) for name, draw in list(FIGURES.items())[share])
     return [save(figure, directory / f"{name}.png") for name, figure in drawn if figure is not None]
-
-
-def warm_up() -> None:
-    """Load what a first picture loads: fonts, the painter and the packer of pictures."""
-    figure = Figure(figsize=(1.0, 1.0), layout=FixedMargins())
-    style_panel(figure.add_subplot(), "0 °", "[N m]")
-    drawn_once(figure)

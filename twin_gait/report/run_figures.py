@@ -257,7 +257,7 @@ def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
         axes.axhline(0.0, color="0.6", linewidth=0.8)
         axes.set_xlabel(flexion(joint))
         occurring.append(phases)
-    put_legend(figure, [], phase_handles(names, np.concatenate(occurring)))
+    put_legend(figure, [], phase_handles(names, np.concatenate(occurring)), gaps=(2.4, 5.4))
     return figure
 
 

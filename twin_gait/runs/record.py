@@ -27,7 +27,6 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.outcome import RunEvent, run_events
 from twin_gait.runs.drawing import Draughtsman
 from twin_gait.runs.folders import FolderKind, journal_of
-from twin_gait.runs.run_page import page_of, shown_run
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
 from twin_gait.simulation.run import Run, RunStatus
@@ -133,6 +132,8 @@ def write_run(
         summary["accuracy"] = accuracy
     write_atomically(directory / SUMMARY_FILE, json.dumps(summary, indent=2, allow_nan=False) + "\n")
     if pictures:
+        from twin_gait.runs.run_page import page_of, shown_run  # takes its time; the figures are under way
+
         tell(ANIMATION_FILE)
         write_atomically(directory / ANIMATION_FILE, page_of([shown_run(run)]))
         tell(FIGURES_FOLDER)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import umsgpack
@@ -114,34 +114,6 @@ _TRACK_KINDS = {
 }
 
 
-class Keys(NamedTuple):
-    """Keys of a track whose values are vectors.
-
-    Attributes:
-        times: In frames, shape ``(n,)``.
-        values: Shape ``(n, m)``, m at most 15.
-    """
-
-    times: np.ndarray
-    values: np.ndarray
-
-    def packed(self) -> bytes:
-        """What msgpack makes of ``{"time": …, "value": […]}`` for each key, in single precision.
-
-        All keys have the same length, so that one array holds them: a tenth of the time of packing number
-        by number, which was half of what an animation took.
-        """
-        n, m = self.values.shape
-        number = [("code", "u1"), ("value", ">f4")]
-        keys = np.zeros(n, [("head", "V6"), ("time", number), ("name", "V7"), ("values", number, (m,))])
-        keys["head"] = np.void(b"\x82\xa4time")
-        keys["name"] = np.void(b"\xa5value" + bytes([0x90 + m]))
-        for part, numbers in (("time", self.times), ("values", self.values)):
-            keys[part]["code"] = 0xCA
-            keys[part]["value"] = numbers
-        return _list_head(n) + keys.tobytes()
-
-
 @dataclass(frozen=True)
 class Track:
     """One property over time.
@@ -160,11 +132,14 @@ class Track:
 
     def lower(self, frames_per_second: float) -> Command:
         """Return the track as the viewer reads it."""
-        times, kind = self.times * frames_per_second, _TRACK_KINDS[self.name]
-        if self.values.ndim > 1 and len(times) > 0:
-            return {"name": f".{self.name}", "type": kind, "keys": Keys(times, self.values)}
-        pairs = zip(times.tolist(), self.values.tolist(), strict=True)
-        return {"name": f".{self.name}", "type": kind, "keys": [{"time": t, "value": v} for t, v in pairs]}
+        kind = _TRACK_KINDS[self.name]
+        keys = [
+            {"time": time, "value": value}
+            for time, value in zip(
+                (self.times * frames_per_second).tolist(), self.values.tolist(), strict=True
+            )
+        ]
+        return {"name": f".{self.name}", "type": kind, "keys": keys}
 
 
 def set_animation(tracks: Sequence[Track], frames_per_second: float) -> Command:
@@ -185,37 +160,7 @@ def set_animation(tracks: Sequence[Track], frames_per_second: float) -> Command:
 
 def encode(command: Mapping[str, Any]) -> bytes:
     """Pack a command; numbers are single precision, which the viewer draws with anyway."""
-    return _encoded(command) if command["type"] == "set_animation" else _packb(dict(command))
-
-
-def _encoded(value: Any) -> bytes:
-    """Pack a value that holds :class:`Keys` somewhere."""
-    if isinstance(value, Keys):
-        return value.packed()
-    if isinstance(value, Mapping):
-        return _map_head(len(value)) + b"".join(_packb(key) + _encoded(item) for key, item in value.items())
-    if isinstance(value, list):
-        return _list_head(len(value)) + b"".join(map(_encoded, value))
-    return _packb(value)
-
-
-def _packb(value: Any) -> bytes:
-    return bytes(umsgpack.packb(value, force_float_precision="single"))
-
-
-def _list_head(length: int) -> bytes:
-    return _head(length, 0x90, 0xDC)
-
-
-def _map_head(length: int) -> bytes:
-    return _head(length, 0x80, 0xDE)
-
-
-def _head(length: int, short: int, long: int) -> bytes:
-    """What stands before a list or a map in msgpack: 1, 3 or 5 bytes."""
-    if length < 16:
-        return bytes([short + length])
-    return struct.pack(">BH", long, length) if length < 65536 else struct.pack(">BI", long + 1, length)
+    return bytes(umsgpack.packb(dict(command), force_float_precision="single"))
 
 
 def pack(command: Mapping[str, Any]) -> bytes:
