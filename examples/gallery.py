@@ -13,7 +13,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +28,13 @@ class Form:
         out: Folder of its results; it exists.
         quick: Whether to do as little as shows that it works.
         workers: Processes for long work.
+        more: What else its command line says, by the names of :func:`form_of`.
     """
 
     out: Path
     quick: bool
     workers: int
+    more: Mapping[str, Any] = field(default_factory=dict)
 
     def keep(self, results: Mapping[str, Any]) -> None:
         """Write the numbers that pages quote (docs/insert.py): plain numbers, texts, lists and mappings."""
@@ -40,12 +42,13 @@ class Form:
         (self.out / RESULTS).write_text(text + "\n", encoding="utf-8")
 
 
-def form_of(name: str, folder: Path | None = None) -> Form:
+def form_of(name: str, folder: Path | None = None, **more: Mapping[str, Any]) -> Form:
     """Read the arguments of a script.
 
     Args:
         name: Of the script, without .py.
         folder: The folder that holds ``results``; the gallery's if None.
+        more: Options of its own, by name, with what ``argparse`` is to know of them.
 
     Returns:
         What it is asked for; the full form in a notebook.
@@ -54,10 +57,12 @@ def form_of(name: str, folder: Path | None = None) -> Form:
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for the results")
     parser.add_argument("--quick", action="store_true", help="as little as shows that it works, in seconds")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes for long work")
+    for option, settings in more.items():
+        parser.add_argument(f"--{option}", **settings)
     chosen = parser.parse_args([] if "ipykernel" in sys.modules else None)
     out = chosen.out
     if out is None and chosen.quick:
         out = Path(tempfile.mkdtemp(prefix=f"{name}_"))
     out = out or (folder or Path(__file__).parent) / "results" / name
     out.mkdir(parents=True, exist_ok=True)
-    return Form(out, chosen.quick, chosen.workers)
+    return Form(out, chosen.quick, chosen.workers, {option: getattr(chosen, option) for option in more})

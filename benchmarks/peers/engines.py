@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import os
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from peers.scenarios import Case
 from peers.timing import Implementation
 
-from twin_gait import Run, simulate
-from twin_gait.experiment.problem import build_problem
+from twin_gait import simulate
+from twin_gait.experiment.problem import Problem, build_problem
+from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
 from twin_gait.simulation.engine import EngineResult
+from twin_gait.simulation.lane_engine import LaneEngine
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.run import RunStatus
 
-THREADS = 2
-BATCH_EPISODES = 16
+THREADS = os.cpu_count() or 1
+SPREAD = 0.05  # of the phase parameters within a block
 
 
 class EngineSession:
@@ -83,14 +89,13 @@ class SimulateSession:
     def __init__(self, case: Case, ticks: int) -> None:
         """Keep the experiment."""
         self._experiment = case.lasting(ticks)
-        self.last: Run | None = None
 
     def reset(self) -> None:
         """Nothing is kept between runs."""
 
     def run(self) -> None:
         """Simulate."""
-        self.last = simulate(self._experiment)
+        simulate(self._experiment)
 
     def angles(self) -> np.ndarray | None:
         """Left to the session that times the loop alone."""
@@ -98,42 +103,57 @@ class SimulateSession:
 
 
 class BatchSession:
-    """Many compiled episodes side by side on threads; the loop lets go of the interpreter's lock."""
+    """Blocks of episodes that differ, in lockstep; the loop lets go of the interpreter's lock.
+
+    Attributes:
+        engines: Of the episodes.
+    """
 
     def __init__(
-        self, case: Case, ticks: int, *, episodes: int = BATCH_EPISODES, threads: int = THREADS
+        self, case: Case, ticks: int, *, threads: int = 1, episodes: int = 0, record: bool = False
     ) -> None:
-        """Lay the episodes out."""
-        problem = build_problem(case.lasting(ticks))
+        """Lay out so many episodes, or a block for each thread; see :class:`EngineSession`."""
+        problems = unlike(build_problem(case.lasting(ticks)), episodes or WIDTH * threads)
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
-        self.engines = [CompiledEngine(problem, record=False) for _ in range(episodes)]
-        self._start = [part.copy() for part in self.engines[0].parts]
+        self.engines = [CompiledEngine(problem, record=record) for problem in problems]
+        self._starts = [[part.copy() for part in engine.parts] for engine in self.engines]
 
     def reset(self) -> None:
         """Put every episode back to its start; a thousand new engines would take longer than they run."""
-        for engine in self.engines:
-            for part, start in zip(engine.parts, self._start, strict=True):
+        for engine, starts in zip(self.engines, self._starts, strict=True):
+            for part, start in zip(engine.parts, starts, strict=True):
                 part[...] = start
             engine.point_at_rows()
+        blocks = range(0, len(self.engines), WIDTH)
+        self._blocks = [LaneEngine(self.engines[first : first + WIDTH]) for first in blocks]
 
     def run(self) -> None:
         """Run all episodes."""
-        if self._pool is None:
-            for engine in self.engines:
-                engine.run()
-            return
-        list(self._pool.map(lambda engine: engine.run(), self.engines))
+        run_all = map if self._pool is None else self._pool.map
+        for results in run_all(lambda block: block.run(), self._blocks):
+            walked = all(item.status is RunStatus.COMPLETED and item.trip is None for item in results)
+            assert walked, "an episode fell or tripped, after which its ticks are others"
 
     def angles(self) -> np.ndarray | None:
-        """Nothing is recorded."""
+        """Of many episodes none are told."""
         return None
 
 
+def unlike(problem: Problem, episodes: int) -> list[Problem]:
+    """A problem many times over, with phase parameters up to 5 % off: they switch in different ticks."""
+    rows = problem.phase_rows
+    scales = np.random.default_rng(1).uniform(1.0 - SPREAD, 1.0 + SPREAD, (episodes, *rows.shape))
+    return [replace(problem, phase_rows=rows * scale) for scale in scales]
+
+
+ALL_CORES = "batch, all cores"
 ENGINES = (
     Implementation("compiled", lambda case, ticks: EngineSession(case, ticks, compiled=True, record=False)),
     Implementation("compiled, log", lambda case, ticks: EngineSession(case, ticks, compiled=True)),
     Implementation("simulate()", SimulateSession),
-    Implementation("batch", BatchSession, episodes=BATCH_EPISODES),
+    Implementation("batch", BatchSession, WIDTH, "batch"),
+    Implementation("batch, log", partial(BatchSession, record=True), WIDTH, "batch"),
+    Implementation(ALL_CORES, partial(BatchSession, threads=THREADS), WIDTH * THREADS, ALL_CORES),
     Implementation(
         "Pinocchio", lambda case, ticks: EngineSession(case, ticks, compiled=False), compiled=False
     ),

@@ -1,4 +1,4 @@
-"""Figures of the benchmarks: time per tick, accuracy beside speed, and how the cost grows."""
+"""Figure of the benchmark: time per tick, and accuracy beside speed."""
 
 from __future__ import annotations
 
@@ -8,24 +8,25 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from peers.measuring import ERROR, HIGH, LOW, TIME
+from peers.measuring import ERROR, MEDIAN, TIME
 
 from twin_gait.palette import BLUE, BLUISH_GREEN, GREY, ORANGE, REDDISH_PURPLE, SKY_BLUE, VERMILLION
 from twin_gait.report.canvas import readable, style_panel
 
 COLOURS = {
     "compiled": BLUE,
-    "compiled, log": BLUE,
     "simulate()": SKY_BLUE,
     "batch": BLUISH_GREEN,
     "Pinocchio": REDDISH_PURPLE,
     "plain Python": GREY,
-    "MuJoCo, bare": VERMILLION,
-    "MuJoCo, native loop": VERMILLION,
-    "MuJoCo, Python loop": ORANGE,
+    "MuJoCo": VERMILLION,
     "MuJoCo rollout": ORANGE,
-    "mujoco.rollout": ORANGE,
+    "MuJoCo batch": ORANGE,
 }
+
+
+def _colour(implementation: str) -> str:
+    return COLOURS[implementation.split(",")[0]]
 
 
 def draw_speed(measured: Sequence[Mapping[str, Any]], path: Path) -> None:
@@ -45,11 +46,11 @@ def draw_speed(measured: Sequence[Mapping[str, Any]], path: Path) -> None:
 
 
 def _draw_case(axes: Axes, case: Mapping[str, Any]) -> None:
-    """A point per implementation, fastest on top, and its quartiles as a bar."""
+    """A point per implementation at its least time, fastest on top, and a bar to its median."""
     rows = sorted(case["rows"], key=lambda row: float(row[TIME]), reverse=True)
     for place, row in enumerate(rows):
-        colour = COLOURS[row["implementation"]]
-        axes.plot([row[LOW], row[HIGH]], [place, place], color=colour, linewidth=3.0, alpha=0.5)
+        colour = _colour(row["implementation"])
+        axes.plot([row[TIME], row[MEDIAN]], [place, place], color=colour, linewidth=3.0, alpha=0.5)
         axes.plot(row[TIME], place, "o", color=colour)
     axes.set_xscale("log")
     axes.set_yticks(range(len(rows)), [row["implementation"] for row in rows], fontsize="small")
@@ -69,7 +70,7 @@ def _draw_accuracy(axes: Axes, measured: Sequence[Mapping[str, Any]]) -> None:
                 row[TIME],
                 row[ERROR],
                 "s" if case["step"].startswith("RK4") else "o",
-                color=COLOURS[name],
+                color=_colour(name),
                 fillstyle="none" if name.startswith("MuJoCo") else "full",
                 label=None if name in labelled else name,
             )
@@ -77,29 +78,3 @@ def _draw_accuracy(axes: Axes, measured: Sequence[Mapping[str, Any]]) -> None:
     style_panel(axes, "accuracy beside speed (circle: Euler, square: RK4)", "largest error [rad]")
     axes.set_xlabel("time per 1 ms tick [ns]")
     axes.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
-
-
-def draw_scaling(batches: Sequence[Mapping[str, Any]], path: Path) -> None:
-    """Draw cost over episodes.
-
-    Args:
-        batches: Rows of ``scaling.py``.
-        path: The picture.
-    """
-    figure = Figure(figsize=(7.5, 3.8), layout="constrained")
-    legs = figure.subplots()
-    for name in list(batches[0])[2:]:
-        for threads, line in ((1, "o-"), (2, "s--")):
-            chosen = [row for row in batches if row["threads"] == threads]
-            label = f"{name.removesuffix(' [ns]')}, {threads} thread{'s' * (threads > 1)}"
-            legs.loglog(
-                [row["episodes"] for row in chosen],
-                [row[name] for row in chosen],
-                line,
-                color=COLOURS[name.removesuffix(" [ns]")],
-                label=label,
-            )
-    style_panel(legs, "batch of bench legs", "time per tick of an episode [ns]")
-    legs.set_xlabel("episodes")
-    legs.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
-    figure.savefig(path, dpi=85)

@@ -2,33 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from peers.engines import EngineSession, SimulateSession
+from peers.engines import THREADS, EngineSession
 from peers.scenarios import RK4, Case, cases
-from peers.timing import Implementation, Timing, significant, speed_ratio, time_in_turn
+from peers.timing import Implementation, Session, Timing, significant, speed_ratio, time_in_turn
 
 from twin_gait.gait import TICK
 
 REFINEMENT = 10  # of the finest step, for the reference of the angles
-# Peer, ours, scenario, step (None: all), and how many times as long the peer is to take at least.
-GOALS = (
-    ("MuJoCo, bare", "compiled", "bench_leg", "Euler 1 ms", 12.0),
-    ("MuJoCo, bare", "compiled", "bench_leg", "RK4 1 ms", 15.0),
-    ("MuJoCo, bare", "compiled", "contact_free_biped", None, 8.0),
-    ("MuJoCo, bare", "compiled", "treadmill", None, 8.0),
-    *(
-        (peer, ours, scenario, None, least)
-        for scenario in ("bench_leg", "contact_free_biped", "treadmill")
-        for peer, ours, least in (("plain Python", "compiled", 150.0), ("MuJoCo rollout", "batch", 15.0))
-    ),
-)
-WALK_LIMIT = 0.4  # [s] for twenty seconds on the treadmill as the preset runs them, with their log
-TIME, LOW, HIGH = "time per tick [ns]", "1st quartile", "3rd quartile"
+BATCH_SHARE = 4  # an episode of a batch is as many times shorter, for there are many of them
+# How many times as long a peer is to take at least as ours: for the cases in their order.
+GOALS = {
+    ("MuJoCo, bare", "compiled"): (9.0, 13.0, 8.0, 12.0, 15.0, 24.0),
+    ("MuJoCo rollout", "batch"): (25.0, 45.0, 18.0, 35.0, 55.0, 80.0),
+    ("plain Python", "compiled"): (150.0,) * 6,
+}
+# What GOALS say of vectors of 512 bits, for half of them.
+GOALS_AVX2 = {**GOALS}
+SCALED_TICKS = 1000  # of an episode where their number grows
+MOONSHOTS = (60.0, 60.0, 40.0, 60.0, 100.0, 120.0)  # for the batch
+TIME, MEDIAN = "least time per tick [ns]", "median"
 RATIO, ERROR = "times as long", "largest error [rad]"
+GAIN = "compiled / batch"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,26 +38,23 @@ class Extent:
         rounds: Rounds that count.
         evaluations: Of the dynamics in one run of native code.
         python_evaluations: Likewise of what steps through Python.
-        walk_ticks: Length of the walk that is timed as a whole.
     """
 
     rounds: int = 15
     evaluations: int = 20_000
     python_evaluations: int = 2_000
-    walk_ticks: int = 20_000
 
     @classmethod
     def quick(cls) -> Extent:
         """As little as shows that it works."""
-        return cls(rounds=2, evaluations=2_000, python_evaluations=100, walk_ticks=2_000)
+        return cls(rounds=2, evaluations=2_000, python_evaluations=100)
 
     def ticks(self, case: Case, item: Implementation) -> int:
-        """Length of a run of an implementation; of native code at least what its angles are compared over.
-
-        Episodes of a batch are no shorter than a single one: people run them for seconds.
-        """
+        """Length of a run; of a native episode alone at least what its angles are compared over."""
         if not item.compiled:
             return max(1, self.python_evaluations // case.evaluations)
+        if item.episodes > 1:
+            return max(1, self.evaluations // BATCH_SHARE // case.evaluations)
         return max(case.compared_ticks, self.evaluations // case.evaluations)
 
 
@@ -67,7 +63,7 @@ def measure(case: Case, implementations: Sequence[Implementation], extent: Exten
 
     Args:
         case: The case.
-        implementations: With the compiled engine and its batch, which the others are set in relation to.
+        implementations: With the compiled engine and its batch.
         extent: How much is measured.
 
     Returns:
@@ -78,27 +74,25 @@ def measure(case: Case, implementations: Sequence[Implementation], extent: Exten
     work = {item.name: (sessions[item.name], lengths[item.name] * item.episodes) for item in implementations}
     times = time_in_turn(work, extent.rounds)
     reference = reference_angles(case)
-    rows, ratios = [], {}
+    rows, ratios = [], {GAIN: speed_ratio(times["compiled"], times["batch"])}
     for item in implementations:
         angles = sessions[item.name].angles()
         if angles is not None and len(angles) < case.compared_ticks:
             longer = item.open(case, case.compared_ticks)
             longer.run()
             angles = longer.angles()
-        ratios[item.name] = speed_ratio(times[item.name], times["batch" if item.episodes > 1 else "compiled"])
+        ratios[item.name] = speed_ratio(times[item.name], times[item.beside])
         rows.append(_row(item.name, times[item.name], ratios[item.name], _error(angles, reference)))
     return {"scenario": case.scenario, "step": case.step, "rows": rows, "ratios": ratios}
 
 
 def _row(name: str, timing: Timing, ratio: float, error: float | None) -> dict[str, Any]:
-    low, high = timing.quartiles
     return {
         "implementation": name,
-        TIME: significant(timing.median),
-        LOW: significant(low),
-        HIGH: significant(high),
-        "of processor": significant(timing.processor_median),
-        "times real time": significant(TICK / (timing.median * 1e-9)),
+        TIME: significant(timing.least),
+        MEDIAN: significant(timing.median),
+        "of processor": significant(min(timing.processor)),
+        "times real time": significant(TICK / (timing.least * 1e-9)),
         RATIO: significant(ratio),
         ERROR: None if error is None else significant(error, 2),
     }
@@ -124,53 +118,75 @@ def _error(angles: np.ndarray | None, reference: np.ndarray) -> float | None:
     return largest if np.isfinite(largest) else None
 
 
-def time_walk(extent: Extent) -> dict[str, Any]:
-    """Time the preset of the treadmill as ``twin-gait simulate`` runs it."""
-    case = cases()[-1]
-    session = SimulateSession(case, extent.walk_ticks)
-    timing = time_in_turn({"walk": (session, 1)}, extent.rounds)["walk"]
-    run = session.last
-    assert run is not None  # it has just run
-    return {
-        "step": case.step,
-        "duration_s": run.duration,
-        "status": str(run.status),
-        "simulate_s": significant(timing.median * 1e-9),
-        "loop_s": significant(run.wall_s),
-    }
+def goal_rows(measured: Sequence[Mapping[str, Any]], vectors: str) -> list[dict[str, Any]]:
+    """Hold a benchmark to the ratios of its cases; one whose peer was not timed is missed.
 
-
-def goal_rows(measured: Sequence[Mapping[str, Any]], walk: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Hold a benchmark to all ratios of its cases; one whose peer was not timed is missed."""
+    Args:
+        measured: Cases as :func:`measure` returns them.
+        vectors: Instruction set that they were compiled for.
+    """
+    order = [(case.scenario, case.step) for case in cases()]
     rows = []
-    for peer, ours, scenario, step, least in GOALS:
+    for (peer, ours), bounds in (GOALS if vectors == "AVX-512" else GOALS_AVX2).items():
         for case in measured:
-            if case["scenario"] == scenario and step in (None, case["step"]):
-                ratio = case["ratios"].get(peer)
-                what, found = f"{peer} / {ours}", "not timed" if ratio is None else f"{ratio:.3g}"
-                met = ratio is not None and ratio >= least
-                rows.append(_goal(scenario, case["step"], what, found, f"at least {least:g}", met))
-    wall, duration = walk["simulate_s"], walk["duration_s"]
-    what = f"{duration:g} s of simulate(), with log"
-    found, limit = f"{wall:.3g} s", f"below {WALK_LIMIT:g} s"
-    return [*rows, _goal("treadmill", walk["step"], what, found, limit, wall < WALK_LIMIT)]
+            least = bounds[order.index((case["scenario"], case["step"]))]
+            ratio = case["ratios"].get(peer)
+            rows.append(
+                {
+                    "scenario": case["scenario"],
+                    "step": case["step"],
+                    "what": f"{peer} / {ours}",
+                    "measured": "not timed" if ratio is None else f"{ratio:.3g}",
+                    "asked for": f"at least {least:g}",
+                    "met": "yes" if ratio is not None and ratio >= least else "**no**",
+                }
+            )
+    return rows
 
 
-def _goal(scenario: str, step: str, what: str, found: str, bound: str, met: bool) -> dict[str, Any]:
-    return {
-        "scenario": scenario,
-        "step": step,
-        "what": what,
-        "measured": found,
-        "asked for": bound,
-        "met": "yes" if met else "**no**",
-    }
+def batch_rows(measured: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """What a batch brings per core and per machine; cases as :func:`measure` returns them."""
+    rows = []
+    for case, moonshot in zip(measured, MOONSHOTS, strict=False):
+        found = {name: f"{ratio:.3g}" for name, ratio in case["ratios"].items()}
+        rows.append(
+            {
+                "scenario": case["scenario"],
+                "step": case["step"],
+                "rollout / batch, per core": found.get("MuJoCo rollout"),
+                "moonshot": f"{moonshot:g}",
+                "mujoco.batch / batch, per core": found.get("MuJoCo batch"),
+                "rollout / batch, per machine": found.get("MuJoCo rollout, all cores"),
+                GAIN: found[GAIN],
+                "with log / without": found.get("batch, log"),
+            }
+        )
+    return rows
 
 
-def batch_gains(measured: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """How many times as fast a batch on threads is as one episode without its log: least and most."""
-    gains = []
-    for case in measured:
-        times = {row["implementation"]: row[TIME] for row in case["rows"]}
-        gains.append(times["compiled"] / times["batch"])
-    return {"least": min(gains), "most": max(gains)}
+def scaling_rows(
+    case: Case, sessions: Mapping[str, Callable[..., Session]], sizes: Sequence[int], rounds: int
+) -> list[dict[str, Any]]:
+    """Least time per tick of an episode over their number, per core and per machine, in [ns].
+
+    Args:
+        case: What is stepped through for a second.
+        sessions: By name, what opens a session of so many episodes on so many threads.
+        sizes: Numbers of episodes.
+        rounds: Rounds that count.
+    """
+    rows = []
+    for episodes in sizes:
+        row: dict[str, Any] = {"episodes": episodes}
+        entries = {
+            f"{name}, {threads} thread{'s' * (threads > 1)} [ns]": (
+                open_session(case, SCALED_TICKS, episodes=episodes, threads=threads),
+                SCALED_TICKS * episodes,
+            )
+            for name, open_session in sessions.items()
+            for threads in (1, THREADS)
+        }
+        rows.append(
+            row | {name: significant(timing.least) for name, timing in time_in_turn(entries, rounds).items()}
+        )
+    return rows

@@ -15,6 +15,10 @@ from typing import Any, Protocol
 import numpy as np
 from peers.scenarios import Case
 
+from twin_gait.simulation.keeping import target
+
+VECTORS = {"AVX-512": "+avx512f", "AVX2": "+avx2"}  # by LLVM's names, best first
+
 
 class Session(Protocol):
     """Something that does the same work again and again; all that may be done beforehand is done."""
@@ -40,43 +44,38 @@ class Implementation:
         name: In tables.
         open: Sets it up for a case and a number of ticks.
         episodes: Episodes that one run steps at once.
+        beside: Name of the implementation that its time is set in relation to.
         compiled: Whether the loop is native code; others get fewer ticks.
     """
 
     name: str
     open: Callable[[Case, int], Session]
     episodes: int = 1
+    beside: str = "compiled"
     compiled: bool = True
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Times of one session.
+    """Times of one session for one unit of work in [ns], round by round.
 
     Attributes:
-        rounds: Wall-clock time of every round for one unit of work in [ns].
-        processor: Processor time over wall-clock time of every round: 1 for one thread that nothing
-            disturbs.
+        clock: By the clock.
+        processor: Processor time of all threads together.
     """
 
-    rounds: tuple[float, ...]
+    clock: tuple[float, ...]
     processor: tuple[float, ...]
 
     @property
+    def least(self) -> float:
+        """Least time by the clock in [ns]: what the machine can do where nothing disturbs it."""
+        return min(self.clock)
+
+    @property
     def median(self) -> float:
-        """Median in [ns]."""
-        return float(np.median(self.rounds))
-
-    @property
-    def quartiles(self) -> tuple[float, float]:
-        """First and third quartile in [ns]."""
-        low, high = np.percentile(self.rounds, (25.0, 75.0))
-        return float(low), float(high)
-
-    @property
-    def processor_median(self) -> float:
-        """Median of the processor time in [ns]: of all threads together, and without what disturbed them."""
-        return float(np.median(np.array(self.rounds) * np.array(self.processor)))
+        """Median by the clock in [ns]; the further above the least, the busier the machine."""
+        return float(np.median(self.clock))
 
 
 def time_in_turn(entries: Mapping[str, tuple[Session, int]], rounds: int) -> dict[str, Timing]:
@@ -95,13 +94,13 @@ def time_in_turn(entries: Mapping[str, tuple[Session, int]], rounds: int) -> dic
     for _ in range(rounds + 1):
         for name, (session, work) in entries.items():
             session.reset()
-            wall, processor = _seconds(session)
-            times[name].append((wall / work * 1e9, processor / wall))
+            clock, processor = _seconds(session)
+            times[name].append((clock / work * 1e9, processor / work * 1e9))
     return {name: Timing(*zip(*values[1:], strict=True)) for name, values in times.items()}
 
 
 def _seconds(session: Session) -> tuple[float, float]:
-    """Wall-clock and processor time of a run in [s]."""
+    """Time by the clock and processor time of a run in [s]."""
     gc.collect()
     gc.disable()
     try:
@@ -113,15 +112,13 @@ def _seconds(session: Session) -> tuple[float, float]:
 
 
 def speed_ratio(slower: Timing, faster: Timing) -> float:
-    """How many times as long the first takes: median over the rounds, each with its own pair.
+    """How many times as long the first takes: its least time over the least of the other.
 
     The smaller one of two ratios, by the clock and by processor time. On a quiet machine they are equal.
     On a busy one a short run slips through undisturbed while a long one waits, which flatters whatever is
     fast; processor time alone would not see threads that wait for each other.
     """
-    clock = np.array(slower.rounds) / np.array(faster.rounds)
-    processor = clock * np.array(slower.processor) / np.array(faster.processor)
-    return float(min(np.median(clock), np.median(processor)))
+    return min(slower.least / faster.least, min(slower.processor) / min(faster.processor))
 
 
 def significant(value: float, digits: int = 3) -> float:
@@ -130,13 +127,26 @@ def significant(value: float, digits: int = 3) -> float:
     return round(value) if abs(value) >= 10 ** (digits - 1) else rounded
 
 
+def instruction_set() -> str:
+    """Vectors that the loops are compiled for."""
+    features = target()[1].split(",")
+    return next((name for name, feature in VECTORS.items() if feature in features), "no AVX2")
+
+
+def without_avx512() -> dict[str, str]:
+    """Environment in which numba compiles for this processor as if it had no AVX-512."""
+    features = target()[1].replace("+avx512", "-avx512")
+    return {**os.environ, "NUMBA_CPU_FEATURES": features}
+
+
 def machine() -> dict[str, Any]:
-    """Processor, cores, load and versions, as plain values."""
+    """Processor, instruction set, cores, load and versions, as plain values."""
     path = Path("/proc/cpuinfo")
     lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
     return {
         "processor": names[0] if names else platform.processor() or platform.machine(),
+        "instruction_set": instruction_set(),
         "cores": os.cpu_count(),
         "load average": round(os.getloadavg()[0], 2),
         "versions": {

@@ -1,7 +1,7 @@
 """The legs of the device and their wearer as a model of MuJoCo, built a second time.
 
 From the URDF and from the tables of the literature, typed in again; of the package only the names of the
-joints and the sizes that the device is set to. Needs MuJoCo 3.3 (``pip install 'twin-gait[test]'``).
+joints and the sizes that the device is set to. Needs MuJoCo (``pip install 'twin-gait[test]'``).
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ from twin_gait.core.elementary import (
     whole_number,
 )
 from twin_gait.simulation.binding import bind
-from twin_gait.simulation.compiling import ON_BITS, jit, quickly
+from twin_gait.simulation.compiling import ON_BITS, compiled_in, jit
 
 mpmath.mp.prec = 250
 SHIFT = 1.5 * 2.0**52
@@ -244,7 +244,7 @@ def assert_same_bits(found: np.ndarray, points: np.ndarray) -> None:
 
 @pytest.mark.compile
 def test_scalar_machine_code_gives_the_bits_of_python(points):
-    with quickly():
+    with compiled_in():
         found, _ = over(points, PLAIN)
     assert_same_bits(found, points)
 
@@ -263,7 +263,7 @@ def test_vector_machine_code_gives_the_bits_of_python(points, monkeypatch):
 
 @pytest.mark.compile
 def test_machine_code_calls_nothing_of_the_c_library():
-    with quickly():
+    with compiled_in():
         _, compiled = over(np.ones(1), PLAIN)
     (text,) = compiled.inspect_llvm().values()
     declared = re.findall(r"^declare .*@([\w.]+)\(", text, re.MULTILINE)

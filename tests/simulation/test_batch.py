@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import weakref
 from dataclasses import replace
 from typing import Any
 
@@ -14,14 +13,13 @@ import pytest
 
 from twin_gait import load_experiment, simulate
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.experiment import Engine, Experiment
+from twin_gait.experiment import Experiment
 from twin_gait.runs.summary import summarise
-from twin_gait.simulation import Run, RunStatus
+from twin_gait.simulation import RunStatus
 from twin_gait.studies import batch
 from twin_gait.studies.batch import BatchResult, overridden, simulate_batch
 
 FALLING = 4
-LOGS = (1, FALLING)
 OVERRIDES: list[dict[str, Any]] = [
     {"patient.mass_kg": 60.0 + 2.0 * number, "scenario.belt_speed_m_per_s": 0.30 + 0.01 * number}
     for number in range(12)
@@ -55,7 +53,7 @@ def assert_same(ours: pd.DataFrame, theirs: pd.DataFrame) -> None:
     pd.testing.assert_frame_equal(ours, theirs, check_exact=True)
 
 
-def test_two_workers_give_the_same_table_and_the_logs_of_simulate(walk, alone):
+def test_two_workers_give_the_same_table(walk, alone):
     asked, counts = [], []
 
     def progress(done: int, total: int) -> None:
@@ -67,17 +65,12 @@ def test_two_workers_give_the_same_table_and_the_logs_of_simulate(walk, alone):
         walk,
         OVERRIDES,
         workers=2,
-        logs=LOGS,
         progress=progress,
         should_stop=lambda: asked.append(True) or False,
     )
     assert result.status is RunStatus.COMPLETED
     assert_same(result.table, alone.table)
     assert counts == [(done, 12) for done in range(1, 13)]
-    assert sorted(result.logs) == list(LOGS)
-    for episode, log in result.logs.items():
-        assert_same(log, simulate(overridden(walk, OVERRIDES[episode])).log)
-    assert alone.logs == {}
 
 
 @pytest.mark.parametrize("length", [1, 7])
@@ -141,8 +134,8 @@ WRONG = {
 
 @pytest.mark.parametrize(("wrong", "message"), WRONG.values(), ids=WRONG.keys())
 def test_a_wrong_change_is_one_line_and_nothing_runs(walk, monkeypatch, wrong, message):
-    ran: list[Experiment] = []
-    monkeypatch.setattr(batch, "simulate", lambda experiment, **options: ran.append(experiment))
+    ran: list[Any] = []
+    monkeypatch.setattr(batch, "run_episodes", lambda *arguments, **options: ran.append(arguments))
     with pytest.raises(ParameterFileError, match=f"^{message}") as error:
         simulate_batch(walk, [{}, wrong])
     assert "\n" not in str(error.value)
@@ -173,35 +166,16 @@ def test_an_episode_that_cannot_be_run_is_named_across_processes(walk):
         simulate_batch(walk, [{"duration_s": 0.1}, {"leg.left.hip": "nothing"}], workers=2)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [({"workers": 0}, "workers"), ({"logs": [2]}, "logs: .*0 to 1, got 2"), ({"seed": -1}, "seed")],
-)
-def test_senseless_arguments_are_refused(walk, arguments, message):
-    with pytest.raises(ParameterError, match=message):
-        simulate_batch(walk, [{}, {}], **arguments)
+def test_senseless_workers_are_refused(walk):
+    with pytest.raises(ParameterError, match="workers"):
+        simulate_batch(walk, [{}, {}], workers=0)
 
 
-def values_of(table: pd.DataFrame) -> pd.DataFrame:
-    return table.drop(columns=["episode", "seed"])
-
-
-def test_without_a_seed_equal_episodes_are_equal(noisy):
-    table = simulate_batch(noisy, [{}, {}]).table
-    assert table["seed"].tolist() == [11, 11]
-    assert_same(values_of(table.iloc[[0]]), values_of(table.iloc[[1]]).set_axis([0]))
-
-
-def test_a_seed_gives_every_episode_draws_of_its_own(noisy):
-    table = simulate_batch(noisy, [{}, {}, {"seed": 11}], seed=5).table
-    assert table["seed"].nunique() == 3
-    assert table["battery_power_mean_W"].nunique() == 3
-    assert_same(simulate_batch(noisy, [{}, {}], seed=5).table, table.head(2).drop(columns="set.seed"))
-    other = simulate_batch(noisy, [{}, {}], seed=6).table
-    assert not set(other["seed"]) & set(table["seed"])
-    # An episode that names its seed draws what the experiment with that seed draws.
-    named = simulate_batch(noisy, [{}]).table
-    assert table["battery_power_mean_W"][2] == named["battery_power_mean_W"][0]
+def test_equal_episodes_are_equal_and_a_seed_gives_other_draws(noisy):
+    table = simulate_batch(noisy, [{}, {}, {"seed": 12}, {"seed": 11}]).table
+    assert table["seed"].tolist() == [11, 11, 12, 11]
+    power = table["battery_power_mean_W"]
+    assert power[0] == power[1] == power[3] != power[2]
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -228,22 +202,6 @@ def test_a_batch_stopped_at_once_and_an_empty_one_have_no_rows(walk):
     assert (empty.status, len(empty.table)) == (RunStatus.COMPLETED, 0)
 
 
-def test_no_log_outlives_its_episode_unless_it_is_asked_for(noisy, monkeypatch):
-    made: list[weakref.ref[pd.DataFrame]] = []
-
-    def simulate_and_watch(experiment: Experiment, **options: Any) -> Run:
-        # Nothing but the log that was asked for may be left of the episodes before.
-        assert len([log for log in made if log() is not None]) <= 1
-        run = simulate(experiment)
-        made.append(weakref.ref(run.log))
-        return run
-
-    monkeypatch.setattr(batch, "simulate", simulate_and_watch)
-    result = simulate_batch(noisy, [{}] * 5, logs=[0])
-    assert [log() is not None for log in made] == [True, False, False, False, False]
-    assert result.logs[0] is made[0]()
-
-
 def test_a_key_named_like_a_measure_keeps_both(walk):
     table = simulate_batch(
         walk, [{"duration_s": np.float64(0.2)}, {**OVERRIDES[FALLING], "duration_s": 4}]
@@ -251,28 +209,3 @@ def test_a_key_named_like_a_measure_keeps_both(walk):
     assert table["set.duration_s"].tolist() == [0.2, 4.0]
     assert table["duration_s"][0] == 0.2
     assert table["duration_s"][1] < 4.0
-
-
-def test_the_engine_can_be_overridden(noisy, monkeypatch):
-    engines: list[Engine] = []
-
-    def note(experiment: Experiment, **options: Any) -> Run:
-        engines.append(experiment.engine)
-        return simulate(experiment)
-
-    monkeypatch.setattr(batch, "simulate", note)
-    short = replace(noisy, duration=0.02, engine=Engine.PINOCCHIO)
-    simulate_batch(short, [{}, {"engine": "pinocchio"}])
-    assert engines == [Engine.COMPILED, Engine.PINOCCHIO]
-
-
-def test_the_first_episode_compiles_here_for_all(noisy, monkeypatch):
-    told: list[Any] = []
-
-    def note(experiment: Experiment, *, on_compile: Any) -> Run:
-        told.append(on_compile)
-        return simulate(experiment)
-
-    monkeypatch.setattr(batch, "simulate", note)
-    simulate_batch(replace(noisy, duration=0.02), [{}, {}, {}], on_compile=print)
-    assert told == [print, None, None]

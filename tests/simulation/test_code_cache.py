@@ -184,3 +184,30 @@ def test_a_cache_that_cannot_be_made_does_not_stop_a_run(
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file" / "cache"))
     told, compiler, last = run_in_a_process()
     assert (told, compiler) == (1, True) and last
+
+
+TOLD = """
+import json
+from numba.core.registry import cpu_target
+from twin_gait.simulation.keeping import source_key, target
+print(json.dumps([target(), cpu_target.target_context.codegen().magic_tuple()[1:], source_key("loop")]))
+"""
+
+
+def test_code_for_another_processor_is_kept_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """numba can be told what to compile for, as the benchmark does; the key goes by what it was told."""
+    keys = set()
+    for told in (
+        {},
+        {"FEATURES": "+avx2,-avx512f"},
+        {"NAME": "generic"},
+        {"NAME": "haswell", "FEATURES": ""},
+    ):
+        for what in ("NAME", "FEATURES"):
+            monkeypatch.delenv(f"NUMBA_CPU_{what}", raising=False)
+        for what, value in told.items():
+            monkeypatch.setenv(f"NUMBA_CPU_{what}", value)
+        ours, numbas, key = json.loads(subprocess.check_output([sys.executable, "-c", TOLD]))
+        assert ours == numbas
+        keys.add(key)
+    assert len(keys) == 4

@@ -21,14 +21,13 @@ from numba.core.errors import TypingError
 from twin_gait.simulation import compiling
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiling import (
-    OPTIMISATION,
-    VECTORISE,
+    ALONE,
     Pruning,
     compile_loop,
+    compiled_in,
     compiles,
     jit,
     numbers_at,
-    quickly,
     record_at,
     rows_at,
 )
@@ -166,7 +165,7 @@ def packed_operations(*, quick: bool) -> int:
     signature = (types.float64[::1], types.float64[::1], types.intp)
     made = jit(axpy)
     if quick:
-        with quickly():
+        with compiled_in():
             made.compile(signature)
     else:
         made.compile(signature)
@@ -197,7 +196,7 @@ def test_a_loop_is_compiled_with_its_own_settings_and_the_users_are_kept(
     monkeypatch.setattr(Dispatcher, "compile", note)
     before = numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()
     loop = compile_loop(entry, {}, 3)
-    assert seen[0] == (OPTIMISATION, VECTORISE, False) and VECTORISE == 0
+    assert seen[0] == (ALONE.level, 0, False) and not ALONE.vectorise
     assert (numba.config.OPT, numba.config.LOOP_VECTORIZE, gc.isenabled()) == before
     assert loop.function(0, 3, 10) == 7
 

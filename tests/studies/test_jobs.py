@@ -5,14 +5,17 @@ from __future__ import annotations
 import os
 import signal
 import time
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.studies import JobFailed, Workers, WorkersLost, run_jobs
-from twin_gait.studies.jobs import MOST_IN_CHUNK, portions
+from twin_gait.studies.jobs import MOST_IN_CHUNK, even_size, one_by_one, portions, run_blocks
 from twin_gait.studies.processes import LOSSES_ALLOWED
 
 
@@ -57,12 +60,37 @@ def test_results_come_in_the_order_of_the_items(workers):
     assert run_jobs(square, [], workers=workers) == []
 
 
-def test_the_first_item_may_be_done_here_and_progress_counts_all():
+def backwards(items: Sequence[int]) -> Iterator[tuple[int, tuple[int, int]]]:
+    """Of each item its square and how many it came with, the last one first."""
+    for place, number in reversed(list(enumerate(items))):
+        if number < 0:
+            raise JobFailed(place, f"{number} is negative")
+        yield place, (number * number, len(items))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_blocks_come_in_the_order_of_their_items_and_progress_counts_these(workers):
     told: list[tuple[int, int]] = []
-    progress = lambda *counts: told.append(counts)  # noqa: E731
-    found = run_jobs(process_of, range(4), workers=2, first=process_of, progress=progress)
-    assert found[0] == os.getpid() and os.getpid() not in found[1:]
-    assert told == [(done, 4) for done in range(1, 5)]
+    found = run_blocks(
+        backwards,
+        range(100),
+        block=32,
+        workers=workers,
+        progress=lambda *counts: told.append(counts),
+    )
+    assert found == [(number * number, 25) for number in range(100)]
+    assert told == [(done, 100) for done in (25, 50, 75, 100)]
+    with pytest.raises(JobFailed, match="job 70: -7 is negative"):
+        run_blocks(backwards, [*range(70), -7, *range(29)], block=32, workers=workers)
+
+
+@given(total=st.integers(1, 5000), block=st.integers(1, 64), slots=st.integers(1, 64))
+def test_blocks_are_even_and_half_full(total, block, slots):
+    size = even_size(total, block, slots)
+    assert 1 <= size <= block
+    assert 2 * size >= min(block, total)
+    if total >= block * slots:
+        assert -(-total // size) < -(-total // block) + slots  # no more blocks than all workers' turns take
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -88,15 +116,18 @@ def test_a_job_that_fails_is_named_with_its_index(workers):
 
 def test_a_portion_keeps_what_came_before_the_failure():
     with Workers() as workers:
-        found = list(portions(partial(refuse, 4), [6, 5, 3], 3, workers, chunk_seconds=10.0, first=square))
-    assert [item.results for item in found] == [{0: 36}, {1: 5}, {}]
+        found = list(
+            portions(partial(one_by_one, partial(refuse, 4)), [6, 5, 3], 3, workers, chunk_seconds=10.0)
+        )
+    assert [item.results for item in found] == [{0: 6}, {1: 5}, {}]
     assert found[-1].problem == (2, "3 is below 4")
 
 
 def test_chunks_grow_to_their_seconds_and_shrink_towards_the_end():
     with Workers() as workers:
         sizes = [
-            len(item.results) for item in portions(square, range(5000), 5000, workers, chunk_seconds=60.0)
+            len(item.results)
+            for item in portions(partial(one_by_one, square), range(5000), 5000, workers, chunk_seconds=60.0)
         ]
     assert sizes[0] == 1 and max(sizes) == MOST_IN_CHUNK and sizes[-1] == 1 and sum(sizes) == 5000
 

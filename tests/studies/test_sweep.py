@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,13 +20,13 @@ from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.report.sweep import axis_of, cell_means, label_of, values_of
 from twin_gait.studies import WorkersLost, jobs
 from twin_gait.studies.batch import flat_summary, simulate_batch
-from twin_gait.studies.jobs import Workers, portions
+from twin_gait.studies.jobs import Workers, one_by_one, portions
 from twin_gait.studies.sweep import spec as sweep_spec
 from twin_gait.studies.sweep import store as sweep_store
 from twin_gait.studies.sweep import sweep as sweep_module
 from twin_gait.studies.sweep.spec import load_sweep, sweep_from_mapping
 from twin_gait.studies.sweep.store import read_table
-from twin_gait.studies.sweep.sweep import check_sweep, episodes_of, run_episode, run_sweep
+from twin_gait.studies.sweep.sweep import check_sweep, episodes_of, run_sweep
 
 HIP = "scenario.start.hip_deg"
 STIFFNESS = "table.phases.early_stance.knee.stiffness_Nm_per_deg"
@@ -64,8 +65,12 @@ def test_a_row_is_what_simulate_gives_with_the_same_settings(swept):
 
 def test_a_sweep_has_the_table_of_a_batch_of_its_design(swept):
     sweep = load_sweep(swept[0])
-    batch = simulate_batch(sweep.experiment, sweep.design, seed=sweep.seed).table
-    assert_same(read_table(swept[1]).astype(batch.dtypes), batch)
+    table = read_table(swept[1])
+    episodes = [
+        {**override, "seed": seed} for override, seed in zip(sweep.design, table["seed"], strict=True)
+    ]
+    batch = simulate_batch(sweep.experiment, episodes).table.drop(columns="set.seed")
+    assert_same(table.astype(batch.dtypes), batch)
 
 
 def test_every_repetition_draws_its_own_noise(tmp_path):
@@ -151,11 +156,12 @@ def test_another_sweep_or_other_sources_are_refused(swept, tmp_path, monkeypatch
 
 def test_a_worker_with_other_sources_runs_nothing(monkeypatch):
     ran: list[int] = []
-    assert [item.results for item in portions(ran.append, [5], 1, Workers())] == [{0: None}]
+    append = partial(one_by_one, ran.append)
+    assert [item.results for item in portions(append, [5], 1, Workers())] == [{0: None}]
     hashes = iter(["ours", "edited"])
     monkeypatch.setattr(jobs, "sources_hash", lambda: next(hashes))
     with pytest.raises(WorkersLost, match="a worker has another version of twin_gait"):
-        list(portions(ran.append, [6], 1, Workers()))
+        list(portions(append, [6], 1, Workers()))
     assert ran == [5]
 
 
@@ -301,7 +307,7 @@ def test_the_example_draws_all_that_it_asks_for():
     place = (75, 1.80, 0.38, 0.6)
     middle = [index for index, row in enumerate(sweep.design) if np.allclose(list(row.values()), place)]
     (episode,) = episodes_of(sweep, middle)
-    row = run_episode(episode)
+    row = flat_summary(simulate(episode.experiment()))
     assert row["status"] == "completed"
     assert all(np.isfinite(row[name]) for name in sweep.measures)
 

@@ -5,10 +5,11 @@ Sensors and integration stand here; the larger sections have modules of their ow
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
@@ -90,13 +91,24 @@ class ExperimentFile(Strict):
         return self
 
 
-def experiment_from_mapping(data: dict[str, Any], source: str, folder: Path) -> Experiment:
+class Converted(NamedTuple):
+    """A mapping and the experiment that it was turned into."""
+
+    document: Mapping[str, Any]
+    experiment: Experiment
+
+
+def experiment_from_mapping(
+    data: dict[str, Any], source: str, folder: Path, like: Converted | None = None
+) -> Experiment:
     """Turn a resolved mapping (presets merged, table inline) into an experiment.
 
     Args:
         data: The mapping.
         source: File name for messages.
         folder: Folder that relative paths start from.
+        like: One that was turned before. Sections that are the very same objects in both mappings are not
+            converted again, which takes most of the time.
 
     Returns:
         The experiment.
@@ -105,9 +117,21 @@ def experiment_from_mapping(data: dict[str, Any], source: str, folder: Path) -> 
         ParameterFileError: If something is wrong; one line with file, key and value.
     """
     entry = validate(ExperimentFile, data, source)
-    table = gait_table_from_mapping(entry.table, f"{source}: table", entry.name)
-    scenario: Scenario = converting(source, "scenario", entry.scenario.convert)
-    leg = converting(source, "leg", lambda: entry.leg.convert(folder))
+
+    def section(key: str, convert: Callable[[], Any]) -> Any:
+        if like is not None and data.get(key) is like.document.get(key):
+            return getattr(like.experiment, key)
+        return converting(source, key, convert)
+
+    # A table without a name has the experiment's.
+    named = like if like is not None and entry.name == like.experiment.name else None
+    table = (
+        named.experiment.table
+        if named is not None and data["table"] is named.document["table"]
+        else gait_table_from_mapping(entry.table, f"{source}: table", entry.name)
+    )
+    scenario: Scenario = section("scenario", entry.scenario.convert)
+    leg = section("leg", lambda: entry.leg.convert(folder))
     if entry.provenance is not None and entry.provenance.urdf_sha256 is not None:
         wanted = entry.provenance.urdf_sha256
         converting(source, "provenance.urdf_sha256", lambda: _check_hash(leg.urdf, wanted))
@@ -121,15 +145,15 @@ def experiment_from_mapping(data: dict[str, Any], source: str, folder: Path) -> 
             leg=leg,
             table=table,
             duration=entry.duration_s,
-            patient=None if patient is None else converting(source, "patient", patient.convert),
-            control=converting(source, "control", entry.control.convert),
-            plant=converting(source, "plant", entry.plant.convert),
-            sensors=converting(source, "sensors", entry.sensors.convert),
+            patient=None if patient is None else section("patient", patient.convert),
+            control=section("control", entry.control.convert),
+            plant=section("plant", entry.plant.convert),
+            sensors=section("sensors", entry.sensors.convert),
             integration=converting(source, "integration", lambda: _integration(entry, scenario)),
             engine=entry.engine,
             seed=entry.seed,
             faults=_faults(entry, source),
-            interface=converting(source, "interface", entry.interface.convert),
+            interface=section("interface", entry.interface.convert),
         ),
     )
 

@@ -54,9 +54,11 @@ def refuse_two_units(data: Mapping[str, Any], source: str) -> None:
 def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Lay changes over a mapping; a quantity given in another unit replaces the old one.
 
+    Neither is changed; what no change touches is the same object in both.
+
     A friction law of a joint that is named where none was has other keys and takes the place of the old one.
     """
-    merged = copy.deepcopy(dict(base))
+    merged = dict(base)
     for key, value in changes.items():
         if key not in merged:
             for other in [name for name in merged if quantity_of(name) == quantity_of(key)]:
@@ -106,15 +108,16 @@ def parse_assignments(texts: Sequence[str]) -> list[tuple[list[str | int], Any]]
 
 def assign(mapping: Mapping[str, Any], path: Sequence[str | int], value: Any) -> dict[str, Any]:
     """Set one value deep inside a mapping."""
-    changed = copy.deepcopy(dict(mapping))
+    changed = dict(mapping)
     place: Any = changed
     for position, step in enumerate(path[:-1]):
         if isinstance(step, str) and isinstance(place, dict):
-            if not isinstance(place.get(step), (dict, list)):
-                place[step] = {}
-            place = place[step]
+            inner = place.get(step)
+            inner = inner if isinstance(inner, (dict, list)) else {}
         else:
-            place = _element(place, step, path[: position + 1])
+            inner = _element(place, step, path[: position + 1])
+        place[step] = copy.copy(inner)  # only what lies on the path; the rest is shared and stays as it is
+        place = place[step]
     last = path[-1]
     if isinstance(last, str) and isinstance(place, dict):
         merged = merge(place, {last: value})

@@ -81,26 +81,48 @@ def measure_joint(
         fast_gain: From :func:`~twin_gait.core.estimation.first_order_gain`.
         decimation: Ticks between two samples of the slow estimate.
     """
+    measure_angle(encoder, tick == 0, reading, period, fast_gain)
+    if tick > 0 and tick % decimation == 0:
+        sample_slowly(encoder, tick // decimation, decimation * period)
+
+
+def measure_angle(encoder: Encoder, first: bool, reading: float, period: float, fast_gain: float) -> None:
+    """Encoder and fast velocity estimate of one tick; see :func:`measure_joint`.
+
+    Args:
+        encoder: Changed in place.
+        first: Whether only the angle is read, for want of one before.
+        reading: What the sensor reads, noise included, in [rad].
+        period: Length of a tick in [s].
+        fast_gain: Of the filter.
+    """
+    angle = quantise(reading, encoder.resolution)
+    fast = first_order_step(encoder.velocity_fast, (angle - encoder.angle) / period, fast_gain)
     encoder.last_angle = encoder.angle
     encoder.last_fast = encoder.velocity_fast
-    angle = quantise(reading, encoder.resolution)
-    if tick == 0:
-        encoder.angle = angle
+    if first:
         encoder.decimated_angle = angle
-        return
-    encoder.velocity_fast = first_order_step(
-        encoder.velocity_fast, (angle - encoder.angle) / period, fast_gain
-    )
+    else:
+        encoder.velocity_fast = fast
     encoder.angle = angle
-    if tick % decimation == 0:
-        sample = (angle - encoder.decimated_angle) / (decimation * period)
-        encoder.decimated_angle = angle
-        window = encoder.window
-        encoder.ring[(tick // decimation) % window] = sample
-        total = 0.0
-        for position in range(window):
-            total += encoder.ring[position]
-        encoder.velocity_slow = total / window
+
+
+def sample_slowly(encoder: Encoder, number: int, interval: float) -> None:
+    """Take a sample of the slow velocity estimate, and the mean over the window.
+
+    Args:
+        encoder: Changed in place.
+        number: Of the sample.
+        interval: Between two samples in [s].
+    """
+    sample = (encoder.angle - encoder.decimated_angle) / interval
+    encoder.decimated_angle = encoder.angle
+    window = encoder.window
+    encoder.ring[number % window] = sample
+    total = 0.0
+    for position in range(window):
+        total += encoder.ring[position]
+    encoder.velocity_slow = total / window
 
 
 def joint_signals(encoder: Encoder, signals: list[float], place: int) -> None:

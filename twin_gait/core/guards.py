@@ -108,27 +108,51 @@ def guard_holds(
     Returns:
         True if the guard is open.
     """
-    stack = 0
+    results = 0
     for index in range(first, end):
         node = program.nodes[index]
         if node.operation == OP_COMPARE:
             comparison = program.comparisons[node.operand]
-            value = comparison.factor_a * signals[comparison.signal_a]
-            if comparison.factor_b != 0.0:
-                value += comparison.factor_b * signals[comparison.signal_b]
-            result = 1 if value > comparison.threshold else 0
+            first_signal, second_signal = signals[comparison.signal_a], signals[comparison.signal_b]
+            results = (results << 1) | is_above(comparison, first_signal, second_signal)
         elif node.operation == OP_PHASE:
-            result = (node.operand >> other_phase) & 1 if other_phase >= 0 else 0
+            results = (results << 1) | is_among(node.operand, other_phase)
         else:
-            mask = (1 << node.operand) - 1
-            joined = stack & mask
-            stack = stack >> node.operand
-            if node.operation == OP_ALL:
-                result = 1 if joined == mask else 0
-            else:
-                result = 1 if joined != 0 else 0
-        stack = (stack << 1) | result
-    return (stack & 1) == 1
+            results = joined(results, node.operation, node.operand)
+    return (results & 1) == 1
+
+
+def is_above(comparison: Comparison, first: float, second: float) -> bool:
+    """Whether a comparison is true for its two signals; with NaN it is not."""
+    value = comparison.factor_a * first
+    if comparison.factor_b != 0.0:
+        value += comparison.factor_b * second
+    return value > comparison.threshold
+
+
+def is_among(phases: int, phase: int) -> bool:
+    """Whether a phase is one of those of a bit mask; a negative number is none."""
+    return phase >= 0 and (phases >> phase) & 1 == 1
+
+
+def joined(results: int, operation: int, count: int) -> int:
+    """Results with the last ones of them joined to one.
+
+    Args:
+        results: A bit each, the last one lowest.
+        operation: ``OP_ALL`` or ``OP_ANY``.
+        count: How many are joined.
+    """
+    mask = (1 << count) - 1
+    found = results & mask
+    true = found == mask if operation == OP_ALL else found != 0
+    return ((results >> count) << 1) | true
+
+
+def least_ticks_of(program: GuardProgram, index: int) -> int:
+    """Ticks that the phase lasts at least before a transition leaves it: of the phase, and of a time-out."""
+    rule = program.transitions[index]
+    return max(rule.time_out_ticks, program.minimum_ticks[rule.source])
 
 
 def next_transition(
@@ -169,8 +193,7 @@ def next_transition(
         if (
             chosen == NO_TRANSITION
             and debounce[index] >= rule.debounce_ticks
-            and ticks_in_phase >= rule.time_out_ticks
-            and ticks_in_phase >= program.minimum_ticks[phase]
+            and ticks_in_phase >= least_ticks_of(program, index)
         ):
             chosen = index
     return chosen

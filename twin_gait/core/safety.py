@@ -96,6 +96,7 @@ class Watched:
         frozen_streak: Consecutive ticks in which the encoder stood still while the motor turned.
         torque_streak: Consecutive ticks with a command above the limit.
         drive_streak: Consecutive ticks with a current that deviates.
+        cause: What :func:`watch_joint` found in this tick.
     """
 
     motor_speed: float = 0.0
@@ -107,6 +108,7 @@ class Watched:
     frozen_streak: int = 0
     torque_streak: int = 0
     drive_streak: int = 0
+    cause: int = NO_TRIP
 
 
 def motor_speed(

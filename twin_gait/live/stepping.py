@@ -303,7 +303,7 @@ class SteppedRun:
             return
         joints, trip = self._episode["joints"], self._episode["trip"]
         joints["hold_angle"] = joints["encoder"]["angle"]
-        trip["tick"], trip["cause"], trip["place"] = self.tick, OPERATOR_TRIP, -1
+        trip["tick"], trip["cause"], trip["part"] = self.tick, OPERATOR_TRIP, -1
 
     def restart(self) -> None:
         """Go back to tick 0 with the present parameters; pushes and injected faults are forgotten."""

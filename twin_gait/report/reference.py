@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from twin_gait.experiment import Experiment
@@ -26,7 +28,15 @@ def reference_cycle(experiment: Experiment, joint: JointName) -> np.ndarray | No
         Angles in [rad] at ``PERCENT``, shape ``(101,)``; None without a reference walk.
     """
     walk = _reference_walk(experiment)
-    return None if walk is None else reference_curve(joint, PERCENT, speed=walk[0], height=walk[1])
+    return None if walk is None else _cycle(joint, *walk)
+
+
+@lru_cache(maxsize=16)
+def _cycle(joint: JointName, speed: float, height: float) -> np.ndarray:
+    """A summary asks for it some ten times, and building the spline takes as long as reading the strides."""
+    curve = reference_curve(joint, PERCENT, speed=speed, height=height)
+    curve.setflags(write=False)
+    return curve
 
 
 def reference_stride_time(experiment: Experiment) -> float | None:

@@ -14,6 +14,7 @@ from twin_gait.measures.foot_contact import scuffs, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import entry_lags, phase_durations, phases_in_order
 from twin_gait.measures.strides import (
+    SKIPPED_STRIDES,
     coefficient_of_variation,
     normalise_strides,
     root_mean_square_error,
@@ -47,7 +48,26 @@ def summarise_side(run: Run, side: Side, skip: int, record: LegRecord | None = N
     return {
         **_by_contact(run, record, skip),
         **_by_phase(run, record, skip),
-        "joints": {str(joint): _joint(run, record, joint, skip) for joint in record.angles},
+        "joints": {
+            str(joint): {
+                **_effort(run, record, joint, skip),
+                **_switching(run, record, joint, skip),
+                **_jerk(run, record, joint, skip),
+            }
+            for joint in record.angles
+        },
+    }
+
+
+def side_in_brief(run: Run, side: Side) -> dict[str, Any]:
+    """The part of :func:`summarise_side` that a table of many runs holds."""
+    record = run.leg_record(side)
+    return {
+        **_by_contact(run, record, SKIPPED_STRIDES),
+        "strides_by_phase": len(record.strides_by_phase(skip=0)),
+        "phases_in_order": _in_order(run, record),
+        "time_outs": len(_time_out_ticks(run, record)),
+        "joints": {str(joint): _effort(run, record, joint, SKIPPED_STRIDES) for joint in record.angles},
     }
 
 
@@ -144,12 +164,16 @@ def _in_order(run: Run, record: LegRecord) -> bool:
     return phases_in_order(places[record.phases[steady]], len(cycle))
 
 
-def _time_outs(run: Run, record: LegRecord) -> dict[str, Any]:
-    ticks = [
+def _time_out_ticks(run: Run, record: LegRecord) -> list[int]:
+    return [
         switch.tick
         for switch in run.switches
         if switch.side is record.side and run.table.transitions[switch.transition].is_time_out
     ]
+
+
+def _time_outs(run: Run, record: LegRecord) -> dict[str, Any]:
+    ticks = _time_out_ticks(run, record)
     events = record.stride_events
     later = None
     if len(events) > SETTLED_AFTER:
@@ -172,7 +196,7 @@ def reference_error(run: Run, record: LegRecord, joint: JointName, bounds: np.nd
     return math.degrees(root_mean_square_error(normalise_strides(record.angles[joint], bounds), reference))
 
 
-def _joint(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, Any]:
+def _effort(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, Any]:
     """Motion and effort of one joint."""
     name = f"{record.side}_{joint}"
     experiment, log = run.experiment, run.log
@@ -204,8 +228,6 @@ def _joint(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str
         "current_peak_A": current.peak,
         "current_rms_A": current.rms,
         "current_continuous_share": current.continuous_share,
-        **_switching(run, record, joint, skip),
-        **_jerk(run, record, joint, skip),
     }
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 CHUNK_TICKS = 2000  # between two looks at progress and interruption
 _SWITCHES = dtype_of(Switch(0, 0, 0, 0, 0))
-_ARGUMENTS = 3  # address, first tick, end
+ARGUMENTS = 3  # address, first tick, end
 
 
 def run_at(address: int, first: int, end: int) -> int:
@@ -48,9 +48,12 @@ class CompiledEngine:
 
     Attributes:
         problem: The experiment as an engine needs it.
+        controller: Control law of the user's, or None.
         layout: Names and positions of the log's columns.
         episode: The record, which changes as the loop runs.
         switches: Room for the switches of the phases.
+        pattern: What its loop is compiled for.
+        loop: The compiled loop; episodes of one pattern have the same.
     """
 
     def __init__(
@@ -68,16 +71,15 @@ class CompiledEngine:
             record: Whether to keep the log; without it only the switches and the last state remain.
             on_compile: Called if the loop has to be compiled first.
         """
-        self.problem = problem
+        self.problem, self.controller = problem, controller
         self.layout = log_layout(problem)
         self._record = record
         bodies, episode, structure = laid_out(problem, record=record)
         self._store = stored(episode)
         self.episode = self._store[0]
         self._give_rows(episode)
-        self._loop = _loop_of(
-            self._store.dtype, dtype_of(self.layout.row()), bodies, structure, controller, on_compile
-        )
+        self.pattern = Pattern(self._store.dtype, dtype_of(self.layout.row()), bodies, structure)
+        self.loop = _loop_of(self.pattern, controller, on_compile)
 
     def _give_rows(self, episode: Episode) -> None:
         """Rows behind addresses; they live as long as the engine."""
@@ -114,36 +116,52 @@ class CompiledEngine:
         assert rows.flags.c_contiguous and rows.dtype == float  # the loop writes at its address
         recording = self.episode["recording"]
         recording["log"], recording["first_row"] = rows.ctypes.data, first_row
-        return self._loop(self._store.ctypes.data, first, end)
+        return self.loop(self._store.ctypes.data, first, end)
 
     def run(
         self,
         progress: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
+        columns: Sequence[int] | None = None,
     ) -> EngineResult:
         """Run to the end of the experiment, or to a fall, divergence or a request to stop.
 
         Args:
             progress: Called with ticks done and ticks in all, now and then.
             should_stop: Asked now and then; True ends the run.
+            columns: Positions of the columns of the log that are kept; all by default.
 
         Returns:
             The log up to there and how it ended.
         """
-        total = self.problem.experiment.n_ticks
-        rows = np.zeros((total if self._record else 1, len(self.layout.names)))
+        width = len(self.layout.names)
+        kept = range(width) if columns is None else columns
+        total = self.problem.experiment.n_ticks if self._record else 0
+        # Everybody reads columns: each chunk is turned round while the cache still holds it.
+        table, rows = np.empty((len(kept), total)), np.zeros((CHUNK_TICKS if self._record else 1, width))
 
         def run_ticks(first: int, end: int) -> tuple[int, int]:
-            return self.run_ticks(first, end, rows), int(self.episode["status"])
+            done = self.run_ticks(first, end, rows, first)
+            if self._record:
+                for place, column in enumerate(kept):
+                    table[place, first:done] = rows[: done - first, column]
+            return done, int(self.episode["status"])
 
         done, status, reason = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
-        rows = rows[:done] if self._record else rows[:0]
-        return EngineResult(rows, self.phase_switches(), status, reason, self.trip())
+        return EngineResult(table[:, :done].T, self.phase_switches(), status, reason, self.trip())
+
+    def result(self, done: int, rows: np.ndarray) -> EngineResult:
+        """The result of a run that has ended by itself after some ticks.
+
+        Args:
+            rows: Its log.
+        """
+        return EngineResult(rows, self.phase_switches(), *self.ending(done), self.trip())
 
     def trip(self) -> Trip | None:
         """What the safety monitor has tripped on, or None."""
         trip = self.episode["trip"]
-        return trip_of(self.problem, int(trip["tick"]), int(trip["cause"]), int(trip["place"]))
+        return trip_of(self.problem, int(trip["tick"]), int(trip["cause"]), int(trip["part"]))
 
     def ending(self, done: int) -> tuple[RunStatus, str]:
         """How the run stands after some ticks, and why; completed as long as nothing has ended it."""
@@ -154,6 +172,27 @@ class CompiledEngine:
         return switches_of(
             self.problem, self.switches[first : self.episode["recording"]["n_switches"]].tolist()
         )
+
+
+class Pattern(NamedTuple):
+    """What a loop is compiled for; it runs all episodes of the pattern.
+
+    Attributes:
+        episode: Layout of the record.
+        row: Layout of a row of the log.
+        bodies: What the kernel is written for.
+        structure: Constants that are bound.
+    """
+
+    episode: np.dtype[Any]
+    row: np.dtype[Any]
+    bodies: Bodies
+    structure: Mapping[str, int | bool]
+
+    @property
+    def text(self) -> str:
+        """All that the loop depends on beside its sources."""
+        return repr((_text(self.episode), _text(self.row), kernel_structure(*self.bodies), self.structure))
 
 
 class Bodies(NamedTuple):
@@ -198,24 +237,27 @@ def _forest(chains: Sequence[LegModel], frames: Sequence[str]) -> tuple[list[Bod
 
 
 def _loop_of(
-    episode: np.dtype[Any],
-    row: np.dtype[Any],
-    bodies: Bodies,
-    structure: Mapping[str, int | bool],
-    controller: ControllerFunction | None,
-    on_compile: Callable[[], None] | None,
+    pattern: Pattern, controller: ControllerFunction | None, on_compile: Callable[[], None] | None
 ) -> NativeFunction:
-    """The loop for episodes of one structure, compiled if need be."""
+    """The loop for episodes of one pattern, compiled if need be."""
 
     def make() -> CompiledLoop:
-        from twin_gait.simulation.compiling import compile_loop
+        from twin_gait.simulation.compiling import compile_loop, record_at
 
-        names = {**structure, **bound_kernel(bodies), **compiled_rows(episode, row)}
-        return compile_loop(run_at, names, _ARGUMENTS, controller)
+        names = {**bound_to(pattern), "episode_at": record_at(pattern.episode)}
+        return compile_loop(run_at, names, ARGUMENTS, controller)
 
-    what = (_text(episode), _text(row), kernel_structure(*bodies), structure)
-    key = source_key(repr(what), "compiled_engine", "../kernels")
-    return kept_loop(key, _ARGUMENTS, make, controller, on_compile)
+    key = source_key(pattern.text, "compiled_engine", "../kernels")
+    return kept_loop(key, ARGUMENTS, make, controller, on_compile)
+
+
+def bound_to(pattern: Pattern) -> dict[str, Any]:
+    """All that a loop is bound to but for where its episodes are."""
+    return {
+        **pattern.structure,
+        **bound_kernel(pattern.bodies),
+        **compiled_rows(pattern.row, pattern.episode["joints"].shape[0]),
+    }
 
 
 @lru_cache(maxsize=32)
@@ -230,11 +272,11 @@ def bound_kernel(bodies: Bodies) -> dict[str, Any]:
     return kernel_functions(write_kernel(*bodies), called)
 
 
-def compiled_rows(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:
+def compiled_rows(row: np.dtype[Any], joints: int) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
-    from twin_gait.simulation.compiling import jit, numbers_at, record_at, rows_at
+    from twin_gait.simulation.compiling import jit, numbers_at, rows_at
 
-    logs, switches, numbers = rows_at(row), rows_at(_SWITCHES), numbers_at(episode["joints"].shape[0])
+    logs, switches, numbers = rows_at(row), rows_at(_SWITCHES), numbers_at(joints)
 
     def log_row(e: Episode, tick: int) -> Any:
         return logs(e.recording.log, tick - e.recording.first_row)
@@ -252,4 +294,4 @@ def compiled_rows(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:
         return numbers(e.efforts.noise, tick % e.efforts.n_noise)
 
     rows = (log_row, switch_row, noise_row, effort_row, effort_noise_row)
-    return {"episode_at": record_at(episode), **{item.__name__: jit(item) for item in rows}}
+    return {item.__name__: jit(item) for item in rows}

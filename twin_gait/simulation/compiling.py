@@ -34,9 +34,6 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.machine_code import MachineCode, NativeFunction, function_at
 
-# LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops over
-# the coordinates for long ones and makes the treadmill 15 to 20 % slower.
-OPTIMISATION, VECTORISE = 1, 0
 _BITS = ir.IntType(64)
 _ENDLESS = 1 << 40  # rows behind an address, whose number the caller knows
 
@@ -53,13 +50,25 @@ class Pruning(CompilerBase):  # type: ignore[misc]  # numba has no types
         return [manager]
 
 
-_OPTIONS = {
-    "nogil": True,
-    "error_model": "numpy",
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-    "pipeline_class": Pruning,
-}
+class Manner(NamedTuple):
+    """How loops are compiled.
+
+    Attributes:
+        pipeline: numba's passes.
+        level: Of LLVM's optimisation.
+        vectorise: Whether LLVM turns loops into vectors.
+    """
+
+    pipeline: type[CompilerBase]
+    level: int
+    vectorise: bool
+
+
+# LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops over
+# the coordinates for long ones and makes the treadmill 15 to 20 % slower.
+ALONE = Manner(Pruning, 1, False)
+
+_OPTIONS = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
 @intrinsic  # type: ignore[untyped-decorator]
@@ -99,9 +108,9 @@ def _whole_number(context: Any, shifted: Any) -> Any:
 ON_BITS = {"power_of_two": _power_of_two, "whole_number": _whole_number}
 
 
-def jit(function: Any, *, inline: bool = True) -> Any:
+def jit(function: Any, *, inline: bool = True, manner: Manner = ALONE) -> Any:
     """A function of a loop, to be compiled with its callers' types."""
-    made = numba.njit(**_OPTIONS, forceinline=inline)(function)
+    made = numba.njit(**_OPTIONS, pipeline_class=manner.pipeline, forceinline=inline)(function)
     template = made.get_call_template
     # Otherwise every literal 0, 1, -1 in a call is a type of its own, and compiled anew.
     plain = types.unliteral  # type: ignore[attr-defined]  # numba has no types
@@ -141,6 +150,7 @@ def compile_loop(
     names: Mapping[str, Any],
     n_arguments: int,
     controller: ControllerFunction | None = None,
+    manner: Manner = ALONE,
 ) -> CompiledLoop:
     """Bind and compile a loop.
 
@@ -149,6 +159,7 @@ def compile_loop(
         names: What the loop is bound to.
         n_arguments: Of the entry.
         controller: Control law that takes the place of the thesis's.
+        manner: How.
 
     Raises:
         ParameterError: If numba cannot compile the controller.
@@ -160,10 +171,10 @@ def compile_loop(
     loop = bind(
         entry,
         {**ON_BITS, **names},
-        lambda function: jit(function, inline=function.__name__ != entry.__name__),
+        lambda function: jit(function, inline=function.__name__ != entry.__name__, manner=manner),
     )
     signature = (numba.intp,) * n_arguments
-    with quickly():
+    with compiled_in(manner):
         loop.compile(signature)
     result = loop.overloads[signature]
     symbol = result.fndesc.llvm_func_name
@@ -176,11 +187,11 @@ def compile_loop(
 
 
 @contextmanager
-def quickly() -> Iterator[None]:
+def compiled_in(manner: Manner = ALONE) -> Iterator[None]:
     """Whatever is compiled in here is compiled as the loops are."""
     config, collects = numba.config, gc.isenabled()
     kept = config.OPT, config.LOOP_VECTORIZE
-    config.OPT, config.LOOP_VECTORIZE = type(config.OPT)(OPTIMISATION), VECTORISE
+    config.OPT, config.LOOP_VECTORIZE = type(config.OPT)(manner.level), int(manner.vectorise)
     gc.disable()  # looking through the compiler's millions of small objects takes a tenth of the time
     try:
         yield

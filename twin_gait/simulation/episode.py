@@ -17,13 +17,46 @@ from twin_gait.core.control_tick import Encoder, Setpoint
 from twin_gait.core.faults import Fault
 from twin_gait.core.guards import GuardProgram
 from twin_gait.core.plant import Brace, ImposedMotion, Plant
-from twin_gait.core.safety import Bounds, Watched
+from twin_gait.core.safety import NO_TRIP, Bounds, Watched
 from twin_gait.core.wearer import Condition
 from twin_gait.parameters import FrictionParameters
 from twin_gait.simulation.log import WorkRow
 from twin_gait.simulation.rows import Efforts, Recording
 
 COMPLETED, FELL, DIVERGED = 0, 1, 2
+
+
+@dataclass(slots=True)
+class Command:
+    """What a joint is asked for in a tick, by the controller or in the hold.
+
+    Attributes:
+        stiffness: k in [N m] / [rad].
+        damping: b in [N m s] / [rad].
+        equilibrium: θ0 in [rad].
+        gain: G, of the friction compensation.
+        impedance: Torque in [N m], as all of them.
+        friction: Compensation.
+        gravity: Compensation.
+        inertia: Compensation.
+        target: That is added.
+        torque: Sum of these, before limits.
+        target_current: That the drive is asked for in [A].
+        cause: Of a trip, if no drive may be asked for what the controller wants.
+    """
+
+    stiffness: float = 0.0
+    damping: float = 0.0
+    equilibrium: float = 0.0
+    gain: float = 0.0
+    impedance: float = 0.0
+    friction: float = 0.0
+    gravity: float = 0.0
+    inertia: float = 0.0
+    target: float = 0.0
+    torque: float = 0.0
+    target_current: float = 0.0
+    cause: int = NO_TRIP
 
 
 @dataclass(slots=True)
@@ -35,6 +68,7 @@ class Joint:
         control_place: In the coordinates of the controller's model.
         encoder: With its velocity estimates.
         reading: What it reads before it quantises, in [rad].
+        last_reading: Likewise in the tick before.
         motor: Motor and gear.
         friction_model: Of the compensator.
         model_friction: Its torque at the slow velocity in [N m].
@@ -49,6 +83,7 @@ class Joint:
         tracking: Sum of the absolute errors of the stride in [rad].
         bounds: Of the safety monitor.
         watched: What the monitor remembers.
+        command: Of this tick.
         drive_off: Whether the drive is cut off.
         hold_angle: Angle at the trip in [rad].
         condition: What the wearer does.
@@ -70,6 +105,8 @@ class Joint:
     condition: Condition
     moments: list[list[float]]
     watched: Watched = field(default_factory=Watched)
+    command: Command = field(default_factory=Command)
+    last_reading: float = 0.0
     model_friction: float = 0.0
     push: float = 0.0
     rate: float = 0.0
@@ -89,6 +126,8 @@ class Leg:
         before: Phase at the start of the tick.
         entry_tick: Tick in which the phase was entered.
         ticks: Since then.
+        chosen: Transition that it takes in this tick, -1 for none.
+        results: Of the guard that is being evaluated, a bit each.
         debounce: Consecutive ticks with an open guard, by transition.
         gravity_shares: Of the gravity compensation, by phase.
         gravity_start: Share at the last switch.
@@ -96,6 +135,8 @@ class Leg:
         load: Of the foot over body weight.
         last_load: Of the tick before.
         load_streak: Consecutive ticks in which the load stood still while the hip turned.
+        phase_cause: Of a trip in this tick: the phase has timed out.
+        load_cause: Of a trip in this tick: the load stands still.
         path_start: Share of the cycle at which the leg begins.
         stride_start: Tick in which its stride began.
         stride_ticks: Length of the last stride.
@@ -112,9 +153,13 @@ class Leg:
     before: int = 0
     entry_tick: int = 0
     ticks: int = 0
+    chosen: int = -1
+    results: int = 0
     load: float = 0.0
     last_load: float = 0.0
     load_streak: int = 0
+    phase_cause: int = NO_TRIP
+    load_cause: int = NO_TRIP
     stride_start: int = 0
 
 
@@ -125,12 +170,12 @@ class Trip:
     Attributes:
         tick: Of the trip, -1 before it.
         cause: As :mod:`twin_gait.core.safety` numbers them.
-        place: A joint, or the number of joints plus a leg, or -1 for the supply.
+        part: A joint, or the number of joints plus a leg, or -1 for the supply.
     """
 
     tick: int = -1
     cause: int = 0
-    place: int = 0
+    part: int = 0
 
 
 @dataclass(slots=True)
@@ -163,6 +208,8 @@ class Supply:
         least_voltage: That the monitor bears, in [V].
         low_ticks: How long it bears less.
         low_streak: Consecutive ticks with less.
+        power: That the motors draw in this tick in [W].
+        cause: Of a trip in this tick: less for too long.
     """
 
     voltage: float
@@ -171,6 +218,8 @@ class Supply:
     least_voltage: float
     low_ticks: int
     low_streak: int = 0
+    power: float = 0.0
+    cause: int = NO_TRIP
 
 
 @dataclass(slots=True)
@@ -200,13 +249,19 @@ class Limits:
 
 @dataclass(slots=True)
 class Stages:
-    """Room of the integrators, one entry per coordinate each."""
+    """Room of the integrators, one entry per coordinate each.
+
+    Attributes:
+        q: Coordinates of a stage.
+        v: Its velocities; of a step without stages the mean of those before and after.
+        sum_v: Weighted sum of the velocities.
+        sum_a: Of the accelerations.
+    """
 
     q: list[float]
     v: list[float]
     sum_v: list[float]
     sum_a: list[float]
-    mean_v: list[float]
 
 
 @dataclass(slots=True)
@@ -260,7 +315,6 @@ class Episode:
         first_fault: First tick with a fault.
         status: ``COMPLETED``, ``FELL`` or ``DIVERGED``.
         last_rest: Last tick in which the legs were told to stand.
-        time: Of the present step in [s].
         contact_power: Of the contact forces in [W].
         last_contact_power: Of the step before.
         q: Coordinates in [rad] and [m].
@@ -316,6 +370,5 @@ class Episode:
     trip: Trip = field(default_factory=Trip)
     status: int = COMPLETED
     last_rest: int = 0
-    time: float = 0.0
     contact_power: float = 0.0
     last_contact_power: float = 0.0

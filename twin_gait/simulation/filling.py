@@ -101,7 +101,7 @@ def new_episode(
         motor=[0.0] * n,
         external=[0.0] * n,
         torque=[0.0] * n,
-        stages=Stages(*([0.0] * n for _ in range(5))),
+        stages=Stages(*([0.0] * n for _ in range(4))),
         bodies=bodies,
         signals=problem.first_signals(),
         rates=_rates(problem),

@@ -78,6 +78,16 @@ def episode_at(address: int) -> Episode:
     raise NotImplementedError
 
 
+def lanes(e: Episode) -> tuple[Episode]:
+    """The episodes that are run in lockstep, to be taken through a step together; a single one by itself."""
+    return (e,)
+
+
+def each(e: Episode) -> tuple[Episode]:
+    """As :func:`lanes`, but one after the other: for what is rare, or different in each."""
+    return (e,)
+
+
 def log_row(e: Episode, tick: int) -> LogRow:
     """Row of the log for a tick."""
     raise NotImplementedError

@@ -131,7 +131,7 @@ def source_key(what: str, *more: str) -> str:
     digest = hashlib.sha256(what.encode() + _content(*SOURCES, *more))
     for name in ("numba", "llvmlite", "numpy"):
         digest.update(f"{name} {metadata.version(name)}".encode())
-    digest.update(f"{platform.python_version()} {platform.machine()} {_processor()}".encode())
+    digest.update(f"{platform.python_version()} {platform.machine()} {' '.join(target())}".encode())
     return digest.hexdigest()[:24]
 
 
@@ -150,6 +150,14 @@ def source_files(*names: str) -> list[Path]:
     return found
 
 
-def _processor() -> str:
-    """Name and abilities of the processor, for which code is compiled."""
-    return f"{binding.get_host_cpu_name()} {binding.get_host_cpu_features().flatten()}"
+def target() -> tuple[str, str]:
+    """Name and abilities of the processor that code is compiled for: this one, if numba is not told another.
+
+    Returns:
+        As LLVM writes them: ``znver4`` and ``+avx2,+fma,-avx512f``.
+    """
+    name, features = (os.environ.get(f"NUMBA_CPU_{what}") for what in ("NAME", "FEATURES"))
+    if features is None:  # as in numba.core.config
+        generic = str(name).lower() == "generic"
+        features = "" if generic else binding.get_host_cpu_features().flatten()
+    return name or binding.get_host_cpu_name(), features

@@ -17,7 +17,7 @@ import numpy as np
 Record = TypeVar("Record")
 
 ABSENT: Any = None  # what stands in a field that an episode does not have
-_CODES = {float: "f8", int: "i8", bool: "?"}
+_CODES = {float: "f8", int: "i8", bool: "i8"}
 
 
 def _kinds(kind: Any) -> tuple[tuple[str, type], ...]:

@@ -6,7 +6,7 @@ are carried by machines of `transitions`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -77,16 +77,9 @@ class ReferenceEngine:
         self,
         progress: Callable[[int, int], None] | None = None,
         should_stop: Callable[[], bool] | None = None,
+        columns: Sequence[int] | None = None,
     ) -> EngineResult:
-        """Run to the end of the experiment, or to a fall, divergence or a request to stop.
-
-        Args:
-            progress: Called with ticks done and ticks in all, now and then.
-            should_stop: Asked now and then; True ends the run.
-
-        Returns:
-            The log up to there and how it ended.
-        """
+        """See :meth:`twin_gait.simulation.compiled_engine.CompiledEngine.run`."""
         rows = np.zeros((self.problem.experiment.n_ticks, len(self.layout.names)))
 
         def run_ticks(first: int, end: int) -> tuple[int, int]:
@@ -98,11 +91,11 @@ class ReferenceEngine:
             (item.tick, item.leg, item.source, item.target, item.transition) for item in self.switches
         ]
         return EngineResult(
-            rows[:done],
+            rows[:done] if columns is None else rows[:done, list(columns)],
             switches_of(self.problem, switches),
             status,
             reason,
-            trip_of(self.problem, trip.tick, trip.cause, trip.place),
+            trip_of(self.problem, trip.tick, trip.cause, trip.part),
         )
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray) -> int:
@@ -126,10 +119,11 @@ class ReferenceEngine:
 
     # ------------------------------------------------------------------ what the rooms are bound to
 
-    def advance(self, e: Episode, number: int, tick: int, other: int) -> int:
-        """Transition that the machine of a leg takes in this tick, or ``NO_TRANSITION``."""
+    def advance(self, e: Episode, number: int, tick: int) -> None:
+        """Note the transition that the machine of a leg takes in this tick, or ``NO_TRANSITION``."""
+        other = e.legs[1 - number].before if len(e.legs) == 2 else -1
         switch = self.machines[number].advance(tick, e.signals, other)
-        return NO_TRANSITION if switch is None else switch.transition
+        e.legs[number].chosen = NO_TRANSITION if switch is None else switch.transition
 
     def log_row(self, e: Episode, tick: int) -> LogRow:
         """The row of this tick."""

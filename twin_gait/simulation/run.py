@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -105,12 +106,19 @@ class Run:
         Returns:
             The leg.
         """
-        names = self.table.phase_names
-        return leg_record(self.log, side, names, TICK, steady=self.steady, device=device)
+        return self._read_leg(side, device=True) if device else self._legs[side]
 
     def leg_records(self) -> list[LegRecord]:
         """All legs, in the order of :attr:`sides`."""
-        return [self.leg_record(side) for side in self.sides]
+        return list(self._legs.values())
+
+    @cached_property
+    def _legs(self) -> dict[Side, LegRecord]:
+        return {side: self._read_leg(side) for side in self.sides}
+
+    def _read_leg(self, side: Side, *, device: bool = False) -> LegRecord:
+        names = self.table.phase_names
+        return leg_record(self.log, side, names, TICK, steady=self.steady, device=device)
 
     @cached_property
     def verdict(self) -> Verdict:
@@ -144,19 +152,23 @@ class Run:
         return run_events(self.experiment.faults, self.trip, self.status, end)
 
 
-def log_table(rows: np.ndarray, layout: LogLayout, table: GaitTable) -> pd.DataFrame:
+def log_table(
+    rows: np.ndarray, layout: LogLayout, table: GaitTable, columns: Sequence[int] | None = None
+) -> pd.DataFrame:
     """Make the log table of the numbers that an engine wrote.
 
     Args:
-        rows: Shape ``(n_ticks, n_columns)`` in the order of the layout.
+        rows: Shape ``(n_ticks, n_columns)``; not copied if its columns lie one behind the other.
         table: For the names of the phases.
+        columns: Positions of the columns in the layout, the phases among them; all by default.
 
     Returns:
         The table, with ``time_s`` in front and phases by name.
     """
-    log = pd.DataFrame(rows, columns=list(layout.names))
+    names = list(layout.names) if columns is None else [layout.names[place] for place in columns]
+    log = pd.DataFrame(np.asfortranarray(rows), columns=names, copy=False)
     log.insert(0, "time_s", np.arange(len(rows)) * TICK)
-    for side in layout.legs:
-        codes = rows[:, layout.positions[f"{side}_phase"]].astype(np.int64)
-        log[f"{side}_phase"] = pd.Categorical.from_codes(codes, categories=pd.Index(table.phase_names))
+    phases = pd.CategoricalDtype(pd.Index(table.phase_names))
+    for name in (f"{side}_phase" for side in layout.legs):
+        log[name] = pd.Categorical.from_codes(rows[:, names.index(name)].astype(np.int64), dtype=phases)
     return log

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from twin_gait.control.controller import ControllerFunction, require_arguments
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run, log_table
 
@@ -50,19 +51,34 @@ def simulate(
             or give what it should.
         MeasurementError: If, without a safety monitor, the state machine is handed something not finite.
     """
-    problem = build_problem(experiment)
-    engine = _engine(problem, controller, on_compile)
+    engine = engine_of(build_problem(experiment), on_compile, controller)
     began = time.perf_counter()
     result = engine.run(progress, should_stop)
-    wall = time.perf_counter() - began
+    return run_of(engine, result, time.perf_counter() - began)
+
+
+def run_of(
+    engine: ReferenceEngine | CompiledEngine,
+    result: EngineResult,
+    wall_s: float,
+    columns: Sequence[int] | None = None,
+) -> Run:
+    """The run of an engine that has reached its end.
+
+    Args:
+        result: What it gave.
+        wall_s: How long it took in [s].
+        columns: Positions of the columns of the log that were kept; all by default.
+    """
+    problem = engine.problem
     return Run(
-        experiment=experiment,
+        experiment=problem.experiment,
         table=problem.table,
-        log=log_table(result.rows, engine.layout, problem.table),
+        log=log_table(result.rows, engine.layout, problem.table, columns),
         switches=result.switches,
         status=result.status,
         reason=result.reason,
-        wall_s=wall,
+        wall_s=wall_s,
         body_weight=problem.world.body_weight,
         trip=result.trip,
     )
@@ -74,9 +90,17 @@ def _compiles(controller: ControllerFunction) -> bool:
     return compiles(controller)
 
 
-def _engine(
-    problem: Problem, controller: ControllerFunction | None, on_compile: Callable[[], None] | None
+def engine_of(
+    problem: Problem,
+    on_compile: Callable[[], None] | None = None,
+    controller: ControllerFunction | None = None,
 ) -> ReferenceEngine | CompiledEngine:
+    """The engine that an experiment asks for, at tick 0.
+
+    Args:
+        on_compile: Called if it has to be compiled first.
+        controller: As in :func:`simulate`.
+    """
     if problem.experiment.engine is Engine.PINOCCHIO:
         if controller is not None:
             require_arguments(controller)

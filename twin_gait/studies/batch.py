@@ -7,8 +7,8 @@ Memory does not grow with the length of a batch but for the rows of its table (6
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,15 +17,16 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.configuration.documents import experiment_document
-from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.experiment_file import Converted, experiment_from_mapping
 from twin_gait.configuration.overrides import assign, parse_assignment
 from twin_gait.configuration.people import names_a_person, person_document
 from twin_gait.configuration.validation import converting
 from twin_gait.exceptions import ParameterError, ParameterFileError
-from twin_gait.experiment import Engine, Experiment
-from twin_gait.runs.summary import summarise
-from twin_gait.simulation import Run, RunStatus, simulate
-from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
+from twin_gait.experiment import Experiment
+from twin_gait.runs.summary import READ_IN_BRIEF, summarise_in_brief
+from twin_gait.simulation import Run, RunStatus
+from twin_gait.studies.episodes import run_episodes
+from twin_gait.studies.jobs import JobFailed, Workers
 from twin_gait.vocabulary import JointName, Side
 
 # Keys of an experiment document joined by dots, such as ``patient.mass_kg``, with their new values.
@@ -98,28 +99,20 @@ class BatchResult:
         table: One row per episode in the order of the overrides: ``episode``, the overridden keys, then the
             columns of :func:`flat_summary`. A key that only other episodes override is empty. A key that a
             column of the summary is also called, such as ``duration_s``, has ``set.`` in front.
-        logs: The logs that were asked for, by episode.
         status: ``COMPLETED``, or ``INTERRUPTED`` if the batch was stopped; then the table holds the first
             episodes only.
     """
 
     table: pd.DataFrame
-    logs: dict[int, pd.DataFrame]
     status: RunStatus
 
 
 class _Episode(NamedTuple):
     number: int
     override: Override
-    keep_log: bool
 
     def __str__(self) -> str:
         return f"episode {self.number}"
-
-
-class _Outcome(NamedTuple):
-    flat: Flat
-    log: pd.DataFrame | None
 
 
 def simulate_batch(
@@ -127,48 +120,77 @@ def simulate_batch(
     overrides: Sequence[Override],
     *,
     workers: int | Workers = 1,
-    engine: Engine = Engine.COMPILED,
-    logs: Collection[int] = (),
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
-    seed: int | None = None,
-    on_compile: Callable[[], None] | None = None,
 ) -> BatchResult:
     """Simulate one experiment once for each set of changes.
 
     All changes are checked before anything runs. The result does not depend on the number of workers or on
-    the order in which they finish. A log lives only until its summary is made, unless it is asked for. With
-    several workers a script must guard its own code, see :func:`twin_gait.studies.run_jobs`; the first
-    episode runs in the calling process, so that a model that was never run here is compiled once.
+    the order in which they finish. With several workers a script must guard its own code, see
+    :func:`twin_gait.studies.run_jobs`.
+
+    Args:
+        experiment: What all episodes have in common.
+        overrides: What each changes.
+        workers: Processes, or :class:`~twin_gait.studies.Workers`.
+        progress: Called with episodes done and in all.
+        should_stop: Asked now and then; True lets those that run finish and ends the batch.
 
     Returns:
-        The table, the logs and whether the batch was stopped.
+        The table and whether the batch was stopped.
 
     Raises:
         WorkersLost: If worker processes die again and again with the same episode.
         ParameterFileError: If a change is wrong, naming episode and key, or if an episode cannot be run.
-        ParameterError: If the workers, the seed or the episodes of the logs make no sense.
+        ParameterError: If the workers make no sense.
     """
-    _check(len(overrides), logs, seed)
-    base = replace(experiment, engine=engine)
-    for index, override in enumerate(overrides):
-        episode_of(base, override, index, seed)
+    base = Base.of(experiment)
+    episodes = [_Episode(index, override) for index, override in enumerate(overrides)]
+    for episode in episodes:
+        _experiment_of(base, episode)
     try:
-        outcomes = run_jobs(
-            partial(_run_episode, base, seed),
-            [_Episode(index, override, index in logs) for index, override in enumerate(overrides)],
+        rows = run_episodes(
+            partial(_experiment_of, base),
+            flat_summary,
+            episodes,
+            columns=READ_IN_BRIEF,
             workers=workers,
-            first=partial(_run_episode, base, seed, on_compile=on_compile),
             progress=progress,
             should_stop=should_stop,
         )
     except JobFailed as error:
         raise ParameterFileError(f"episode {error.index}", "", error.problem) from error
-    return BatchResult(
-        table=_table(outcomes, overrides),
-        logs={index: item.log for index, item in enumerate(outcomes) if item.log is not None},
-        status=RunStatus.INTERRUPTED if len(outcomes) < len(overrides) else RunStatus.COMPLETED,
-    )
+    status = RunStatus.INTERRUPTED if len(rows) < len(overrides) else RunStatus.COMPLETED
+    return BatchResult(_table(rows, overrides), status)
+
+
+class Base(NamedTuple):
+    """An experiment with its document, which takes longer to write than to change.
+
+    Attributes:
+        experiment: The experiment.
+        document: Its mapping.
+    """
+
+    experiment: Experiment
+    document: dict[str, Any]
+
+    @classmethod
+    def of(cls, experiment: Experiment) -> Base:
+        """Write the document."""
+        return cls(experiment, experiment_document(experiment))
+
+    def changed(self, override: Override, source: str) -> Experiment:
+        """See :func:`overridden`."""
+        document = self.document
+        for key, value in override.items():
+            plain = value.item() if isinstance(value, np.generic) else value
+            if key == "patient" and names_a_person(plain):
+                plain = converting(source, "patient", partial(person_document, plain))
+                document = {**document, "patient": None}  # nothing of the one before is left underneath
+            document = _assigned(document, key, plain, source)
+        like = Converted(self.document, self.experiment)
+        return experiment_from_mapping(document, source, Path(), like)
 
 
 def overridden(experiment: Experiment, override: Override, source: str = "override") -> Experiment:
@@ -187,14 +209,7 @@ def overridden(experiment: Experiment, override: Override, source: str = "overri
     Raises:
         ParameterFileError: If there is no such key, or the value is wrong.
     """
-    document = experiment_document(experiment)
-    for key, value in override.items():
-        plain = value.item() if isinstance(value, np.generic) else value
-        if key == "patient" and names_a_person(plain):
-            plain = converting(source, "patient", partial(person_document, plain))
-            document = {**document, "patient": None}  # nothing of the one before is left underneath
-        document = _assigned(document, key, plain, source)
-    return experiment_from_mapping(document, source, Path())
+    return Base.of(experiment).changed(override, source)
 
 
 def flat_summary(run: Run) -> Flat:
@@ -208,7 +223,7 @@ def flat_summary(run: Run) -> Flat:
         ``RUN_COLUMNS``, then ``SIDE_COLUMNS`` of every leg and ``JOINT_COLUMNS`` of every joint of it; None
         where a number is not defined.
     """
-    whole = {"seed": run.experiment.seed, **summarise(run)}
+    whole = summarise_in_brief(run)
     flat: Flat = {name: whole[name] for name in RUN_COLUMNS}
     for side, values in whole["sides"].items():
         flat |= {f"{side}_{name}": values.get(name) for name in SIDE_COLUMNS}
@@ -217,24 +232,8 @@ def flat_summary(run: Run) -> Flat:
     return flat
 
 
-def _check(episodes: int, logs: Collection[int], seed: int | None) -> None:
-    if seed is not None and seed < 0:
-        raise ParameterError(f"seed: expected a whole number of 0 or more, got {seed}")
-    strangers = [index for index in logs if not 0 <= index < episodes]
-    if strangers:
-        raise ParameterError(f"logs: expected episodes from 0 to {episodes - 1}, got {strangers[0]}")
-
-
-def episode_of(base: Experiment, override: Override, index: int, seed: int | None) -> Experiment:
-    """Experiment of one episode.
-
-    Raises:
-        ParameterFileError: If a change is wrong, naming episode and key.
-    """
-    if seed is not None:
-        own = np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1, np.uint64)
-        base = replace(base, seed=int(own[0]))
-    return overridden(base, override, f"episode {index}")
+def _experiment_of(base: Base, episode: _Episode) -> Experiment:
+    return base.changed(episode.override, str(episode))
 
 
 def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> dict[str, Any]:
@@ -248,21 +247,14 @@ def _assigned(document: dict[str, Any], key: str, value: Any, source: str) -> di
     raise ParameterFileError(source, str(key), "expected a key and its value apart, not an assignment")
 
 
-def _run_episode(
-    base: Experiment, seed: int | None, episode: _Episode, on_compile: Callable[[], None] | None = None
-) -> _Outcome:
-    run = simulate(episode_of(base, episode.override, episode.number, seed), on_compile=on_compile)
-    return _Outcome(flat_summary(run), run.log if episode.keep_log else None)
-
-
-def _table(outcomes: Sequence[_Outcome], overrides: Sequence[Override]) -> pd.DataFrame:
+def _table(rows: Sequence[Flat], overrides: Sequence[Override]) -> pd.DataFrame:
     names = setting_columns(key for row in overrides for key in row)
-    rows = []
-    for index in range(len(outcomes)):
-        changes = {names[key]: value for key, value in overrides[index].items()}
-        rows.append({"episode": index, **changes})
-    settings = pd.DataFrame(rows, columns=["episode", *names.values()]).astype({"episode": int})
-    return pd.concat([settings, summary_table([outcome.flat for outcome in outcomes])], axis=1)
+    changes = [
+        {"episode": index, **{names[key]: value for key, value in overrides[index].items()}}
+        for index in range(len(rows))
+    ]
+    settings = pd.DataFrame(changes, columns=["episode", *names.values()]).astype({"episode": int})
+    return pd.concat([settings, summary_table(rows)], axis=1)
 
 
 def setting_columns(keys: Iterable[str]) -> dict[str, str]:

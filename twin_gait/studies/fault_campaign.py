@@ -16,8 +16,9 @@ from twin_gait.experiment import Experiment
 from twin_gait.gait.table import TICK
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.scenario.faults import Fault, FaultKind
-from twin_gait.simulation import Run, RunStatus, simulate
-from twin_gait.studies.jobs import JobFailed, Workers, run_jobs
+from twin_gait.simulation import Run, RunStatus
+from twin_gait.studies.episodes import run_episodes
+from twin_gait.studies.jobs import JobFailed, Workers
 from twin_gait.vocabulary import JointName, Outcome
 
 _DEGREE = math.pi / 180.0
@@ -133,7 +134,7 @@ def simulate_faults(
         faults: One for each run, for example from :func:`draw_faults`.
         workers: Processes; 1 runs in this one.
         progress: Called with faults done and in all.
-        should_stop: Asked before each run; True lets those that run finish and ends the campaign.
+        should_stop: Asked now and then; True lets those that run finish and ends the campaign.
         on_compile: Called if the engine has to be compiled first.
 
     Returns:
@@ -144,13 +145,14 @@ def simulate_faults(
         WorkersLost: If worker processes die again and again with the same fault.
     """
     try:
-        rows = run_jobs(
-            partial(_run_fault, experiment),
+        rows = run_episodes(
+            partial(_with_fault, experiment),
+            fault_row,
             faults,
             workers=workers,
-            first=partial(_run_fault, experiment, on_compile=on_compile),
             progress=progress,
             should_stop=should_stop,
+            on_compile=on_compile,
         )
     except JobFailed as error:
         raise ParameterError(f"fault {faults[error.index]}: {error.problem}") from error
@@ -158,10 +160,8 @@ def simulate_faults(
     return FaultCampaign(pd.DataFrame(rows), status)
 
 
-def _run_fault(
-    experiment: Experiment, fault: Fault, on_compile: Callable[[], None] | None = None
-) -> dict[str, Any]:
-    return fault_row(simulate(replace(experiment, faults=(fault,)), on_compile=on_compile))
+def _with_fault(experiment: Experiment, fault: Fault) -> Experiment:
+    return replace(experiment, faults=(fault,))
 
 
 def fault_row(run: Run) -> dict[str, Any]:

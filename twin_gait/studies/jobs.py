@@ -33,6 +33,7 @@ SHOWN_ONLY = frozenset({"cli", "live", "viewer", "checking", "testing", "export"
 _ONE_AT_A_TIME = threading.RLock()
 
 Progress = Callable[[int, int], None]
+BlockFunction = Callable[[Sequence[Item]], Iterable[tuple[int, Result]]]
 
 
 class JobFailed(TwinGaitError):
@@ -122,7 +123,6 @@ def run_jobs(
     items: Sequence[Item],
     *,
     workers: int | Workers = 1,
-    first: Callable[[Item], Result] | None = None,
     progress: Progress | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> list[Result]:
@@ -138,8 +138,6 @@ def run_jobs(
         function: The function.
         items: Its arguments.
         workers: Processes, or :class:`Workers` that stay from one call to the next, maybe those of a cluster.
-        first: Does the first item, in the calling process and before the others begin: the same function
-            with something added, such as a message while the engine is compiled, which then no worker has to.
         progress: Called with items done and in all.
         should_stop: Asked before each item; True lets those that run finish and ends the work.
 
@@ -151,13 +149,40 @@ def run_jobs(
         ParameterError: If the workers are below 1.
         WorkersLost: If workers die again and again with the same item, or the cluster is lost.
     """
+    return run_blocks(
+        partial(one_by_one, function),
+        items,
+        block=1,
+        workers=workers,
+        progress=progress,
+        should_stop=should_stop,
+    )
+
+
+def run_blocks(
+    function: BlockFunction[Item, Result],
+    items: Sequence[Item],
+    *,
+    block: int,
+    workers: int | Workers = 1,
+    progress: Progress | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> list[Result]:
+    """:func:`run_jobs` with a function of several items at once.
+
+    Args:
+        function: From some items to position among them and result of each, in any order. Raises
+            :class:`JobFailed` with the position of an item that failed.
+        block: Items that it gets at most.
+        should_stop: Asked before each block.
+    """
     if isinstance(workers, int):
         with Workers(workers) as own:
-            return run_jobs(
-                function, items, workers=own, first=first, progress=progress, should_stop=should_stop
+            return run_blocks(
+                function, items, block=block, workers=own, progress=progress, should_stop=should_stop
             )
     done: dict[int, Result] = {}
-    coming = portions(function, items, len(items), workers, first=first, should_stop=should_stop)
+    coming = portions(function, items, len(items), workers, block=block, should_stop=should_stop)
     with closing(coming):
         for portion in coming:
             done |= portion.results
@@ -168,23 +193,32 @@ def run_jobs(
     return [done[index] for index in range(len(done))]
 
 
+def one_by_one(function: Callable[[Item], Result], items: Sequence[Item]) -> Iterator[tuple[int, Result]]:
+    """A function of one item as :func:`run_blocks` takes it."""
+    for place, item in enumerate(items):
+        try:
+            yield place, function(item)
+        except TwinGaitError as error:
+            raise JobFailed(place, str(error)) from error
+
+
 def portions(
-    function: Callable[[Item], Result],
+    function: BlockFunction[Item, Result],
     items: Iterable[Item],
     total: int,
     workers: Workers,
     *,
+    block: int = 1,
     chunk_seconds: float = 0.0,
-    first: Callable[[Item], Result] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Generator[Portion[Result], None, None]:
     """Results chunk by chunk, in the order in which they come, for a caller that keeps them as they come.
 
     Args:
-        function: As in :func:`run_jobs`.
+        function: As in :func:`run_blocks`.
         items: Its arguments, taken one by one when there is room.
-        chunk_seconds: Work handed over at a time in [s], as far as it can be foretold; 0 for single items.
-        first: As in :func:`run_jobs`.
+        block: Items handed over at a time.
+        chunk_seconds: More of them, where they take less than this in [s], as far as it can be foretold.
 
     Yields:
         The portions; one with a problem is not the last unless the caller leaves.
@@ -192,14 +226,24 @@ def portions(
     Raises:
         WorkersLost: As in :func:`run_jobs`, or if a worker has other sources.
     """
-    pace = _Pace(chunk_seconds, workers)
+    pace = _Pace(chunk_seconds, even_size(total, block, workers.slots()), workers)
     chunks = _chunks(items, total, pace, should_stop)
-    if first is not None:
-        for chunk in itertools.islice(chunks, 1):
-            yield pace.noted(_do(first, sources_hash(), chunk))
     with closing(workers.as_they_come(partial(_do, function, sources_hash()), chunks)) as coming:
         for portion in coming:
             yield pace.noted(portion)
+
+
+def even_size(total: int, block: int, slots: int) -> int:
+    """Items of a block such that all workers have as many blocks, as long as these stay half full.
+
+    Args:
+        total: Items in all.
+        block: The most that a block may have.
+        slots: Workers.
+    """
+    least = max(1, -(-total // block))
+    in_turns = max(1, -(-total // (-(-least // slots) * slots)))
+    return in_turns if 2 * in_turns >= block else max(1, -(-total // least))
 
 
 class _Chunk(NamedTuple):
@@ -214,8 +258,8 @@ class _Chunk(NamedTuple):
 class _Pace:
     """Size of chunks, from the measured time of an item."""
 
-    def __init__(self, seconds: float, workers: Workers) -> None:
-        self._seconds, self._slots = seconds, workers.slots()
+    def __init__(self, seconds: float, block: int, workers: Workers) -> None:
+        self._seconds, self._block, self._slots = seconds, block, workers.slots()
         self._items, self._wall_s = 0, 0.0
 
     def noted(self, portion: Portion[Result]) -> Portion[Result]:
@@ -225,10 +269,8 @@ class _Pace:
 
     def size(self, left: int) -> int:
         """Items of the next chunk, with enough of them at the end for every worker."""
-        if not self._items or not self._seconds:
-            return 1
         by_time = round(self._seconds * self._items / max(self._wall_s, 1e-9))
-        return max(1, min(by_time, MOST_IN_CHUNK, left // (2 * self._slots)))
+        return max(self._block, min(by_time, MOST_IN_CHUNK, left // (2 * self._slots)))
 
 
 def _chunks(
@@ -242,7 +284,7 @@ def _chunks(
         place += len(chunk.items)
 
 
-def _do(function: Callable[[Any], Result], sources: str, chunk: _Chunk) -> Portion[Result]:
+def _do(function: BlockFunction[Any, Result], sources: str, chunk: _Chunk) -> Portion[Result]:
     """Do the items of a chunk, up to the first that fails, in whatever process."""
     if sources != sources_hash():
         raise WorkersLost("a worker has another version of twin_gait; install the same everywhere")
@@ -250,12 +292,11 @@ def _do(function: Callable[[Any], Result], sources: str, chunk: _Chunk) -> Porti
     problem = None
     with _ONE_AT_A_TIME:
         began = time.perf_counter()
-        for index, item in enumerate(chunk.items, chunk.first):
-            try:
-                results[index] = function(item)
-            except TwinGaitError as error:
-                problem = (index, str(error))  # a text, because not every exception can be pickled
-                break
+        try:
+            for place, result in function(chunk.items):
+                results[chunk.first + place] = result
+        except JobFailed as error:  # a text, because not every exception can be pickled
+            problem = (chunk.first + error.index, error.problem)
         wall = time.perf_counter() - began
     return Portion(results, problem, wall, str(import_module("llvmlite.binding").get_host_cpu_name()))
 

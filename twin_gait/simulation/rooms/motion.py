@@ -5,94 +5,120 @@ from __future__ import annotations
 from twin_gait.core.friction import OTHER_LAWS, advanced_deflection
 from twin_gait.core.plant import brace_torque, imposed_motion_torque, passive_torque
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import RK4, SHIFT, dynamics
+from twin_gait.simulation.interface import RK4, SHIFT, dynamics, lanes
 
 
 def integrate(e: Episode, tick: int) -> None:
     """All substeps of one tick; what the log has evaluated is where the first one begins."""
     for substep in range(e.substeps):
-        e.time = tick * e.rates.period + substep * e.step
+        time = tick * e.rates.period + substep * e.step
         known = e.recording.on and substep == 0
         if RK4:
-            _runge_kutta_step(e, known)
+            _runge_kutta_step(e, time, known)
         else:
-            _euler_step(e, known)
+            _euler_step(e, time, known)
 
 
-def acceleration(e: Episode, offset: float, q: list[float], v: list[float]) -> None:
+def acceleration(e: Episode, time: float, staged: bool) -> None:
     """Acceleration of a state with everything that acts on it.
 
     Args:
         e: Its accelerations are changed in place.
-        offset: Of the stage in steps.
-        q: Coordinates of the stage.
-        v: Velocities of the stage.
+        time: In [s].
+        staged: Whether the state is that of a stage of the integration, not the present one.
     """
     for i in range(len(e.q)):
-        passive = passive_torque(e.plant[i], q[i], v[i], e.motor[i], q[i] - e.q[i])
-        e.torque[i] = e.motor[i] + e.external[i] + passive
+        for one in lanes(e):
+            q, v = _state(one, staged)
+            passive = passive_torque(one.plant[i], q[i], v[i], one.motor[i], q[i] - one.q[i])
+            one.torque[i] = one.motor[i] + one.external[i] + passive
     motion = e.imposed_motion
     if motion.place >= 0:
-        time = e.time + offset * e.step
-        motion.torque = imposed_motion_torque(motion, time, q[motion.place], v[motion.place])
-        e.torque[motion.place] += motion.torque
+        for one in lanes(e):
+            q, v = _state(one, staged)
+            _impose(one, time, q, v)
     if SHIFT > 0:
         for i in range(SHIFT):
-            brace = e.braces[i]
-            brace.torque = brace_torque(brace, q[i], v[i], q[i + SHIFT], v[i + SHIFT])
-            e.torque[i] -= brace.torque
-            e.torque[i + SHIFT] += brace.torque
-    e.contact_power = dynamics(q, v, e.torque, e.bodies, e.gravity, e.ground, e.a, e.points)
+            for one in lanes(e):
+                q, v = _state(one, staged)
+                brace = one.braces[i]
+                brace.torque = brace_torque(brace, q[i], v[i], q[i + SHIFT], v[i + SHIFT])
+                one.torque[i] -= brace.torque
+                one.torque[i + SHIFT] += brace.torque
+    for one in lanes(e):
+        q, v = _state(one, staged)
+        one.contact_power = dynamics(q, v, one.torque, one.bodies, one.gravity, one.ground, one.a, one.points)
 
 
-def _euler_step(e: Episode, known: bool) -> None:
+def _state(one: Episode, staged: bool) -> tuple[list[float], list[float]]:
+    """Coordinates and velocities."""
+    if staged:
+        return one.stages.q, one.stages.v
+    return one.q, one.v
+
+
+def _impose(one: Episode, time: float, q: list[float], v: list[float]) -> None:
+    """Add the torque of the imposed motion."""
+    motion = one.imposed_motion
+    motion.torque = imposed_motion_torque(motion, time, q[motion.place], v[motion.place])
+    one.torque[motion.place] += motion.torque
+
+
+def _euler_step(e: Episode, time: float, known: bool) -> None:
     """One step of the semi-implicit Euler method, of first order.
 
     ``v ← v + h a(q, v)``, then ``q ← q + h v`` with the new velocity. The torques work on the mean of old and
     new velocity.
     """
-    mean = e.stages.mean_v
-    for i in range(len(e.q)):
-        mean[i] = e.v[i]
     if not known:
-        acceleration(e, 0.0, e.q, e.v)
+        acceleration(e, time, False)
     for i in range(len(e.q)):
-        e.v[i] += e.step * e.a[i]
-        _move(e, i, e.step * e.v[i])
+        for one in lanes(e):
+            velocity = one.v[i]
+            one.v[i] = velocity + e.step * one.a[i]
+            one.stages.v[i] = 0.5 * (velocity + one.v[i])
+            _move(one, i, e.step * one.v[i])
     if e.recording.on:
-        for i in range(len(e.q)):
-            mean[i] = 0.5 * (mean[i] + e.v[i])
-        contact = 0.5 * (e.contact_power + e.last_contact_power)
-        e.last_contact_power = e.contact_power
-        _add_work(e, e.step, contact, mean)
+        for one in lanes(e):
+            contact = 0.5 * (one.contact_power + one.last_contact_power)
+            one.last_contact_power = one.contact_power
+            one.works.contact_work += e.step * contact
+        _add_work(e, e.step)
 
 
-def _runge_kutta_step(e: Episode, known: bool) -> None:
+def _runge_kutta_step(e: Episode, time: float, known: bool) -> None:
     """One step of the classical Runge-Kutta method, of fourth order."""
-    stages, n, step = e.stages, len(e.q), e.step
-    for i in range(n):
-        stages.q[i] = e.q[i]
-        stages.v[i] = e.v[i]
-        stages.sum_v[i] = 0.0
-        stages.sum_a[i] = 0.0
+    step = e.step
+    for i in range(len(e.q)):
+        for one in lanes(e):
+            stages = one.stages
+            stages.q[i] = one.q[i]
+            stages.v[i] = one.v[i]
+            stages.sum_v[i] = 0.0
+            stages.sum_a[i] = 0.0
     for stage in range(4):
         outer = stage == 0 or stage == 3
         weight = 1.0 / 6.0 if outer else 1.0 / 3.0
         offset = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
         if not (known and stage == 0):
-            acceleration(e, offset, stages.q, stages.v)
+            acceleration(e, time + offset * step, True)
         if e.recording.on:
-            _add_work(e, weight * step, e.contact_power, stages.v)
+            for one in lanes(e):
+                one.works.contact_work += (weight * step) * one.contact_power
+            _add_work(e, weight * step)
         ahead = step if stage == 2 else 0.5 * step
-        for i in range(n):
-            stages.sum_v[i] += weight * stages.v[i]
-            stages.sum_a[i] += weight * e.a[i]
-            if stage < 3:
-                stages.q[i] = e.q[i] + ahead * stages.v[i]
-                stages.v[i] = e.v[i] + ahead * e.a[i]
-    for i in range(n):
-        e.v[i] += step * stages.sum_a[i]
-        _move(e, i, step * stages.sum_v[i])
+        for i in range(len(e.q)):
+            for one in lanes(e):
+                stages, speed = one.stages, one.stages.v[i]
+                stages.sum_v[i] += weight * speed
+                stages.sum_a[i] += weight * one.a[i]
+                if stage < 3:
+                    stages.q[i] = one.q[i] + ahead * speed
+                    stages.v[i] = one.v[i] + ahead * one.a[i]
+    for i in range(len(e.q)):
+        for one in lanes(e):
+            one.v[i] += step * one.stages.sum_a[i]
+            _move(one, i, step * one.stages.sum_v[i])
 
 
 def _move(e: Episode, place: int, displacement: float) -> None:
@@ -105,19 +131,22 @@ def _move(e: Episode, place: int, displacement: float) -> None:
         )
 
 
-def _add_work(e: Episode, duration: float, contact_power: float, v: list[float]) -> None:
-    """Add the work that every source does on the leg in a short time."""
-    works, motion = e.works, e.imposed_motion
+def _add_work(e: Episode, duration: float) -> None:
+    """Add the work that every source does on the leg in a short time, at the velocities of the stage."""
     for i in range(len(e.q)):
-        plant = e.plant[i]
-        works.motor_work += duration * e.motor[i] * v[i]
-        works.friction_work += duration * plant.friction_torque * v[i]
-        works.stop_work += duration * plant.stop_torque * v[i]
-        works.spring_work += duration * plant.spring_torque * v[i]
-        works.patient_work += duration * e.external[i] * v[i]
-    works.contact_work += duration * contact_power
+        for one in lanes(e):
+            works, plant, v = one.works, one.plant[i], one.stages.v[i]
+            works.motor_work += duration * one.motor[i] * v
+            works.friction_work += duration * plant.friction_torque * v
+            works.stop_work += duration * plant.stop_torque * v
+            works.spring_work += duration * plant.spring_torque * v
+            works.patient_work += duration * one.external[i] * v
     if SHIFT > 0:
         for i in range(SHIFT):
-            e.brace_work += duration * e.braces[i].torque * (v[i + SHIFT] - v[i])
-    if motion.place >= 0:
-        works.patient_work += duration * motion.torque * v[motion.place]
+            for one in lanes(e):
+                stages = one.stages
+                one.brace_work += duration * one.braces[i].torque * (stages.v[i + SHIFT] - stages.v[i])
+    if e.imposed_motion.place >= 0:
+        for one in lanes(e):
+            motion = one.imposed_motion
+            one.works.patient_work += duration * motion.torque * one.stages.v[motion.place]

@@ -15,12 +15,13 @@ from twin_gait.core.faults import (
 )
 from twin_gait.core.safety import (
     COMMAND_TRIP,
+    NO_TRIP,
     command_is_plausible,
     hold_torque,
     motor_speed,
     support_share,
 )
-from twin_gait.simulation.episode import Episode
+from twin_gait.simulation.episode import Episode, Joint
 from twin_gait.simulation.interface import (
     ASSISTS,
     FAULTY,
@@ -29,138 +30,209 @@ from twin_gait.simulation.interface import (
     JOINTS_PER_LEG,
     control_gravity,
     control_inertia,
-    log_row,
+    each,
+    lanes,
 )
 from twin_gait.simulation.rooms.monitor import trip
 
 
 def feed_forward(e: Episode) -> None:
     """Gravity and inertia torques of the controller's model, where a share of them is wanted."""
-    model, holding = e.control, e.trip.tick >= 0
-    wanted = holding or INERTIA_WANTED
-    for leg in e.legs:
-        wanted = wanted or leg.gravity != 0.0
-    if not wanted:
-        return
-    for joint in e.joints:
-        model.q[joint.control_place] = joint.hold_angle if holding else joint.encoder.angle
-    control_gravity(model.q, model.bodies, e.gravity, model.gravity_torque)
+    wanted = False
+    for one in lanes(e):
+        wanted |= _wants_gravity(one)
+    if wanted:
+        for number in range(len(e.joints)):
+            for one in lanes(e):
+                joint = one.joints[number]
+                angle = joint.hold_angle if one.trip.tick >= 0 else joint.encoder.angle
+                one.control.q[joint.control_place] = angle
+        for one in lanes(e):
+            if _wants_gravity(one):
+                model = one.control
+                control_gravity(model.q, model.bodies, one.gravity, model.gravity_torque)
     if INERTIA_WANTED:
-        if not holding:
-            for joint in e.joints:
-                rate = (joint.encoder.velocity_fast - joint.encoder.last_fast) / e.rates.period
-                joint.rate = first_order_step(joint.rate, rate, e.rates.fast_gain)
-                model.a[joint.control_place] = joint.rate
+        for number in range(len(e.joints)):
+            for one in lanes(e):
+                _estimate_acceleration(one, number)
+        for one in lanes(e):
+            model = one.control
             control_inertia(model.q, model.a, model.bodies, model.inertia_torque)
 
 
-def control(e: Episode, number: int, tick: int) -> float:
-    """Torque of one motor for this tick; returns its electrical power in [W]."""
+def _wants_gravity(e: Episode) -> bool:
+    """Whether the weight of a leg is compensated, or carried in the hold."""
+    wanted = INERTIA_WANTED or e.trip.tick >= 0
+    for leg in e.legs:
+        wanted = wanted or leg.gravity != 0.0
+    return wanted
+
+
+def _estimate_acceleration(e: Episode, number: int) -> None:
+    """Acceleration of a joint, from the change of its fast velocity."""
+    joint = e.joints[number]
+    rate = (joint.encoder.velocity_fast - joint.encoder.last_fast) / e.rates.period
+    joint.rate = first_order_step(joint.rate, rate, e.rates.fast_gain)
+    e.control.a[joint.control_place] = joint.rate
+
+
+def control(e: Episode, tick: int) -> None:
+    """Command and drive joint after joint: one is driven before the next one's command is known."""
+    for one in lanes(e):
+        one.supply.power = 0.0
+    for number in range(len(e.joints)):
+        implausible = False
+        for one in lanes(e):
+            demand(one, number)
+        if FAULTY:
+            for one in each(e):
+                _run_away(one, number, tick)
+        for one in lanes(e):
+            judge(one, number)
+        for one in lanes(e):
+            implausible |= one.joints[number].command.cause != NO_TRIP
+        if implausible:
+            for one in each(e):
+                trip(one, tick, one.joints[number].command.cause, number)
+        for one in lanes(e):
+            drive(one, number, tick)
+        if FAULTY:
+            for one in each(e):
+                _drive_faulty(one, number, tick)
+        for one in lanes(e):
+            _note_drive(one, number)
+
+
+def demand(e: Episode, number: int) -> None:
+    """What the controller asks of a joint."""
     joint, leg = e.joints[number], e.legs[number // JOINTS_PER_LEG]
-    encoder, setpoint = joint.encoder, joint.blended
-    stiffness, damping = setpoint.stiffness, setpoint.damping
-    equilibrium, gain = setpoint.equilibrium, setpoint.gain
-    if ASSISTS:
-        stiffness *= joint.assistance
-        damping *= joint.assistance
-    impedance, friction, gravity, inertia, target, command = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    support = 0.0
-    if e.trip.tick >= 0:
-        support = support_share(tick - e.trip.tick, e.limits.lowering_ticks)
-    else:
-        impedance, friction = controller_torques(
+    asked, encoder, setpoint, place = joint.command, joint.encoder, joint.blended, joint.control_place
+    weight, inertia = e.control.gravity_torque[place], e.control.inertia_torque[place]
+    if e.trip.tick < 0:
+        stiffness, damping = setpoint.stiffness, setpoint.damping
+        if ASSISTS:
+            stiffness *= joint.assistance
+            damping *= joint.assistance
+        asked.stiffness, asked.damping = stiffness, damping
+        asked.equilibrium, asked.gain = setpoint.equilibrium, setpoint.gain
+        asked.impedance, asked.friction = controller_torques(
             encoder.angle,
             encoder.velocity_fast,
             encoder.velocity_slow,
             stiffness,
             damping,
-            equilibrium,
-            gain,
+            setpoint.equilibrium,
+            setpoint.gain,
             joint.model_friction,
         )
-        if FAULTY:
-            if tick >= e.first_fault:
-                impedance += runaway_torque(number, tick, e.rates.period, e.faults)
-        gravity = leg.gravity * e.control.gravity_torque[joint.control_place] if leg.gravity != 0.0 else 0.0
-        inertia = e.control.inertia_gain * e.control.inertia_torque[joint.control_place]
-        target = joint.target
+        asked.gravity = leg.gravity * weight if leg.gravity != 0.0 else 0.0
+        asked.inertia = e.control.inertia_gain * inertia
+        asked.target = joint.target
         if FOLLOWS:
-            target += joint.lead
-        command = impedance + friction + gravity + inertia + target
-        if e.watching:
-            if not command_is_plausible(command, joint.bounds.highest_command):
-                trip(e, tick, COMMAND_TRIP, number)
+            asked.target += joint.lead
+
+
+def _run_away(e: Episode, number: int, tick: int) -> None:
+    """Add what a controller gone wrong asks for."""
+    if tick >= e.first_fault and e.trip.tick < 0:
+        e.joints[number].command.impedance += runaway_torque(number, tick, e.rates.period, e.faults)
+
+
+def judge(e: Episode, number: int) -> None:
+    """Sum the command up, and note the cause of a trip if no drive may be asked for it."""
+    joint, watching = e.joints[number], e.watching
+    asked = joint.command
+    asked.torque = asked.impedance + asked.friction + asked.gravity + asked.inertia + asked.target
+    wild = (
+        watching and e.trip.tick < 0 and not command_is_plausible(asked.torque, joint.bounds.highest_command)
+    )
+    asked.cause = COMMAND_TRIP if wild else NO_TRIP
+
+
+def hold(joint: Joint, damping: float, support: float, weight: float) -> None:
+    """Brake a joint after a trip, and let it down slowly.
+
+    Args:
+        joint: Its command is changed in place.
+        damping: In [N m s] / [rad].
+        support: Share of the weight that is still carried.
+        weight: Gravity torque in [N m].
+    """
+    asked = joint.command
+    asked.stiffness, asked.damping, asked.gain = 0.0, damping, 0.0
+    asked.equilibrium = joint.hold_angle
+    asked.friction, asked.inertia, asked.target = 0.0, 0.0, 0.0
+    asked.impedance = hold_torque(joint.watched.motor_speed, damping)
+    asked.gravity = support * weight if support != 0.0 else 0.0
+    asked.torque = asked.impedance + asked.friction + asked.gravity + asked.inertia + asked.target
+
+
+def drive(e: Episode, number: int, tick: int) -> None:
+    """Current and torque of a motor, of the command or in the hold."""
+    joint = e.joints[number]
+    place, weight = joint.place, e.control.gravity_torque[joint.control_place]
+    asked, motor, watched = joint.command, joint.motor, joint.watched
     if e.trip.tick >= 0:
-        stiffness, damping, gain = 0.0, e.limits.hold_damping, 0.0
-        equilibrium = joint.hold_angle
-        friction, inertia, target = 0.0, 0.0, 0.0
-        impedance = hold_torque(joint.watched.motor_speed, damping)
-        gravity = support * e.control.gravity_torque[joint.control_place] if support != 0.0 else 0.0
-        command = impedance + friction + gravity + inertia + target
-    target_current, current, torque = drive(e, number, tick, command)
-    if e.recording.on:
-        row = log_row(e, tick).joints[number]
-        row.measured_angle = encoder.angle
-        row.velocity_fast = encoder.velocity_fast
-        row.velocity_slow = encoder.velocity_slow
-        row.impedance_torque = impedance
-        row.friction_compensation_torque = friction
-        row.gravity_compensation_torque = gravity
-        row.inertia_compensation_torque = inertia
-        row.target_torque = target
-        row.motor_command_torque = command
-        row.motor_torque = torque
-        row.target_current = target_current
-        row.measured_current = current
-        row.stiffness = stiffness
-        row.damping = damping
-        row.equilibrium = equilibrium
-        row.friction_compensation_gain = gain
-    motor = joint.motor
-    return motor_electrical_power(
-        current, e.v[joint.place], motor.resistance, motor.torque_constant, motor.gear_ratio
-    )
-
-
-def drive(e: Episode, number: int, tick: int, command: float) -> tuple[float, float, float]:
-    """Target current, measured current and torque of a motor, and what the monitor keeps of them."""
-    joint, voltage = e.joints[number], e.supply.bus_voltage
-    velocity, motor, watched = e.v[joint.place], joint.motor, joint.watched
+        # In the tick of a trip on the command this is still a walk, whose weight is not carried.
+        walks = asked.cause != NO_TRIP
+        support = 0.0 if walks else support_share(tick - e.trip.tick, e.limits.lowering_ticks)
+        hold(joint, e.limits.hold_damping, support, weight)
     target_current, current, torque = drive_motor(
-        motor, command, velocity, voltage, e.limits.torque, e.limits.current
+        motor, asked.torque, e.v[place], e.supply.bus_voltage, e.limits.torque, e.limits.current
     )
-    expected = current
-    if joint.drive_off:
-        target_current, expected, current, torque = 0.0, 0.0, 0.0, 0.0
-    elif FAULTY:
-        if tick >= e.first_fault:
-            row = drive_fault(number, tick, e.faults)
-            if row != NO_FAULT:
-                fault = e.faults[row]
-                wrong = fault.magnitude if fault.kind == MOTOR_STUCK else 0.0
-                _, current, torque = drive_motor(
-                    motor, wrong, velocity, voltage, e.limits.torque, e.limits.current
-                )
-    e.motor[joint.place] = torque
-    watched.commanded = command
-    watched.motor_current = current
-    watched.current_deviation = current - expected
+    off = joint.drive_off
+    asked.target_current = 0.0 if off else target_current
+    watched.motor_current = 0.0 if off else current
+    e.motor[place] = 0.0 if off else torque
+    watched.current_deviation = 0.0
+
+
+def _drive_faulty(e: Episode, number: int, tick: int) -> None:
+    """Current and torque of a motor under its faults."""
+    joint = e.joints[number]
+    motor, watched = joint.motor, joint.watched
+    if tick >= e.first_fault and not joint.drive_off:
+        row = drive_fault(number, tick, e.faults)
+        if row != NO_FAULT:
+            fault, expected = e.faults[row], watched.motor_current
+            wrong = fault.magnitude if fault.kind == MOTOR_STUCK else 0.0
+            _, watched.motor_current, e.motor[joint.place] = drive_motor(
+                motor, wrong, e.v[joint.place], e.supply.bus_voltage, e.limits.torque, e.limits.current
+            )
+            watched.current_deviation = watched.motor_current - expected
+
+
+def _note_drive(e: Episode, number: int) -> None:
+    """What the monitor keeps of a drive, and what it draws."""
+    joint = e.joints[number]
+    motor, watched, velocity = joint.motor, joint.watched, e.v[joint.place]
+    current = watched.motor_current
+    watched.commanded = joint.command.torque
     watched.motor_speed = motor_speed(
         current, velocity, motor.resistance, joint.bounds.emf_constant, joint.bounds.model_resistance
     )
-    return target_current, current, torque
+    e.supply.power += motor_electrical_power(
+        current, velocity, motor.resistance, motor.torque_constant, motor.gear_ratio
+    )
 
 
-def supply(e: Episode, tick: int, battery_power: float) -> None:
+def supply(e: Episode, tick: int) -> None:
     """Bus voltage of the next tick."""
-    battery = e.supply
-    voltage = sagged_bus_voltage(battery.voltage, battery.resistance, battery_power, battery.bus_voltage)
+    for one in lanes(e):
+        battery = one.supply
+        battery.bus_voltage = sagged_bus_voltage(
+            battery.voltage, battery.resistance, battery.power, battery.bus_voltage
+        )
     if FAULTY:
-        if tick >= e.first_fault:
-            drop = supply_drop(tick, e.faults)
-            if drop > 0.0:
-                highest = 0.0
-                for joint in e.joints:
-                    highest = max(highest, joint.bounds.emf_constant * abs(e.v[joint.place]))
-                voltage = dipped_bus_voltage(voltage, drop, highest)
-    battery.bus_voltage = voltage
+        for one in each(e):
+            if tick >= one.first_fault:
+                _dip(one, tick)
+
+
+def _dip(e: Episode, tick: int) -> None:
+    """Let a fault of the supply lower its voltage."""
+    drop, highest = supply_drop(tick, e.faults), 0.0
+    if drop > 0.0:
+        for joint in e.joints:
+            highest = max(highest, joint.bounds.emf_constant * abs(e.v[joint.place]))
+        e.supply.bus_voltage = dipped_bus_voltage(e.supply.bus_voltage, drop, highest)

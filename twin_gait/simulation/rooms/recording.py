@@ -1,4 +1,4 @@
-"""The row of a tick in the log, but for what the controller writes itself."""
+"""The row of a tick in the log."""
 
 from __future__ import annotations
 
@@ -8,20 +8,30 @@ from twin_gait.simulation.interface import (
     PELVIS,
     POINTS_PER_FOOT,
     SHIFT,
+    lanes,
     log_row,
     observe,
 )
-from twin_gait.simulation.log import LogRow
+from twin_gait.simulation.log import JointRow, LogRow
 from twin_gait.simulation.rooms.motion import acceleration
 from twin_gait.simulation.rooms.sensors import normal_force
 
 
-def record(e: Episode, tick: int, battery_power: float) -> None:
-    """Write everything that is not a controller's, at the state before integration."""
-    e.time = tick * e.rates.period
-    acceleration(e, 0.0, e.q, e.v)
-    row = log_row(e, tick)
-    _record_legs(e, row)
+def record(e: Episode, tick: int) -> None:
+    """Write everything, at the state before integration."""
+    acceleration(e, tick * e.rates.period, False)
+    for number in range(len(e.joints)):
+        for one in lanes(e):
+            _record_joint(one, number, log_row(one, tick).joints[number])
+    for number in range(len(e.legs)):
+        for one in lanes(e):
+            _record_leg(one, number, log_row(one, tick))
+    for one in lanes(e):
+        _record_whole(one, log_row(one, tick))
+
+
+def _record_whole(e: Episode, row: LogRow) -> None:
+    """Write energies, works, supply, pelvis and what has tripped."""
     kinetic, potential, force, moment = observe(e.q, e.v, e.a, e.bodies, e.gravity, e.points)
     if PELVIS >= 0:
         pelvis, hung = row.pelvis, e.plant[PELVIS + SHIFT]
@@ -31,7 +41,7 @@ def record(e: Episode, tick: int, battery_power: float) -> None:
         pelvis.guide_force = force
         pelvis.guide_moment = moment
     row.bus_voltage = e.supply.bus_voltage
-    row.battery_power = battery_power
+    row.battery_power = e.supply.power
     row.kinetic_energy = kinetic
     row.potential_energy = potential
     row.works.motor_work = e.works.motor_work
@@ -46,34 +56,54 @@ def record(e: Episode, tick: int, battery_power: float) -> None:
         _record_braces(e, row)
 
 
-def _record_legs(e: Episode, row: LogRow) -> None:
-    """Write phases, joints, ankles and feet."""
-    for number, joint in enumerate(e.joints):
-        place, out = joint.place, row.joints[number]
-        out.angle = e.q[place]
-        out.velocity = e.v[place]
-        out.friction_torque = e.plant[place].friction_torque
-        out.stop_torque = e.plant[place].stop_torque
-        imposed = e.imposed_motion.torque if e.imposed_motion.place == place else 0.0
-        out.patient_torque = imposed + e.external[place]
-        if SHIFT > 0:
-            out.patient_torque += e.external[place + SHIFT]
-    for number, leg in enumerate(e.legs):
-        row.phases[number] = float(leg.phase)
-        if ANKLES:
-            ankle = row.ankles[number]
-            ankle.angle = e.q[leg.ankle]
-            ankle.velocity = e.v[leg.ankle]
-            ankle.orthosis_torque = e.plant[leg.ankle].spring_torque
-        if POINTS_PER_FOOT > 0:
-            foot, first = row.feet[number], number * POINTS_PER_FOOT
-            friction, lowest = 0.0, e.points[first].height
-            for place in range(first, first + POINTS_PER_FOOT):
-                friction += e.points[place].forward
-                lowest = min(lowest, e.points[place].height)
-            foot.normal_force = normal_force(e, number)
-            foot.friction_force = friction
-            foot.clearance = lowest
+def _record_joint(e: Episode, number: int, out: JointRow) -> None:
+    """Write motion, torques, currents and setpoint of a joint."""
+    joint = e.joints[number]
+    place, encoder, asked = joint.place, joint.encoder, joint.command
+    out.angle = e.q[place]
+    out.velocity = e.v[place]
+    out.measured_angle = encoder.angle
+    out.velocity_fast = encoder.velocity_fast
+    out.velocity_slow = encoder.velocity_slow
+    out.impedance_torque = asked.impedance
+    out.friction_compensation_torque = asked.friction
+    out.gravity_compensation_torque = asked.gravity
+    out.inertia_compensation_torque = asked.inertia
+    out.target_torque = asked.target
+    out.motor_command_torque = asked.torque
+    out.motor_torque = e.motor[place]
+    out.friction_torque = e.plant[place].friction_torque
+    out.stop_torque = e.plant[place].stop_torque
+    imposed = e.imposed_motion.torque if e.imposed_motion.place == place else 0.0
+    out.patient_torque = imposed + e.external[place]
+    if SHIFT > 0:
+        out.patient_torque += e.external[place + SHIFT]
+    out.target_current = asked.target_current
+    out.measured_current = joint.watched.motor_current
+    out.stiffness = asked.stiffness
+    out.damping = asked.damping
+    out.equilibrium = asked.equilibrium
+    out.friction_compensation_gain = asked.gain
+
+
+def _record_leg(e: Episode, number: int, row: LogRow) -> None:
+    """Write phase, ankle and foot."""
+    leg = e.legs[number]
+    row.phases[number] = float(leg.phase)
+    if ANKLES:
+        ankle = row.ankles[number]
+        ankle.angle = e.q[leg.ankle]
+        ankle.velocity = e.v[leg.ankle]
+        ankle.orthosis_torque = e.plant[leg.ankle].spring_torque
+    if POINTS_PER_FOOT > 0:
+        foot, first = row.feet[number], number * POINTS_PER_FOOT
+        friction, lowest = 0.0, e.points[first].height
+        for place in range(first, first + POINTS_PER_FOOT):
+            friction += e.points[place].forward
+            lowest = min(lowest, e.points[place].height)
+        foot.normal_force = normal_force(e, number)
+        foot.friction_force = friction
+        foot.clearance = lowest
 
 
 def _record_braces(e: Episode, row: LogRow) -> None:

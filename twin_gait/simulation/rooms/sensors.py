@@ -2,24 +2,57 @@
 
 from __future__ import annotations
 
-from twin_gait.core.control_tick import measure_joint
+from twin_gait.core.control_tick import measure_angle, sample_slowly
 from twin_gait.core.faults import faulty_angle, faulty_load
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import FAULTY, POINTS_PER_FOOT, contact_forces, noise_row
+from twin_gait.simulation.interface import FAULTY, POINTS_PER_FOOT, contact_forces, each, lanes, noise_row
 
 
 def measure(e: Episode, tick: int) -> None:
     """Encoders, velocity estimates and foot loads."""
-    noise, rates = noise_row(e, tick), e.rates
-    for number, joint in enumerate(e.joints):
-        reading = e.q[joint.place] + noise[number]
+    for number in range(len(e.joints)):
+        for one in lanes(e):
+            one.joints[number].reading = _reading(one, number, tick)
         if FAULTY:
-            if tick >= e.first_fault:
-                reading = faulty_angle(number, tick, rates.period, e.faults, reading, joint.reading)
-        joint.reading = reading
-        measure_joint(joint.encoder, tick, reading, rates.period, rates.fast_gain, rates.decimation)
-        if tick % rates.decimation == 0:  # it changes only with the slow velocity
+            for one in each(e):
+                _read_faulty(one, number, tick)
+        for one in lanes(e):
+            rates, joint = one.rates, one.joints[number]
+            measure_angle(joint.encoder, tick == 0, joint.reading, rates.period, rates.fast_gain)
+    if tick % e.rates.decimation == 0:
+        _measure_slowly(e, tick)
+    if POINTS_PER_FOOT > 0:
+        _measure_loads(e, tick)
+
+
+def _reading(one: Episode, number: int, tick: int) -> float:
+    """What a healthy encoder reads in [rad]."""
+    joint = one.joints[number]
+    if FAULTY:
+        joint.last_reading = joint.reading
+    return one.q[joint.place] + noise_row(one, tick)[number]
+
+
+def _read_faulty(one: Episode, number: int, tick: int) -> None:
+    """What an encoder reads under its faults."""
+    joint = one.joints[number]
+    if tick >= one.first_fault:
+        joint.reading = faulty_angle(
+            number, tick, one.rates.period, one.faults, joint.reading, joint.last_reading
+        )
+
+
+def _measure_slowly(e: Episode, tick: int) -> None:
+    """The slow velocity estimate, and the friction of the compensator's model, which changes only with it."""
+    decimation = e.rates.decimation
+    for number in range(len(e.joints)):
+        if tick > 0:
+            for one in each(e):
+                encoder = one.joints[number].encoder
+                sample_slowly(encoder, tick // decimation, decimation * one.rates.period)
+        for one in lanes(e):
+            joint = one.joints[number]
             law = joint.friction_model
             joint.model_friction = rotational_friction_torque(
                 joint.encoder.velocity_slow,
@@ -28,15 +61,22 @@ def measure(e: Episode, tick: int) -> None:
                 law.breakaway_velocity,
                 law.viscous_friction,
             )
-    if POINTS_PER_FOOT > 0:
-        contact_forces(e.q, e.v, e.bodies, e.ground, e.points)
-        for number, leg in enumerate(e.legs):
-            load = normal_force(e, number) / e.body_weight
+
+
+def _measure_loads(e: Episode, tick: int) -> None:
+    """Loads of the feet over body weight."""
+    for one in lanes(e):
+        contact_forces(one.q, one.v, one.bodies, one.ground, one.points)
+    for number in range(len(e.legs)):
+        for one in lanes(e):
+            leg = one.legs[number]
             leg.last_load = leg.load
-            if FAULTY:
-                if tick >= e.first_fault:
-                    load = faulty_load(number, tick, e.faults, load, leg.last_load)
-            leg.load = load
+            leg.load = normal_force(one, number) / one.body_weight
+        if FAULTY:
+            for one in each(e):
+                leg = one.legs[number]
+                if tick >= one.first_fault:
+                    leg.load = faulty_load(number, tick, one.faults, leg.load, leg.last_load)
 
 
 def normal_force(e: Episode, leg: int) -> float:

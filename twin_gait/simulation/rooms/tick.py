@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, Episode
-from twin_gait.simulation.interface import ADAPTS, FOLLOWS, PELVIS, SHIFT
+from twin_gait.simulation.interface import ADAPTS, FOLLOWS, PELVIS, SHIFT, each, lanes
 from twin_gait.simulation.rooms.monitor import watch
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.simulation.rooms.motors import control, feed_forward, supply
@@ -21,45 +21,56 @@ def run_ticks(e: Episode, first: int, end: int) -> int:
     """Run ticks ``first`` to ``end - 1``, or until the wearer falls or the state diverges.
 
     Args:
-        e: The episode; changed in place.
+        e: The episode, or those that run in lockstep; changed in place.
 
     Returns:
         Ticks that have been run since the start of the episode; ``e.status`` says how it stands.
     """
     for tick in range(first, end):
-        command(e, tick)
+        for one in lanes(e):
+            command(one, tick)
         measure(e, tick)
         if e.watching:
             watch(e, tick)
-        if e.trip.tick < 0:
+        walking = False
+        for one in lanes(e):
+            walking |= one.trip.tick < 0
+        if walking:
             decide(e, tick)
             if FOLLOWS:
-                follow(e, tick)
+                for one in each(e):
+                    if one.trip.tick < 0:
+                        follow(one, tick)
             if ADAPTS:
-                track(e, tick)
+                for one in each(e):
+                    if one.trip.tick < 0:
+                        track(one, tick)
         feed_forward(e)
-        battery_power = 0.0
-        for number in range(len(e.joints)):
-            battery_power += control(e, number, tick)
+        control(e, tick)
         push(e, tick)
-        catch(e, tick)
+        for one in lanes(e):
+            catch(one, tick)
         if e.recording.on:
-            record(e, tick, battery_power)
-        supply(e, tick, battery_power)
+            record(e, tick)
+        supply(e, tick)
         integrate(e, tick)
-        status = status_of(e)
-        if status != COMPLETED:
-            e.status = status
+        ended = False
+        for one in lanes(e):
+            status = status_of(one)
+            one.status = status
+            ended |= status != COMPLETED
+        if ended:
             return tick + 1
     return end
 
 
 def status_of(e: Episode) -> int:
     """Whether the run goes on."""
-    for i in range(len(e.q)):
-        if not (math.isfinite(e.q[i]) and abs(e.v[i]) < e.limits.diverged_velocity):
-            return DIVERGED
+    status = COMPLETED
     if PELVIS >= 0:
         if e.q[PELVIS + SHIFT] < e.limits.fall_height:
-            return FELL
-    return COMPLETED
+            status = FELL
+    for i in range(len(e.q)):
+        if not (math.isfinite(e.q[i]) and abs(e.v[i]) < e.limits.diverged_velocity):
+            status = DIVERGED
+    return status

@@ -11,27 +11,35 @@ from twin_gait.simulation.interface import (
     WEARER,
     effort_noise_row,
     effort_row,
+    lanes,
 )
 
 
 def push(e: Episode, tick: int) -> None:
     """Torques from outside for this tick: a push, and what the wearer does."""
-    for joint in e.joints:
-        e.external[joint.place] = joint.push
+    for number in range(len(e.joints)):
+        for one in lanes(e):
+            place = one.joints[number].place
+            one.external[place] = one.joints[number].push
+            if SHIFT > 0:
+                one.external[place + SHIFT] = 0.0
     if WEARER:
-        if SHIFT > 0:
-            for joint in e.joints:
-                e.external[joint.place + SHIFT] = 0.0
-        for number, leg in enumerate(e.legs):
-            first = number * JOINTS_PER_LEG
-            hip_joint, knee_joint = e.joints[first], e.joints[first + 1]
-            hip, knee, ankle = e.q[hip_joint.place + SHIFT], e.q[knee_joint.place + SHIFT], 0.0
-            if ANKLES:
-                ankle = e.q[leg.ankle + SHIFT]
-            bent_hip = hip - hip_joint.condition.contracture
-            bent_knee = knee - knee_joint.condition.contracture
-            _wear(e, tick, first, passive_hip_torque(bent_hip, bent_knee), hip)
-            _wear(e, tick, first + 1, passive_knee_torque(bent_hip, bent_knee, ankle), hip)
+        for number in range(len(e.legs)):
+            for one in lanes(e):
+                _push_leg(one, number, tick)
+
+
+def _push_leg(e: Episode, number: int, tick: int) -> None:
+    """What the wearer does on hip and knee of a leg."""
+    first = number * JOINTS_PER_LEG
+    hip_joint, knee_joint = e.joints[first], e.joints[first + 1]
+    hip, knee, ankle = e.q[hip_joint.place + SHIFT], e.q[knee_joint.place + SHIFT], 0.0
+    if ANKLES:
+        ankle = e.q[e.legs[number].ankle + SHIFT]
+    bent_hip = hip - hip_joint.condition.contracture
+    bent_knee = knee - knee_joint.condition.contracture
+    _wear(e, tick, first, passive_hip_torque(bent_hip, bent_knee), hip)
+    _wear(e, tick, first + 1, passive_knee_torque(bent_hip, bent_knee, ankle), hip)
 
 
 def _wear(e: Episode, tick: int, number: int, passive: float, hip: float) -> None:

@@ -15,7 +15,8 @@ from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import AssistanceParameters, ControlMode, Experiment
 from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.simulation import Run, simulate
+from twin_gait.simulation import Run
+from twin_gait.simulation.together import EpisodeFailed, simulate_together
 from twin_gait.studies.compare.measures import Measures, run_measures
 from twin_gait.vocabulary import JointName
 
@@ -205,24 +206,29 @@ def compare(
     """Run every controller on every day; all controllers meet the same days.
 
     Raises:
-        ParameterError: If there is no treadmill, no wearer, or not one seed.
+        ParameterError: If there is no treadmill, no wearer, or not one seed, or a controller cannot be run.
         ComparisonInterrupted: If it was stopped.
     """
     _check(experiment, seeds)
     days = [varied(experiment, seed) for seed in range(seeds)]
-    rows: list[dict[str, object]] = []
+    asked = [(controller, seed) for controller in controllers for seed in range(seeds)]
+    walks = (controller.change(days[seed]) for controller, seed in asked)
+    rows: dict[int, dict[str, object]] = {}
     nominal: dict[str, Run] = {}
-    for controller in controllers:
-        for seed, day in enumerate(days):
-            if should_stop is not None and should_stop():
-                raise ComparisonInterrupted("interrupted; nothing was written")
-            run = simulate(controller.change(day), on_compile=on_compile)
+    try:
+        for place, run in simulate_together(walks, on_compile=on_compile, should_stop=should_stop):
+            name, seed = asked[place][0].name, asked[place][1]
             if seed == 0:
-                nominal[controller.name] = run
-            rows.append({"controller": controller.name, "seed": seed, **_ending(run), **run_measures(run)})
+                nominal[name] = run
+            rows[place] = {"controller": name, "seed": seed, **_ending(run), **run_measures(run)}
             if progress is not None:
-                progress(len(rows), len(days) * len(controllers))
-    return Comparison(experiment, tuple(controllers), seeds, pd.DataFrame(rows), nominal)
+                progress(len(rows), len(asked))
+    except EpisodeFailed as error:
+        raise ParameterError(f"{asked[error.index][0].name}: {error.problem}") from error
+    if len(rows) < len(asked):
+        raise ComparisonInterrupted("interrupted; nothing was written")
+    table = pd.DataFrame([rows[place] for place in range(len(asked))])
+    return Comparison(experiment, tuple(controllers), seeds, table, nominal)
 
 
 def _check(experiment: Experiment, seeds: int) -> None:

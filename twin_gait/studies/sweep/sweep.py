@@ -23,9 +23,11 @@ from twin_gait.files import write_atomically
 from twin_gait.report.canvas import save
 from twin_gait.report.pages import figures_page
 from twin_gait.report.sweep import sweep_figures, values_of
-from twin_gait.simulation import RunStatus, simulate
-from twin_gait.studies.batch import Flat, Override, episode_of, flat_summary, setting_columns
-from twin_gait.studies.jobs import Portion, Workers, portions
+from twin_gait.runs.summary import READ_IN_BRIEF
+from twin_gait.simulation import RunStatus
+from twin_gait.studies.batch import Base, Flat, Override, flat_summary, setting_columns
+from twin_gait.studies.episodes import block_ahead, measured
+from twin_gait.studies.jobs import Portion, Workers, one_by_one, portions
 from twin_gait.studies.sweep.spec import Sweep
 from twin_gait.studies.sweep.store import (
     FIGURES_FOLDER,
@@ -63,17 +65,20 @@ class Episode(NamedTuple):
         return f"episode {self.number}"
 
     def experiment(self) -> Experiment:
-        """What is to be run.
+        """What is to be run, with draws of its own.
 
         Raises:
             ParameterFileError: If a change is wrong, naming episode and key.
         """
-        return episode_of(_base(self.document), self.override, self.number, self.seed)
+        base = _base(self.document)
+        draws = np.random.SeedSequence(self.seed, spawn_key=(self.number,))
+        seeded = {**base.document, "seed": int(draws.generate_state(1, np.uint64)[0])}
+        return base._replace(document=seeded).changed(self.override, str(self))
 
 
 @lru_cache(maxsize=1)
-def _base(document: str) -> Experiment:
-    return experiment_from_mapping(json.loads(document), "the sweep", Path())
+def _base(document: str) -> Base:
+    return Base.of(experiment_from_mapping(json.loads(document), "the sweep", Path()))
 
 
 def check_episode(episode: Episode) -> None:
@@ -95,11 +100,6 @@ def _lay_out(experiment: Experiment) -> None:
     for phase in problem.world.initial_phases.values():
         if phase is not None:
             problem.table.phase_index(phase)
-
-
-def run_episode(episode: Episode, on_compile: Callable[[], None] | None = None) -> Flat:
-    """Summary of an episode; a fall or a divergence is one."""
-    return flat_summary(simulate(episode.experiment(), on_compile=on_compile))
 
 
 @dataclass(frozen=True)
@@ -153,9 +153,8 @@ def run_sweep(
     """Run a sweep, or go on with it where it was stopped or killed.
 
     All episodes are checked before anything runs. Their results are kept in the folder chunk by chunk;
-    neither the table nor the rows depend on the workers, the chunks or the number of resumptions. The first
-    episode runs in the calling process: it compiles the engine where no worker has to, and says how long an
-    episode takes.
+    neither the table nor the rows depend on the workers, the chunks or the number of resumptions. The engine
+    is compiled in the calling process, so that no worker has to.
 
     Returns:
         The table and what became of the sweep.
@@ -202,7 +201,9 @@ def check_sweep(
     if workers is None or total <= CHECKED_HERE:
         workers = Workers()
     episodes = episodes_of(sweep, range(total))
-    checks = portions(check_episode, episodes, total, workers, chunk_seconds=CHUNK_SECONDS)
+    checks = portions(
+        partial(one_by_one, check_episode), episodes, total, workers, chunk_seconds=CHUNK_SECONDS
+    )
     with closing(checks):
         for portion in checks:
             checked += len(portion.results)
@@ -244,13 +245,16 @@ def _run(
     pending = np.flatnonzero(~store.done).tolist()
     tell = progress or (lambda done, total: None)
     tell(int(store.done.sum()), len(store.done))
+    if not pending:
+        return
+    first = next(episodes_of(sweep, pending))
     coming = portions(
-        run_episode,
+        partial(measured, Episode.experiment, flat_summary, READ_IN_BRIEF),
         episodes_of(sweep, pending),
         len(pending),
         workers,
+        block=block_ahead(first.experiment, len(pending), on_compile),
         chunk_seconds=chunk_seconds,
-        first=partial(run_episode, on_compile=on_compile),
         should_stop=should_stop,
     )
     with closing(coming):

@@ -1,0 +1,82 @@
+"""How long whole commands take, in this source tree and in another one, in turn.
+
+``python benchmarks/commands.py --before TREE`` compares with the package in another folder, such as a git
+worktree of an earlier commit. Minima over the rounds; what a command starts counts for its processor time.
+"""
+
+# %%
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.append(str(Path(__file__).parents[1] / "examples"))
+
+from gallery import form_of
+from peers.timing import machine, significant
+
+BEFORE = {"type": Path, "metavar": "TREE", "help": "folder with the package to compare with"}
+form = form_of("commands", Path(__file__).parent, before=BEFORE)
+TREES = {"before": form.more["before"], "after": Path(__file__).parents[1]}
+TREES = {name: tree.resolve() for name, tree in TREES.items() if tree is not None}
+rounds, n_rows = (1, 1_000) if form.quick else (7, 100_000)
+
+# %% [markdown]
+# A series of velocities and friction torques for `identify`, made up with Stribeck's law and noise.
+
+# %%
+work = Path(tempfile.mkdtemp(prefix="commands_"))
+random = np.random.default_rng(1)
+velocity = 3.0 * np.sin(np.linspace(0.0, 200.0, n_rows))
+friction = np.sign(velocity) * (4.0 + 2.0 * np.exp(-np.abs(velocity) / 0.3)) + 1.5 * velocity
+series = np.column_stack([velocity, friction + random.normal(0.0, 0.3, n_rows)])
+names = "velocity [rad/s],friction_torque [Nm]"
+np.savetxt(work / "series.csv", series, "%.6f", ",", header=names, comments="")
+commands = {
+    "simulate": "simulate treadmill --force --out run",
+    "simulate --no-pictures": "simulate treadmill --no-pictures --force --out bare",
+    "check treadmill": "check treadmill",
+    "presets": "presets",
+    f"identify, {n_rows:,} rows": "identify series.csv --force --out fit",
+}
+
+
+# %% [markdown]
+# A first round fills the cache, which keeps the code of both trees, and counts for nothing.
+
+
+# %%
+def seconds(tree: Path, words: list[str]) -> tuple[float, float]:
+    """Time by the clock and processor time of a command and all that it started, in [s]."""
+    began, used = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    home = {**os.environ, "PYTHONPATH": str(tree)}
+    done = subprocess.run(
+        [sys.executable, "-m", "twin_gait", *words], env=home, cwd=work, capture_output=True
+    )
+    wall, now = time.perf_counter() - began, resource.getrusage(resource.RUSAGE_CHILDREN)
+    if done.returncode:
+        sys.exit(f"{tree}: twin-gait {' '.join(words)}: {done.stderr.decode()}")
+    return wall, now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
+
+
+times = {(name, command): [] for name in commands for command in TREES}
+for _ in range(rounds + 1):
+    for name, command in commands.items():
+        for tree, folder in TREES.items():
+            times[name, tree].append(seconds(folder, command.split()))
+
+# %%
+rows = []
+for name in commands:
+    row = {"command": name}
+    for tree in TREES:
+        wall, processor = np.min(times[name, tree][1:], axis=0)
+        row |= {f"{tree} [s]": significant(wall), f"{tree}, processor [s]": significant(processor)}
+    rows.append(row)
+    print(row)
+form.keep({"machine": machine(), "rounds": rounds, "rows": rows})

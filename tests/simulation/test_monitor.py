@@ -1,0 +1,457 @@
+"""Every cause of a trip in the rooms of a tick: at which tick, at which bound, and which one is kept."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from twin_gait import load_experiment
+from twin_gait.core import safety
+from twin_gait.core.safety import NO_TRIP
+from twin_gait.experiment.problem import build_problem
+from twin_gait.simulation.binding import bind
+from twin_gait.simulation.compiled_engine import CompiledEngine, laid_out
+from twin_gait.simulation.episode import Episode, Joint
+from twin_gait.simulation.record import copied, dtype_of, stored
+from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.rooms.monitor import watch
+from twin_gait.simulation.rooms.motors import control
+
+JOINT, LEG = 2, 1  # right hip and right leg of the treadmill: none is the first
+EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
+
+
+class Case(NamedTuple):
+    """A bound and what breaks it.
+
+    Attributes:
+        put: Writes an amount where the monitor looks for it.
+        bound: The largest amount, or the least, that is borne.
+        ticks: How long it may be broken.
+        place: As in the trip.
+        side: Where the amounts are that break it.
+    """
+
+    put: Callable[[Episode, float], None]
+    bound: Callable[[Episode], float]
+    ticks: Callable[[Episode], int]
+    place: int = JOINT
+    side: float = math.inf
+
+    def beyond(self, e: Episode) -> float:
+        """The first amount that breaks the bound."""
+        return math.nextafter(self.bound(e), self.side)
+
+
+def watched_joint(e: Episode) -> Joint:
+    return e.joints[JOINT]
+
+
+def jump(e: Episode, amount: float) -> None:
+    watched_joint(e).encoder.last_angle, watched_joint(e).encoder.angle = 0.0, amount
+
+
+def residual(e: Episode, amount: float) -> None:
+    watched_joint(e).bounds.model_gain, watched_joint(e).watched.residual = 0.0, amount
+
+
+def speed(e: Episode, amount: float) -> None:
+    watched_joint(e).bounds.stop_distance_factor, watched_joint(e).encoder.velocity_fast = 0.0, amount
+
+
+def angle(e: Episode, amount: float) -> None:
+    watched_joint(e).encoder.last_angle = watched_joint(e).encoder.angle = amount
+
+
+def heat(e: Episode, amount: float) -> None:
+    bounds = watched_joint(e).bounds
+    bounds.heating, bounds.cooling, watched_joint(e).watched.heat = 0.0, 0.0, amount
+
+
+def still_load(e: Episode, amount: float) -> None:
+    """The encoder of the turning hip is in order."""
+    jump(e, 1e-3)
+    e.legs[LEG].load, e.legs[LEG].last_load = 0.4, 0.4
+    watched_joint(e).watched.motor_speed = amount
+
+
+def remembered(name: str) -> Callable[[Episode, float], None]:
+    return lambda e, amount: setattr(watched_joint(e).watched, name, amount)
+
+
+def of_bounds(name: str) -> Callable[[Episode], Any]:
+    return lambda e: getattr(watched_joint(e).bounds, name)
+
+
+def at_once(e: Episode) -> int:
+    return 1
+
+
+JOINT_CASES = {
+    "JUMP": Case(jump, of_bounds("angle_step"), at_once),
+    "FROZEN": Case(remembered("motor_speed"), of_bounds("frozen_speed"), of_bounds("frozen_ticks")),
+    "MODEL": Case(residual, of_bounds("model_deviation"), at_once),
+    "SPEED": Case(speed, of_bounds("highest_speed"), at_once),
+    "RANGE": Case(angle, of_bounds("upper"), at_once),
+    "TORQUE": Case(remembered("commanded"), of_bounds("highest_torque"), of_bounds("torque_ticks")),
+    "CURRENT": Case(remembered("motor_current"), of_bounds("highest_current"), at_once),
+    "HEAT": Case(heat, lambda e: 1.0, at_once),
+    "DRIVE": Case(remembered("current_deviation"), of_bounds("drive_deviation"), of_bounds("drive_ticks")),
+}
+OTHER_CASES = {
+    "LOAD": Case(still_load, of_bounds("frozen_speed"), lambda e: e.limits.frozen_load_ticks, 4 + LEG),
+    "SUPPLY": Case(
+        lambda e, amount: setattr(e.supply, "bus_voltage", amount),
+        lambda e: e.supply.least_voltage,
+        lambda e: e.supply.low_ticks,
+        -1,
+        -math.inf,
+    ),
+}
+CASES = {
+    **JOINT_CASES,
+    **OTHER_CASES,
+    "RANGE below": Case(angle, of_bounds("lower"), at_once, side=-math.inf),
+    "MISSING": Case(angle, lambda e: 0.1, at_once, side=math.nan),
+}
+
+
+def code(name: str) -> int:
+    found: int = getattr(safety, f"{name.split()[0]}_TRIP")
+    return found
+
+
+@pytest.fixture(scope="module")
+def treadmill():
+    return build_problem(load_experiment("treadmill", ["duration_s=0.2", EULER]).experiment)
+
+
+@pytest.fixture(scope="module")
+def laid(treadmill):
+    """Episode and structure of the treadmill, standing still with all that is measured in order."""
+    _, e, structure = laid_out(treadmill)
+    for joint in e.joints:
+        joint.encoder.angle = joint.encoder.last_angle = 0.1
+    return e, structure
+
+
+@pytest.fixture(scope="module")
+def look(laid):
+    """The monitor as plain Python."""
+    return bind(watch, laid[1])
+
+
+@pytest.fixture
+def e(laid):
+    return copied(laid[0])
+
+
+def broken_for(e: Episode, look: Callable[..., None], case: Case, ticks: int, amount: float) -> None:
+    """Show the monitor an amount for some ticks; what a bound of its own sums up does not grow meanwhile."""
+    first = 100
+    for tick in range(first, first + ticks):
+        joint = watched_joint(e)
+        joint.watched.residual = joint.watched.heat = 0.0
+        case.put(e, amount)
+        look(e, tick)
+
+
+def kept(e: Episode) -> tuple[int, int, int]:
+    return e.trip.tick, e.trip.cause, e.trip.part
+
+
+def test_there_is_a_case_of_every_cause_that_the_monitor_can_give():
+    names = {name.removesuffix("_TRIP") for name in vars(safety) if name.endswith("_TRIP")}
+    elsewhere = {"NO", "OPERATOR", "COMMAND", "PHASE_TIME_OUT"}  # the last two have tests of their own
+    assert {name.split()[0] for name in CASES} == names - elsewhere
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_lies_on_the_bound_is_borne_for_any_time(e, look, name):
+    case = CASES[name]
+    broken_for(e, look, case, 3 * case.ticks(e), case.bound(e))
+    assert kept(e) == (-1, NO_TRIP, 0)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_first_number_beyond_the_bound_trips_when_its_time_is_over(e, look, name):
+    case = CASES[name]
+    needed, amount = case.ticks(e), case.beyond(e)
+    broken_for(e, look, case, needed - 1, amount)
+    assert kept(e) == (-1, NO_TRIP, 0)
+    broken_for(e, look, case, 1, amount)
+    assert kept(e) == (100, code(name), case.place)
+    assert [joint.drive_off for joint in e.joints] == [name == "DRIVE" and n == JOINT for n in range(4)]
+    assert [joint.hold_angle for joint in e.joints] == [joint.encoder.last_angle for joint in e.joints]
+
+
+@pytest.mark.parametrize("name", ["FROZEN", "TORQUE", "DRIVE", "LOAD", "SUPPLY"])
+def test_a_single_good_tick_gives_the_whole_time_back(e, look, name):
+    case = CASES[name]
+    needed, amount = case.ticks(e), case.beyond(e)
+    assert needed > 1
+    for _ in range(2):
+        broken_for(e, look, case, needed - 1, amount)
+        broken_for(e, look, case, 1, case.bound(e))
+    assert e.trip.tick < 0
+
+
+def test_a_foot_in_the_air_or_a_load_that_changes_is_no_frozen_load(e, look):
+    case = CASES["LOAD"]
+    for loads in ((0.0, 0.0), (0.4, 0.4 + 1e-12)):
+
+        def put(e: Episode, amount: float, loads: tuple[float, float] = loads) -> None:
+            still_load(e, amount)
+            e.legs[LEG].load, e.legs[LEG].last_load = loads
+
+        broken_for(e, look, case._replace(put=put), 3 * case.ticks(e), case.beyond(e))
+    assert e.trip.tick < 0
+
+
+def test_a_phase_times_out_one_tick_after_its_longest_time(e, look):
+    e.limits.phase_ticks = 50
+    e.legs[0].entry_tick, e.legs[1].entry_tick = 30, 20
+    for tick in range(20, 71):
+        look(e, tick)
+    assert e.trip.tick < 0
+    look(e, 71)
+    assert kept(e) == (71, safety.PHASE_TIME_OUT_TRIP, 4 + 1)
+
+
+def test_a_leg_that_was_told_to_stand_does_not_time_out(e, look):
+    e.limits.phase_ticks, e.last_rest = 50, 100
+    look(e, 150)
+    assert e.trip.tick < 0
+    look(e, 151)
+    assert kept(e) == (151, safety.PHASE_TIME_OUT_TRIP, 4 + 0)
+
+
+# ------------------------------------------------------------------ several in one tick
+
+
+def nearly(e: Episode) -> None:
+    """Everything that may last a while has lasted so long, on every joint and leg, but for one tick."""
+    for joint in e.joints:
+        joint.watched.frozen_streak = joint.bounds.frozen_ticks - 1
+        joint.watched.torque_streak = joint.bounds.torque_ticks - 1
+        joint.watched.drive_streak = joint.bounds.drive_ticks - 1
+    for leg in e.legs:
+        leg.load_streak = e.limits.frozen_load_ticks - 1
+    e.supply.low_streak = e.supply.low_ticks - 1
+
+
+@pytest.mark.parametrize("first", ["MISSING", *JOINT_CASES])
+def test_of_several_causes_on_a_joint_the_first_of_the_list_is_kept(e, look, first):
+    nearly(e)
+    names = list(JOINT_CASES)
+    later = names[names.index(first) + 1 :] if first in names else names
+    for name in reversed([first, *later]):
+        CASES[name].put(e, CASES[name].beyond(e))
+    look(e, 100)
+    assert kept(e) == (100, code(first), JOINT)
+    # The drive is cut off whatever was found first.
+    assert [joint.drive_off for joint in e.joints] == [number == JOINT for number in range(4)]
+
+
+def disobey(e: Episode, number: int) -> None:
+    e.joints[number].watched.current_deviation = -2.0 * e.joints[number].bounds.drive_deviation
+
+
+def test_of_several_joints_the_first_is_kept_and_every_broken_drive_cut_off(e, look):
+    nearly(e)
+    disobey(e, 1)
+    disobey(e, 3)
+    jump(e, 1.0)
+    look(e, 100)
+    assert kept(e) == (100, safety.DRIVE_TRIP, 1)
+    assert [joint.drive_off for joint in e.joints] == [False, True, False, True]
+
+
+def stay(e: Episode, leg: int) -> None:
+    e.limits.phase_ticks = 50
+    e.legs[leg].entry_tick = 100 - 51
+    e.legs[1 - leg].entry_tick = 100
+
+
+def stand_still(e: Episode, leg: int) -> None:
+    hip = e.joints[2 * leg]
+    hip.encoder.angle = hip.encoder.last_angle + 1e-3
+    hip.watched.motor_speed = 2.0 * hip.bounds.frozen_speed
+    e.legs[leg].load = e.legs[leg].last_load = 0.4
+
+
+def sag(e: Episode) -> None:
+    e.supply.bus_voltage = 0.5 * e.supply.least_voltage
+
+
+IN_ORDER = [
+    (lambda e: disobey(e, 3), "DRIVE", 3),
+    (lambda e: stay(e, 1), "PHASE_TIME_OUT", 4 + 1),
+    (lambda e: stand_still(e, 0), "LOAD", 4 + 0),  # a later room, though an earlier leg
+    (sag, "SUPPLY", -1),
+]
+
+
+@pytest.mark.parametrize("first", range(len(IN_ORDER)), ids=[name for _, name, _ in IN_ORDER])
+def test_joints_come_before_phases_before_feet_before_the_supply(e, look, first):
+    nearly(e)
+    for put, _, _ in IN_ORDER[first:]:
+        put(e)
+    look(e, 100)
+    _, name, place = IN_ORDER[first]
+    assert kept(e) == (100, code(name), place)
+
+
+def test_a_later_cause_changes_nothing_but_that_a_broken_drive_is_still_cut_off(e, look):
+    nearly(e)
+    sag(e)
+    look(e, 100)
+    held = [joint.hold_angle for joint in e.joints]
+    assert kept(e) == (100, safety.SUPPLY_TRIP, -1) and held == [0.1] * 4
+    angle(e, 0.2)
+    disobey(e, 0)
+    for tick in range(101, 101 + e.joints[0].bounds.drive_ticks):
+        assert not e.joints[0].drive_off
+        look(e, tick)
+    assert [joint.drive_off for joint in e.joints] == [True, False, False, False]
+    assert kept(e) == (100, safety.SUPPLY_TRIP, -1)
+    assert [joint.hold_angle for joint in e.joints] == held
+
+
+# ------------------------------------------------------------------ the command
+
+
+@pytest.fixture(scope="module")
+def ask(laid):
+    """Commands, trips and drives of a tick, joint after joint."""
+    return bind(control, laid[1])
+
+
+def slacken(e: Episode) -> None:
+    """Nothing but the target makes up a command."""
+    for joint in e.joints:
+        joint.blended.stiffness = joint.blended.damping = joint.blended.gain = joint.target = 0.0
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_command_trips_at_the_first_number_beyond_its_bound(e, ask, sign):
+    slacken(e)
+    highest = e.joints[JOINT].bounds.highest_command
+    e.joints[JOINT].target = sign * highest
+    ask(e, 99)
+    assert e.trip.tick < 0 and e.joints[JOINT].command.torque == sign * highest
+    e.joints[JOINT].target = sign * math.nextafter(highest, math.inf)
+    ask(e, 100)
+    assert kept(e) == (100, safety.COMMAND_TRIP, JOINT)
+
+
+def test_a_command_that_is_no_number_trips_only_where_somebody_watches(e, ask):
+    slacken(e)
+    e.joints[JOINT].target = math.nan
+    alone = copied(e)
+    alone.watching = False
+    ask(alone, 100)
+    assert alone.trip.tick < 0 and math.isnan(alone.joints[JOINT].command.torque)
+    ask(e, 100)
+    assert kept(e) == (100, safety.COMMAND_TRIP, JOINT)
+    assert e.joints[JOINT].command.torque == 0.0
+
+
+def test_the_first_of_two_wrong_commands_is_kept(e, ask):
+    slacken(e)
+    for number in (1, 3):
+        e.joints[number].target = math.inf
+    ask(e, 100)
+    assert kept(e) == (100, safety.COMMAND_TRIP, 1)
+    assert [joint.command.cause for joint in e.joints] == [0, safety.COMMAND_TRIP, 0, 0]
+
+
+def test_in_the_tick_of_a_wrong_command_joints_before_it_walk_and_those_after_it_are_held(e, ask):
+    slacken(e)
+    for number, joint in enumerate(e.joints):
+        joint.target = 3.0 + number
+        joint.watched.motor_speed = 0.2
+        e.control.gravity_torque[joint.control_place] = 10.0 + number
+    e.joints[1].target = math.nan
+    ask(e, 100)
+    braked = -e.limits.hold_damping * 0.2
+    # The weight of the joint itself is carried from the next tick on: this one began as one of a walk.
+    assert [joint.command.torque for joint in e.joints] == [3.0, braked, braked + 12.0, braked + 13.0]
+    speeds = [joint.watched.motor_speed for joint in e.joints]
+    ask(e, 101)
+    share = 1.0 - 1 / e.limits.lowering_ticks
+    for number, (joint, found) in enumerate(zip(e.joints, speeds, strict=True)):
+        assert joint.command.torque == -e.limits.hold_damping * found + share * (10.0 + number)
+
+
+def test_after_a_trip_the_controller_is_not_asked(e, laid):
+    def never(*measured: float) -> tuple[float, float]:
+        raise AssertionError("asked in the hold")
+
+    asked = bind(control, {**laid[1], "controller_torques": never})
+    with pytest.raises(AssertionError, match="in the hold"):
+        asked(e, 100)
+    e.trip.tick, e.trip.cause, e.trip.part = 100, safety.SUPPLY_TRIP, -1
+    asked(e, 101)
+    assert kept(e) == (100, safety.SUPPLY_TRIP, -1)
+    assert [joint.command.torque for joint in e.joints] == [0.0] * 4
+
+
+# ------------------------------------------------------------------ compiled
+
+
+@pytest.mark.compile
+def test_compiled_the_monitor_leaves_the_same_record_in_every_case(laid, look):
+    """In the tick of the trip and in the next one, number for number."""
+    from twin_gait.simulation.compiling import compile_loop, record_at
+
+    sample, structure = laid
+    episode_at = record_at(dtype_of(sample))
+
+    def look_at(address: int, tick: int) -> int:
+        watch(episode_at(address), tick)
+        return 0
+
+    loop = compile_loop(look_at, structure, 2).function
+
+    def both(e: Episode, tick: int) -> None:
+        store = stored(e)
+        look(e, tick)
+        loop(store.ctypes.data, tick)
+        assert repr(store.tolist()) == repr(stored(e).tolist())
+
+    for case in CASES.values():
+        e = copied(sample)
+        nearly(e)
+        broken_for(e, both, case, 2, case.beyond(e))
+        assert e.trip.tick >= 0
+    for first in range(len(IN_ORDER)):
+        e = copied(sample)
+        nearly(e)
+        for put, _, _ in IN_ORDER[first:]:
+            put(e)
+        both(e, 100)
+        assert e.trip.tick == 100
+
+
+def test_both_engines_hold_in_the_tick_of_a_wrong_command(treadmill):
+    """The second joint is asked for too much in tick 30."""
+    reference, compiled = ReferenceEngine(treadmill), CompiledEngine(treadmill)
+    theirs, ours = (np.zeros((60, len(reference.layout.names))) for _ in range(2))
+    reference.run_ticks(0, 30, theirs)
+    compiled.run_ticks(0, 30, ours)
+    reference.episode.joints[1].target = 1e5
+    compiled.episode["joints"]["target"][1] = 1e5
+    reference.run_ticks(30, 60, theirs)
+    compiled.run_ticks(30, 60, ours)
+    assert kept(reference.episode) == (30, safety.COMMAND_TRIP, 1)
+    assert tuple(compiled.episode["trip"].tolist()) == (30, safety.COMMAND_TRIP, 1)
+    np.testing.assert_allclose(ours, theirs, atol=1e-9, rtol=1e-9)
+    names = reference.layout.names
+    hip, knee = (names.index(f"left_{joint}_stiffness_Nm_per_rad") for joint in ("hip", "knee"))
+    assert ours[30, hip] > 0.0 and not ours[30, knee]
+    assert not ours[31:, [hip, knee]].any()

@@ -1,0 +1,233 @@
+"""Episodes together: whatever else is in a block, each is what `simulate` gives alone, bit for bit."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from twin_gait import Run, load_experiment, simulate, simulate_batch
+from twin_gait.exceptions import ParameterError, TwinGaitError
+from twin_gait.experiment import Engine, Experiment
+from twin_gait.runs.summary import READ_IN_BRIEF, summarise
+from twin_gait.simulation.block import WIDTH
+from twin_gait.simulation.together import (
+    FEWEST_IN_ALL,
+    FEWEST_LANES,
+    MOST_TICKS,
+    EpisodeFailed,
+    block_size,
+    blocks_of,
+    simulate_together,
+)
+from twin_gait.studies.batch import SUMMARY_COLUMNS, Base, flat_summary
+
+PLACES = ("left_hip", "left_knee", "right_hip", "right_knee")
+FALLING = {
+    "scenario.support.share": 0.0,
+    "scenario.support.catch_stiffness_N_per_m": 0.0,
+    "table.phases.early_stance.knee.stiffness_Nm_per_deg": 0.01,
+}
+
+
+def unlike(count: int, seed: int, longest: float) -> list[dict[str, Any]]:
+    """Patients, tables, durations, noise, falls, trips at random ticks; some of another structure."""
+    rng = np.random.default_rng(seed)
+    rows: list[dict[str, Any]] = []
+    for number in range(count):
+        duration = round(float(rng.uniform(0.1, longest)), 3)
+        row: dict[str, Any] = {
+            "duration_s": duration,
+            "patient.mass_kg": float(rng.uniform(45, 100)),
+            "patient.height_m": float(rng.uniform(1.55, 1.95)),
+            "scenario.belt_speed_m_per_s": float(rng.uniform(0.3, 0.42)),
+            "table.phases.early_stance.knee.stiffness_Nm_per_deg": float(rng.uniform(2, 8)),
+            "sensors.ideal": False,
+            "sensors.angle_noise_deg": 0.001,
+            "seed": number,
+        }
+        if number % 5 == 1:
+            tick = int(rng.integers(1, round(1e3 * duration)))
+            row["faults"] = [f"encoder_missing:{PLACES[number % 4]}@{1e-3 * tick:.3f}s"]
+        if number % 5 == 2:
+            row |= FALLING
+        if number % 7 == 3:
+            row = {"patient": "stroke_left", **row}
+        if number % 11 == 5:
+            row["control.mode"] = "gravity"
+        rows.append(row)
+    return rows
+
+
+@pytest.fixture(scope="module")
+def walk() -> Experiment:
+    return load_experiment("treadmill", ["integration.step_ms=0.5"]).experiment
+
+
+@pytest.fixture(scope="module")
+def bench() -> Experiment:
+    return load_experiment("bench_leg", ["duration_s=0.1"]).experiment
+
+
+def assert_same_run(ours: Run, theirs: Run) -> None:
+    pd.testing.assert_frame_equal(ours.log, theirs.log, check_exact=True)
+    assert (ours.switches, ours.status, ours.reason, ours.trip) == (
+        theirs.switches,
+        theirs.status,
+        theirs.reason,
+        theirs.trip,
+    )
+    assert (ours.experiment, ours.table, ours.body_weight) == (
+        theirs.experiment,
+        theirs.table,
+        theirs.body_weight,
+    )
+
+
+# ------------------------------------------------------------------- cutting
+
+
+KINDS = st.lists(st.tuples(st.sampled_from(["a", "b", None]), st.integers(1, 2 * MOST_TICKS)), max_size=300)
+
+
+@given(episodes=KINDS)
+def test_blocks_hold_every_episode_once_and_only_what_is_alike_and_fits(episodes):
+    kinds, ticks = [kind for kind, _ in episodes], [length for _, length in episodes]
+    blocks = blocks_of(kinds, ticks)
+    assert sorted(place for block in blocks for place in block.members) == list(range(len(episodes)))
+    for block in blocks:
+        if block.alike:
+            assert FEWEST_LANES <= len(block.members) <= WIDTH
+            assert {kinds[place] for place in block.members} in ({"a"}, {"b"})
+            assert len(block.members) * max(ticks[place] for place in block.members) <= MOST_TICKS
+
+
+@pytest.mark.parametrize(("count", "sizes"), [(1, []), (7, []), (33, [32]), (1000, [*[32] * 31])])
+def test_what_is_alike_is_cut_into_full_blocks_of_similar_duration(count, sizes):
+    ticks = np.random.default_rng(count).integers(1, 5000, count).tolist()
+    alike = [block.members for block in blocks_of(["x"] * count, ticks) if block.alike]
+    assert sorted(map(len, alike), reverse=True) == sizes
+    spans = sorted(
+        (min(ticks[place] for place in part), max(ticks[place] for place in part)) for part in alike
+    )
+    assert all(before[1] <= after[0] for before, after in pairwise(spans))
+
+
+def test_the_order_of_the_episodes_does_not_decide_who_is_together():
+    ticks = list(range(1, 101))
+    order = np.random.default_rng(1).permutation(100)
+    first = {frozenset(block.members) for block in blocks_of(["x"] * 100, ticks)}
+    shuffled = blocks_of(["x"] * 100, [ticks[place] for place in order])
+    assert {frozenset(int(order[place]) for place in block.members) for block in shuffled} == first
+
+
+def test_blocks_are_handed_over_where_there_are_many_and_their_logs_fit(bench):
+    assert block_size(bench, FEWEST_IN_ALL) == WIDTH
+    assert block_size(bench, FEWEST_IN_ALL - 1) == 1
+    assert block_size(replace(bench, engine=Engine.PINOCCHIO), 1000) == 1
+    assert block_size(replace(bench, duration=100.0), 1000) == 20  # logs of 100 000 ticks
+    assert block_size(replace(bench, duration=3600.0), 1000) == 1
+
+
+# ------------------------------------------------------------------- running
+
+
+@pytest.mark.parametrize(
+    ("count", "longest"), [(1, 2.0), (7, 2.0), pytest.param(33, 2.0, marks=pytest.mark.slow)]
+)
+def test_unlike_walks_together_are_what_each_is_alone(walk, count, longest):
+    base = Base.of(walk)
+    asked = [base.changed(row, "episode") for row in unlike(count, count, longest)]
+    found = dict(simulate_together(asked))
+    assert sorted(found) == list(range(count))
+    for place, run in found.items():
+        assert_same_run(run, simulate(asked[place]))
+    outcomes = {str(run.status) for run in found.values()}, {run.trip is None for run in found.values()}
+    assert count < 33 or outcomes == ({"completed", "fell"}, {True, False})
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_thousand_short_ones_in_any_order_are_what_each_is_alone(walk, workers):
+    rows = unlike(1000, 5, 0.15)
+    base = Base.of(walk)
+    order = np.random.default_rng(workers).permutation(len(rows))
+    table = simulate_batch(walk, [rows[place] for place in order], workers=workers).table
+    alone = pd.DataFrame([flat_summary(simulate(base.changed(rows[place], "episode"))) for place in order])
+    for name in alone.columns:
+        same = (table[name] == alone[name]) | (table[name].isna() & alone[name].isna())
+        assert same.all(), name
+
+
+def test_a_log_may_hold_only_what_is_read(walk):
+    short = replace(walk, duration=0.3)
+    ((_, brief),) = simulate_together([short], columns=READ_IN_BRIEF)
+    whole = simulate(short)
+    assert len(brief.log.columns) < 0.5 * len(whole.log.columns)
+    pd.testing.assert_frame_equal(brief.log, whole.log[brief.log.columns], check_exact=True)
+    assert flat_summary(brief) == flat_summary(whole)
+
+
+@pytest.mark.parametrize("preset", ["treadmill", "bench_leg"])
+def test_a_row_holds_the_numbers_of_the_summary(preset):
+    run = simulate(load_experiment(preset, ["duration_s=6"]).experiment)
+    row, summary = flat_summary(run), summarise(run)
+    expected = {name: summary.get(name) for name in SUMMARY_COLUMNS} | {"seed": run.experiment.seed}
+    for side, values in summary["sides"].items():
+        expected |= {f"{side}_{name}": value for name, value in values.items()}
+        for joint, effort in values["joints"].items():
+            expected |= {f"{side}_{joint}_{name}": value for name, value in effort.items()}
+    assert row == {name: expected.get(name) for name in row}
+    assert sum(value is not None for value in row.values()) > 20
+
+
+def test_the_reference_engine_runs_beside_the_compiled_one(bench):
+    asked = [bench, replace(bench, duration=0.02, engine=Engine.PINOCCHIO)]
+    found = dict(simulate_together(asked, columns=READ_IN_BRIEF))
+    names = found[1].log.columns
+    pd.testing.assert_frame_equal(found[1].log, simulate(asked[1]).log[names], check_exact=True)
+    assert len(found[0].log) == 100
+
+
+def test_no_log_outlives_its_turn(bench):
+    before: list[weakref.ref[pd.DataFrame]] = []
+    for _, run in simulate_together([bench] * 5):
+        assert not [log for log in before if log() is not None]
+        before.append(weakref.ref(run.log))
+    assert len(before) == 5
+
+
+def test_what_comes_before_a_failure_is_done_and_the_failure_has_its_number(bench):
+    broken = replace(bench, leg=replace(bench.leg, urdf="nowhere.urdf"))
+    done: list[int] = []
+    with pytest.raises(EpisodeFailed, match=r"^episode 2: .*nowhere\.urdf") as error:
+        for place, _ in simulate_together([bench, bench, broken, bench]):
+            done.append(place)
+    assert done == [0, 1]
+    assert error.value.index == 2 and isinstance(error.value.__cause__, TwinGaitError)
+
+
+def test_an_error_in_making_an_experiment_has_its_number(bench):
+    def asked() -> Iterator[Experiment]:
+        yield bench
+        raise ParameterError("no such person")
+
+    with pytest.raises(EpisodeFailed, match=r"^episode 1: no such person"):
+        list(simulate_together(asked()))
+
+
+def test_work_can_be_stopped_and_more_than_are_laid_out_at_a_time_are_run(bench):
+    short = replace(bench, duration=0.01)
+    assert sorted(place for place, _ in simulate_together([short] * 150)) == list(range(150))
+    done: list[int] = []
+    for place, _ in simulate_together([short] * 40, should_stop=lambda: len(done) >= 3):
+        done.append(place)
+    assert len(done) == 3

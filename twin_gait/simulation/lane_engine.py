@@ -1,0 +1,137 @@
+"""The engine that runs episodes of one pattern in lockstep, each as it would run alone.
+
+Up to :data:`~twin_gait.simulation.block.WIDTH` records stand side by side in a block, and the loop of the
+compiled engine, compiled over the block, takes all of them through a tick. An episode that has ended leaves
+the block, and its lane goes on as a copy of another one's, which changes nothing. With few left the rest run
+alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin_gait.simulation.block import WIDTH, shared_words, side_by_side, word_of
+from twin_gait.simulation.compiled_engine import ARGUMENTS, CompiledEngine, Pattern, bound_to, run_at
+from twin_gait.simulation.engine import EngineResult
+from twin_gait.simulation.episode import COMPLETED
+from twin_gait.simulation.keeping import source_key
+from twin_gait.simulation.loops import kept_loop
+from twin_gait.simulation.machine_code import NativeFunction
+
+if TYPE_CHECKING:
+    from twin_gait.simulation.compiling import CompiledLoop
+
+# With fewer lanes in use a block takes longer than their episodes alone.
+FEWEST = 10
+_CHUNK_TICKS = 100  # whose rows stand side by side until they are sorted out; they fit into the cache
+
+
+class LaneEngine:
+    """Runs compiled engines together from start to end."""
+
+    def __init__(
+        self, engines: Sequence[CompiledEngine], *, on_compile: Callable[[], None] | None = None
+    ) -> None:
+        """Put the records side by side and get the compiled loop.
+
+        Args:
+            engines: At tick 0, all of one :func:`kind_of`, at most
+                :data:`~twin_gait.simulation.block.WIDTH`.
+            on_compile: Called if the loop has to be compiled first.
+        """
+        assert len({kind_of(engine) for engine in engines}) == 1
+        self.engines = engines
+        self._loop = lane_loop(engines[0].pattern, on_compile)
+        self._block = side_by_side(np.concatenate([engine.parts[0] for engine in engines]))
+        self._totals = np.array([engine.problem.experiment.n_ticks for engine in engines])
+        self._ends = np.zeros_like(self._totals)
+
+    def run(self, columns: Sequence[int] | None = None) -> list[EngineResult]:
+        """Run all episodes to their ends.
+
+        Args:
+            columns: Positions of the columns of the logs that are kept; all by default.
+
+        Returns:
+            The result of each, as :meth:`CompiledEngine.run` gives it.
+        """
+        width, record = len(self.engines[0].layout.names), bool(self._numbers("recording", "on")[0])
+        kept = np.arange(width) if columns is None else np.asarray(columns, dtype=int)
+        logs = np.empty((len(self.engines), len(kept), self._totals.max() if record else 0))
+        rows = np.zeros((_CHUNK_TICKS if record else 1, width, WIDTH))
+        self._numbers("recording", "log")[:] = rows.ctypes.data
+        running, done = np.arange(len(self.engines)), 0
+        while len(running) >= FEWEST:
+            end = int(self._totals[running].min())
+            begin, done = done, self._run_ticks(done, min(end, done + _CHUNK_TICKS) if record else end)
+            if record:
+                logs[running, :, begin:done] = rows[: done - begin, kept].transpose(2, 1, 0)[running]
+            running = self._take_out(running, done)
+        for lane in running.tolist():
+            self._finish(lane, done, logs[lane], kept)
+        return [
+            engine.result(int(end), log[:, :end].T)
+            for engine, end, log in zip(self.engines, self._ends, logs, strict=True)
+        ]
+
+    def _run_ticks(self, first: int, end: int) -> int:
+        """Run some ticks, fewer if an episode ends on the way; their rows go to the begin of the chunk."""
+        self._numbers("recording", "first_row")[:] = first
+        return self._loop(self._block.ctypes.data, first, end)
+
+    def _take_out(self, running: np.ndarray, done: int) -> np.ndarray:
+        """Give back the records of lanes that have ended, or of all if few are left; returns the others."""
+        over = (self._numbers("status")[running] != COMPLETED) | (self._totals[running] == done)
+        self._ends[running[over]] = done
+        left: np.ndarray = running[~over]
+        for lane in (running if len(left) < FEWEST else running[over]).tolist():
+            self._give_back(lane)
+        if len(left) > 0:
+            self._block[:, np.setdiff1d(np.arange(WIDTH), left)] = self._block[:, left[:1]]
+        return left
+
+    def _give_back(self, lane: int) -> None:
+        """Write a lane into the record of its engine."""
+        self.engines[lane].parts[0].view(np.int64)[:] = self._block[:, lane]
+
+    def _finish(self, lane: int, done: int, log: np.ndarray, kept: np.ndarray) -> None:
+        """Run an episode to its end alone."""
+        engine, total = self.engines[lane], int(self._totals[lane])
+        rows = np.zeros((max(total - done, 1), len(engine.layout.names)))
+        end = engine.run_ticks(done, total, rows, done)
+        if log.shape[1] > 0:
+            log[:, done:end] = rows[: end - done, kept].T
+        self._ends[lane] = end
+
+    def _numbers(self, *path: str) -> np.ndarray:
+        """A whole number of the record in all lanes."""
+        numbers: np.ndarray = self._block[word_of(self.engines[0].pattern.episode, *path)]
+        return numbers
+
+
+def kind_of(engine: CompiledEngine) -> Hashable | None:
+    """What episodes have in common that may share a block; None for one that runs alone.
+
+    Powers of any exponent, of some laws of friction, and a controller of the user's are no vector code.
+    """
+    if engine.controller is not None or engine.pattern.structure["OTHER_LAWS"]:
+        return None
+    words = engine.parts[0].view(np.int64)
+    return engine.loop, words[shared_words(engine.pattern.episode)].tobytes()
+
+
+def lane_loop(pattern: Pattern, on_compile: Callable[[], None] | None) -> NativeFunction:
+    """The loop for blocks of episodes of one pattern, compiled if need be."""
+
+    def make() -> CompiledLoop:
+        from twin_gait.simulation.compiling import compile_loop
+        from twin_gait.simulation.lanes import IN_LOCKSTEP, bound_in_lanes
+
+        names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, pattern.row)}
+        return compile_loop(run_at, names, ARGUMENTS, manner=IN_LOCKSTEP)
+
+    key = source_key(f"in lanes {pattern.text}", "compiled_engine", "block", "lanes", "../kernels")
+    return kept_loop(key, ARGUMENTS, make, None, on_compile)

@@ -1,0 +1,217 @@
+"""Simulate many experiments, what is alike in blocks, and each as ``simulate`` alone does.
+
+Which episodes share a block:
+
+============================================  =======================================================
+episodes                                      run
+============================================  =======================================================
+16 or more of one structure (the same loop)   in blocks of up to 32, sorted by duration
+fewer of one structure, the rest of a cut     one by one, compiled
+longer than ``MOST_TICKS`` / 16               one by one, compiled: 16 logs would take too much memory
+``engine: pinocchio``                         one by one, through the reference engine
+a law of friction with powers                 one by one, compiled: there are no vectors of them
+a controller of the user's                    not here: :func:`~twin_gait.simulation.simulate` takes one
+============================================  =======================================================
+
+A log, a status, a trip does not depend on what else is in the block, on its size, or on the order.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from itertools import islice
+from typing import NamedTuple
+
+from twin_gait.exceptions import TwinGaitError
+from twin_gait.experiment import Engine, Experiment
+from twin_gait.experiment.problem import build_problem
+from twin_gait.simulation.block import WIDTH
+from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.lane_engine import LaneEngine, kind_of, lane_loop
+from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulator import engine_of, run_of
+
+AnyEngine = CompiledEngine | ReferenceEngine
+
+FEWEST_LANES = 16  # with fewer a block costs more than its episodes alone
+FEWEST_IN_ALL = 2 * WIDTH  # for which it pays to hand blocks over, and to compile a loop for them
+# Of the logs of a block, all of which are in memory at once: 32 walks of a minute, 0.6 GB with the 39 columns
+# that a summary reads.
+MOST_TICKS = 2_000_000
+_LAID_OUT = 4 * WIDTH  # episodes that are laid out at a time, to find those that are alike
+
+
+class EpisodeFailed(TwinGaitError):
+    """An episode cannot be run.
+
+    Attributes:
+        index: Of its experiment.
+        problem: The error's message.
+    """
+
+    def __init__(self, index: int, problem: str) -> None:
+        """Compose the message."""
+        self.index, self.problem = index, problem
+        super().__init__(f"episode {index}: {problem}")
+
+
+class Block(NamedTuple):
+    """Episodes that run together.
+
+    Attributes:
+        members: Their positions.
+        alike: Whether they are alike and enough for the lanes of one loop.
+    """
+
+    members: tuple[int, ...]
+    alike: bool
+
+
+def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[Block]:
+    """Cut episodes into blocks of the same kind and of similar duration.
+
+    Args:
+        kinds: What the episodes of a block have in common; None for one that runs alone.
+        ticks: Durations.
+
+    Returns:
+        The blocks: every position once, those that run one by one together in front.
+    """
+    groups: dict[Hashable, list[int]] = {}
+    for place, kind in enumerate(kinds):
+        if kind is not None:
+            groups.setdefault(kind, []).append(place)
+    alike = [
+        part
+        for group in groups.values()
+        for part in _cut(sorted(group, key=ticks.__getitem__), ticks)
+        if len(part) >= FEWEST_LANES
+    ]
+    taken = {place for part in alike for place in part}
+    others = tuple(place for place in range(len(kinds)) if place not in taken)
+    return [*([Block(others, alike=False)] if others else []), *(Block(part, alike=True) for part in alike)]
+
+
+def _cut(places: Sequence[int], ticks: Sequence[int]) -> Iterator[tuple[int, ...]]:
+    """Parts of as many as a block may have, the longest in front: the rest, which runs alone, is short."""
+    end = len(places)
+    while end > 0:
+        start = max(0, end - _most(ticks[places[end - 1]]))
+        yield tuple(places[start:end])
+        end = start
+
+
+def block_size(experiment: Experiment, total: int) -> int:
+    """How many episodes to hand over at a time, so that whoever gets them can run them as a block.
+
+    Args:
+        experiment: One of them.
+        total: All that there are.
+    """
+    if total < FEWEST_IN_ALL or experiment.engine is not Engine.COMPILED:
+        return 1
+    return _most(experiment.n_ticks)
+
+
+def _most(ticks: int) -> int:
+    """Episodes of a duration whose logs fit into memory together."""
+    return max(1, min(WIDTH, MOST_TICKS // max(1, ticks)))
+
+
+def simulate_together(
+    experiments: Iterable[Experiment],
+    *,
+    columns: tuple[str, ...] | None = None,
+    on_compile: Callable[[], None] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> Iterator[tuple[int, Run]]:
+    """Run many experiments; each run is the same, bit for bit, as that of :func:`simulate`.
+
+    A fall, a trip or a divergence ends its own episode only.
+
+    Args:
+        experiments: Taken as they are needed, some more than a block at a time.
+        columns: Ends of the names of the columns that the logs keep; all by default. Time and phases stay.
+        on_compile: Called if an engine has to be compiled first.
+        should_stop: Asked between episodes; True ends the work.
+
+    Yields:
+        Position and run of each, in the order in which they are done.
+
+    Raises:
+        EpisodeFailed: If one cannot be run.
+    """
+    waiting, first = iter(experiments), 0
+    failure: EpisodeFailed | None = None
+    while failure is None:
+        engines, failure = _laid_out(waiting, first, on_compile)
+        if not engines and failure is None:
+            return
+        kinds = [kind_of(engine) if isinstance(engine, CompiledEngine) else None for engine in engines]
+        for block in blocks_of(kinds, [engine.problem.experiment.n_ticks for engine in engines]):
+            for part in [block.members] if block.alike else [(place,) for place in block.members]:
+                if should_stop is not None and should_stop():
+                    return
+                runs = _run([engines[place] for place in part], first + part[0], columns, on_compile)
+                yield from zip((first + place for place in part), runs, strict=True)
+        first += len(engines)
+    raise failure
+
+
+def _laid_out(
+    waiting: Iterator[Experiment], first: int, on_compile: Callable[[], None] | None
+) -> tuple[list[AnyEngine], EpisodeFailed | None]:
+    """AnyEngine of the next episodes, up to the first that cannot be laid out."""
+    engines: list[AnyEngine] = []
+    try:
+        for experiment in islice(waiting, _LAID_OUT):
+            engines.append(engine_of(build_problem(experiment), on_compile))
+    except TwinGaitError as error:
+        failure = EpisodeFailed(first + len(engines), str(error))
+        failure.__cause__ = error
+        return engines, failure
+    return engines, None
+
+
+def _run(
+    engines: Sequence[AnyEngine],
+    first: int,
+    columns: tuple[str, ...] | None,
+    on_compile: Callable[[], None] | None,
+) -> list[Run]:
+    """Runs of the episodes of a block, or of a single one.
+
+    Raises:
+        EpisodeFailed: If a single one cannot be run, telling that it is the one with this number.
+    """
+    names, kept = engines[0].layout.names, None
+    if columns is not None:
+        kept = [place for place, name in enumerate(names) if name.endswith((*columns, "_phase"))]
+    began = time.perf_counter()
+    alike = [engine for engine in engines if isinstance(engine, CompiledEngine)]
+    try:
+        if len(alike) > 1:
+            results = LaneEngine(alike, on_compile=on_compile).run(kept)
+        else:
+            results = [engine.run(columns=kept) for engine in engines]
+    except TwinGaitError as error:
+        raise EpisodeFailed(first, str(error)) from error
+    share = (time.perf_counter() - began) / len(engines)
+    return [run_of(engine, result, share, kept) for engine, result in zip(engines, results, strict=True)]
+
+
+def compile_ahead(experiment: Experiment, total: int, on_compile: Callable[[], None] | None = None) -> None:
+    """Compile what an experiment needs and keep it, for processes that are about to run many like it.
+
+    Args:
+        experiment: One of them. If it cannot be run, that will be told when it is.
+        total: How many.
+        on_compile: Called if there is anything to compile.
+    """
+    with suppress(TwinGaitError):
+        engine = engine_of(build_problem(experiment), on_compile)
+        if total >= FEWEST_IN_ALL and isinstance(engine, CompiledEngine) and kind_of(engine) is not None:
+            lane_loop(engine.pattern, on_compile)
