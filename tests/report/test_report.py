@@ -6,15 +6,18 @@ import math
 import struct
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from matplotlib import colors
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.transforms import Bbox
 from numpy.testing import assert_allclose
 from synthetic_run import HIP_OFFSET, LAG, PHASE_TICKS, STRIDE, synthetic_run
 
@@ -23,7 +26,7 @@ from twin_gait.control import Trip, TripCause
 from twin_gait.gait.table import TICK
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, PHASE_COLOURS, SIDE_COLOURS, phase_colour
 from twin_gait.report.canvas import STRIP_OPACITY
-from twin_gait.report.figures import FIGURES, write_figures
+from twin_gait.report.figures import FIGURES, draw_figure, write_figures
 from twin_gait.report.panels import end_or_events, last_strides, whole_run
 from twin_gait.report.reference import reference_cycle, reference_stride_time
 from twin_gait.report.run_figures import (
@@ -102,6 +105,25 @@ def test_bench_run_without_strides_gets_time_series(bench_run: Run, tmp_path: Pa
 
 def test_shortest_log_that_can_be_drawn(walk: Run, tmp_path: Path) -> None:
     assert len(write_figures(replace(walk, log=walk.log.iloc[:2]), tmp_path)) == len(FIGURES) - 1
+
+
+@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize("tripped_too", [False, True])
+def test_between_fixed_margins_nothing_is_cut_off_or_covered(
+    walk: Run, tripped: Run, name: str, tripped_too: bool
+) -> None:
+    figure = draw_figure(tripped if tripped_too else walk, name)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    boxes = [axes.get_tightbbox(renderer) for axes in figure.axes]
+    boxes += [item.get_window_extent(renderer) for item in (*figure.texts, *figure.legends)]
+    for box in boxes:
+        assert box is not None and figure.bbox.contains(*box.min) and figure.bbox.contains(*box.max)
+    for first, second in combinations(boxes, 2):
+        common = Bbox.intersection(first, second)
+        # The frame of a text is larger than its ink.
+        assert common is None or min(common.width, common.height) < figure.dpi / 50
 
 
 def test_cycle_shows_the_mean_and_the_reference(walk: Run) -> None:

@@ -36,7 +36,7 @@ MOST_EVENTS = 3  # in a title
 HELD = -1  # in the place of a phase, after a trip
 # Margins of a figure on a screen in lines of text: the labels of axes and ticks take the first and the third,
 # gaps (across, down) are those of panels that share their axes.
-LEFT, RIGHT, BELOW = 5.2, 1.2, 3.8
+LEFT, RIGHT, BELOW = 6.0, 1.2, 3.8
 SHARED = 1.2, 2.2
 STRIP = 0.975  # the top of a panel above this share of its height shows the phases in full colour
 
@@ -205,7 +205,7 @@ def _fix_margins(figure: Figure, legend_rows: int, across: float, down: float) -
     )
     for axes in figure.axes:
         place = axes.get_position()
-        axes.yaxis.set_label_coords(-(LEFT - 1.6) * line / (width * place.width), 0.5)
+        axes.yaxis.set_label_coords(-(LEFT - 1.3) * line / (width * place.width), 0.5)
         axes.xaxis.set_label_coords(0.5, -2.0 * line / (height * place.height))
         for axis in (axes.xaxis, axes.yaxis):
             if not isinstance(axis.get_major_locator(), FixedLocator):
@@ -249,7 +249,7 @@ def save(figure: Figure, path: Path, *, form: str = "", resolution: int = RESOLU
     form = form or path.suffix[1:]
     undated: dict[str, dict[str, Any]] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
     # Half of the usual effort makes a file 7 % larger in two thirds of the time.
-    packing = {"pil_kwargs": {"compress_level": 3}} if form == "png" else {}
+    packing: dict[str, Any] = {"pil_kwargs": {"compress_level": 3}} if form == "png" else {}
     room = io.BytesIO()
     with mpl.rc_context({"pdf.fonttype": 42, "svg.fonttype": "path", "svg.hashsalt": "twin_gait"}):
         figure.savefig(room, format=form, dpi=resolution, metadata=undated.get(form), **packing)
