@@ -11,7 +11,6 @@ minutes on two cores; page: docs/faults.md.
 
 # %%
 from dataclasses import asdict
-from functools import partial
 
 import pandas as pd
 from gallery import form_of
@@ -21,7 +20,7 @@ from injected_faults.figure import draw_campaign
 from twin_gait import load_experiment, simulate
 from twin_gait.control import TripCause
 from twin_gait.report import save
-from twin_gait.studies import draw_faults, outcome_table, run_jobs
+from twin_gait.studies import draw_faults, outcome_table, simulate_faults
 
 RUNS, SEED, DURATION = 1000, 0, 8.0
 EXAMPLE = "encoder_freeze:left_knee@4.2s"
@@ -59,7 +58,7 @@ if __name__ == "__main__":
     form = form_of("fault_campaign")
     experiment = load_experiment("treadmill", [f"duration_s={3.0 if form.quick else DURATION}"]).experiment
     faults = draw_faults(experiment, 10 if form.quick else RUNS, SEED)
-    table = pd.DataFrame(run_jobs(partial(audited_row, experiment), faults, workers=form.workers))
+    table = simulate_faults(experiment, faults, row=audited_row, workers=form.workers).table
     outcomes = outcome_table(table)
     print(outcomes.to_string(index=False))
     table.to_csv(form.out / "faults.csv", index=False, lineterminator="\n", float_format="%.6g")

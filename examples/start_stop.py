@@ -9,10 +9,10 @@ steady walk. Two minutes on two cores; page: docs/start_stop.md.
 # legs are in `stand` with more than 50 N under either foot.
 
 # %%
-from cohorts.standing import ROWS, ending, line_of, trials_of
+from cohorts.standing import ROWS, ending_of, line_of, trials_of, walk_of
 from gallery import form_of
 
-from twin_gait.studies import Workers, run_jobs
+from twin_gait.studies import Workers, run_episodes
 
 # %%
 if __name__ == "__main__":
@@ -21,6 +21,7 @@ if __name__ == "__main__":
     lines = []
     with Workers(form.workers) as workers:
         for row in rows:
-            lines.append(line_of(row, run_jobs(ending, trials_of(row), workers=workers)))
+            endings = run_episodes(walk_of, ending_of, trials_of(row), workers=workers)
+            lines.append(line_of(row, endings))
             print(*lines[-1].values(), sep=" | ", flush=True)
     form.keep({"trials": lines})

@@ -1,12 +1,11 @@
 """Tables tuned one by one: what a short search gains on the scaled table, for thirty virtual people.
 
-Each person of a cohort gets a table found by a short search (12 generations; a whole tuning has some hundred)
-and walks a minute with it, beside the shipped table as its scaling law adapts it. An hour of one core for all
-thirty; page: docs/cohort.md.
+Each person of a cohort gets a table found by a short search (12 generations) and walks a minute with it,
+beside the shipped table as its scaling law adapts it. Page: docs/cohort.md.
 """
 
 # %% [markdown]
-# `twin-gait tune` does the same for one person, with screening and a report.
+# `twin-gait tune` does the same for one person, with a report.
 
 # %%
 import pandas as pd
@@ -19,7 +18,7 @@ from twin_gait import simulate_batch
 from twin_gait.studies import Workers, run_jobs
 
 SEED, PEOPLE, GENERATIONS = 11, 30, 12
-QUICK = {"generations": 1, "population": 4, "search_duration": 1.0, "robust_duration": 1.0}
+QUICK = {"generations": 1, "search_duration": 1.0, "robust_duration": 1.0}
 
 # %%
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from twin_gait import Run, RunStatus, load_experiment, simulate
+from twin_gait import Experiment, Run, RunStatus, load_experiment
 
 PRESET = "treadmill_start_stop"
 MASSES, HEIGHTS = (55.0, 65.0, 75.0, 85.0, 95.0), (1.60, 1.70, 1.80, 1.90)
@@ -96,14 +96,14 @@ def trials_of(row: Row) -> list[Trial]:
     return [Trial(settings, stop) for settings in row.settings for stop in stops]
 
 
-def ending(trial: Trial) -> str:
-    """Let one wearer walk and stand again: ``STANDS``, ``FALLS`` or ``OTHERWISE``."""
+def walk_of(trial: Trial) -> Experiment:
+    """One wearer walks and stands again."""
     times = f"scenario.belt.stop_s={trial.stop}", f"duration_s={trial.stop + STANDING}"
-    return ending_of(simulate(load_experiment(PRESET, [*trial.settings, *times]).experiment))
+    return load_experiment(PRESET, [*trial.settings, *times]).experiment
 
 
 def ending_of(run: Run) -> str:
-    """How a run from stand to stand ended."""
+    """How a run from stand to stand ended: ``STANDS``, ``FALLS`` or ``OTHERWISE``."""
     if run.status is not RunStatus.COMPLETED or run.trip is not None:
         return FALLS
     last = run.log.iloc[-1]

@@ -16,7 +16,7 @@ class Job(NamedTuple):
     """Somebody for whom the shipped table is tuned.
 
     Attributes:
-        number: Of the walker, the seed of the search.
+        number: Of the walker, the seed of the sensor noise.
         walker: Changes of the experiment.
         settings: Of the tuning.
     """
@@ -35,7 +35,7 @@ def experiment_of(walker: Mapping[str, Any]) -> Experiment:
 def tuned_walk(job: Job) -> dict[str, Any]:
     """Tune, walk a minute, and give outcome and errors under the names of a batch's table."""
     experiment = experiment_of(job.walker)
-    table = tuned_table(experiment, screening=False, seed=job.number, **job.settings)
+    table = tuned_table(experiment, seed=job.number, **job.settings)
     run = simulate(replace(experiment, table=table))
     errors = {
         f"{side}_rmse_{joint}_by_contact_deg": values[f"rmse_{joint}_by_contact_deg"]

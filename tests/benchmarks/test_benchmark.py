@@ -160,7 +160,9 @@ def test_an_episode_that_trips_is_no_measurement():
     case = CASES["bench_leg", "Euler 1 ms"]
     control = case.experiment.control
     strict = replace(control, safety=replace(control.safety, speed_share=0.01))
-    session = BatchSession(replace(case, experiment=replace(case.experiment, control=strict)), 500, episodes=1)
+    session = BatchSession(
+        replace(case, experiment=replace(case.experiment, control=strict)), 500, episodes=1
+    )
     session.reset()
     with pytest.raises(AssertionError, match="fell or tripped"):
         session.run()

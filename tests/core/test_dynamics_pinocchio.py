@@ -73,14 +73,13 @@ def telling_law(ground: Ground, height: float, forward: float, upward: float) ->
 
 def source_of(bodies: list, points: tuple[ContactPoint, ...] = (), up_axis: str = "z") -> str:
     """All functions of a kernel that know a contact law or a law of motion, whatever the number of joints."""
-    return "\n\n".join(
-        [
-            kernel.write_dynamics(bodies, points, up_axis),
-            kernel.write_contact_forces(bodies, points),
-            kernel.write_control_gravity(bodies, up_axis),
-            kernel.write_control_inertia(bodies),
-        ]
-    )
+    functions = [
+        kernel.write_dynamics(bodies, points, up_axis),
+        kernel.write_contact_forces(bodies, points),
+        kernel.write_control_gravity(bodies, up_axis),
+        kernel.write_control_inertia(bodies),
+    ]
+    return "\n\n".join([*kernel.write_side_by_side("".join(functions)), *functions])
 
 
 def kernel_of(model: pin.Model, points: tuple[ContactPoint, ...] = (), law=ground_contact_force) -> Kernel:

@@ -12,12 +12,13 @@ from cohorts.standing import (
     STRIDE,
     Row,
     Trial,
-    ending,
+    ending_of,
     line_of,
     trials_of,
+    walk_of,
 )
 
-from twin_gait import load_experiment
+from twin_gait import load_experiment, simulate
 
 NAMED = Row("what", "1 and 2 s", (("a=1",), ("a=2",)), 3)
 
@@ -62,5 +63,5 @@ def test_a_line_says_how_many_stand_and_what_became_of_the_others() -> None:
     ],
 )
 def test_an_ending_is_told_from_the_run(settings: tuple[str, ...], word: str | None) -> None:
-    found = ending(Trial(settings, 9.0))
+    found = ending_of(simulate(walk_of(Trial(settings, 9.0))))
     assert found == word if word else found != STANDS

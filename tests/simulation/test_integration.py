@@ -58,7 +58,7 @@ def started(free: Episode, q: list[float], v: list[float], step: float, *, recor
 def evaluated_and_integrated(e: Episode, tick: int) -> None:
     """A tick as with a log, whose row is evaluated where it begins."""
     if e.recording.on:
-        acceleration(e, 0.0, e.q, e.v)
+        acceleration(e, tick * e.rates.period, False)
     integrate(e, tick)
 
 
@@ -158,10 +158,10 @@ def test_stages_come_in_order_with_the_shares_of_their_step(
     """Each is evaluated once, also with a log, whose row is evaluated where the tick begins."""
     offsets, shares = [], []
 
-    def acceleration(e: Episode, offset: float, q: list[float], v: list[float]) -> None:
-        offsets.append(offset)
+    def acceleration(e: Episode, time: float, staged: bool) -> None:
+        offsets.append(time / e.step)
 
-    def add_work(e: Episode, duration: float, contact_power: float, v: list[float]) -> None:
+    def add_work(e: Episode, duration: float) -> None:
         shares.append(duration / e.step)
 
     step = stepping(spring, rk4=rk4, acceleration=acceleration, _add_work=add_work)
@@ -177,8 +177,8 @@ def test_substeps_of_a_tick_follow_each_other(free: Episode) -> None:
     """Their times are the tick's and a whole number of steps, not a running sum."""
     times = []
 
-    def acceleration(e: Episode, offset: float, q: list[float], v: list[float]) -> None:
-        times.append(e.time)
+    def acceleration(e: Episode, time: float, staged: bool) -> None:
+        times.append(time)
 
     e = started(free, START_Q, START_V, 0.25e-3, recording=False)
     e.substeps = 4

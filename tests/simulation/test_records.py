@@ -55,7 +55,7 @@ def test_types_come_from_the_class_and_lengths_from_the_instance() -> None:
     inner = np.dtype([("gain", "f8"), ("count", "i8")], align=True)
     assert dtype_of(outer()) == np.dtype(
         [
-            ("flag", "?"),
+            ("flag", "i8"),
             ("number", "i8"),
             ("value", "f8"),
             ("row", "f8", (3,)),

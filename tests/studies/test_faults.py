@@ -134,7 +134,7 @@ def test_twenty_faults_stay_inside_the_limits_and_end_in_the_hold(campaign):
 
 
 def test_holds_begin_in_the_stated_time_by_the_log_alone(treadmill):
-    rows = pd.DataFrame([audited_row(treadmill, fault) for fault in draw_faults(treadmill, 10, 1)])
+    rows = simulate_faults(treadmill, draw_faults(treadmill, 10, 1), row=audited_row).table
     tripped = rows[rows["cause"] != ""]
     assert len(tripped) >= 5
     assert tripped["hold_kept"].all() and tripped["in_time"].all()

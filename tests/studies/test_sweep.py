@@ -24,9 +24,10 @@ from twin_gait.studies.jobs import Workers, one_by_one, portions
 from twin_gait.studies.sweep import spec as sweep_spec
 from twin_gait.studies.sweep import store as sweep_store
 from twin_gait.studies.sweep import sweep as sweep_module
+from twin_gait.studies.sweep.episode import episodes_of
 from twin_gait.studies.sweep.spec import load_sweep, sweep_from_mapping
 from twin_gait.studies.sweep.store import read_table
-from twin_gait.studies.sweep.sweep import check_sweep, episodes_of, run_sweep
+from twin_gait.studies.sweep.sweep import check_sweep, run_sweep
 
 HIP = "scenario.start.hip_deg"
 STIFFNESS = "table.phases.early_stance.knee.stiffness_Nm_per_deg"

@@ -30,7 +30,7 @@ PER_SIDE = Path(__file__).parents[1] / "tables" / "stroke_left_per_side.yaml"
 
 def walked(experiment: Experiment, case: Case) -> list[dict[str, float | None]]:
     """Parts of noisy walks, one a seed; a fall fails the test."""
-    noisy = replace(overridden(experiment, {**case.changes, **NOISE}), integration=QUICK_INTEGRATION)
+    noisy = replace(overridden(case.change(experiment), NOISE), integration=QUICK_INTEGRATION)
     runs = [simulate(replace(noisy, seed=seed, duration=WALK)) for seed in SEEDS]
     assert all(run.status is RunStatus.COMPLETED for run in runs), case.name
     return [part_values(run) for run in runs]

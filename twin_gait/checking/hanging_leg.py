@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -28,19 +27,8 @@ _ANGLE_STEP = 1e-4  # [rad]
 
 def friction_torque(law: FrictionLaw, velocity: float) -> float:
     """Friction torque of a law in [N m] at a steady velocity in [rad] / [s], with its sign."""
-    return float(friction_torques(law, (velocity,))[0])
-
-
-@lru_cache(maxsize=64)  # every phase of both legs asks for the same few curves
-def friction_torques(law: FrictionLaw, velocities: tuple[float, ...]) -> np.ndarray:
-    """The same at many velocities."""
     friction = law.in_plant()
-    return np.array(
-        [
-            core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity, 0.0), 0.0)
-            for velocity in velocities
-        ]
-    )
+    return core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity, 0.0), 0.0)
 
 
 def friction_slope(law: FrictionLaw, velocity: float) -> float:

@@ -6,17 +6,19 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.checking.hanging_leg import HangingLeg, friction_torques
+from twin_gait.checking.hanging_leg import HangingLeg, friction_torque
 from twin_gait.checking.signals import Point, SignalSpace
 from twin_gait.core.actuator import saturate
 from twin_gait.core.control_tick import DAMPING, EQUILIBRIUM, GAIN, STIFFNESS
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.gait.feasibility import TIME
 from twin_gait.gait.guards import OTHER, Comparison, atoms, signal_scale
+from twin_gait.parameters import FrictionLaw
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.vocabulary import STANCE_PHASES
 
@@ -52,15 +54,17 @@ def left_over_friction(leg: HangingLeg, phase: int) -> np.ndarray:
     true, model = experiment.plant.true_friction(), experiment.control.friction_model
     left = []
     for joint, gain in zip(leg.joints, leg.column(GAIN)[phase], strict=True):
-        fastest = true[joint].in_plant().stribeck_velocity
-        speeds = np.linspace(0.0, fastest, _SPEEDS)[1:]
-        compensated = gain * friction_torques(model[joint], tuple(speeds.tolist()))
-        holding = [
-            (sign * friction_torques(true[joint], tuple((sign * speeds).tolist())) - compensated).max()
-            for sign in (1.0, -1.0)
-        ]
-        left.append(max(holding))
+        held, modelled = _creeping(true[joint], model[joint])
+        left.append((held - gain * modelled).max())
     return np.maximum(left, 0.0)
+
+
+@lru_cache(maxsize=32)  # all phases of a table and all tables of a search ask for the same few
+def _creeping(true: FrictionLaw, model: FrictionLaw) -> tuple[np.ndarray, np.ndarray]:
+    """Friction of the plant, in the direction of the larger, and of the model at the speeds of a creep."""
+    speeds = np.linspace(0.0, true.in_plant().stribeck_velocity, _SPEEDS)[1:].tolist()
+    held = [max(friction_torque(true, speed), -friction_torque(true, -speed)) for speed in speeds]
+    return np.array(held), np.array([friction_torque(model, speed) for speed in speeds])
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -27,14 +28,31 @@ LARGEST_GAIN = 1.0  # no table can ask for more
 _BISECTIONS = 12
 
 
-class _Phase(NamedTuple):
-    """One phase of one leg: loop, spectral radius and effective damping ratio at each of ``VELOCITIES``."""
+@dataclass(frozen=True)
+class _Phase:
+    """One phase of one leg: its loop at each of ``VELOCITIES``."""
 
     leg: HangingLeg
     name: str
     loops: list[LinearLoop]
-    radii: list[float]
-    ratios: list[float]
+
+    @cached_property
+    def _maps(self) -> list[np.ndarray]:
+        return [transition_matrix(loop) for loop in self.loops]
+
+    @cached_property
+    def radii(self) -> list[float]:
+        """Spectral radius of each loop."""
+        return [spectral_radius(matrix) for matrix in self._maps]
+
+    @cached_property
+    def ratios(self) -> list[float]:
+        """Effective damping ratio of each loop."""
+        return [
+            # A joint that sticks rings within its bristles, whatever the table asks for.
+            1.0 if self.leg.sticks and not velocity else effective_damping_ratio(matrix, self.loops[0].frame)
+            for velocity, matrix in zip(VELOCITIES, self._maps, strict=True)
+        ]
 
     @property
     def is_unstable(self) -> bool:
@@ -57,14 +75,7 @@ def _phases(case: CheckCase) -> list[_Phase]:
 def _each_phase(case: CheckCase) -> Iterator[_Phase]:
     for leg in hanging_legs(case):
         for index, name in enumerate(leg.phases):
-            loops = [leg.linear_loop(index, velocity) for velocity in VELOCITIES]
-            maps = [transition_matrix(loop) for loop in loops]
-            ratios = [
-                # A joint that sticks rings within its bristles, whatever the table asks for.
-                1.0 if leg.sticks and not velocity else effective_damping_ratio(matrix, loops[0].frame)
-                for velocity, matrix in zip(VELOCITIES, maps, strict=True)
-            ]
-            yield _Phase(leg, name, loops, [spectral_radius(matrix) for matrix in maps], ratios)
+            yield _Phase(leg, name, [leg.linear_loop(index, velocity) for velocity in VELOCITIES])
 
 
 def _about(velocity: float) -> str:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from twin_gait.checking.finding import CheckCase, Finding, Severity, label
-from twin_gait.checking.hanging_leg import HangingLeg, friction_torques, hanging_legs
+from twin_gait.checking.hanging_leg import HangingLeg, friction_torque, hanging_legs
 from twin_gait.checking.postures import Postures, command_at_rest, first_rests, postures
 from twin_gait.checking.signals import signal_space
 from twin_gait.core.blending import blend, blend_share
@@ -54,7 +54,7 @@ def _commands(leg: HangingLeg, old: int, new: int, joint: int, samples: Postures
     law = leg.problem.experiment.control.friction_model[leg.joints[joint]]
     gravity = np.array([leg.modelled_gravity(posture)[joint] for posture in samples.angles])
     angles, velocities = samples.angles[:, joint], samples.velocities[:, joint]
-    friction = friction_torques(law, tuple(velocities.tolist()))
+    friction = np.array([friction_torque(law, velocity) for velocity in velocities.tolist()])
     columns = [leg.column(which)[:, joint] for which in (STIFFNESS, DAMPING, EQUILIBRIUM, GAIN)]
     commands = []
     for share in _blend(leg)[1].tolist():

@@ -31,7 +31,13 @@ def add_parser(commands: Any) -> None:
     options.add_settings(parser)
     options.add_unchecked(parser)
     options.add_runner(parser)
-    add("--chunk-seconds", type=float, default=2.0, metavar="S", help="work handed over at a time (2)")
+    add(
+        "--chunk-seconds",
+        type=float,
+        default=2.0,
+        metavar="S",
+        help="work handed over at a time (2); of 64 episodes and more a block of 32 at least",
+    )
     options.add_no_pictures(parser)
     options.add_json(parser)
     parser.set_defaults(run=run)

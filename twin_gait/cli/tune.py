@@ -22,9 +22,8 @@ def add_parser(commands: Any) -> None:
         "tune",
         help="tune a gait table to one person",
         description=(
-            "Screen the numbers of a gait table, search over those that matter, try the best tables on a "
-            "robust set, and write the table with a report. It can be stopped at any time and goes on with "
-            "--resume."
+            "Search for the numbers of a gait table, try the best tables on a robust set, and write the best "
+            "with a report. It can be stopped at any time and goes on with --resume."
         ),
     )
     add = parser.add_argument
@@ -32,9 +31,8 @@ def add_parser(commands: Any) -> None:
     options.add_out(parser, "DIR", "folder of the tuning", required=True)
     add("--resume", action="store_true", help="go on with a tuning that was stopped")
     add("--reference", metavar="koopman@SPEED", help="healthy gait at a speed in km/h (that of the belt)")
-    add("--minutes", type=float, default=10.0, metavar="M", help="time for everything (10)")
+    add("--minutes", type=float, default=3.0, metavar="M", help="time for everything (3)")
     add("--generations", type=int, metavar="N", help="end the search after so many, whatever the time")
-    add("--no-screening", action="store_true", help="search over all numbers")
     add("--keep-thresholds", action="store_true", help="leave the transitions as they are")
     add("--keep-blending", action="store_true", help="leave the blend as it is")
     add("--per-side", action="store_true", help="give each leg numbers of its own (hemiparesis)")
@@ -62,7 +60,6 @@ def run(arguments: argparse.Namespace) -> int:
         minutes=arguments.minutes,
         generations=arguments.generations,
         seed=arguments.seed,
-        screening=not arguments.no_screening,
         thresholds=not arguments.keep_thresholds,
         blending=not arguments.keep_blending,
         per_side=arguments.per_side,

@@ -134,13 +134,12 @@ def ground_contact_force(
     Returns:
         Forward and upward force on the point in [N].
     """
+    # Read before the branch: in vectors of points it would not be known whether it may be read at all.
+    stiffness, dissipation = ground.stiffness, ground.dissipation
+    coefficient, transition_velocity = ground.friction_coefficient, ground.transition_velocity
+    slip_velocity = forward_velocity + ground.belt_speed
     if height >= 0.0:
         return 0.0, 0.0
-    normal = contact_normal_force(-height, -vertical_velocity, ground.stiffness, ground.dissipation)
-    friction = contact_friction_force(
-        forward_velocity + ground.belt_speed,
-        normal,
-        ground.friction_coefficient,
-        ground.transition_velocity,
-    )
+    normal = contact_normal_force(-height, -vertical_velocity, stiffness, dissipation)
+    friction = contact_friction_force(slip_velocity, normal, coefficient, transition_velocity)
     return friction, normal

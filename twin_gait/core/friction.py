@@ -145,18 +145,32 @@ def friction_torque(friction: PlantFriction, velocity: float, deflection: float,
     Returns:
         Torque in [N m] with the sign of the velocity; on the plant acts its negative.
     """
-    if friction.law == FRICTIONLESS:
+    return whole_friction_torque(friction, rotational_torque(friction, velocity), velocity, deflection, load)
+
+
+def rotational_torque(friction: PlantFriction, velocity: float) -> float:
+    """:func:`rotational_friction_torque` of a coordinate that has that law, 0 of any other."""
+    if friction.law != ROTATIONAL:
         return 0.0
-    if OTHER_LAWS:
-        if friction.law != ROTATIONAL:
-            return _directional_torque(friction, velocity, deflection, load)
-    torque = rotational_friction_torque(
+    return rotational_friction_torque(
         velocity,
         friction.breakaway_torque,
         friction.coulomb_friction,
         friction.stribeck_velocity,
         friction.viscous_friction_forward,
     )
+
+
+def whole_friction_torque(
+    friction: PlantFriction, rotational: float, velocity: float, deflection: float, load: float
+) -> float:
+    """As :func:`friction_torque`, with the torque of :func:`rotational_torque` given."""
+    if friction.law == FRICTIONLESS:
+        return 0.0
+    if OTHER_LAWS:
+        if friction.law != ROTATIONAL:
+            return _directional_torque(friction, velocity, deflection, load)
+    torque = rotational
     if friction.per_load != 0.0:
         torque += load_friction_torque(velocity, load, friction.per_load, friction.stribeck_velocity)
     return torque

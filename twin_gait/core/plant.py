@@ -17,7 +17,7 @@ from twin_gait.core.friction import (
     OTHER_LAWS,
     PlantFriction,
     advanced_deflection,
-    friction_torque,
+    whole_friction_torque,
 )
 
 
@@ -81,11 +81,14 @@ def free_coordinate() -> Plant:
     return Plant(PlantFriction(), Stop(0.0, 0.0, 0.0, 0.0), Spring(0.0, 0.0, 0.0))
 
 
-def passive_torque(plant: Plant, q: float, v: float, load: float, displacement: float) -> float:
+def passive_torque(
+    plant: Plant, rotational: float, q: float, v: float, load: float, displacement: float
+) -> float:
     """Friction, stop and spring torque on one coordinate.
 
     Args:
         plant: Of the coordinate; its torques are changed in place.
+        rotational: From :func:`~twin_gait.core.friction.rotational_torque`.
         q: Coordinate in [rad] or [m].
         v: Its velocity.
         load: Torque of its motor in [N m], which presses the teeth of the gear.
@@ -100,7 +103,7 @@ def passive_torque(plant: Plant, q: float, v: float, load: float, displacement: 
         deflection = plant.deflection
         if OTHER_LAWS:
             deflection = advanced_deflection(law, displacement, v, deflection, load)
-        friction = -friction_torque(law, v, deflection, load)
+        friction = -whole_friction_torque(law, rotational, v, deflection, load)
     if limits.stiffness != 0.0:
         stop = mechanical_stop_torque(q, v, limits.lower, limits.upper, limits.stiffness, limits.dissipation)
     plant.friction_torque = friction

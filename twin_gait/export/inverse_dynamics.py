@@ -29,6 +29,7 @@ import pandas as pd
 
 from twin_gait.conventions import DEGREES, Convention
 from twin_gait.core.contact import Ground, Point
+from twin_gait.core.friction import rotational_torque
 from twin_gait.core.plant import passive_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.export.motion import joint_angles, write_storage
@@ -248,7 +249,11 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
         # The log has the orthosis without its stops.
         plant = world.plant[index]
         states = zip(log[f"{name}_angle_rad"].tolist(), velocity.tolist(), strict=True)
-        return np.array([passive_torque(plant, angle, speed, 0.0, 0.0) for angle, speed in states])
+        torques = (
+            passive_torque(plant, rotational_torque(plant.friction, speed), angle, speed, 0.0, 0.0)
+            for angle, speed in states
+        )
+        return np.array(list(torques))
     motor, friction, stop = (
         log[f"{name}_{part}_torque_Nm"].to_numpy() for part in ("motor", "friction", "stop")
     )

@@ -26,8 +26,8 @@ from twin_gait.identification.bootstrap import DRAWS, LEVEL
 from twin_gait.identification.figures import draw_fits, draw_residuals
 from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionLaw
-from twin_gait.report.canvas import readable, save
-from twin_gait.report.pages import figures_page
+from twin_gait.report.canvas import readable
+from twin_gait.report.pages import figures_page, picture_of
 from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.vocabulary import JointName
 
@@ -83,10 +83,10 @@ def write_identification(
 
 
 def _draw(result: Identification, folder: Path, joint: JointName | None) -> None:
-    figures = {"fits": draw_fits(result), "residuals": draw_residuals(result)}
+    pictures = {"fits": picture_of(draw_fits(result)), "residuals": picture_of(draw_residuals(result))}
     (folder / FIGURES_FOLDER).mkdir()
-    for name, figure in figures.items():
-        save(figure, folder / FIGURES_FOLDER / f"{name}.png")
+    for name, picture in pictures.items():
+        write_atomically(folder / FIGURES_FOLDER / f"{name}.png", picture.light)
     left_out = (f"left out: {run.by} [N m]" for run in result.models[0].validations)
     heads = ["model", "law", "RMSE [N m]", *left_out, "BIC"]
     rows = [
@@ -96,7 +96,7 @@ def _draw(result: Identification, folder: Path, joint: JointName | None) -> None
     ]  # fmt: skip
     title = "Friction" if joint is None else f"Friction of the {joint}"
     subtitle = f"{len(result.tests)} tests, {int(result.samples.used.sum())} samples; models best first"
-    write_atomically(folder / REPORT_FILE, figures_page(title, subtitle, figures, heads, rows))
+    write_atomically(folder / REPORT_FILE, figures_page(title, subtitle, pictures, heads, rows))
 
 
 def _identification_document(result: Identification, joint: JointName | None) -> dict[str, Any]:

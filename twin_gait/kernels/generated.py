@@ -11,16 +11,20 @@ refused.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import fields
+from itertools import chain
+from typing import NamedTuple
 
 import numpy as np
 
-from twin_gait.core.contact import Point
+from twin_gait.core.contact import Point, ground_contact_force
+from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import ModelError
 from twin_gait.kernels import rigid_body
 from twin_gait.kernels.rigid_body import Vector, vector
-from twin_gait.kernels.tracing import Scalar, Trace, compact, text
+from twin_gait.kernels.tracing import Scalar, Trace, compact, text, together
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 
 # Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32. Two legs
@@ -28,6 +32,31 @@ from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 STRAIGHT_LINE_LIMIT = 15
 
 POINT_FIELDS = tuple(item.name for item in fields(Point))
+
+
+class Called(NamedTuple):
+    """A function that kernels call for several things at once, which may become vectors.
+
+    Attributes:
+        function: Of one of them.
+        shared: Arguments that all have in common; they come first.
+        arguments: Of each.
+        results: Of each.
+    """
+
+    function: Callable[..., tuple[float, ...]]
+    shared: int
+    arguments: int
+    results: int
+
+    @property
+    def name(self) -> str:
+        """In the text."""
+        return self.function.__name__
+
+
+SIDE_BY_SIDE = Called(sine_cosine, 0, 1, 2), Called(ground_contact_force, 1, 3, 2)
+
 # Of a guide: part of the joint's wrench and axis, pitching moment and forward force.
 WRENCH = (0, 1), (1, 0)
 
@@ -118,7 +147,10 @@ def _function(
     signature: str, trace: Trace, stores: Sequence[tuple[str, Scalar]], returned: Sequence[Scalar]
 ) -> str:
     outputs = [value for _, value in stores] + list(returned)
-    body = compact(trace.live_lines(outputs), {text(value) for value in outputs})
+    body = trace.live_lines(outputs)
+    for item in SIDE_BY_SIDE:
+        body = together(body, item.name, item.shared)
+    body = compact(body, {text(value) for value in outputs})
     lines = [f"def {signature}:", *(f"    {line}" for line in body)]
     lines += [f"    {place} = {text(value)}" for place, value in stores]
     if returned:
@@ -252,7 +284,27 @@ def write_kernel(
         write_control_gravity(control_bodies, up_axis),
         write_control_inertia(control_bodies),
     ]
-    return "\n\n".join(functions)
+    return "\n\n".join([*write_side_by_side("".join(functions)), *functions])
+
+
+def write_side_by_side(text: str) -> list[str]:
+    """Source of the functions that a kernel calls for several things at once: one thing after the other.
+
+    Args:
+        text: Of the kernel.
+    """
+    found = []
+    for item in SIDE_BY_SIDE:
+        for count in sorted({int(number) for number in re.findall(rf"\b{item.name}_(\d+)\(", text)}):
+            common = [f"c{k}" for k in range(item.shared)]
+            own = [[f"a{number}_{k}" for k in range(item.arguments)] for number in range(count)]
+            results = [[f"r{number}_{k}" for k in range(item.results)] for number in range(count)]
+            lines = [f"def {item.name}_{count}({', '.join([*common, *chain(*own)])}):"]
+            for left, right in zip(results, own, strict=True):
+                lines.append(f"    {', '.join(left)} = {item.name}({', '.join(common + right)})")
+            lines.append(f"    return {', '.join(chain(*results))}")
+            found.append("\n".join(lines) + "\n")
+    return found
 
 
 def kernel_structure(

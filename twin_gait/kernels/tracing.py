@@ -140,6 +140,7 @@ class Symbol:
 
 Scalar = Symbol | Number
 
+FEWEST_TOGETHER = 4  # calls; of fewer, one after the other is as fast as side by side
 _LONGEST = 90  # characters of an expression
 _NAME = re.compile(r"\bt\d+\b")
 _ELEMENT = re.compile(r"\b(?:[a-z]+\[\d+\](?:\.[a-z]+)?)")  # of an array, or its field
@@ -182,6 +183,38 @@ def _reading_once(lines: Sequence[str]) -> list[str]:
     for line in lines:
         # The name comes before the line that needs it first.
         result.append(_ELEMENT.sub(name, line))
+    return result
+
+
+def together(lines: Sequence[str], name: str, shared: int) -> list[str]:
+    """Several calls of a function as one call that takes all their arguments, where the last of them is.
+
+    What needs a result and stands before that place comes after it; otherwise the order stays. No call may
+    need the result of another.
+
+    Args:
+        lines: From :meth:`Trace.live_lines`.
+        name: Of the function; that of the one call goes on with their number.
+        shared: Arguments that all calls have in common; they come first.
+    """
+    calls = [line for line in lines if f" = {name}(" in line]
+    if len(calls) < FEWEST_TOGETHER:
+        return list(lines)
+    outputs = [output for line in calls for output in line.split(" = ", 1)[0].split(", ")]
+    arguments = [line[:-1].split(f" = {name}(", 1)[1].split(", ") for line in calls]
+    given = arguments[0][:shared] + [item for items in arguments for item in items[shared:]]
+    late, waiting, result = set(outputs), list[str](), list[str]()
+    for line in lines:
+        if line == calls[-1]:
+            result += [f"{', '.join(outputs)} = {name}_{len(calls)}({', '.join(given)})", *waiting]
+            late.clear()
+        elif line not in calls:
+            left, right = line.split(" = ", 1)
+            if late.isdisjoint(_NAME.findall(right)):
+                result.append(line)
+            else:
+                late.update(left.split(", "))
+                waiting.append(line)
     return result
 
 

@@ -212,7 +212,8 @@ def energy_balance(energy: np.ndarray, works: np.ndarray) -> EnergyBalance:
     work = works.sum(axis=0)
     residual = (energy - energy[0]) - (work - work[0])
     largest = float(np.max(np.abs(residual)))
-    throughput = float(np.sum(np.abs(np.diff(works, axis=1))))
+    steps = np.diff(works, axis=1)
+    throughput = float(np.sum(np.abs(steps, out=steps)))
     relative = largest / throughput if throughput > 0.0 else math.nan
     return EnergyBalance(residual, largest, throughput, relative)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import pandas as pd
@@ -127,7 +127,7 @@ def leg_record(
         for joint in JointName
         if f"{side}_{joint}_motor_torque_Nm" in log
     }
-    phases = pd.Categorical(log[f"{side}_phase"], categories=list(phase_names))
+    phases = pd.Categorical(log[f"{side}_phase"], dtype=_phase_type(tuple(phase_names)))
     on_ground = f"{side}_foot_normal_force_N" in log
     return LegRecord(
         side=side,
@@ -138,3 +138,8 @@ def leg_record(
         clearance=log[f"{side}_foot_clearance_m"].to_numpy() if on_ground else None,
         steady=steady,
     )
+
+
+@lru_cache(maxsize=16)  # pandas takes longer to look at the names than at the column
+def _phase_type(names: tuple[str, ...]) -> pd.CategoricalDtype:
+    return pd.CategoricalDtype(list(names))

@@ -31,26 +31,28 @@ LUMINANCE, DARKEST, MIXED = (0.2126, 0.7152, 0.0722), 0.25, 0.3
 
 
 class Picture(NamedTuple):
-    """A figure that stands in a page, as addresses with the content in them.
+    """A figure as PNG, for a file and a page.
 
     Attributes:
         light: For a light page.
         dark: For a dark page.
     """
 
-    light: str
-    dark: str
+    light: bytes
+    dark: bytes
 
 
 @cache
 def _environment() -> Environment:
-    return Environment(
+    environment = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=lambda name: name is None or name.endswith(".html"),
         undefined=StrictUndefined,  # a number that a template asks for in vain is an error, not a gap
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters["address"] = address
+    return environment
 
 
 def render(template: str, content: Mapping[str, Any]) -> str:
@@ -73,26 +75,26 @@ def paragraphs(template: str, content: Mapping[str, Any]) -> list[str]:
 def figures_page(
     title: str,
     subtitle: str,
-    figures: Mapping[str, Figure],
+    pictures: Mapping[str, Picture],
     heads: Sequence[str] = (),
     rows: Sequence[Sequence[str]] = (),
 ) -> str:
-    """A page of figures, by their headings, under a table, if that has rows; the figures are dark then."""
-    pictures = {name: picture_of(figure) for name, figure in figures.items()}
+    """A page of figures, by their headings, under a table, if that has rows."""
     content = {"title": title, "subtitle": subtitle, "heads": heads, "rows": rows, "pictures": pictures}
     return render("figures.html", content)
 
 
 def picture_of(figure: Figure) -> Picture:
-    """A figure for a page, light and dark; the figure itself is dark afterwards."""
+    """A figure, light and dark; the figure itself is dark afterwards."""
     light = picture_bytes(figure)
+    figure.set_layout_engine("none")  # what was found for one holds for the other
     for artist in figure.findobj():
         _brighten(artist)
     for axes in figure.axes:
         axes.patch.set_alpha(0.0)
         axes.tick_params(colors=DARK_INK, grid_color=DARK_GRID)
         axes.spines[:].set_color(DARK_INK)
-    return Picture(*(_address(item) for item in (light, picture_bytes(figure, "none"))))
+    return Picture(light, picture_bytes(figure, "none"))
 
 
 def _brighten(artist: Artist) -> None:
@@ -115,5 +117,6 @@ def _on_dark(colour: ColorType) -> tuple[float, ...]:
     return (*(MIXED * share + 1.0 - MIXED for share in ink), opacity)
 
 
-def _address(png: bytes) -> str:
+def address(png: bytes) -> str:
+    """A picture as an address with the content in it."""
     return f"data:image/png;base64,{base64.b64encode(png).decode('ascii')}"

@@ -165,7 +165,13 @@ def is_logarithmic(axis: Axis) -> bool:
 def sweep_figures(
     table: pd.DataFrame, parameters: Sequence[str], measures: Sequence[str], title: str
 ) -> dict[str, Figure]:
-    """Draw a sweep: the share that walked, then each measure over the episodes that did.
+    """Draw a sweep: the share that walked, or a measure over the episodes that did.
+
+    Args:
+        table: One row per episode.
+        parameters: Columns of what was varied.
+        measures: ``walked`` and columns.
+        title: Of the sweep.
 
     Returns:
         ``main_effects_<measure>`` and, of two parameters or more, ``heat_map_<measure>``.
@@ -173,7 +179,7 @@ def sweep_figures(
     axes = [axis for axis in (axis_of(table, name) for name in parameters) if axis is not None]
     axes = axes[:MOST_PARAMETERS]
     figures: dict[str, Figure] = {}
-    for measure in (WALKED, *(measures or DEFAULT_MEASURES)):
+    for measure in measures:
         values = values_of(table, measure)
         if not axes or not np.isfinite(values).any():
             continue

@@ -1,4 +1,4 @@
-"""Pictures and page of a tuning: gait before and after, parts, screening, convergence, departures."""
+"""Pictures and page of a tuning: gait before and after, parts, convergence, departures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from twin_gait.report.panels import draw_cycle_curve, flexion
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
-MOST_EFFECTS = 30  # bars that fit a figure; the table of the report has all
 _SIDE_LINES = {Side.LEFT: "-", Side.RIGHT: "--"}
 _WORDS = {
     ".stiffness_Nm_per_deg": ", stiffness",
@@ -75,15 +74,12 @@ def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
         outcome: Content of ``tune.json``.
         curves: Mean cycles in [deg] by joint; see :func:`draw_gait`.
     """
-    figures = {
+    return {
         "gait": draw_gait(curves),
         "parts": draw_parts(outcome["parts"]),
         "convergence": draw_convergence(outcome["convergence"], outcome["worst_cost"]),
         "departures": draw_departures(outcome["departures"]),
     }
-    if outcome["screening"]:
-        figures["screening"] = draw_screening(outcome["screening"])
-    return figures
 
 
 def _figure(height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, list[Axes]]:
@@ -131,39 +127,18 @@ def draw_parts(parts: Sequence[Mapping[str, Any]]) -> Figure:
     return figure
 
 
-def draw_screening(effects: Sequence[Mapping[str, Any]]) -> Figure:
-    """Draw the largest mean elementary effects with their intervals."""
-    ranked = sorted(effects, key=lambda item: -item["mu_star"])[:MOST_EFFECTS]
-    figure, (axes,) = _figure(1.4 + 0.23 * len(ranked))
-    rows = np.arange(len(ranked))[::-1]
-    axes.barh(
-        rows,
-        [item["mu_star"] for item in ranked],
-        xerr=[item["mu_star_conf"] for item in ranked],
-        color=[AFTER_COLOUR if item["kept"] else BEFORE_COLOUR for item in ranked],
-        error_kw={"elinewidth": 0.9, "capsize": 2, "ecolor": BLACK},
-        height=0.7,
-    )
-    axes.set_yticks(rows, [name_of(item["name"]) for item in ranked], fontsize=8)
-    axes.set_ylim(-0.7, len(ranked) - 0.3)
-    axes.set_xlim(left=0.0)
-    style_panel(axes, "screening: blue parameters were searched, grey ones kept", "")
-    axes.set_xlabel("mean change of log(1 + cost) over the screened range, with 95 % interval")
-    return figure
-
-
 def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -> Figure:
-    """Draw the cost of the best candidate so far and the median of each generation.
+    """Draw where the search stands after each generation and the median of what it tried; the start is 0.
 
     Args:
-        worst: Cost of the worst walk; a median above it, of falls or forbidden tables, is drawn there.
+        worst: Cost of the worst walk; a median above it, of falls, is drawn there.
     """
     figure, (axes,) = _figure(3.4)
     best, median = convergence["best"], np.minimum(convergence["median"], worst)
-    label = "median of a generation's better half"
-    axes.plot(range(1, len(median) + 1), median, "o", color=BEFORE_COLOUR, markersize=4, label=label)
+    label = "median of a generation"
+    axes.plot(range(1, len(median)), median[1:], "o", color=BEFORE_COLOUR, markersize=4, label=label)
     axes.step(range(len(best)), best, where="post", color=AFTER_COLOUR, label="best so far")
-    axes.plot(0, best[0], "s", color=BLACK, markersize=5, label="table before")
+    axes.plot(0, best[0], "s", color=BLACK, markersize=5, label="start of the search")
     axes.set_ylim(bottom=0.0)
     style_panel(axes, "convergence", "cost")
     axes.set_xlabel("generation")

@@ -46,12 +46,13 @@ def summarise_side(run: Run, side: Side, skip: int, record: LegRecord | None = N
     if record is None:
         record = run.leg_record(side)
     return {
-        **_by_contact(run, record, skip),
+        **by_contact(run, record, skip),
         **_by_phase(run, record, skip),
         "joints": {
             str(joint): {
                 **_effort(run, record, joint, skip),
-                **_switching(run, record, joint, skip),
+                **torque_at_switches(run, record, joint, skip),
+                **_energy_at_switches(run, record, joint, skip),
                 **_jerk(run, record, joint, skip),
             }
             for joint in record.angles
@@ -63,7 +64,7 @@ def side_in_brief(run: Run, side: Side) -> dict[str, Any]:
     """The part of :func:`summarise_side` that a table of many runs holds."""
     record = run.leg_record(side)
     return {
-        **_by_contact(run, record, SKIPPED_STRIDES),
+        **by_contact(run, record, SKIPPED_STRIDES),
         "strides_by_phase": len(record.strides_by_phase(skip=0)),
         "phases_in_order": _in_order(run, record),
         "time_outs": len(_time_out_ticks(run, record)),
@@ -104,7 +105,7 @@ def _largest_magnitude(values: np.ndarray) -> float:
     return float(finite[np.argmax(np.abs(finite))]) if len(finite) else math.nan
 
 
-def _by_contact(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
+def by_contact(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
     """What strides from heel strike to heel strike tell; None without ground."""
     contacts = record.contacts
     if contacts is None or record.clearance is None:
@@ -199,29 +200,15 @@ def reference_error(run: Run, record: LegRecord, joint: JointName, bounds: np.nd
 def _effort(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, Any]:
     """Motion and effort of one joint."""
     name = f"{record.side}_{joint}"
-    experiment, log = run.experiment, run.log
-    actuator, limits = experiment.plant.actuators[joint], experiment.control.limits
-    extremes = np.degrees(stride_extremes(record.angles[joint], record.strides(skip=skip)))
-    saturation = saturation_shares(
-        log[f"{name}_motor_command_torque_Nm"].to_numpy(),
-        log[f"{name}_target_current_A"].to_numpy(),
-        log[f"{name}_measured_current_A"].to_numpy(),
-        torque_limit=limits.torque,
-        current_limit=limits.current,
-    )
+    actuator, log = run.experiment.plant.actuators[joint], run.log
     continuous_current = torque_to_current(
         actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio, actuator.gear_efficiency
     )
     torque = load(log[f"{name}_motor_torque_Nm"].to_numpy(), actuator.continuous_torque)
     current = load(log[f"{name}_measured_current_A"].to_numpy(), continuous_current)
     return {
-        "range_of_motion_deg": _mean(extremes[:, 1] - extremes[:, 0]),
-        "lowest_deg": _mean(extremes[:, 0]),
-        "peak_deg": _mean(extremes[:, 1]),
-        "saturated_share": saturation.saturated,
-        "at_torque_limit_share": saturation.at_torque_limit,
-        "at_current_limit_share": saturation.at_current_limit,
-        "voltage_limited_share": saturation.voltage_limited,
+        **joint_motion(record, joint, skip),
+        **joint_saturation(run, record, joint),
         "torque_peak_Nm": torque.peak,
         "torque_rms_Nm": torque.rms,
         "torque_continuous_share": torque.continuous_share,
@@ -231,28 +218,66 @@ def _effort(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[st
     }
 
 
-def _switching(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, float]:
-    """What the switches in the counted strides do to a joint.
+def joint_motion(record: LegRecord, joint: JointName, skip: int) -> dict[str, float]:
+    """Means over the counted strides of range, lowest and highest angle of a joint."""
+    extremes = np.degrees(stride_extremes(record.angles[joint], record.strides(skip=skip)))
+    return {
+        "range_of_motion_deg": _mean(extremes[:, 1] - extremes[:, 0]),
+        "lowest_deg": _mean(extremes[:, 0]),
+        "peak_deg": _mean(extremes[:, 1]),
+    }
 
-    ``switch_torque_jump_Nm`` is the largest change of the commanded torque in one tick of a blend, and
-    ``switch_torque_change_Nm`` the largest from before a switch to any tick of its blend. The energies are
-    means over strides: ``switch_energy_J`` is what the switches put into the virtual spring on balance, and
-    ``switch_energy_put_in_J`` leaves out the ticks in which they take energy out. They are of the spring that
-    the gait table asks for, also where a limit or another controller keeps the motor from acting like it.
+
+def joint_saturation(run: Run, record: LegRecord, joint: JointName) -> dict[str, float]:
+    """Shares of the time in which a motor is at a limit."""
+    name, log, limits = f"{record.side}_{joint}", run.log, run.experiment.control.limits
+    saturation = saturation_shares(
+        log[f"{name}_motor_command_torque_Nm"].to_numpy(),
+        log[f"{name}_target_current_A"].to_numpy(),
+        log[f"{name}_measured_current_A"].to_numpy(),
+        torque_limit=limits.torque,
+        current_limit=limits.current,
+    )
+    return {
+        "saturated_share": saturation.saturated,
+        "at_torque_limit_share": saturation.at_torque_limit,
+        "at_current_limit_share": saturation.at_current_limit,
+        "voltage_limited_share": saturation.voltage_limited,
+    }
+
+
+def torque_at_switches(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, float]:
+    """What the switches in the counted strides do to the commanded torque of a joint.
+
+    ``switch_torque_jump_Nm`` is its largest change in one tick of a blend, and ``switch_torque_change_Nm``
+    the largest from before a switch to any tick of its blend.
     """
-    name, log = f"{record.side}_{joint}", run.log
     strides, ticks = record.strides(skip=skip), switch_ticks(run, record.side)
     counted = np.array([tick for tick in ticks if _within(tick, strides)], dtype=int)
     length = blend_length(run.table.blending)
-    command = log[f"{name}_motor_command_torque_Nm"].to_numpy()
+    command = run.log[f"{record.side}_{joint}_motor_command_torque_Nm"].to_numpy()
+    return {
+        "switch_torque_jump_Nm": _largest(
+            torque_jumps(command, blend_windows(counted, length, len(command)))
+        ),
+        "switch_torque_change_Nm": _largest(changes_at_switches(command, counted, length).over_blending),
+    }
+
+
+def _energy_at_switches(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, float]:
+    """What the switches put into the virtual spring of a joint, means over strides.
+
+    ``switch_energy_J`` is that on balance, and ``switch_energy_put_in_J`` leaves out the ticks in which they
+    take energy out. They are of the spring that the gait table asks for, also where a limit or another
+    controller keeps the motor from acting like it.
+    """
+    name, log, strides = f"{record.side}_{joint}", run.log, record.strides(skip=skip)
     energy = switching_energy(
         log[f"{name}_measured_angle_rad"].to_numpy(),
         log[f"{name}_stiffness_Nm_per_rad"].to_numpy(),
         log[f"{name}_equilibrium_rad"].to_numpy(),
     )
     return {
-        "switch_torque_jump_Nm": _largest(torque_jumps(command, blend_windows(counted, length, len(log)))),
-        "switch_torque_change_Nm": _largest(changes_at_switches(command, counted, length).over_blending),
         "switch_energy_J": _mean(sums_over(energy, strides)),
         "switch_energy_put_in_J": _mean(sums_over(np.maximum(energy, 0.0), strides)),
     }

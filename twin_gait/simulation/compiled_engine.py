@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -19,7 +19,7 @@ from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points,
 from twin_gait.simulation.binding import kernel_functions
 from twin_gait.simulation.engine import EngineResult, ending_of, log_layout, run_in_chunks, switches_of
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.filling import new_episode, structure_of
+from twin_gait.simulation.filling import Structure, new_episode, structure_of
 from twin_gait.simulation.interface import episode_at
 from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.loops import kept_loop
@@ -187,7 +187,7 @@ class Pattern(NamedTuple):
     episode: np.dtype[Any]
     row: np.dtype[Any]
     bodies: Bodies
-    structure: Mapping[str, int | bool]
+    structure: Structure
 
     @property
     def text(self) -> str:
@@ -205,7 +205,7 @@ class Bodies(NamedTuple):
     guides: Sequence[int]
 
 
-def laid_out(problem: Problem, *, record: bool = True) -> tuple[Bodies, Episode, dict[str, int | bool]]:
+def laid_out(problem: Problem, *, record: bool = True) -> tuple[Bodies, Episode, Structure]:
     """Bodies of a problem, its episode at tick 0, and the constants to bind.
 
     Args:
@@ -243,11 +243,13 @@ def _loop_of(
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop, record_at
+        from twin_gait.simulation.vectors import in_vectors
 
-        names = {**bound_to(pattern), "episode_at": record_at(pattern.episode)}
+        bound = bound_to(pattern)
+        names = {**bound, **in_vectors(bound), "episode_at": record_at(pattern.episode)}
         return compile_loop(run_at, names, ARGUMENTS, controller)
 
-    key = source_key(pattern.text, "compiled_engine", "../kernels")
+    key = source_key(pattern.text, "compiled_engine", "vectors", "../kernels")
     return kept_loop(key, ARGUMENTS, make, controller, on_compile)
 
 

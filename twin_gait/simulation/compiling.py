@@ -71,6 +71,23 @@ ALONE = Manner(Pruning, 1, False)
 _OPTIONS = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 
+class _Distinct(ir.values.MDValue):  # type: ignore[misc]  # llvmlite has no types
+    def descr(self, buffer: Any) -> None:
+        buffer += ("distinct !{ ", ", ".join(item.get_reference() for item in self.operands), " }\n")
+
+    def __eq__(self, other: object) -> bool:
+        return (
+            self is other
+        )  # llvmlite takes metadata with equal operands for one, and so one group for another
+
+    __hash__ = ir.values.MDValue.__hash__
+
+
+def distinct(module: Any) -> Any:
+    """Metadata that is equal to itself only, as LLVM wants its loops and groups of accesses."""
+    return _Distinct(module, (), name=str(len(module.metadata)))
+
+
 @intrinsic  # type: ignore[untyped-decorator]
 def _pointer(context: Any, address: Any) -> Any:
     """A pointer from a whole number."""

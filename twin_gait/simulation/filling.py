@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
 from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
@@ -42,8 +43,10 @@ MOST_SWITCHES_PER_SECOND = 200
 # Tables of any size up to the next multiple share one loop.
 _CAPACITY = 16
 
+Structure: TypeAlias = dict[str, int | tuple[int, ...]]
 
-def structure_of(problem: Problem, n_points: int) -> dict[str, int | bool]:
+
+def structure_of(problem: Problem, n_points: int) -> Structure:
     """Constants that a loop is bound to, by their names in :mod:`twin_gait.simulation.interface`.
 
     Args:
@@ -59,6 +62,9 @@ def structure_of(problem: Problem, n_points: int) -> dict[str, int | bool]:
         "SHIFT": problem.world.wearer_shift,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
         "OTHER_LAWS": any(plant.friction.law > ROTATIONAL for plant in problem.world.plant),
+        "RUBBING": tuple(
+            place for place, plant in enumerate(problem.world.plant) if plant.friction.law == ROTATIONAL
+        ),
         "RK4": experiment.stepping.method is IntegrationMethod.RK4,
         "FAULTY": bool(experiment.faults),
         "INERTIA_WANTED": control.inertia_compensation > 0.0,

@@ -6,7 +6,8 @@ what a structure rules out is never compiled.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from twin_gait.core.contact import Ground, Point
 from twin_gait.simulation.episode import Episode
@@ -19,6 +20,7 @@ LEGS, JOINTS_PER_LEG, POINTS_PER_FOOT, PELVIS, SHIFT = 1, 2, 0, -1, 0
 # Whether legs have ankles, the integration is Runge-Kutta's, there are faults, inertia torques are wanted,
 # the wearer acts, the path is followed, the impedance is shared, and the share adapts.
 ANKLES = RK4 = FAULTY = INERTIA_WANTED = WEARER = FOLLOWS = ASSISTS = ADAPTS = False
+RUBBING: tuple[int, ...] = ()  # coordinates with friction by equation (3.1)
 
 
 def dynamics(
@@ -71,6 +73,29 @@ def control_gravity(q: list[float], bodies: list[float], gravity: float, torque:
 def control_inertia(q: list[float], a: list[float], bodies: list[float], torque: list[float]) -> None:
     """Inertia torques of the controller's model, armature included; ``torque`` is changed in place."""
     raise NotImplementedError
+
+
+def side_by_side(
+    places: tuple[int, ...],
+    take: Callable[..., tuple[float, ...]],
+    law: Callable[..., float],
+    give: Callable[..., None],
+    e: Episode,
+    *context: Any,
+) -> None:
+    """Apply a law in places that do not touch each other; compiled, their numbers are vectors.
+
+    Args:
+        places: Where.
+        take: From a place, the episode and the context to the arguments of the law.
+        law: Of numbers alone.
+        give: Takes place, result, episode and context.
+        e: The episode, or those that run in lockstep.
+        context: What else ``take`` and ``give`` are handed.
+    """
+    for place in places:
+        for one in lanes(e):
+            give(place, law(*take(place, one, *context)), one, *context)
 
 
 def episode_at(address: int) -> Episode:

@@ -60,7 +60,8 @@ class LaneEngine:
         """
         width, record = len(self.engines[0].layout.names), bool(self._numbers("recording", "on")[0])
         kept = np.arange(width) if columns is None else np.asarray(columns, dtype=int)
-        logs = np.empty((len(self.engines), len(kept), self._totals.max() if record else 0))
+        # Apart, so that each goes when its run does.
+        logs = [np.empty((len(kept), total if record else 0)) for total in self._totals]
         rows = np.zeros((_CHUNK_TICKS if record else 1, width, WIDTH))
         self._numbers("recording", "log")[:] = rows.ctypes.data
         running, done = np.arange(len(self.engines)), 0
@@ -68,7 +69,9 @@ class LaneEngine:
             end = int(self._totals[running].min())
             begin, done = done, self._run_ticks(done, min(end, done + _CHUNK_TICKS) if record else end)
             if record:
-                logs[running, :, begin:done] = rows[: done - begin, kept].transpose(2, 1, 0)[running]
+                part = rows[: done - begin, kept]
+                for lane in running.tolist():
+                    logs[lane][:, begin:done] = part[:, :, lane].T
             running = self._take_out(running, done)
         for lane in running.tolist():
             self._finish(lane, done, logs[lane], kept)
@@ -85,6 +88,8 @@ class LaneEngine:
     def _take_out(self, running: np.ndarray, done: int) -> np.ndarray:
         """Give back the records of lanes that have ended, or of all if few are left; returns the others."""
         over = (self._numbers("status")[running] != COMPLETED) | (self._totals[running] == done)
+        if not over.any():
+            return running
         self._ends[running[over]] = done
         left: np.ndarray = running[~over]
         for lane in (running if len(left) < FEWEST else running[over]).tolist():

@@ -30,6 +30,7 @@ import numpy as np
 from llvmlite import ir
 from numba.core import cgutils, lowering, types
 from numba.core.compiler_machinery import register_pass
+from numba.core.errors import TypingError
 from numba.core.imputils import RefType, iternext_impl
 from numba.core.typed_passes import NativeLowering
 from numba.core.typing.templates import (
@@ -50,7 +51,7 @@ from numba.extending import (
 )
 
 from twin_gait.simulation.block import SHARED, WIDTH
-from twin_gait.simulation.compiling import Manner, Pruning, jit, numbers_at
+from twin_gait.simulation.compiling import Manner, Pruning, distinct, jit, numbers_at
 
 _OWNERS = frozenset(name.split(".")[0] for name in SHARED)
 _WORD = 8
@@ -94,6 +95,8 @@ class ListView(View, types.IterableType):
     @property
     def iterator_type(self) -> Any:
         """Of its entries."""
+        if not _readable(self, _entry(self)):
+            raise TypingError(f"{self.field}: unlike in the lanes")
         return ViewIterator(self, _entry(self))
 
 
@@ -147,10 +150,15 @@ def _entry(view: Any) -> Any:
     return _seen(view.item, "", view.field, view.whole)
 
 
+def _readable(view: Any, entry: Any) -> bool:
+    """Whether an entry of a list may be read: a number of a lane, or one that is alike in all."""
+    return isinstance(entry, View) or not view.whole or view.shared
+
+
 def _bytes_of(item: Any) -> int:
     if isinstance(item, types.Record):
         return int(item.size)
-    return int(item.nbytes) if isinstance(item, types.NestedArray) else _WORD
+    return int(item.nitems) * _WORD if isinstance(item, types.NestedArray) else _WORD
 
 
 # ---------------------------------------------------------------------- typing
@@ -173,7 +181,7 @@ class _Entries(AbstractTemplate):
     def generic(self, args: Any, kws: Any) -> Any:
         if type(args[0]) is ListView and isinstance(args[1], types.Integer):
             found = _entry(args[0])
-            if isinstance(found, View) or not args[0].whole or args[0].shared:
+            if _readable(args[0], found):
                 return signature(found, args[0], types.int64)
         return None
 
@@ -315,20 +323,6 @@ def _next(context: Any, builder: Any, sig: Any, args: Any, result: Any) -> None:
 # ---------------------------------------------------------------------- loops over lanes
 
 
-class _Distinct(ir.values.MDValue):
-    """Metadata that is equal to itself only, as LLVM wants its loops and groups of accesses."""
-
-    def descr(self, buffer: Any) -> None:
-        buffer += ("distinct !{ ", ", ".join(item.get_reference() for item in self.operands), " }\n")
-
-    def __eq__(self, other: object) -> bool:
-        return (
-            self is other
-        )  # llvmlite takes metadata with equal operands for one, and so one group for the other
-
-    __hash__ = ir.values.MDValue.__hash__
-
-
 def _number(block: Any) -> int:
     """Place of a basic block in the function's text."""
     found = re.match(r"B(\d+)", block.name)
@@ -355,7 +349,7 @@ class _Marking(lowering.Lower):
     def _mark(self, header: Any, latches: list[Any], over: Any) -> None:
         note = self.module.add_metadata
         in_vectors = isinstance(over, LanesView) and over.count
-        group, loop = self._distinct(), self._distinct()
+        group, loop = distinct(self.module), distinct(self.module)
         if in_vectors:
             parallel = note(["llvm.loop.parallel_accesses", group])
             vectorise = note(["llvm.loop.vectorize.enable", ir.IntType(1)(1)])  # warns where it cannot
@@ -372,9 +366,6 @@ class _Marking(lowering.Lower):
                 for line in block.instructions:
                     if isinstance(line, ir.CallInstr) or "tbaa" in line.metadata:
                         line.set_metadata("llvm.access.group", group)
-
-    def _distinct(self) -> Any:
-        return _Distinct(self.module, (), name=str(len(self.module.metadata)))
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)

@@ -156,7 +156,8 @@ def simulate_together(
                 if should_stop is not None and should_stop():
                     return
                 runs = _run([engines[place] for place in part], first + part[0], columns, on_compile)
-                yield from zip((first + place for place in part), runs, strict=True)
+                for place in reversed(part):  # each is gone when it has been looked at
+                    yield first + place, runs.pop()
         first += len(engines)
     raise failure
 

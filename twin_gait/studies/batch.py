@@ -1,8 +1,8 @@
 """Many episodes of one experiment, each with a few values of its own, as one table.
 
 Memory does not grow with the length of a batch but for the rows of its table (6 to 11 kB each, measured over
-2500 episodes on the bench and 350 on the treadmill) and the logs that are asked for: with episodes of 20 s,
-340 MB for the caller and at most 375 MB for each of two workers, to which 10 000 episodes add some 110 MB.
+2500 episodes on the bench and 350 on the treadmill). A log lives until its row is made, and holds only the
+columns that the row is made of.
 """
 
 from __future__ import annotations

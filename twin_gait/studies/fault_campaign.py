@@ -122,6 +122,7 @@ def simulate_faults(
     experiment: Experiment,
     faults: Sequence[Fault],
     *,
+    row: Callable[[Run], dict[str, Any]] | None = None,
     workers: int | Workers = 1,
     progress: Callable[[int, int], None] | None = None,
     should_stop: Callable[[], bool] | None = None,
@@ -132,6 +133,7 @@ def simulate_faults(
     Args:
         experiment: The experiment; faults of its own are replaced.
         faults: One for each run, for example from :func:`draw_faults`.
+        row: What is told of each run; :func:`fault_row` by default.
         workers: Processes; 1 runs in this one.
         progress: Called with faults done and in all.
         should_stop: Asked now and then; True lets those that run finish and ends the campaign.
@@ -147,7 +149,7 @@ def simulate_faults(
     try:
         rows = run_episodes(
             partial(_with_fault, experiment),
-            fault_row,
+            row or fault_row,
             faults,
             workers=workers,
             progress=progress,

@@ -107,6 +107,11 @@ class Workers:
             self._runner.end()
         self._connection.__exit__(*exception)
 
+    @property
+    def local(self) -> bool:
+        """Whether they are processes of this machine."""
+        return isinstance(self._runner, Processes)
+
     def slots(self) -> int:
         """How many jobs run at a time; workers of a cluster may come and go."""
         return self._runner.slots()

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from twin_gait.core.friction import OTHER_LAWS, advanced_deflection
+from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, rotational_friction_torque
 from twin_gait.core.plant import brace_torque, imposed_motion_torque, passive_torque
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import RK4, SHIFT, dynamics, lanes
+from twin_gait.simulation.interface import RK4, RUBBING, SHIFT, dynamics, lanes, side_by_side
 
 
 def integrate(e: Episode, tick: int) -> None:
@@ -27,10 +27,12 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
         time: In [s].
         staged: Whether the state is that of a stage of the integration, not the present one.
     """
+    side_by_side(RUBBING, _rubbing, rotational_friction_torque, _keep_friction, e, staged)
     for i in range(len(e.q)):
         for one in lanes(e):
             q, v = _state(one, staged)
-            passive = passive_torque(one.plant[i], q[i], v[i], one.motor[i], q[i] - one.q[i])
+            rotational, moved = one.torque[i], q[i] - one.q[i]
+            passive = passive_torque(one.plant[i], rotational, q[i], v[i], one.motor[i], moved)
             one.torque[i] = one.motor[i] + one.external[i] + passive
     motion = e.imposed_motion
     if motion.place >= 0:
@@ -55,6 +57,24 @@ def _state(one: Episode, staged: bool) -> tuple[list[float], list[float]]:
     if staged:
         return one.stages.q, one.stages.v
     return one.q, one.v
+
+
+def _rubbing(place: int, e: Episode, staged: bool) -> tuple[float, float, float, float, float]:
+    """What :func:`~twin_gait.core.friction.rotational_friction_torque` is asked for."""
+    law = e.plant[place].friction
+    _, v = _state(e, staged)
+    return (
+        v[place],
+        law.breakaway_torque,
+        law.coulomb_friction,
+        law.stribeck_velocity,
+        law.viscous_friction_forward,
+    )
+
+
+def _keep_friction(place: int, torque: float, e: Episode, staged: bool) -> None:
+    """Keep it where the sum of all torques will be."""
+    e.torque[place] = torque
 
 
 def _impose(one: Episode, time: float, q: list[float], v: list[float]) -> None:

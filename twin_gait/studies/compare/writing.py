@@ -26,8 +26,8 @@ from twin_gait.palette import (
     SKY_BLUE,
     VERMILLION,
 )
-from twin_gait.report.canvas import picture_bytes, put_legend, style_panel
-from twin_gait.report.pages import paragraphs, picture_of, render
+from twin_gait.report.canvas import put_legend, style_panel
+from twin_gait.report.pages import Picture, paragraphs, picture_of, render
 from twin_gait.report.panels import draw_cycle_curve
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.folders import FolderKind, staged_directory
@@ -88,9 +88,9 @@ def write_comparison(comparison: Comparison, who: str, target: Path, *, force: b
         RunDirectoryError: If it exists, or cannot be written.
     """
     with staged_directory(target, COMPARISON, force=force) as staging:
-        figure = figure_of(comparison)
-        write_atomically(staging / PICTURE_FILE, picture_bytes(figure))
-        write_atomically(staging / PAGE_FILE, page_of(comparison, who, figure))
+        picture = picture_of(figure_of(comparison))
+        write_atomically(staging / PICTURE_FILE, picture.light)
+        write_atomically(staging / PAGE_FILE, page_of(comparison, who, picture))
         table = comparison.table.to_csv(index=False, lineterminator="\n")
         write_atomically(staging / RUNS_FILE, table)
         write_atomically(staging / SUMMARY_FILE, summary_text(comparison, who))
@@ -133,7 +133,7 @@ def conclusions(comparison: Comparison) -> list[str]:
     return paragraphs("compare.txt", content)
 
 
-def page_of(comparison: Comparison, who: str, figure: Figure) -> str:
+def page_of(comparison: Comparison, who: str, picture: Picture) -> str:
     """The report as HTML."""
     measures = {
         group: [
@@ -159,7 +159,7 @@ def page_of(comparison: Comparison, who: str, figure: Figure) -> str:
         "controllers": comparison.controllers,
         "measures": measures,
         "meanings": meanings,
-        "figure": picture_of(figure),
+        "figure": picture,
     }
     return render("compare.html", content)
 

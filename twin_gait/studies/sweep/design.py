@@ -12,7 +12,6 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
 
 from twin_gait.exceptions import ParameterError
 
@@ -134,6 +133,8 @@ def latin_hypercube(
     """
     if not 1 <= samples * repetitions <= MOST_EPISODES:
         raise ParameterError(f"expected 1 to {MOST_EPISODES} episodes, got {samples * repetitions}")
+    from scipy.stats import qmc  # takes longer to import than a hundred walks to check
+
     cube = qmc.LatinHypercube(len(parameters), rng=np.random.default_rng(seed))
     shares = cube.random(samples)
     columns = {

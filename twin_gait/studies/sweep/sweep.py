@@ -4,34 +4,27 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from twin_gait.configuration.experiment_file import experiment_from_mapping
-from twin_gait.configuration.validation import converting
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.experiment import Experiment
-from twin_gait.experiment.problem import build_problem
 from twin_gait.files import write_atomically
-from twin_gait.report.canvas import save
-from twin_gait.report.pages import figures_page
-from twin_gait.report.sweep import sweep_figures, values_of
+from twin_gait.report.sweep import values_of
 from twin_gait.runs.summary import READ_IN_BRIEF
 from twin_gait.simulation import RunStatus
-from twin_gait.studies.batch import Base, Flat, Override, flat_summary, setting_columns
+from twin_gait.studies.batch import Flat, flat_summary
 from twin_gait.studies.episodes import block_ahead, measured
 from twin_gait.studies.jobs import Portion, Workers, one_by_one, portions
+from twin_gait.studies.sweep.episode import Episode, check_episode, episodes_of
 from twin_gait.studies.sweep.spec import Sweep
 from twin_gait.studies.sweep.store import (
-    FIGURES_FOLDER,
-    REPORT_FILE,
     SPEC_FILE,
     SUMMARY_FILE,
     SweepStore,
@@ -44,62 +37,6 @@ from twin_gait.studies.sweep.store import (
 CHUNK_SECONDS = 2.0
 # Checking one takes a few milliseconds, starting workers a few seconds: more than these are checked by them.
 CHECKED_HERE = 2000
-
-
-class Episode(NamedTuple):
-    """An episode: plain values only.
-
-    Attributes:
-        number: Its position in the design.
-        override: What it changes.
-        seed: Of the sweep.
-        document: The experiment that all have in common, as JSON with the hash of its URDF.
-    """
-
-    number: int
-    override: Override
-    seed: int
-    document: str
-
-    def __str__(self) -> str:
-        return f"episode {self.number}"
-
-    def experiment(self) -> Experiment:
-        """What is to be run, with draws of its own.
-
-        Raises:
-            ParameterFileError: If a change is wrong, naming episode and key.
-        """
-        base = _base(self.document)
-        draws = np.random.SeedSequence(self.seed, spawn_key=(self.number,))
-        seeded = {**base.document, "seed": int(draws.generate_state(1, np.uint64)[0])}
-        return base._replace(document=seeded).changed(self.override, str(self))
-
-
-@lru_cache(maxsize=1)
-def _base(document: str) -> Base:
-    return Base.of(experiment_from_mapping(json.loads(document), "the sweep", Path()))
-
-
-def check_episode(episode: Episode) -> None:
-    """Check the overrides of an episode.
-
-    Raises:
-        TwinGaitError: If one is wrong.
-    """
-    experiment = episode.experiment()
-    # A text may name a joint or phase that is not there; numbers are checked by their ranges.
-    plain = all(isinstance(value, int | float) for value in episode.override.values())
-    if episode.number == 0 or not plain:
-        converting(str(episode), "", partial(_lay_out, experiment))
-
-
-def _lay_out(experiment: Experiment) -> None:
-    """Do what goes before the first tick, to find what does not fit together."""
-    problem = build_problem(experiment)
-    for phase in problem.world.initial_phases.values():
-        if phase is not None:
-            problem.table.phase_index(phase)
 
 
 @dataclass(frozen=True)
@@ -180,7 +117,9 @@ def run_sweep(
         summary = _summary(sweep, table, effort, resumed, time.perf_counter() - began)
         write_atomically(directory / SUMMARY_FILE, json.dumps(summary, indent=2) + "\n")
         if pictures and len(table) > 1:
-            write_pictures(sweep, table, directory)
+            from twin_gait.studies.sweep.pictures import write_pictures
+
+            write_pictures(sweep, table, directory, workers)
     without = (name for name in sweep.measures if not np.isfinite(values_of(table, name)).any())
     return SweepResult(directory, table, RunStatus(summary["status"]), resumed, summary, tuple(without))
 
@@ -213,23 +152,6 @@ def check_sweep(
                 raise ParameterFileError(sweep.source, "", portion.problem[1])
             if should_stop is not None and should_stop():
                 raise KeyboardInterrupt
-
-
-def write_pictures(sweep: Sweep, table: pd.DataFrame, directory: Path) -> None:
-    """Draw the table: ``figures/*.png``, and ``report.html`` with all of them."""
-    folder = directory / FIGURES_FOLDER
-    folder.mkdir(exist_ok=True)
-    parameters = list(setting_columns(sweep.design.columns).values())
-    title = sweep.name.replace("_", " ")
-    figures = sweep_figures(table, parameters, sweep.measures, title)
-    for name, figure in figures.items():
-        save(figure, folder / f"{name}.png")
-    counts = table["outcome"].value_counts().items()
-    rows = [(str(outcome), str(count), f"{100.0 * count / len(table):.1f}") for outcome, count in counts]
-    named = {name.replace("_", " "): figure for name, figure in figures.items()}
-    subtitle = f"{len(table)} episodes, {len(parameters)} parameters"
-    page = figures_page(f"Sweep: {title}", subtitle, named, ("outcome", "episodes", "share [%]"), rows)
-    write_atomically(directory / REPORT_FILE, page)
 
 
 def _run(
@@ -266,12 +188,6 @@ def _run(
                 named = f"episode {pending[place]}: "
                 raise ParameterFileError(sweep.source, "", named + text.removeprefix(named))
             tell(int(store.done.sum()), len(store.done))
-
-
-def episodes_of(sweep: Sweep, indices: Iterable[int]) -> Iterator[Episode]:
-    """Episodes of a sweep as jobs, one by one: a million of them at once would take memory."""
-    document = json.dumps(sweep.document["experiment"])
-    return (Episode(index, sweep.design[index], sweep.seed, document) for index in indices)
 
 
 def _summary(sweep: Sweep, table: pd.DataFrame, effort: _Effort, resumed: int, wall: float) -> dict[str, Any]:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
 
-from twin_gait.configuration.people import PatientEntry
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.parameters import HEAVIEST_WEARER, HIGHEST_LOAD_FRICTION, Patient
 from twin_gait.scenario import TreadmillScenario
+from twin_gait.vocabulary import MOTOR_JOINTS
 
 NOMINAL = "nominal"
 LOW_VOLTAGE, HIGH_VOLTAGE = 23.0, 33.6  # [V], an empty and a full battery
 LOW_FRICTION, HIGH_FRICTION = 0.35, 1.0  # true friction over the model's
 ANGLE_NOISE = 2e-5  # [rad], assumption: a standard deviation of some three counts of the encoder
+
+Change = Callable[[Experiment], Experiment]
 
 
 class Case(NamedTuple):
@@ -21,11 +25,11 @@ class Case(NamedTuple):
 
     Attributes:
         name: In words.
-        changes: Values by keys of an experiment.
+        change: What it makes of an experiment, whatever its table.
     """
 
     name: str
-    changes: dict[str, Any]
+    change: Change
 
 
 class Departure(NamedTuple):
@@ -53,31 +57,31 @@ def check_walker(experiment: Experiment) -> tuple[TreadmillScenario, Patient]:
 def search_cases(experiment: Experiment) -> tuple[Case, ...]:
     """What every candidate walks: as it is (first), and two corners of the robust set."""
     return (
-        Case(NOMINAL, {}),
+        Case(NOMINAL, _nothing),
         Case(
             "heavy, rough, empty battery",
-            {**_mass(experiment, 1.1), **_friction(HIGH_FRICTION), **_voltage(LOW_VOLTAGE), **_noise()},
+            _all(_mass(experiment, 1.1), _friction(HIGH_FRICTION), _voltage(LOW_VOLTAGE), _noise),
         ),
-        Case("light, smooth", {**_mass(experiment, 0.9), **_friction(LOW_FRICTION)}),
+        Case("light, smooth", _all(_mass(experiment, 0.9), _friction(LOW_FRICTION))),
     )
 
 
 def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
     """The robust set, which the best candidates walk; the nominal case first."""
     return (
-        Case(NOMINAL, {}),
+        Case(NOMINAL, _nothing),
         Case("mass −10 %", _mass(experiment, 0.9)),
         Case("mass +10 %", _mass(experiment, 1.1)),
         Case(f"friction ratio {LOW_FRICTION:g}", _friction(LOW_FRICTION)),
         Case(f"friction ratio {HIGH_FRICTION:g}", _friction(HIGH_FRICTION)),
         Case(f"load friction {HIGHEST_LOAD_FRICTION:g}", _load_friction(HIGHEST_LOAD_FRICTION)),
-        Case("support −10 points", _support(experiment, -0.1)),
-        Case("support +10 points", _support(experiment, 0.1)),
-        Case("belt −10 %", _speed(experiment, 0.9)),
-        Case("belt +10 %", _speed(experiment, 1.1)),
+        Case("support −10 points", _more_support(experiment, -0.1)),
+        Case("support +10 points", _more_support(experiment, 0.1)),
+        Case("belt −10 %", _faster(experiment, 0.9)),
+        Case("belt +10 %", _faster(experiment, 1.1)),
         Case(f"bus {LOW_VOLTAGE:g} V", _voltage(LOW_VOLTAGE)),
         Case(f"bus {HIGH_VOLTAGE:g} V", _voltage(HIGH_VOLTAGE)),
-        Case("sensor noise", _noise()),
+        Case("sensor noise", _noise),
         *search_cases(experiment)[1:],
     )
 
@@ -97,56 +101,102 @@ def departures(experiment: Experiment) -> tuple[Departure, ...]:
     speeds = [scenario.belt_speed * factor for factor in (0.7, 0.85, 1.0, 1.1, 1.2)]
     return (
         _departure("wearer's mass [kg]", patient.mass, masses, lambda x: _mass(experiment, x / patient.mass)),
-        _departure("wearer's height [m]", patient.height, heights, lambda x: {"patient.height_m": x}),
+        _departure("wearer's height [m]", patient.height, heights, _height),
         _departure("true friction over model", ratio, ratios, _friction),
         _departure("friction over motor torque", load, loads, _load_friction),
-        _departure("supported share of weight", share, shares, lambda x: {"scenario.support.share": x}),
-        _departure(
-            "belt speed [m/s]", scenario.belt_speed, speeds, lambda x: {"scenario.belt_speed_m_per_s": x}
-        ),
+        _departure("supported share of weight", share, shares, _support),
+        _departure("belt speed [m/s]", scenario.belt_speed, speeds, _speed),
     )
 
 
-def _departure(name: str, nominal: float, values: list[float], changes: Any) -> Departure:
-    cases = tuple(Case(f"{name}: {x:.3g}", {} if x == nominal else changes(x)) for x in values)
+def _departure(
+    name: str, nominal: float, values: list[float], change: Callable[[float], Change]
+) -> Departure:
+    cases = tuple(Case(f"{name}: {x:.3g}", _nothing if x == nominal else change(x)) for x in values)
     return Departure(name, nominal, tuple(values), cases)
 
 
-def _mass(experiment: Experiment, factor: float) -> dict[str, Any]:
+def _nothing(walked: Experiment) -> Experiment:
+    return walked
+
+
+def _all(*changes: Change) -> Change:
+    def change(walked: Experiment) -> Experiment:
+        for item in changes:
+            walked = item(walked)
+        return walked
+
+    return change
+
+
+def _mass(experiment: Experiment, factor: float) -> Change:
     """The true mass changes and nobody tells the device: neither its model nor the table's scaling law."""
     _, patient = check_walker(experiment)
     told = patient if experiment.control.patient is None else experiment.control.patient
     mass = min(HEAVIEST_WEARER, factor * patient.mass)
-    changes = {"patient.mass_kg": mass, "control.patient": PatientEntry.document(told)}
-    reference = experiment.table.scaling.carried_mass
-    if reference is not None:
-        # The law divides the carried mass, which the scenario knows, by this one.
-        total = experiment.build_world().model.total_mass
-        changes["table.scaling.carried_mass_kg"] = reference * (total + mass - patient.mass) / total
-    return changes
+    heavier = replace(patient, mass=mass)
+    # The law divides the carried mass, which the scenario knows, by its reference.
+    total = experiment.build_world().model.total_mass
+    ratio = (total + mass - patient.mass) / total
+
+    def change(walked: Experiment) -> Experiment:
+        table, control = walked.table, replace(walked.control, patient=told)
+        reference = table.scaling.carried_mass
+        if reference is not None:
+            table = replace(table, scaling=replace(table.scaling, carried_mass=reference * ratio))
+        return replace(walked, patient=heavier, control=control, table=table)
+
+    return change
 
 
-def _friction(ratio: float) -> dict[str, Any]:
-    return {"plant.friction_ratio.hip": ratio, "plant.friction_ratio.knee": ratio}
+def _height(height: float) -> Change:
+    def change(walked: Experiment) -> Experiment:
+        return replace(walked, patient=replace(check_walker(walked)[1], height=height))
+
+    return change
 
 
-def _load_friction(coefficient: float) -> dict[str, Any]:
-    return {"plant.load_friction.hip": coefficient, "plant.load_friction.knee": coefficient}
+def _friction(ratio: float) -> Change:
+    ratios = dict.fromkeys(MOTOR_JOINTS, ratio)
+    return lambda walked: replace(walked, plant=replace(walked.plant, friction_ratio=ratios))
 
 
-def _voltage(volts: float) -> dict[str, Any]:
-    return {"plant.battery.voltage_V": volts}
+def _load_friction(coefficient: float) -> Change:
+    coefficients = dict.fromkeys(MOTOR_JOINTS, coefficient)
+    return lambda walked: replace(walked, plant=replace(walked.plant, load_friction=coefficients))
 
 
-def _support(experiment: Experiment, step: float) -> dict[str, Any]:
+def _voltage(volts: float) -> Change:
+    def change(walked: Experiment) -> Experiment:
+        battery = replace(walked.plant.battery, voltage=volts)
+        return replace(walked, plant=replace(walked.plant, battery=battery))
+
+    return change
+
+
+def _support(share: float) -> Change:
+    def change(walked: Experiment) -> Experiment:
+        scenario, _ = check_walker(walked)
+        return replace(walked, scenario=replace(scenario, support=replace(scenario.support, share=share)))
+
+    return change
+
+
+def _more_support(experiment: Experiment, step: float) -> Change:
     scenario, _ = check_walker(experiment)
-    return {"scenario.support.share": min(0.95, max(0.0, scenario.support.share + step))}
+    return _support(min(0.95, max(0.0, scenario.support.share + step)))
 
 
-def _speed(experiment: Experiment, factor: float) -> dict[str, Any]:
-    scenario, _ = check_walker(experiment)
-    return {"scenario.belt_speed_m_per_s": factor * scenario.belt_speed}
+def _speed(speed: float) -> Change:
+    def change(walked: Experiment) -> Experiment:
+        return replace(walked, scenario=replace(check_walker(walked)[0], belt_speed=speed))
+
+    return change
 
 
-def _noise() -> dict[str, Any]:
-    return {"sensors.ideal": False, "sensors.angle_noise_rad": ANGLE_NOISE}
+def _faster(experiment: Experiment, factor: float) -> Change:
+    return _speed(factor * check_walker(experiment)[0].belt_speed)
+
+
+def _noise(walked: Experiment) -> Experiment:
+    return replace(walked, sensors=replace(walked.sensors, ideal=False, angle_noise=ANGLE_NOISE))

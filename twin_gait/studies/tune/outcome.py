@@ -13,7 +13,7 @@ import numpy as np
 
 from twin_gait import __version__
 from twin_gait.checking.check import counts
-from twin_gait.configuration.documents import dump_yaml, experiment_document
+from twin_gait.configuration.documents import dump_yaml
 from twin_gait.exceptions import RunDirectoryError
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
@@ -25,10 +25,9 @@ from twin_gait.simulation import simulate
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import check_walker, departures
 from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, PARTS, WORST, Rating, part_costs
-from twin_gait.studies.tune.search import best_so_far, better_half
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
 from twin_gait.studies.tune.tune import Chosen, choose, final_table
-from twin_gait.studies.tune.walks import Ask, experiment_of, walk_all
+from twin_gait.studies.tune.walks import table_of, walk_all, walker
 from twin_gait.vocabulary import MOTOR_JOINTS
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
@@ -124,7 +123,6 @@ def outcome(
     before = tuning.before
     assert before is not None and tuning.state.start_cost is not None  # a completed tuning has both
     after = chosen.finalist
-    curve = best_so_far(tuning.state.start_cost, tuning.state.generations)
     return {
         "schema_version": OUTCOME_VERSION,
         "version": __version__,
@@ -147,14 +145,9 @@ def outcome(
         "robust_set": _robust(before, after),
         "departures": dict(departed),
         "parameters": _parameters(tuning, after),
-        "screening": [asdict(effect) for effect in tuning.effects],
         "convergence": {
-            "best": curve.tolist(),
-            # Of those that have walked all cases; the others' costs only say that they are worse.
-            "median": [
-                float(np.median([item.costs[place] for place in better_half(item.costs)]))
-                for item in tuning.state.generations
-            ],
+            "best": [item.cost for item in tuning.state.generations],
+            "median": [item.median for item in tuning.state.generations],
         },
         "check": {**counts(chosen.findings), "refused_before_it": chosen.refused},
         "effort": _effort(tuning, settings),
@@ -178,16 +171,15 @@ def walk_departures(
         None where it fell or hardly walked, and the falls. None if it was stopped.
     """
     found = departures(experiment)
-    asks = [Ask(table, case) for item in found for table in (before, after) for case in item.cases]
-    document = {
-        **experiment_document(experiment),
-        "seed": settings.seed,
-        "table": None,
-        "duration_s": settings.robust_duration,
-    }
+    tables = table_of(before), table_of(after)
+    walked = walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration)
     results = walk_all(
-        asks,
-        document,
+        [
+            case.change(replace(walked, table=table))
+            for item in found
+            for table in tables
+            for case in item.cases
+        ],
         workers,
         reference_speed=settings.reference_speed,
         progress=progress,
@@ -224,9 +216,9 @@ def gait_curves(
         }
         for joint in MOTOR_JOINTS
     }
-    document = {**experiment_document(experiment), "seed": settings.seed}
+    walked = walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration)
     for name, table in (("before", before), ("after", after)):
-        run = simulate(replace(experiment_of(document, table, {}), duration=settings.robust_duration))
+        run = simulate(replace(walked, table=table_of(table)))
         for record in run.leg_records():
             for joint in MOTOR_JOINTS:
                 cycles = normalise_strides(record.angles[joint], record.strides())
@@ -290,19 +282,17 @@ def _degradation(walks: Sequence[Rating]) -> dict[str, list[Any]]:
 
 
 def _parameters(tuning: Tuning, chosen: Finalist) -> list[dict[str, Any]]:
-    points = dict(zip((item.name for item in tuning.searched), chosen.points or (), strict=False))
-    searched = {item.name for item in tuning.searched}
+    points = chosen.points or tuple(item.start_coordinate for item in tuning.parameters)
     return [
         {
             "name": item.name,
             "unit": item.unit,
             "start": item.start,
-            "tuned": item.value(points[item.name]) if item.name in points else item.start,
+            "tuned": item.value(point),
             "lower": item.lower,
             "upper": item.upper,
-            "searched": item.name in searched,
         }
-        for item in tuning.parameters
+        for item, point in zip(tuning.parameters, points, strict=True)
     ]
 
 
@@ -310,10 +300,8 @@ def _effort(tuning: Tuning, settings: Settings) -> dict[str, Any]:
     generations = tuning.state.generations
     return {
         "seed": settings.seed,
-        "generations": len(generations),
-        "population": settings.population,
-        "candidates": sum(len(item.costs) for item in generations),
-        "screening_points": len(tuning.state.screening),
+        "generations": len(generations) - 1,  # the first is the start
+        "candidates": sum(item.candidates for item in generations),
         "elapsed_s": tuning.state.elapsed,
         "versions": tuning.state.identity["versions"],
     }

@@ -19,21 +19,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from twin_gait.files import finite_or_none
+from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.reference import reference_curve
 from twin_gait.measures.strides import (
     PERCENT,
+    SKIPPED_STRIDES,
     normalise_strides,
     root_mean_square_error,
     symmetry_index,
 )
-from twin_gait.runs.summary import summarise
-from twin_gait.simulation import Run
-from twin_gait.vocabulary import JointName, Outcome
+from twin_gait.report.reference import reference_cycle
+from twin_gait.runs.leg_summary import by_contact, joint_motion, joint_saturation, torque_at_switches
+from twin_gait.simulation import Run, RunStatus
+from twin_gait.vocabulary import JointName
 
 WORST = 30.0  # cost of the worst walk that does not fall; the shipped table costs some 6
 FALL = 100.0  # cost of a fall at the start
-# The tool is held to the goals of the errors. Without the excess the search trades one goal for the other.
-HELD_TO = 20.0  # weight
+# Without the excess the search trades one goal for the other; the tool is held to those of the errors.
+HELD_TO, EXCESS = 20.0, 6.0  # weights
 AIM = 0.9  # share of a goal beyond which the excess counts: a little better than asked for
 NEEDED_CLEARANCE = 15.0  # [mm]; how far the toe stays below it is a part
 
@@ -48,7 +52,7 @@ class Part:
         unit: For people.
         goal: Value that costs just the weight.
         weight: w, see the module.
-        excess: Of :func:`excess_cost`.
+        excess: Weight e of what it lacks to its goal, see :func:`nominal_cost`.
     """
 
     name: str
@@ -56,11 +60,12 @@ class Part:
     unit: str
     goal: float
     weight: float
-    excess: float = 0.0
+    excess: float = EXCESS
 
 
+SAMPLES_APART = 5  # [%] of a stride: of the deviations that the search learns from
 _TOE = f"toe lower than {NEEDED_CLEARANCE:g} mm in swing by"
-# Goals of the errors and of saturation are those that the tool is held to; 60 N m is the motors' limit.
+# 60 N m is the motors' limit.
 PARTS = (
     Part("hip_error_deg", "hip error", "°", goal=4.0, weight=1.0, excess=HELD_TO),
     Part("knee_error_deg", "knee error", "°", goal=8.0, weight=1.0, excess=HELD_TO),
@@ -73,6 +78,7 @@ PARTS = (
     Part("clearance_lack_mm", _TOE, "mm", goal=5.0, weight=0.25),
     Part("asymmetry_pct", "difference of the legs", "%", goal=10.0, weight=0.25),
 )
+ERRORS = PARTS[:2]
 
 
 def part_values(run: Run, reference_speed: float | None = None) -> dict[str, float | None]:
@@ -84,13 +90,14 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
     Returns:
         Value by name of the part; None where the walk has too few strides for it.
     """
-    sides = list(summarise(run)["sides"].values())
+    legs = run.leg_records()
+    sides = [_leg(run, leg) for leg in legs]
     joints = [joint for side in sides for joint in side["joints"].values()]
     # Contacts of a foot that has just landed; further contacts in swing are scuffs.
     bounces = [(side["further_contacts"] - side["scuffs"], side["strides"]) for side in sides]
     return {
-        "hip_error_deg": _error(run, sides, JointName.HIP, reference_speed),
-        "knee_error_deg": _error(run, sides, JointName.KNEE, reference_speed),
+        "hip_error_deg": _error(run, legs, sides, JointName.HIP, reference_speed),
+        "knee_error_deg": _error(run, legs, sides, JointName.KNEE, reference_speed),
         "stride_variation_pct": _percent(_largest(side["stride_time_variation"] for side in sides)),
         "second_contacts_per_stride": _per_stride(bounces),
         "scuffs_per_stride": _per_stride([(side["scuffs"], side["strides"]) for side in sides]),
@@ -102,22 +109,43 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
     }
 
 
+def _leg(run: Run, leg: LegRecord) -> dict[str, Any]:
+    """Those numbers of the summary of a leg that the parts are made of; None for what is not defined."""
+
+    def defined(numbers: Mapping[str, float]) -> dict[str, float | None]:
+        return {name: finite_or_none(value) for name, value in numbers.items()}
+
+    joints = {
+        joint: {
+            **joint_motion(leg, joint, SKIPPED_STRIDES),
+            **joint_saturation(run, leg, joint),
+            **torque_at_switches(run, leg, joint, SKIPPED_STRIDES),
+        }
+        for joint in leg.angles
+    }
+    return {
+        **defined(by_contact(run, leg, SKIPPED_STRIDES)),
+        "joints": {joint: defined(numbers) for joint, numbers in joints.items()},
+    }
+
+
 class Rating(NamedTuple):
     """What a walk is worth: plain values only, which any process can send.
 
     Attributes:
-        cost: See the module; ``FORBIDDEN`` and more for a table with errors.
+        cost: See the module.
         values: Of the parts.
         fell: Whether it ended in a fall, a trip of the safety monitor or diverged.
         lasted: Share of the time.
-        errors: Ids of the rules of the check that forbid the table; then it was not walked.
+        deviations: Of the mean strides from the reference, over goals; their squares add up to about those of
+            the errors, halved by the legs. Empty if a leg made no stride.
     """
 
     cost: float
     values: dict[str, float | None]
     fell: bool
     lasted: float
-    errors: tuple[str, ...] = ()
+    deviations: tuple[float, ...] = ()
 
 
 def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
@@ -132,10 +160,10 @@ def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
         ``hip_error_deg``, whether it fell, and the share of the time that it lasted.
     """
     values = part_values(run, reference_speed)
-    fell = run.verdict.outcome in (Outcome.FELL, Outcome.DIVERGED, Outcome.HELD)
+    fell = run.trip is not None or run.status in (RunStatus.FELL, RunStatus.DIVERGED)
     end = run.duration if run.trip is None else run.trip.time
     lasted = min(1.0, end / run.experiment.duration)
-    return Rating(walk_cost(values, lasted, fell), values, fell, lasted)
+    return Rating(walk_cost(values, lasted, fell), values, fell, lasted, _deviations(run, reference_speed))
 
 
 def walk_cost(values: Mapping[str, float | None], lasted: float, fell: bool) -> float:
@@ -161,18 +189,63 @@ def part_costs(values: Mapping[str, float | None]) -> dict[str, float]:
     return costs
 
 
-def excess_cost(values: Mapping[str, float | None]) -> float:
-    r"""What missed goals cost on top, in the walk that a table is tuned for.
+def nominal_cost(walk: Rating) -> float:
+    r"""Cost of the walk that a table is tuned for, in which a goal that is missed costs more.
 
-    :math:`\sum_i e_i \max(0, x_i / g_i - 0.9)^2`, where e is not 0 for the two errors only.
-    What is not defined costs nothing, nor does a table that did not walk and has no values.
+    .. math::
+
+        J + \sum_i e_i \max(0, x_i / g_i - 0.9)^2
+
+    Above half of ``WORST`` it bends so that it stays below that: a fall costs more than any walk, and of two
+    bad walks the worse costs more.
     """
-    total = 0.0
-    for part in PARTS:
-        value = values.get(part.name)
-        if value is not None:
-            total += part.excess * max(0.0, value / part.goal - AIM) ** 2
-    return total
+    if walk.fell or not walk.deviations:
+        return walk.cost
+    total = walk.cost + sum(lack * lack for lack in _lacks(walk.values))
+    half = 0.5 * WORST
+    return total if total <= half else WORST - half * half / total
+
+
+def residuals(walk: Rating) -> np.ndarray | None:
+    """Numbers whose squares add up to about the :func:`nominal_cost` of a walk; None of one that fell.
+
+    The errors are told sample by sample, and so more than by two numbers.
+    """
+    if walk.fell or not walk.deviations:
+        return None
+    costs = part_costs(walk.values)
+    others = [math.sqrt(costs[part.name]) for part in PARTS if part not in ERRORS]
+    return np.array([*walk.deviations, *others, *_lacks(walk.values)])
+
+
+def _lacks(values: Mapping[str, float | None]) -> list[float]:
+    """Roots of what each part costs beyond ``AIM`` of its goal; 0 of one that is not defined."""
+    ratios = ((values[part.name] or 0.0) / part.goal for part in PARTS)
+    return [math.sqrt(part.excess) * max(0.0, ratio - AIM) for part, ratio in zip(PARTS, ratios, strict=True)]
+
+
+def _deviations(run: Run, reference_speed: float | None) -> tuple[float, ...]:
+    """Mean strides less the reference over goal, every 5 %, with squares that add up to 1 at the goals."""
+    legs = run.leg_records()
+    found: list[float] = []
+    for leg in legs:
+        for part, joint in zip(ERRORS, (JointName.HIP, JointName.KNEE), strict=True):
+            cycles = normalise_strides(leg.angles[joint], leg.strides())
+            reference = _reference(run, joint, reference_speed)
+            if not len(cycles) or reference is None:
+                return ()
+            apart = np.degrees(cycles.mean(axis=0) - reference)[:-1:SAMPLES_APART]
+            found += (apart / (part.goal * math.sqrt(len(legs) * len(apart)))).tolist()
+    return tuple(found)
+
+
+def _reference(run: Run, joint: JointName, reference_speed: float | None) -> np.ndarray | None:
+    """Reference angles in [rad] at ``PERCENT``; those of the summary unless a speed is given."""
+    if reference_speed is None:
+        return reference_cycle(run.experiment, joint)
+    assert run.experiment.patient is not None  # a walk to be tuned has a wearer
+    height = run.experiment.patient.height
+    return reference_curve(joint, PERCENT, speed=reference_speed, height=height)
 
 
 def _largest(values: Iterable[float | None]) -> float | None:
@@ -188,21 +261,19 @@ def _percent(share: float | None) -> float | None:
 
 
 def _error(
-    run: Run, sides: Sequence[Mapping[str, Any]], joint: JointName, reference_speed: float | None
+    run: Run,
+    legs: Sequence[LegRecord],
+    sides: Sequence[Mapping[str, Any]],
+    joint: JointName,
+    reference_speed: float | None,
 ) -> float | None:
     """RMSE from foot contact to foot contact in [deg], larger leg; the summary's unless a speed is given."""
     if reference_speed is None:
         return _largest(side[f"rmse_{joint}_by_contact_deg"] for side in sides)
-    assert run.experiment.patient is not None  # a walk to be tuned has a wearer
-    height = run.experiment.patient.height
-    reference = reference_curve(joint, PERCENT, speed=reference_speed, height=height)
-    errors = []
-    for side in run.sides:
-        record = run.leg_record(side)
-        cycles = normalise_strides(record.angles[joint], record.strides())
-        error = math.degrees(root_mean_square_error(cycles, reference)) if len(cycles) else math.nan
-        errors.append(error if math.isfinite(error) else None)
-    return _largest(errors)
+    reference = _reference(run, joint, reference_speed)
+    assert reference is not None  # given with the speed
+    cycles = [normalise_strides(leg.angles[joint], leg.strides()) for leg in legs]
+    return _largest(finite_or_none(math.degrees(root_mean_square_error(item, reference))) for item in cycles)
 
 
 def _per_stride(counted: Iterable[tuple[int, int]]) -> float | None:

@@ -1,189 +1,133 @@
-r"""Which numbers of a table matter, and the search over those.
+r"""The search: damped least squares over all numbers of the table at once.
 
-Screening: elementary effects after M. D. Morris, Factorial sampling plans for preliminary computational
-experiments, Technometrics 33 (1991) 161-174, with the mean of the magnitudes (mu star) of Campolongo et al.
-(2007), computed by SALib.
+A walk is :math:`r(x)`, numbers whose squares add up to what it costs, among them the deviations of the mean
+strides (:func:`twin_gait.studies.tune.parts.residuals`). In each generation every number of the table is
+moved by itself, which gives the slopes J, and so are all together by the steps
 
-Search: CMA-ES, whose state is the populations that it has been told of. Nothing of the optimiser itself is
-stored. Asked and told again with the same draws it comes to the same state, bit for bit, which is checked
-on the way.
+.. math::
+
+    s_\mu = \arg\min_s |r + J s|^2 + \mu^2 |s|^2
+
+for several dampings μ, each in full and in part (K. Levenberg, Quarterly of Applied Mathematics 2 (1944)
+164-168; D. W. Marquardt, SIAM Journal on Applied Mathematics 11 (1963) 431-441). The search goes on from the
+best of all these points. What a walk does is rugged: slopes come from moves of several percent of a number's
+range, up and down in turn, and those of earlier generations fade out by halves. No chance is in it.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
-from twin_gait.exceptions import MissingOptionalDependency, ParameterError
-from twin_gait.studies.tune.parts import WORST
-from twin_gait.studies.tune.space import Parameter
-
-LEVELS = 4
-# Of the unit cube, to either side of the start. Many numbers change at once: at 0.15 nearly all points fall
-# or are forbidden, which tells nothing about the rest; at 0.04 143 of 204 walk (tried on the shipped table).
-REACH = 0.04
-TRAJECTORIES = 4
-# The search gets the numbers that make up this share of all effects.
-KEPT_SHARE = 0.95
-FEWEST = 30
-
-
-FIRST_STEP = 0.05  # standard deviation of the first population in the unit cube
-POPULATION = 12
-
-
-@dataclass(frozen=True)
-class Effect:
-    """What a number of the table does to the cost.
-
-    Attributes:
-        name: Of the parameter.
-        mu_star: Mean magnitude of its elementary effects on log(1 + cost), with no cost above that of
-            the worst walk.
-        mu_star_conf: Half the 95 % interval of it.
-        sigma: Standard deviation of the effects: interaction and curvature.
-        kept: Whether the search changes it.
-    """
-
-    name: str
-    mu_star: float
-    mu_star_conf: float
-    sigma: float
-    kept: bool
-
-
-def plan(parameters: Sequence[Parameter], seed: int, trajectories: int = TRAJECTORIES) -> np.ndarray:
-    """Points to be walked: trajectories that change one number at a time.
-
-    Returns:
-        Coordinates from 0 to 1, shape ``(trajectories * (n + 1), n)``.
-
-    Raises:
-        MissingOptionalDependency: If SALib is not installed.
-    """
-    sample = _library("SALib.sample.morris", "SALib")
-    return np.asarray(sample.sample(_problem(parameters), trajectories, num_levels=LEVELS, seed=seed))
-
-
-def effects(
-    parameters: Sequence[Parameter], points: np.ndarray, costs: Sequence[float], seed: int
-) -> list[Effect]:
-    """Effects of all numbers at the points of :func:`plan`, and which of them the search gets."""
-    analysis = _library("SALib.analyze.morris", "SALib")
-    # Falls and forbidden tables cost ten to a hundred times a walk: uncut they alone would rank the numbers.
-    responses = np.log1p(np.minimum(np.asarray(costs, dtype=float), WORST))
-    found = analysis.analyze(
-        _problem(parameters), points, responses, num_levels=LEVELS, seed=seed, print_to_console=False
-    )
-    mu_star = [_number(value) for value in found["mu_star"]]
-    kept = keep(mu_star)
-    intervals, sigmas = ([_number(value) for value in found[name]] for name in ("mu_star_conf", "sigma"))
-    rows = zip(parameters, mu_star, intervals, sigmas, strict=True)
-    return [
-        Effect(item.name, size, half_width, sigma, place in kept)
-        for place, (item, size, half_width, sigma) in enumerate(rows)
-    ]
-
-
-def keep(mu_star: Sequence[float], fewest: int = FEWEST) -> set[int]:
-    """Places of the fewest numbers that make up ``KEPT_SHARE`` of all effects, at least so many."""
-    order = sorted(range(len(mu_star)), key=lambda i: (-mu_star[i], i))
-    total, kept, share = sum(mu_star), set[int](), 0.0
-    for position in order:
-        if share >= KEPT_SHARE * total and len(kept) >= fewest:
-            break
-        kept.add(position)
-        share += mu_star[position]
-    return kept
-
-
-def _problem(parameters: Sequence[Parameter]) -> dict[str, Any]:
-    bounds = []
-    for parameter in parameters:
-        centre = parameter.start_coordinate
-        low = min(max(0.0, centre - REACH), 1.0 - 2.0 * REACH)
-        bounds.append([low, low + 2.0 * REACH])
-    return {"num_vars": len(parameters), "names": [item.name for item in parameters], "bounds": bounds}
-
-
-def _number(value: Any) -> float:
-    return float(value) if math.isfinite(value) else 0.0
+REACH = 0.05  # of the unit cube, by which a number is moved for a slope; about 1° of an equilibrium
+LEAST_REACH = 0.01
+DAMPING = 1.0  # μ, in units of the cost's root over the unit cube
+DAMPINGS = (0.05, 8.0)  # between which it stays
+FACTORS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # dampings that are tried, over the one that did best
+PARTS_OF_STEPS = (1.0, 0.5)
+MEMORY = 0.5  # share of the earlier slopes
+# Beyond so many times the cost a move has led to another kind of gait, whose slope tells nothing of this one.
+OTHER_GAIT = 4.0
+_ROOM = 1e-9
+PATIENCE = 8  # generations without a gain, after which the search has come to its end
 
 
 class Generation(NamedTuple):
-    """One population and what it cost.
+    """One generation.
 
     Attributes:
-        points: Coordinates from 0 to 1, one list per candidate.
-        costs: One per candidate.
+        point: Where the search stands after it, coordinates from 0 to 1.
+        cost: There.
+        median: Of its candidates' nominal walks.
+        candidates: That walked.
     """
 
-    points: list[list[float]]
-    costs: list[float]
+    point: list[float]
+    cost: float
+    median: float
+    candidates: int
 
 
-def better_half(costs: Sequence[float]) -> list[int]:
-    """Places of the cheaper half of a population, rounded up, the cheapest first; the older of two equals."""
-    return sorted(range(len(costs)), key=lambda place: (costs[place], place))[: (len(costs) + 1) // 2]
+@dataclass
+class Descent:
+    """Where a search stands: plain numbers, which a file keeps.
 
+    Attributes:
+        point: Coordinates from 0 to 1.
+        cost: There.
+        residuals: There; empty if it does not walk.
+        slopes: J by number of the table; empty before the first generation.
+        reach: By which numbers are moved for the slopes.
+        damping: That did best.
+        generation: Generations that are over.
+        gained: The last of them that gained something.
+    """
 
-class Search:
-    """CMA-ES in the unit cube with draws of its own."""
+    point: list[float]
+    cost: float
+    residuals: list[float]
+    slopes: list[list[float]]
+    reach: float = REACH
+    damping: float = DAMPING
+    generation: int = 0
+    gained: int = 0
 
-    def __init__(self, start: Sequence[float], seed: int, population: int = POPULATION) -> None:
-        """Begin.
+    @property
+    def has_ended(self) -> bool:
+        """Whether there is nothing more to gain."""
+        return self.generation - self.gained >= PATIENCE
 
-        Raises:
-            MissingOptionalDependency: If cma is not installed.
-        """
-        generator = np.random.default_rng(seed)
-        options = {
-            "bounds": [0.0, 1.0],
-            "popsize": population,
-            "seed": np.nan,  # it shall leave numpy's global generator alone
-            "randn": lambda *shape: generator.standard_normal(shape),
-            "verbose": -9,
-            "verb_log": 0,
-        }
-        self._optimiser: Any = _library("cma", "cma").CMAEvolutionStrategy(list(start), FIRST_STEP, options)
+    def neighbours(self) -> list[list[float]]:
+        """The point with one number moved, up and down in turn; the other way where the range ends."""
+        reach = self.reach if self.generation % 2 == 0 else -self.reach
+        found = []
+        for place, own in enumerate(self.point):
+            moved = own + reach if 0.0 <= own + reach <= 1.0 else own - reach
+            found.append([*self.point[:place], moved, *self.point[place + 1 :]])
+        return found
 
-    def ask(self) -> list[list[float]]:
-        """Candidates of the next generation."""
-        return [[float(value) for value in point] for point in self._optimiser.ask()]
+    def learn(self, neighbours: Sequence[Sequence[float]], residuals: Sequence[np.ndarray | None]) -> None:
+        """Take in the slopes towards the neighbours; those to another kind of gait count as 0."""
+        own = np.array(self.residuals)
+        slopes = np.zeros((len(neighbours), len(own)))
+        for place, (neighbour, there) in enumerate(zip(neighbours, residuals, strict=True)):
+            if there is not None and len(own) and there @ there <= OTHER_GAIT * (own @ own):
+                slopes[place] = (there - own) / (neighbour[place] - self.point[place])
+        if self.slopes:
+            slopes = MEMORY * np.array(self.slopes) + (1.0 - MEMORY) * slopes
+        self.slopes = slopes.tolist()
 
-    def tell(self, generation: Generation) -> None:
-        """Learn what the candidates that were asked for cost."""
-        points = [np.array(point) for point in generation.points]
-        self._optimiser.tell(points, list(generation.costs))
+    def steps(self) -> list[tuple[float, list[float]]]:
+        """Dampings, and the points where their steps lead, in full and in part; none before it walks."""
+        if not self.residuals:
+            return []
+        point, found = np.array(self.point), []
+        wanted = np.append(-np.array(self.residuals), np.zeros(len(point)))
+        for damping in (factor * self.damping for factor in FACTORS):
+            damped = np.vstack((np.array(self.slopes).T, damping * np.eye(len(point))))
+            # The solver wants room between the bounds, also for a number that is at both ends of its range.
+            step = lsq_linear(damped, wanted, (-point - _ROOM, 1.0 - point + _ROOM)).x
+            for part in PARTS_OF_STEPS:
+                found.append((damping, np.clip(point + part * step, 0.0, 1.0).tolist()))
+        return found
 
-    def replay(self, generations: Sequence[Generation]) -> None:
-        """Come to the state after some generations.
+    def go_to(self, point: list[float], cost: float, residuals: list[float], damping: float | None) -> None:
+        """Go on from another point, for the gain of a step with some damping, or of a neighbour."""
+        self.point, self.cost = point, cost
+        if len(residuals) != len(self.residuals):
+            self.slopes = []  # it walks now
+        self.residuals = residuals
+        if damping is not None:
+            self.damping = float(np.clip(damping, *DAMPINGS))
+        self.generation += 1
+        self.gained = self.generation
 
-        Raises:
-            ParameterError: If the populations are not those that this search draws.
-        """
-        for number, generation in enumerate(generations):
-            if self.ask() != generation.points:
-                raise ParameterError(
-                    f"generation {number} of the kept search cannot be drawn again (another version of cma "
-                    "or numpy, or another machine); begin anew with --force"
-                )
-            self.tell(generation)
-
-
-def best_so_far(start_cost: float, generations: Sequence[Generation]) -> np.ndarray:
-    """Cost of the best candidate after each generation, the start's first, shape ``(n + 1,)``."""
-    least = [start_cost, *(min(item.costs) for item in generations)]
-    return np.minimum.accumulate(np.array(least))
-
-
-def _library(module: str, package: str) -> Any:
-    try:
-        return import_module(module)
-    except ImportError as error:
-        raise MissingOptionalDependency(package, "tune", "twin-gait tune") from error
+    def stay(self) -> None:
+        """Nothing was gained: look closer by, with more damping."""
+        self.reach = max(LEAST_REACH, 0.6 * self.reach)
+        self.damping = min(DAMPINGS[1], 2.0 * self.damping)
+        self.generation += 1

@@ -1,4 +1,4 @@
-"""The stages of a tuning: compiling, screening, search and robust set."""
+"""The stages of a tuning: compiling, search and robust set."""
 
 from __future__ import annotations
 
@@ -10,26 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.gait_table_file import load_gait_table
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Experiment
+from twin_gait.experiment.problem import build_problem
 from twin_gait.gait.table import GaitTable
 from twin_gait.simulation import RunStatus
+from twin_gait.simulation.together import compile_ahead
 from twin_gait.studies.jobs import Workers
-from twin_gait.studies.tune.cases import NOMINAL, Case, robust_cases, search_cases
-from twin_gait.studies.tune.parts import FALL, Rating
-from twin_gait.studies.tune.search import (
-    Effect,
-    Generation,
-    Search,
-    best_so_far,
-    better_half,
-    effects,
-    plan,
-)
+from twin_gait.studies.tune.cases import Case, robust_cases, search_cases
+from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
+from twin_gait.studies.tune.search import Descent, Generation
 from twin_gait.studies.tune.space import (
-    Parameter,
     editable_document,
     parameters_of,
     table_with,
@@ -37,20 +29,20 @@ from twin_gait.studies.tune.space import (
 )
 from twin_gait.studies.tune.state import Finalist, Progress, Settings, State, Tuning, write_state
 from twin_gait.studies.tune.walks import (
-    Ask,
-    Walk,
-    nominal_cost,
-    run_walk,
+    quick_errors,
+    table_of,
     walk_all,
+    walker,
     weighted_cost,
 )
 
-# Share of the minutes for screening and search; the robust set, the departures and the report take the rest.
-SEARCH_SHARE = 0.85
-FINALISTS = 5
+# Share of the minutes for the search; the robust set, the departures and the report take the rest.
+SEARCH_SHARE = 0.75
+SEARCH_WALKS = 1000  # or more, for which loops are compiled
+RACED = 6  # candidates of a generation that walk all cases, the best of the nominal walk
+FINALISTS = 5  # of the search, beside the table that is to be bettered
 # Shipped tables for the same walk; a search does not come from the one to the other.
 START_TABLES = ("treadmill", "treadmill_normative")
-WARM_UP = 0.05  # [s], long enough to compile what a case needs
 
 
 class Stopped(Exception):  # not an error: somebody asked for it
@@ -88,14 +80,10 @@ class Stages:
         self._directory, self._should_stop = directory, should_stop
         self._progress = progress or (lambda step: None)
         self._began, self._before = time.perf_counter(), state.elapsed
-        self._experiment = experiment
-        document = experiment_document(experiment)
-        self._document = {**document, "seed": settings.seed, "table": None}
+        self._experiment = replace(experiment, seed=settings.seed)
         self._table = editable_document(experiment.table)
         self._begin_with(experiment.table)
-        self._effects: tuple[Effect, ...] = ()
         self._best: tuple[float, Mapping[str, float | None]] = (float("inf"), {})
-        self._origin_cost = float("inf")
 
     def _begin_with(self, table: GaitTable) -> None:
         settings = self._settings
@@ -110,28 +98,25 @@ class Stages:
             ParameterError: If a walk cannot be run.
         """
         self._compile(on_compile)
-        self._walk_start()
-        searched = self._screen()
-        self._search(searched)
-        finalists = self._finalists(searched)
+        self._search(self._started())
+        finalists = self._finalists()
         before = finalists[0]
         ranked = sorted(finalists, key=lambda item: (item.falls, item.cost))
         self.keep()
-        return self._tuning(RunStatus.COMPLETED, searched, before, tuple(ranked))
+        return self._tuning(RunStatus.COMPLETED, before, tuple(ranked))
 
     def unfinished(self) -> Tuning:
         """A tuning that was stopped, of which only the state counts."""
-        return self._tuning(RunStatus.INTERRUPTED, (), None, ())
+        return self._tuning(RunStatus.INTERRUPTED, None, ())
 
     def _tuning(
         self,
         status: RunStatus,
-        searched: tuple[Parameter, ...],
         before: Finalist | None,
         ranked: tuple[Finalist, ...],
     ) -> Tuning:
         name = str(self._origin["name"])
-        return Tuning(status, self._parameters, searched, self._effects, self._state, before, ranked, name)
+        return Tuning(status, self._parameters, self._state, before, ranked, name)
 
     def keep(self) -> None:
         """Write the state."""
@@ -152,135 +137,121 @@ class Stages:
         cases = robust_cases(self._experiment)
         for number, case in enumerate(cases):
             self._tell("compiling", number, len(cases))
-            document = {**self._document, "duration_s": WARM_UP}
             for quick in (False, True):
-                walk = Walk(number, document, self._table, case.changes, None, False, quick)
+                walked = case.change(
+                    walker(self._experiment, duration=self._settings.search_duration, quick=quick)
+                )
                 try:
-                    run_walk(walk, on_compile)
+                    build_problem(walked)
                 except TwinGaitError as error:
                     raise ParameterError(f"{case.name}: {error}") from error
+                walks = SEARCH_WALKS if quick else (FINALISTS + 1) * len(cases)
+                compile_ahead(walked, walks, on_compile)
 
-    def _walk(self, asks: Sequence[Ask], duration: float, stage: str) -> list[Rating]:
-        last = stage == "robust set"
-        counted = (lambda done, total: self._tell(stage, done, total)) if last else None
+    def _walk(
+        self, tables: Sequence[GaitTable], cases: Sequence[Case], *, last: bool = False
+    ) -> list[Rating]:
+        """Walks of each table in each case: short and quick ones, or the last ones."""
+        settings = self._settings
+        duration = settings.robust_duration if last else settings.search_duration
+        walked = walker(self._experiment, duration=duration, quick=not last)
         results = walk_all(
-            asks,
-            {**self._document, "duration_s": duration},
+            [case.change(replace(walked, table=table)) for table in tables for case in cases],
             self._workers,
-            quick=not last,
-            reference_speed=self._settings.reference_speed,
-            progress=counted,
+            reference_speed=settings.reference_speed,
+            progress=(lambda done, total: self._tell("robust set", done, total)) if last else None,
             should_stop=self._should_stop,
         )
         if results is None:
             raise Stopped
         return results
 
-    def _costs(self, tables: Sequence[Mapping[str, Any]], cases: Sequence[Case], stage: str) -> list[float]:
-        """Cost of some tables in the short walks."""
-        checked = stage != "screening"  # which wants to know what walks, not what may
-        asks = [Ask(table, case, checked and case.name == NOMINAL) for table in tables for case in cases]
-        results = self._walk(asks, self._settings.search_duration, stage)
-        size = len(cases)
-        costs = []
-        for place in range(0, len(results), size):
-            cost = weighted_cost(results[place : place + size])
-            costs.append(cost)
-            # The screening walks fewer cases; its costs do not compare.
-            if cost < self._best[0] and stage != "screening":
-                self._best = (cost, results[place].values)
-        return costs
-
-    def _raced(self, tables: Sequence[Mapping[str, Any]], cases: Sequence[Case]) -> list[float]:
-        """Cost of a population, of which the worse half of the nominal walks does not walk the corners.
-
-        The optimiser learns from the better half, by the order of the costs; each of the others costs more.
-        """
-        first, *corners = cases
-        duration = self._settings.search_duration
-        nominal = self._walk([Ask(table, first, True) for table in tables], duration, "")
-        order = better_half([nominal_cost(walk) for walk in nominal])
-        leaders = [place for place in order if not nominal[place].errors]
-        asks = [Ask(tables[place], case) for place in leaders for case in corners]
-        others = iter(self._walk(asks, duration, ""))
-        costs = {
-            place: weighted_cost([nominal[place], *(next(others) for _ in corners)]) for place in leaders
-        }
-        for place in leaders:
-            if costs[place] < self._best[0]:
-                self._best = (costs[place], nominal[place].values)
-        worst = max(costs.values(), default=0.0)
-        return [costs.get(place, worst + nominal_cost(nominal[place])) for place in range(len(tables))]
-
-    def _walk_start(self) -> None:
-        """Walk the table that is to be bettered and all that the search could begin with."""
-        tables = start_tables(self._experiment.table)
-        documents = [editable_document(table) for table in tables]
-        costs = self._costs(documents, search_cases(self._experiment), "")
-        self._state.start_cost, self._origin_cost = costs[0], min(costs)
-        self._begin_with(tables[costs.index(min(costs))])
+    def _started(self) -> Descent:
+        """Walk the table that is to be bettered and all that the search could begin with, or go on."""
+        tables, cases = start_tables(self._experiment.table), search_cases(self._experiment)
+        walks = self._walk(tables, cases)
+        rated = [walks[place : place + len(cases)] for place in range(0, len(walks), len(cases))]
+        costs = [weighted_cost(item) for item in rated]
+        chosen = costs.index(min(costs))
+        self._begin_with(tables[chosen])
+        self._state.start_cost = costs[0]
+        self._best = costs[chosen], rated[chosen][0].values
+        if self._state.descent is None:
+            point = [item.start_coordinate for item in self._parameters]
+            self._state.descent = Descent(point, costs[chosen], _listed(rated[chosen][0]), [])
+            median = nominal_cost(rated[chosen][0])
+            self._state.generations.append(Generation(point, costs[chosen], median, len(tables)))
         self.keep()
+        return self._state.descent
 
-    def _screen(self) -> tuple[Parameter, ...]:
-        """Narrow the search; a trajectory at a time is kept."""
-        settings, state = self._settings, self._state
-        if not settings.screening:
-            return self._parameters
-        points = plan(self._parameters, settings.seed, settings.trajectories)
-        cases = search_cases(self._experiment)[:2]
-        size = len(self._parameters) + 1
-        while len(state.screening) < len(points):
-            place = len(state.screening)
-            self._tell("screening", place, len(points))
-            tables = [
-                table_with(self._origin, self._parameters, point) for point in points[place : place + size]
-            ]
-            state.screening += self._costs(tables, cases, "screening")
-            self.keep()
-        found = effects(self._parameters, points, state.screening, settings.seed)
-        self._effects = tuple(found)
-        pairs = zip(self._parameters, found, strict=True)
-        return tuple(parameter for parameter, effect in pairs if effect.kept)
-
-    def _search(self, searched: Sequence[Parameter]) -> None:
-        settings, state = self._settings, self._state
-        search = Search([item.start_coordinate for item in searched], settings.seed, settings.population)
-        search.replay(state.generations)
-        kept = float(best_so_far(self._best[0], state.generations)[-1])
-        if kept < self._best[0]:
-            self._best = (kept, {})  # found before the tuning was stopped; its parts were not kept
-        cases = search_cases(self._experiment)
-        while not self._over():
-            self._tell("search", len(state.generations), settings.generations)
-            points = search.ask()
-            tables = [table_with(self._origin, searched, point) for point in points]
-            generation = Generation(points, self._raced(tables, cases))
-            search.tell(generation)
-            state.generations.append(generation)
+    def _search(self, descent: Descent) -> None:
+        state = self._state
+        if descent.cost < self._best[0]:
+            self._best = (descent.cost, {})  # found before the tuning was stopped; its parts were not kept
+        while not self._over(descent):
+            self._tell("search", descent.generation, self._settings.generations)
+            state.generations.append(self._generation(descent))
             self.keep()
 
-    def _over(self) -> bool:
-        """Whether the search has had its generations, or its time; one generation it always gets."""
-        done, wanted = len(self._state.generations), self._settings.generations
+    def _generation(self, descent: Descent) -> Generation:
+        """Walk one generation and go on from its best candidate."""
+        first, *corners = search_cases(self._experiment)
+        points = descent.neighbours()
+        tables = [self._table_at(point) for point in points]
+        walks = self._walk(tables, [first])
+        slopes = replace(descent)  # as long as the generation may be stopped, the state is that before it
+        slopes.learn(points, [residuals(walk) for walk in walks])
+        steps = slopes.steps()
+        dampings = [None] * len(points) + [damping for damping, _ in steps]
+        points += [point for _, point in steps]
+        tables += [self._table_at(point) for _, point in steps]
+        walks += self._walk(tables[len(walks) :], [first])
+        nominal = [nominal_cost(walk) for walk in walks]
+        raced = sorted(range(len(points)), key=lambda place: (nominal[place], place))[:RACED]
+        others = self._walk([tables[place] for place in raced], corners)
+        size = len(corners)
+        costs = {
+            place: weighted_cost([walks[place], *others[number * size : (number + 1) * size]])
+            for number, place in enumerate(raced)
+        }
+        descent.slopes = slopes.slopes
+        for place in sorted(costs, key=lambda place: costs[place]):
+            if costs[place] >= descent.cost:
+                descent.stay()
+                break
+            if not quick_errors(replace(self._experiment, table=tables[place])):
+                descent.go_to(points[place], costs[place], _listed(walks[place]), dampings[place])
+                self._best = costs[place], walks[place].values
+                break
+        else:
+            descent.stay()
+        return Generation(descent.point, descent.cost, float(np.median(nominal)), len(points))
+
+    def _table_at(self, point: Sequence[float]) -> GaitTable:
+        return table_of(table_with(self._origin, self._parameters, point))
+
+    def _over(self, descent: Descent) -> bool:
+        """Whether the search has come to its end, or had its generations or time; one it always gets."""
+        done, wanted = descent.generation, self._settings.generations
+        if descent.has_ended:
+            return True
         if wanted is not None:
             return done >= wanted
         return done > 0 and self._elapsed() > SEARCH_SHARE * 60.0 * self._settings.minutes
 
-    def _finalists(self, searched: Sequence[Parameter]) -> list[Finalist]:
+    def _finalists(self) -> list[Finalist]:
         """What was to be bettered, the search's first table and its best candidates, over the robust set."""
         start_cost = self._state.start_cost
         assert start_cost is not None  # walked before
         chosen: list[tuple[tuple[float, ...] | None, float, dict[str, Any]]] = [
             (None, start_cost, self._table)
         ]
-        origin = [item.start_coordinate for item in searched]
-        for cost, points in [(self._origin_cost, origin), *leaders(self._state.generations, FINALISTS)]:
-            table = table_with(self._origin, searched, points)
-            if len(chosen) <= FINALISTS and all(table != other for _, _, other in chosen):
-                chosen.append((tuple(points), cost, table))
+        for item in leaders(self._state.generations, FINALISTS):
+            table = table_with(self._origin, self._parameters, item.point)
+            if all(table != other for _, _, other in chosen):
+                chosen.append((tuple(item.point), item.cost, table))
         cases = robust_cases(self._experiment)
-        asks = [Ask(table, case, False) for _, _, table in chosen for case in cases]
-        results = self._walk(asks, self._settings.robust_duration, "robust set")
+        results = self._walk([table_of(table) for _, _, table in chosen], cases, last=True)
         names = [case.name for case in cases]
         return [
             Finalist(table, points, cost, tuple(zip(names, results[i * len(cases) :], strict=False)))
@@ -288,19 +259,16 @@ class Stages:
         ]
 
 
-def leaders(generations: Sequence[Generation], count: int) -> list[tuple[float, list[float]]]:
-    """The cheapest candidate of each of so many stretches of the search, the latest stretch first.
+def _listed(walk: Rating) -> list[float]:
+    found = residuals(walk)
+    return [] if found is None else found.tolist()
 
-    The cheapest of all lie side by side in the last generations, and what one of them cannot walk none of
-    them can. Cost and coordinates; none of a stretch in which all fell.
+
+def leaders(generations: Sequence[Generation], count: int) -> list[Generation]:
+    """Where the search stood at the end of each of so many stretches, the latest first; at last its start.
+
+    What lies side by side in the last generations falls over the same case.
     """
-    found = []
-    for stretch in np.array_split(np.arange(len(generations)), count)[::-1]:
-        # Only the better half of a generation has walked all cases.
-        pairs = [
-            (generations[number].costs[place], generations[number].points[place])
-            for number in stretch.tolist()
-            for place in better_half(generations[number].costs)
-        ]
-        found += sorted((pair for pair in pairs if pair[0] < FALL), key=lambda pair: pair[0])[:1]
-    return found
+    ends = np.linspace(0, len(generations) - 1, count).round().astype(int)
+    points = {tuple(generations[place].point): generations[place] for place in ends.tolist()}
+    return list(points.values())[::-1]

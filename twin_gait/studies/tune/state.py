@@ -14,31 +14,21 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from twin_gait.configuration.documents import content_hash, experiment_document
-from twin_gait.exceptions import MissingOptionalDependency, ParameterError, RunDirectoryError
+from twin_gait.exceptions import ParameterError, RunDirectoryError
 from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_covers
 from twin_gait.runs.folders import FolderKind, check_target
 from twin_gait.simulation import RunStatus
 from twin_gait.studies.jobs import sources_hash
-from twin_gait.studies.tune.parts import AIM, FALL, NEEDED_CLEARANCE, PARTS, WORST, Rating
-from twin_gait.studies.tune.search import (
-    FEWEST,
-    FIRST_STEP,
-    KEPT_SHARE,
-    LEVELS,
-    POPULATION,
-    REACH,
-    TRAJECTORIES,
-    Effect,
-    Generation,
-)
+from twin_gait.studies.tune.parts import AIM, FALL, HELD_TO, NEEDED_CLEARANCE, PARTS, WORST, Rating
+from twin_gait.studies.tune.search import Descent, Generation
 from twin_gait.studies.tune.space import Parameter
 from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, weighted_cost
 
 STATE_FILE = "state.json"
 TUNING = FolderKind("a tuning", STATE_FILE)
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,27 +40,21 @@ class Settings:
         minutes: Time for everything; generations under way are finished.
         generations: Of the search; None until the time is over. With a number the result does not depend on
             the machine's speed.
-        seed: Of screening, search and sensor noise.
-        screening: Whether the search is narrowed to the numbers that matter.
+        seed: Of the sensor noise; the search has no chance in it.
         thresholds: Whether angle thresholds count.
         blending: Whether the duration of the blend counts.
         per_side: Whether each leg gets numbers of its own (hemiparesis).
-        population: Candidates of a generation.
-        trajectories: Of the screening.
-        search_duration: Length of a walk in screening and search in [s].
+        search_duration: Length of a walk in the search in [s].
         robust_duration: Length of a walk of the robust set in [s].
     """
 
     reference_speed: float | None = None
-    minutes: float = 10.0
+    minutes: float = 3.0
     generations: int | None = None
     seed: int = 0
-    screening: bool = True
     thresholds: bool = True
     blending: bool = True
     per_side: bool = False
-    population: int = POPULATION
-    trajectories: int = TRAJECTORIES
     search_duration: float = 14.0
     robust_duration: float = 20.0
 
@@ -82,8 +66,6 @@ class Settings:
             raise ParameterError(f"generations: expected 1 or more, got {self.generations}")
         if self.seed < 0:
             raise ParameterError(f"seed: expected a whole number of 0 or more, got {self.seed}")
-        if self.population < 4:
-            raise ParameterError(f"population: expected 4 or more, got {self.population}")
         speed = self.reference_speed
         if speed is not None and not reference_covers(speed):
             raise ParameterError(
@@ -98,19 +80,11 @@ def identity(experiment: Experiment, settings: Settings) -> dict[str, Any]:
     return {
         "experiment": content_hash(experiment_document(experiment)),
         **chosen,
-        "parts": {part.name: [part.goal, part.weight, part.excess] for part in PARTS},
-        "costs": [WORST, FALL, AIM, NEEDED_CLEARANCE, NOMINAL_WEIGHT],
-        "steps": [FIRST_STEP, REACH, LEVELS, KEPT_SHARE, FEWEST],
+        "parts": {part.name: [part.goal, part.weight] for part in PARTS},
+        "costs": [WORST, FALL, AIM, HELD_TO, NEEDED_CLEARANCE, NOMINAL_WEIGHT],
         "sources": sources_hash(),
-        "versions": {name: _version(name) for name in ("cma", "SALib", "numpy")},
+        "versions": {"numpy": metadata.version("numpy")},
     }
-
-
-def _version(package: str) -> str:
-    try:
-        return metadata.version(package)
-    except metadata.PackageNotFoundError as error:
-        raise MissingOptionalDependency(package, "tune", "twin-gait tune") from error
 
 
 @dataclass
@@ -121,22 +95,22 @@ class State:
         identity: What makes it this one: experiment, seed, settings, versions.
         elapsed: Time that it has taken over all calls in [s].
         start_cost: Cost of the table that is to be bettered, or None.
-        screening: Costs of the screening's points so far, in their order.
         generations: Of the search.
+        descent: Where it stands, or None before it.
     """
 
     identity: dict[str, Any]
     elapsed: float = 0.0
     start_cost: float | None = None
-    screening: list[float] = field(default_factory=list)
     generations: list[Generation] = field(default_factory=list)
+    descent: Descent | None = None
 
 
 class Progress(NamedTuple):
     """Where a tuning stands.
 
     Attributes:
-        stage: ``compiling``, ``screening``, ``search``, ``robust set`` or ``departures``.
+        stage: ``compiling``, ``search``, ``robust set`` or ``departures``.
         done: Of this stage: walks, or generations.
         total: In all, or None while only the time ends it.
         elapsed: In [s].
@@ -187,9 +161,7 @@ class Tuning:
 
     Attributes:
         status: ``COMPLETED``, or ``INTERRUPTED``: then only the state is kept.
-        parameters: All numbers that could be changed.
-        searched: Those that the search changed.
-        effects: From the screening; empty without.
+        parameters: All numbers that were searched for.
         state: With all generations.
         before: The table that was to be bettered.
         ranked: All finalists, the best first; ``before`` is one of them.
@@ -198,8 +170,6 @@ class Tuning:
 
     status: RunStatus
     parameters: tuple[Parameter, ...]
-    searched: tuple[Parameter, ...]
-    effects: tuple[Effect, ...]
     state: State
     before: Finalist | None
     ranked: tuple[Finalist, ...]
@@ -246,8 +216,8 @@ def write_state(state: State, directory: Path) -> None:
         "identity": state.identity,
         "elapsed_s": state.elapsed,
         "start_cost": state.start_cost,
-        "screening": state.screening,
         "generations": [generation._asdict() for generation in state.generations],
+        "descent": None if state.descent is None else asdict(state.descent),
     }
     write_atomically(directory / STATE_FILE, json.dumps(document, indent=1, allow_nan=False) + "\n")
 
@@ -259,8 +229,8 @@ def _read(file: Path, identity: dict[str, Any]) -> State:
             document["identity"],
             float(document["elapsed_s"]),
             document["start_cost"],
-            [float(cost) for cost in document["screening"]],
-            [Generation(item["points"], item["costs"]) for item in document["generations"]],
+            [Generation(**item) for item in document["generations"]],
+            None if document["descent"] is None else Descent(**document["descent"]),
         )
     except OSError as error:
         raise RunDirectoryError(

@@ -1,4 +1,4 @@
-"""Tune a gait table to a wearer: screening, search, robust set, and the choice of the table."""
+"""Tune a gait table to a wearer: search, robust set, and the choice of the table."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from typing import Any, NamedTuple
 
 from twin_gait.checking.check import build_case, check
 from twin_gait.checking.finding import Finding, Severity
-from twin_gait.configuration.documents import experiment_document
-from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.gait.table import GaitTable
@@ -28,7 +26,7 @@ from twin_gait.studies.tune.state import (
     open_state,
     write_state,
 )
-from twin_gait.studies.tune.walks import experiment_of
+from twin_gait.studies.tune.walks import table_of
 
 
 def tune(
@@ -43,7 +41,7 @@ def tune(
     should_stop: Callable[[], bool] | None = None,
     on_compile: Callable[[], None] | None = None,
 ) -> Tuning:
-    """Screen, search and rank, keeping the state in a folder after every step.
+    """Search and rank, keeping the state in a folder after every step.
 
     The result depends on the experiment, the settings and the number of generations, neither on the workers
     nor on how often it was stopped and resumed.
@@ -59,7 +57,6 @@ def tune(
         on_compile: Called if the engine has to be compiled, which takes 10 to 20 s.
 
     Raises:
-        MissingOptionalDependency: If cma or SALib is not installed.
         ParameterError: If there is nothing to tune, or the settings make no sense.
         ParameterFileError: If a walk could not be run.
         RunDirectoryError: If the folder may not be used.
@@ -88,21 +85,19 @@ def tuned_table(experiment: Experiment, *, workers: Workers | None = None, **set
         experiment: A treadmill with a wearer, and the table that is to be bettered.
         workers: Processes or a cluster that execute the walks; the calling process if None.
         **settings: Those of :class:`twin_gait.studies.tune.settings.Settings`: ``minutes`` for everything
-            (10), or ``generations`` of the search, with which the result does not depend on the machine's
-            speed; ``seed``; ``screening``, whether the search is narrowed to the numbers that matter;
-            ``population``; ``search_duration`` and ``robust_duration`` of a walk in [s].
+            (3), or ``generations`` of the search, with which the result does not depend on the machine's
+            speed; ``seed``; ``search_duration`` and ``robust_duration`` of a walk in [s].
 
     Returns:
         The best table that passes ``twin-gait check``.
 
     Raises:
-        MissingOptionalDependency: If cma or SALib is not installed.
         ParameterError: If there is nothing to tune, or no table passes the check.
     """
     with tempfile.TemporaryDirectory() as folder:
         tuning = tune(experiment, Path(folder) / "tuning", Settings(**settings), workers=workers)
         chosen = choose(tuning, experiment)
-    return experiment_of(experiment_document(experiment), chosen.finalist.table, {}).table
+    return table_of(chosen.finalist.table)
 
 
 class Chosen(NamedTuple):
@@ -126,8 +121,7 @@ def choose(tuning: Tuning, experiment: Experiment) -> Chosen:
         ParameterError: If none passes, not even the table that the search began with.
     """
     for refused, finalist in enumerate(tuning.ranked):
-        driven = experiment_of(experiment_document(experiment), finalist.table, {})
-        findings = check(build_case(driven.table, driven))
+        findings = check(build_case(table_of(finalist.table), experiment))
         if not any(item.severity is Severity.ERROR for item in findings):
             return Chosen(finalist, tuple(findings), refused)
     raise ParameterError(
@@ -146,5 +140,5 @@ def final_table(chosen: Chosen, experiment: Experiment, wearer: str, began_with:
         "nothing here was measured on a person."
     )
     document = {**chosen.finalist.table, "name": f"{start}_tuned", "description": origin}
-    gait_table_from_mapping(document, "the tuned table", start)
+    table_of(document)
     return document

@@ -1,0 +1,481 @@
+"""Blocks of episodes in lockstep: each lane is its episode alone, bit for bit, and every loop is vector code.
+
+Those that are made of experiments by :func:`simulate_together` are in test_together.py.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from functools import lru_cache
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from numba.core.errors import NumbaError
+
+from twin_gait import load_experiment
+from twin_gait.experiment.problem import Problem, build_problem
+from twin_gait.simulation import compiled_engine, lane_engine
+from twin_gait.simulation.binding import bind
+from twin_gait.simulation.block import SHARED, WIDTH, shared_words, side_by_side, word_of
+from twin_gait.simulation.compiled_engine import ARGUMENTS, CompiledEngine, bound_to, run_at
+from twin_gait.simulation.compiling import ON_BITS, compile_loop, compiled_in, jit
+from twin_gait.simulation.engine import EngineResult
+from twin_gait.simulation.lane_engine import FEWEST, LaneEngine, kind_of
+from twin_gait.simulation.lanes import IN_LOCKSTEP, bound_in_lanes
+from twin_gait.simulation.run import RunStatus
+
+EULER = "integration={method: semi_implicit_euler, step_ms: %s}"
+RK4 = "integration={method: rk4, step_ms: %s}"
+NOISE = ("sensors.ideal=false", "sensors.angle_noise_rad=1e-5")
+BENCH = ("bench_leg", EULER % 1)
+# ------------------------------------------------------------------ unlike episodes
+
+
+@lru_cache(maxsize=2 * WIDTH)
+def unlike_problem(number: int, preset: str, *settings: str) -> Problem:
+    """A problem like no other of its structure: wearer, battery, noise, duration, fall, fault, bound."""
+    rng = np.random.default_rng(number)
+    on_treadmill, faulty = preset != "bench_leg", any(item.startswith("faults") for item in settings)
+    own = [
+        f"duration_s={rng.uniform(0.2, 2.0):.3f}",
+        f"seed={number}",
+        f"plant.battery.internal_resistance_Ohm={rng.uniform(0.1, 0.3)}",
+    ]
+    if on_treadmill or any(item.startswith("patient") for item in settings):
+        own += [f"patient.mass_kg={rng.uniform(50, 100)}", f"patient.height_m={rng.uniform(1.6, 1.9)}"]
+    if on_treadmill and number % 6 == 4:  # falls
+        own += ["scenario.support={share: 0, catch_stiffness_N_per_m: 0}"]
+        own += ["table.phases.early_stance.knee.stiffness_Nm_per_deg=0.01"]
+    if number % 6 == 1:  # trips
+        own.append(f"control.safety.phase_time_out_s={rng.uniform(0.05, 0.4):.3f}")
+    if faulty:
+        kind = ("encoder_missing", "encoder_drift", "motor_dead", "supply_dip")[number % 4]
+        place = "" if kind == "supply_dip" else f":right_{('hip', 'knee')[number % 2]}"
+        own.append(f"faults=['{kind}{place}@{rng.uniform(0.001, 0.6):.3f}s']")
+    return build_problem(load_experiment(preset, [*settings, *own]).experiment)
+
+
+def unlike(number: int, preset: str, *settings: str, record: bool = True) -> CompiledEngine:
+    """An episode like no other of its structure, in its table and in how it ends, too."""
+    rng = np.random.default_rng(number)
+    engine = CompiledEngine(unlike_problem(number, preset, *settings), record=record)
+    setpoints = engine.episode["joints"]["setpoints"]
+    for name in ("stiffness", "damping", "equilibrium"):
+        setpoints[name] *= 1.0 + 0.05 * rng.uniform(-1.0, 1.0, setpoints[name].shape)
+    if number % 6 == 2:  # asks for what is no number
+        setpoints["equilibrium"][-1, number % 4] = np.nan
+    if number % 6 == 3:  # ends as soon as a joint is quick
+        engine.episode["limits"]["diverged_velocity"] = rng.uniform(0.5, 2.0)
+    if number % 6 == 5:  # the state becomes infinite, then undefined
+        engine.episode["plant"]["stop"]["stiffness"][0] = 1e12
+        engine.episode["plant"]["stop"]["upper"][0] = engine.episode["q"][0] + rng.uniform(-0.001, 0.1)
+    return engine
+
+
+def assert_same(ours: EngineResult, theirs: EngineResult, columns: Sequence[int] | None = None) -> None:
+    rows = theirs.rows if columns is None else theirs.rows[:, list(columns)]
+    assert ours[1:] == theirs[1:]  # switches, status, reason, trip
+    assert ours.rows.shape == rows.shape
+    np.testing.assert_array_equal(*(np.ascontiguousarray(item).view(np.int64) for item in (ours.rows, rows)))
+
+
+@pytest.fixture(scope="module")
+def alone() -> dict[int, EngineResult]:
+    """What each of the unlike episodes of the bench is alone."""
+    return {number: unlike(number, *BENCH).run() for number in range(WIDTH)}
+
+
+ORDERS = {
+    "as they come": range(WIDTH),
+    "the other way round": range(WIDTH)[::-1],
+    "any order": np.random.default_rng(0).permutation(WIDTH).tolist(),
+    "fewer than lanes": [3, 9, 27, 1, 14, 0, 5, 22, 31, 17, 12, 8],
+    "too few for lanes": [4, 2, 9],
+    "the same one often": [6] * 7 + [1] * 5 + [6] * 4,
+    "one": [5],
+}
+
+
+@pytest.mark.parametrize("order", ORDERS.values(), ids=ORDERS)
+def test_a_lane_is_its_episode_alone_whatever_else_is_in_the_block(alone, order):
+    results = LaneEngine([unlike(number, *BENCH) for number in order]).run()
+    for number, result in zip(order, results, strict=True):
+        assert_same(result, alone[number])
+
+
+def test_these_episodes_are_unlike(alone):
+    results = list(alone.values())
+    assert {result.status for result in results} == {RunStatus.COMPLETED, RunStatus.DIVERGED}
+    assert len({result.trip.tick for result in results if result.trip is not None}) > 4
+    assert len({len(result.rows) for result in results}) > 0.9 * WIDTH
+    assert len({result.switches for result in results}) > 0.5 * WIDTH
+    assert len({result.trip.cause for result in results if result.trip is not None}) > 1
+
+
+@pytest.mark.parametrize("fewest", [1, FEWEST + 1, WIDTH, WIDTH + 1])
+def test_when_the_rest_of_a_block_goes_on_alone_changes_nothing(alone, fewest, monkeypatch):
+    monkeypatch.setattr(lane_engine, "FEWEST", fewest)
+    results = LaneEngine([unlike(number, *BENCH) for number in range(WIDTH)]).run()
+    for number, result in enumerate(results):
+        assert_same(result, alone[number])
+
+
+@pytest.mark.parametrize("columns", [[], [0], [7, 3, 11], list(range(20))], ids=len)
+def test_a_log_of_chosen_columns_has_them_in_the_order_asked_for(alone, columns):
+    results = LaneEngine([unlike(number, *BENCH) for number in range(14)]).run(columns)
+    for number, result in enumerate(results):
+        assert_same(result, alone[number], columns)
+
+
+def test_without_a_log_the_rest_is_the_same(alone):
+    engines = [unlike(number, *BENCH, record=False) for number in range(12)]
+    for number, result in enumerate(LaneEngine(engines).run()):
+        assert result[1:] == alone[number][1:]
+        assert result.rows.shape == (0, alone[number].rows.shape[1])
+
+
+def test_every_engine_has_the_last_state_of_its_own_run():
+    """But for what the guards read, which stands still after a trip only where nobody walks any more."""
+    ours, theirs = ([unlike(number, *BENCH) for number in range(16)] for _ in range(2))
+    LaneEngine(ours).run()
+    for engine, other in zip(ours, theirs, strict=True):
+        other.run()
+        for name in ("status", "trip", "q", "v", "a", "joints", "plant", "supply", "works"):
+            assert engine.episode[name].tobytes() == other.episode[name].tobytes(), name
+        assert engine.switches.tobytes() == other.switches.tobytes()
+
+
+STRUCTURES: dict[str, tuple[str, ...]] = {
+    "bench RK4": ("bench_leg", RK4 % 1),
+    "bench under faults": ("bench_leg", EULER % 1, "faults=['motor_dead:right_hip@1s']"),
+    "imposed motion": (
+        "bench_leg",
+        EULER % 1,
+        "scenario.imposed_motion={joint: knee, amplitude_deg: 20, frequency_Hz: 0.5, release_s: 0.9}",
+    ),
+    "bench that follows a path": ("bench_leg", EULER % 1, "control.mode=position"),
+    "bench worn in braces": ("bench_leg", EULER % 0.25, "patient={mass_kg: 70}", "interface=brace"),
+    "treadmill Euler": ("treadmill", EULER % 0.25, *NOISE),
+    "treadmill RK4": ("treadmill", RK4 % 0.25, *NOISE),
+    "a wearer that acts": ("treadmill", EULER % 0.25, "patient=stroke_left", "patient.effort_noise=0.2"),
+    "braces": ("treadmill", EULER % 0.1, "interface=brace", *NOISE),
+    "treadmill under faults": ("treadmill", EULER % 0.25, "faults=['motor_dead:left_hip@1s']"),
+    "adaptive assistance": (
+        "treadmill",
+        EULER % 0.25,
+        "control.assistance={hip: 0.7, knee: 0.8, adaptive: true}",
+    ),
+    "inertia compensation": ("treadmill", EULER % 0.25, "control.inertia_compensation=0.3", *NOISE),
+    "start and stop": (
+        "treadmill_start_stop",
+        EULER % 0.25,
+        "scenario.belt={start_s: 0.2, stop_s: 1.2, ramp_s: 0.3, delay_s: 0.1}",
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.compile
+@pytest.mark.parametrize("name", STRUCTURES)
+def test_lanes_of_every_structure_are_their_episodes_alone(name, monkeypatch):
+    monkeypatch.setattr(lane_engine, "FEWEST", 2)
+    ours, theirs = ([unlike(number, *STRUCTURES[name]) for number in range(18)] for _ in range(2))
+    for result, engine in zip(LaneEngine(ours).run(), theirs, strict=True):
+        assert_same(result, engine.run())
+
+
+# ------------------------------------------------------------------ which episodes share a block
+
+
+@pytest.fixture
+def uncompiled(monkeypatch):
+    """Engines without a loop."""
+    monkeypatch.setattr(compiled_engine, "_loop_of", lambda *arguments: None)
+    return lambda *arguments: CompiledEngine(build_problem(load_experiment(*arguments).experiment))
+
+
+def own_law(angle, fast, slow, k, b, equilibrium, gain, friction):  # type: ignore[no-untyped-def]
+    return -k * angle, 0.0
+
+
+def test_powers_and_a_controller_of_the_users_run_alone(uncompiled):
+    assert kind_of(uncompiled("bench_leg", [])) is not None
+    lugre = "plant.friction.knee={law: lugre, coulomb_friction_Nm: 3, bristle_stiffness_Nm_per_rad: 900}"
+    assert kind_of(uncompiled("bench_leg", [lugre])) is None
+    problem = build_problem(load_experiment("bench_leg", []).experiment)
+    assert kind_of(CompiledEngine(problem, controller=own_law)) is None
+
+
+def numbers_of(dtype: np.dtype[Any], owner: str = "episode", first: int = 0) -> Iterator[tuple[str, int]]:
+    """Name of every number, after that of the record that it stands in, and its place."""
+    assert dtype.fields is not None
+    for name, (kind, offset, *_) in dtype.fields.items():
+        for place in range(first + offset, first + offset + kind.itemsize, kind.base.itemsize):
+            if kind.base.fields is None:
+                yield f"{owner}.{name}", place // 8
+            else:
+                yield from numbers_of(kind.base, name, place)
+
+
+def test_every_shared_field_is_there_and_alike_in_all_who_share_a_block(uncompiled):
+    engine = uncompiled("treadmill", [])
+    shared, kind, found = shared_words(engine.pattern.episode), kind_of(engine), set()
+    words = engine.parts[0].view(np.int64)
+    for name, place in numbers_of(engine.pattern.episode):
+        words[place] ^= 1
+        assert shared[place] == (name in SHARED), name
+        assert (kind_of(engine) != kind) == (name in SHARED), name
+        words[place] ^= 1
+        found.add(name)
+    assert found >= SHARED and kind_of(engine) == kind
+
+
+RUNS: dict[str, tuple[str, ...]] = {
+    "bench_leg": ("bench_leg",),
+    "bench_leg, trip": ("bench_leg", "control.safety.phase_time_out_s=0.2"),
+    "treadmill": ("treadmill",),
+    "treadmill, trip": ("treadmill", "control.safety.phase_time_out_s=0.2"),
+    "treadmill_start_stop": ("treadmill_start_stop", "scenario.belt.start_s=0.2"),
+}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] if "start_stop" in name else []) for name in RUNS]
+)
+def test_no_tick_changes_a_field_that_lanes_share(name):
+    preset, *settings = RUNS[name]
+    problem = build_problem(load_experiment(preset, [*settings, "duration_s=1.5"]).experiment)
+    engine = CompiledEngine(problem)
+    rows = np.zeros((1500, len(engine.layout.names)))
+    engine.run_ticks(0, 1, rows)
+    words, shared = engine.parts[0].view(np.int64), shared_words(engine.pattern.episode)
+    before = words.copy()
+    engine.run_ticks(1, 1500, rows)
+    assert np.array_equal(words[shared], before[shared])
+    assert (words[~shared] != before[~shared]).mean() > 0.1
+    assert (engine.trip() is not None) == ("trip" in name)
+
+
+def test_a_block_has_a_number_of_all_lanes_in_a_row_and_copies_where_there_is_none(uncompiled):
+    engines = [uncompiled("treadmill", [f"patient.mass_kg={mass}"]) for mass in (60, 70, 80)]
+    block = side_by_side(np.concatenate([engine.parts[0] for engine in engines]))
+    dtype = engines[0].pattern.episode
+    assert block.shape == (dtype.itemsize // 8, WIDTH) and block.flags.c_contiguous
+    weights = block[word_of(dtype, "body_weight")].view(float)
+    assert weights[:3].tolist() == [engine.episode["body_weight"] for engine in engines]
+    assert weights[3:].tolist() == [weights[0]] * (WIDTH - 3)
+    phases = block[word_of(dtype, "limits", "phase_ticks")]
+    assert set(phases.tolist()) == {int(engines[0].episode["limits"]["phase_ticks"])}
+    first = block[word_of(dtype, "trip", "tick")]
+    assert set(first.tolist()) == {-1}
+
+
+# ------------------------------------------------------------------ what a room may do
+
+JOINT = np.dtype([("place", "i8"), ("x", "f8"), ("y", "f8")], align=True)
+TOY = np.dtype(
+    [("step", "f8"), ("q", "f8", 4), ("a", "f8", 4), ("table", "f8", (3, 4)), ("joints", JOINT, 3)],
+    align=True,
+)
+ROW = np.dtype([("x", "f8")], align=True)
+
+
+def episode_at(address: int) -> Any: ...
+def lanes(e: Any) -> Any: ...
+def each(e: Any) -> Any: ...
+def room(e: Any) -> Any: ...
+
+
+def enter_at(address: int, first: int, end: int) -> int:
+    room(episode_at(address))
+    return end
+
+
+def reads_a_number(e: Any) -> Any:
+    return e.joints[1].x
+
+
+def reads_an_entry(e: Any) -> Any:
+    return e.q[1]
+
+
+def goes_through_entries(e: Any) -> Any:
+    total = 0.0
+    for angle in e.q:
+        total += angle
+    return total
+
+
+def goes_through_records(e: Any) -> Any:
+    total = 0.0
+    for joint in e.joints:
+        total += joint.x
+    return total
+
+
+def reads_an_entry_of_a_list_of_lists(e: Any) -> Any:
+    return e.table[1][2]
+
+
+def writes_a_number(e: Any) -> Any:
+    e.joints[1].x = 1.0
+
+
+def writes_an_entry(e: Any) -> Any:
+    e.q[1] = 1.0
+
+
+def writes_a_shared_number(e: Any) -> Any:
+    for one in lanes(e):
+        one.joints[1].place = 2
+
+
+def writes_a_shared_number_of_the_episode(e: Any) -> Any:
+    for one in lanes(e):
+        one.step = 2.0
+
+
+def copies_a_record(e: Any) -> Any:
+    for one in lanes(e):
+        one.joints[1] = one.joints[0]
+
+
+def copies_a_list(e: Any) -> Any:
+    for one in lanes(e):
+        one.a = one.q
+
+
+def takes_a_lane_for_the_block(e: Any) -> Any:
+    for one in lanes(e):
+        for other in lanes(one):
+            other.q[0] = 0.0
+
+
+REFUSED = [
+    reads_a_number,
+    reads_an_entry,
+    goes_through_entries,
+    goes_through_records,
+    reads_an_entry_of_a_list_of_lists,
+    writes_a_number,
+    writes_an_entry,
+    writes_a_shared_number,
+    writes_a_shared_number_of_the_episode,
+    copies_a_record,
+    copies_a_list,
+    takes_a_lane_for_the_block,
+]
+
+
+def reads_what_is_shared(e: Any) -> Any:
+    return e.step * e.joints[1].place * len(e.q)
+
+
+def needs_groups_of_its_own(e: Any) -> Any:
+    """Two loops, of which the second goes to places that LLVM cannot know.
+
+    That its passes share no memory stands in the mark of its accesses alone. Where that is the first loop's,
+    one lane's write may be the next one's read.
+    """
+    for number in range(len(e.joints)):
+        for one in lanes(e):
+            one.joints[number].x *= 0.5
+        for one in lanes(e):
+            there, here = one.joints[0].place, one.joints[number].place
+            one.q[here] = one.q[there] + e.step * one.joints[number].x
+
+
+def chooses(e: Any) -> Any:
+    """Conditions, minima and a flag over all lanes."""
+    for number in range(len(e.q)):
+        found = False
+        for one in lanes(e):
+            one.a[number] = one.q[number] - 1.0 if one.q[number] < -1.0 else min(one.q[number], 0.5)
+            found |= one.q[number] > 1.5
+        if found:
+            for one in each(e):
+                if one.q[number] > 1.5:
+                    one.joints[0].y = one.q[number] / one.step
+
+
+VECTORS = [needs_groups_of_its_own, chooses]
+
+for _function in (enter_at, *REFUSED, *VECTORS, reads_what_is_shared):
+    _function.__module__ = "twin_gait.rooms_of_a_test"  # only functions of this package are bound
+
+
+def compiled(function: Callable[[Any], Any]) -> Any:
+    """A room in lanes, as numba gives it."""
+    names = {**ON_BITS, **bound_in_lanes(TOY, ROW), "room": function}
+    loop = bind(
+        enter_at, names, lambda item: jit(item, inline=item.__name__ != enter_at.__name__, manner=IN_LOCKSTEP)
+    )
+    signature = (numba.intp,) * ARGUMENTS
+    with compiled_in(IN_LOCKSTEP):
+        loop.compile(signature)
+    return loop.overloads[signature]
+
+
+@pytest.mark.parametrize("function", REFUSED, ids=lambda item: item.__name__)
+def test_a_room_may_not_mix_up_lanes(function):
+    with pytest.raises((NumbaError, AssertionError)):
+        compiled(function)
+
+
+def test_a_room_may_read_what_is_shared():
+    assert compiled(reads_what_is_shared).signature.return_type == numba.int64
+
+
+def in_plain_python(function: Callable[[Any], Any], block: np.ndarray) -> np.ndarray:
+    """What a room makes of a block, episode by episode."""
+    bound = bind(function, {"lanes": lambda e: (e,), "each": lambda e: (e,)})
+    episodes = np.ascontiguousarray(block.T).view(TOY).reshape(WIDTH).view(np.recarray)
+    for episode in episodes:
+        bound(episode)
+    return np.ascontiguousarray(episodes.view(np.int64).reshape(WIDTH, -1).T)
+
+
+SCALAR = re.compile(r"= f(?:add|sub|mul|div) double")
+VECTOR = re.compile(r"= f(?:add|sub|mul|div) <\d+ x double>")
+
+
+@pytest.mark.parametrize("function", VECTORS, ids=lambda item: item.__name__)
+def test_a_loop_over_lanes_is_vector_code_and_does_what_it_says(function, capfd):
+    code = str(compiled(function).library._final_module)
+    assert VECTOR.search(code) and capfd.readouterr().err == ""
+    # What is done one lane after the other stays scalar.
+    assert set(SCALAR.findall(code)) == ({"= fdiv double"} if function is chooses else set())
+    rng = np.random.default_rng(1)
+    block = rng.uniform(-2.0, 2.0, (TOY.itemsize // 8, WIDTH)).view(np.int64)
+    step = word_of(TOY, "joints")
+    for joint in range(3):
+        block[step + 3 * joint + word_of(JOINT, "place")] = (2, 0, 1)[joint]
+    block[word_of(TOY, "step")] = np.array(0.25).view(np.int64)
+    names = {**bound_in_lanes(TOY, ROW), "room": function}
+    expected = in_plain_python(function, block)
+    compile_loop(enter_at, names, ARGUMENTS, manner=IN_LOCKSTEP).function(block.ctypes.data, 0, 1)
+    assert np.array_equal(block, expected)
+
+
+# ------------------------------------------------------------------ whole loops
+
+
+def bench_and_treadmill() -> dict[str, Problem]:
+    return {
+        "bench": build_problem(load_experiment("bench_leg", [EULER % 1]).experiment),
+        "treadmill": build_problem(load_experiment("treadmill", [RK4 % 0.25, *NOISE]).experiment),
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.compile
+@pytest.mark.parametrize("name", ["bench", "treadmill"])
+def test_no_loop_over_lanes_stays_scalar(name, uncompiled, capfd):
+    """LLVM says on the standard error of a loop that it was told to turn into vectors and could not."""
+    pattern = CompiledEngine(bench_and_treadmill()[name]).pattern
+    names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, pattern.row)}
+    compile_loop(run_at, names, ARGUMENTS, manner=IN_LOCKSTEP)
+    assert capfd.readouterr().err == ""

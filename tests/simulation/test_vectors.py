@@ -1,0 +1,136 @@
+"""Calls of a kernel for several things at once: one by one in plain Python, vectors when compiled."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from numba.core import types
+
+from twin_gait.core.contact import Ground
+from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.kernels.generated import SIDE_BY_SIDE, write_side_by_side
+from twin_gait.kernels.tracing import together
+from twin_gait.simulation.binding import bind, kernel_functions
+from twin_gait.simulation.compiling import compile_loop, compiled_in, jit, record_at
+from twin_gait.simulation.interface import side_by_side
+from twin_gait.simulation.record import stored
+from twin_gait.simulation.vectors import in_vectors
+
+SINES, FORCES = SIDE_BY_SIDE
+GROUND = Ground(0.9, 4e6, 1.5, 0.8, 0.05)
+# The whole of a vector, one and a bit, two and a bit.
+COUNTS = (4, 6, 8, 12)
+
+
+def functions(count: int) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Those for so many things in plain Python, and what takes their place."""
+    text = "\n".join(write_side_by_side(f"{SINES.name}_{count}( {FORCES.name}_{count}("))
+    plain = kernel_functions(text, {item.name: item.function for item in SIDE_BY_SIDE})
+    return plain, in_vectors(plain)
+
+
+def states(count: int, rng: np.random.Generator) -> list[float]:
+    """Height, forward and vertical velocity of points, some above the ground and some leaving it."""
+    return (rng.normal(size=(count, 3)) * (0.01, 1.0, 1.0)).ravel().tolist()
+
+
+def test_calls_come_together_where_the_last_one_is_and_what_needs_them_after_it() -> None:
+    lines = [
+        "t0, t1 = force(ground, q[0], v[0])",
+        "t2 = t1 * v[1]",
+        "t3 = q[1] + 1.0",
+        "t4, t5 = force(ground, t3, v[1])",
+        "t6, t7 = force(ground, q[2], v[2])",
+        "t8 = t2 + t3",
+        "t9, t10 = force(ground, q[3], v[3])",
+        "t11 = t8 + t10",
+    ]
+    assert together(lines, "force", 1) == [
+        "t3 = q[1] + 1.0",
+        "t0, t1, t4, t5, t6, t7, t9, t10 = force_4(ground, q[0], v[0], t3, v[1], q[2], v[2], q[3], v[3])",
+        "t2 = t1 * v[1]",
+        "t8 = t2 + t3",
+        "t11 = t8 + t10",
+    ]
+    fewer = lines[:6]
+    assert together(fewer, "force", 1) == fewer
+
+
+@pytest.mark.compile
+@pytest.mark.parametrize("count", COUNTS)
+def test_vectors_give_the_bits_of_one_by_one(count: int, rng: np.random.Generator) -> None:
+    plain, vectors = functions(count)
+    sines, forces = (vectors[f"{item.name}_{count}"] for item in SIDE_BY_SIDE)
+    ground = stored(GROUND)
+    found_ground = record_at(ground.dtype)
+    angles = [f"given[{place}]" for place in range(count)]
+    points = [f"given[{place}]" for place in range(count, 4 * count)]
+    text = f"def entry(address, given):\n    return sines({', '.join(angles)}), "
+    text += f"forces(ground(address), {', '.join(points)})"
+    scope = {"sines": sines, "forces": forces, "ground": found_ground}
+    exec(compile(text, "entry", "exec"), scope)
+    compiled = numba.njit(scope["entry"])
+    upward: list[float] = []
+    for _ in range(20):
+        turns, moved = rng.uniform(-10.0, 10.0, count).tolist(), states(count, rng)
+        expected = plain[f"{SINES.name}_{count}"](*turns), plain[f"{FORCES.name}_{count}"](GROUND, *moved)
+        assert compiled(ground.ctypes.data, np.array(turns + moved)) == expected
+        upward += expected[1][1::2]
+    assert 0.0 < np.mean(np.array(upward) > 0.0) < 1.0  # some touch the ground, some do not
+
+
+@pytest.mark.compile
+@pytest.mark.parametrize("item", SIDE_BY_SIDE, ids=lambda item: item.name)
+def test_llvm_makes_vectors_of_them_though_its_vectoriser_is_off(item: Any) -> None:
+    """Where this fails, the loop has something that LLVM does not take: it is slow, not wrong."""
+    each = functions(8)[1][f"{item.name}_8"]
+    given = ["ground(address)"] * item.shared + [f"given[{place}]" for place in range(8 * item.arguments)]
+    scope = {"each": each, "ground": record_at(stored(GROUND).dtype)}
+    exec(compile(f"def entry(address, given):\n    return each({', '.join(given)})", "entry", "exec"), scope)
+    made, signature = jit(scope["entry"], inline=False), (types.intp, types.float64[::1])
+    with compiled_in():
+        made.compile(signature)
+    code = str(made.overloads[signature].library._final_module)
+    multiplied = re.findall(r"fmul (<8 x double>|double) ", code)
+    assert multiplied.count("<8 x double>") > 10
+    assert multiplied.count("double") < 4
+
+
+PLACES = (0, 2, 5)
+STATE = np.dtype([("velocity", "f8", (6,)), ("friction", "f8", (6,))], align=True)
+
+
+def sliding(place: int, state: Any) -> tuple[float, float, float, float, float]:
+    return state.velocity[place], 8.0, 10.0, 0.1, 2.0
+
+
+def keep(place: int, torque: float, state: Any) -> None:
+    state.friction[place] = torque
+
+
+def rub(address: int) -> int:
+    side_by_side(PLACES, sliding, rotational_friction_torque, keep, state_at(address))
+    return 0
+
+
+def state_at(address: int) -> Any:
+    raise NotImplementedError
+
+
+@pytest.mark.compile
+def test_a_law_in_several_places_gives_the_bits_of_one_by_one(rng: np.random.Generator) -> None:
+    own = {"sliding": jit(sliding), "keep": jit(keep), "state_at": record_at(STATE)}
+    compiled = compile_loop(rub, {**in_vectors({}), **own}, 1)
+    states = np.zeros(2, STATE).view(np.recarray)
+    plain = bind(rub, {"state_at": lambda address: states[1]})
+    for _ in range(20):
+        states.velocity[:] = rng.normal(size=6)
+        states.friction[:] = 0.0
+        plain(0)
+        compiled.function(states.ctypes.data)
+        assert states[0].tobytes() == states[1].tobytes()
+        assert np.flatnonzero(states.friction[0]).tolist() == list(PLACES)

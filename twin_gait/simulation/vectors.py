@@ -1,0 +1,164 @@
+"""What is done to several things that do not touch each other: a loop that LLVM turns into vectors.
+
+Its vectoriser is off for a single episode, because it takes loops over the coordinates for long ones; it
+still takes those that are marked as here. Vectors have 2, 4 or 8 lanes, and a loop goes on until they are
+full. Every number goes through the same operations in the same order as alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+from twin_gait.kernels.generated import SIDE_BY_SIDE
+from twin_gait.simulation.binding import bind
+from twin_gait.simulation.compiling import ON_BITS, distinct, jit
+
+_COUNT, _NUMBER = ir.IntType(64), ir.DoubleType()
+_WIDTHS = (2, 4, 8)
+_CACHE_LINE = 64  # [bytes]
+
+
+def _width(count: int) -> int:
+    return next((width for width in _WIDTHS if count <= width), _WIDTHS[-1])
+
+
+def _passes(count: int) -> int:
+    """Passes of a loop over so many things."""
+    return -(-count // _width(count)) * _width(count)
+
+
+def _loop(builder: Any, count: int, body: Callable[[Any], None]) -> None:
+    """A loop whose passes share no memory, from 0 to the next full vector."""
+    before, inside, after = builder.block, *(builder.append_basic_block(name) for name in ("pass", "done"))
+    builder.branch(inside)
+    builder.position_at_end(inside)
+    index = builder.phi(_COUNT)
+    index.add_incoming(_COUNT(0), before)
+    body(index)
+    following = builder.add(index, _COUNT(1), flags=("nuw", "nsw"))
+    index.add_incoming(following, builder.block)
+    more = builder.icmp_signed("<", following, _COUNT(_passes(count)))
+    note = builder.module.add_metadata
+    loop = distinct(builder.module)
+    loop.operands = (
+        loop,
+        note(["llvm.loop.vectorize.enable", ir.IntType(1)(1)]),
+        note(["llvm.loop.vectorize.width", ir.IntType(32)(_width(count))]),
+        note(["llvm.loop.interleave.count", ir.IntType(32)(1)]),
+        note(["llvm.loop.unroll.disable"]),
+    )
+    builder.cbranch(more, inside, after).set_metadata("llvm.loop", loop)
+    builder.position_at_end(after)
+
+
+def _law(typing: Any, function: Any, given: Sequence[Any]) -> tuple[Any, Any]:
+    """Type of a compiled function, and its signature for some types."""
+    kind = types.Dispatcher(function)
+    signature = kind.get_call_type(typing, tuple(given), {})
+    assert signature is not None  # it has just been compiled
+    return kind, signature
+
+
+def _in_turn(
+    context: Any, builder: Any, law: tuple[Any, Any], common: Sequence[Any], rows: Sequence[Sequence[Any]]
+) -> list[list[Any]]:
+    """Call a law for each of several things in a loop that may become vectors.
+
+    Args:
+        law: Type and signature.
+        common: Arguments that all have in common; they come first.
+        rows: Numbers of each.
+
+    Returns:
+        Results of each.
+    """
+    kind, signature = law
+    count, passes, arguments = len(rows), _passes(len(rows)), len(rows[0])
+    answer = signature.return_type
+    results = len(answer) if isinstance(answer, types.BaseTuple) else 1  # type: ignore[attr-defined]
+    room = cgutils.alloca_once(builder, ir.ArrayType(_NUMBER, passes * (arguments + results)))
+    room.align = _CACHE_LINE
+
+    def at(row: int, number: Any) -> Any:
+        return cgutils.gep_inbounds(builder, room, 0, builder.add(_COUNT(row * passes), number))
+
+    for number in range(passes):  # the last one again and again until the vectors are full
+        for row, value in enumerate(rows[min(number, count - 1)]):
+            builder.store(value, at(row, _COUNT(number)))
+
+    def body(index: Any) -> None:
+        numbers = [builder.load(at(row, index)) for row in range(arguments)]
+        found = context.get_function(kind, signature)(builder, (*common, *numbers))
+        found = cgutils.unpack_tuple(builder, found) if results > 1 else [found]
+        for row, value in enumerate(found):
+            builder.store(value, at(arguments + row, index))
+
+    _loop(builder, count, body)
+    places = range(arguments, arguments + results)
+    return [[builder.load(at(row, _COUNT(number))) for row in places] for number in range(count)]
+
+
+def _each(function: Any, shared: int, arguments: int) -> Any:
+    """Compiled function that calls another one for each of several things.
+
+    Args:
+        function: Compiled; takes what all things have in common, then some numbers of one, and returns some.
+        shared: What all have in common; it comes first.
+        arguments: Numbers of each; those of the first thing come first.
+    """
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def each(typing: Any, *given: Any) -> Any:
+        law = _law(typing, function, given[: shared + arguments])
+        firsts = range(shared, len(given), arguments)
+
+        def generate(context: Any, builder: Any, signature: Any, packed: Any) -> Any:
+            values = cgutils.unpack_tuple(builder, packed[0])
+            rows = [values[first : first + arguments] for first in firsts]
+            found = _in_turn(context, builder, law, values[:shared], rows)
+            return context.make_tuple(builder, signature.return_type, list(chain(*found)))
+
+        taken = types.StarArgTuple.from_types(given)  # type: ignore[attr-defined]
+        results = len(law[1].return_type) * len(firsts)
+        return types.UniTuple(types.float64, results)(taken), generate  # type: ignore[attr-defined]
+
+    return each
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def side_by_side(typing: Any, places: Any, take: Any, law: Any, give: Any, *context_types: Any) -> Any:
+    """What :func:`twin_gait.simulation.interface.side_by_side` is bound to for one episode."""
+    taken = _law(typing, take.dispatcher, (types.int64, *context_types))
+    ruled = _law(typing, law.dispatcher, taken[1].return_type.types)
+    given = _law(typing, give.dispatcher, (types.int64, ruled[1].return_type, *context_types))
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        numbers = cgutils.unpack_tuple(builder, arguments[0])
+        more = cgutils.unpack_tuple(builder, arguments[4])
+        read, put = (context.get_function(*item) for item in (taken, given))
+        rows = [cgutils.unpack_tuple(builder, read(builder, (number, *more))) for number in numbers]
+        for number, (result,) in zip(numbers, _in_turn(context, builder, ruled, (), rows), strict=True):
+            put(builder, (number, result, *more))
+        return context.get_dummy_value()
+
+    packed = types.StarArgTuple.from_types(context_types)  # type: ignore[attr-defined]
+    return types.none(places, take, law, give, packed), generate
+
+
+def in_vectors(kernel: Mapping[str, Any]) -> dict[str, Any]:
+    """What a loop of one episode is bound to so that laws for several things at once become vectors.
+
+    Args:
+        kernel: Functions by name.
+    """
+    found = {"side_by_side": side_by_side}
+    for item in SIDE_BY_SIDE:
+        each = _each(bind(item.function, ON_BITS, jit), item.shared, item.arguments)
+        found.update({name: each for name in kernel if name.rpartition("_")[0] == item.name})
+    return found

@@ -1,0 +1,82 @@
+"""Episodes of a sweep as jobs; a worker that runs them loads no more than this module asks for."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.configuration.validation import converting
+from twin_gait.experiment import Experiment
+from twin_gait.experiment.problem import build_problem
+from twin_gait.studies.batch import Base, Override
+
+if TYPE_CHECKING:
+    from twin_gait.studies.sweep.spec import Sweep
+
+
+def episodes_of(sweep: Sweep, indices: Iterable[int]) -> Iterator[Episode]:
+    """Episodes of a sweep as jobs, one by one: a million of them at once would take memory."""
+    document = json.dumps(sweep.document["experiment"])
+    return (Episode(index, sweep.design[index], sweep.seed, document) for index in indices)
+
+
+class Episode(NamedTuple):
+    """An episode: plain values only.
+
+    Attributes:
+        number: Its position in the design.
+        override: What it changes.
+        seed: Of the sweep.
+        document: The experiment that all have in common, as JSON with the hash of its URDF.
+    """
+
+    number: int
+    override: Override
+    seed: int
+    document: str
+
+    def __str__(self) -> str:
+        return f"episode {self.number}"
+
+    def experiment(self) -> Experiment:
+        """What is to be run, with draws of its own.
+
+        Raises:
+            ParameterFileError: If a change is wrong, naming episode and key.
+        """
+        base = _base(self.document)
+        draws = np.random.SeedSequence(self.seed, spawn_key=(self.number,))
+        seeded = {**base.document, "seed": int(draws.generate_state(1, np.uint64)[0])}
+        return base._replace(document=seeded).changed(self.override, str(self))
+
+
+@lru_cache(maxsize=1)
+def _base(document: str) -> Base:
+    return Base.of(experiment_from_mapping(json.loads(document), "the sweep", Path()))
+
+
+def check_episode(episode: Episode) -> None:
+    """Check the overrides of an episode.
+
+    Raises:
+        TwinGaitError: If one is wrong.
+    """
+    experiment = episode.experiment()
+    # A text may name a joint or phase that is not there; numbers are checked by their ranges.
+    plain = all(isinstance(value, int | float) for value in episode.override.values())
+    if episode.number == 0 or not plain:
+        converting(str(episode), "", partial(_lay_out, experiment))
+
+
+def _lay_out(experiment: Experiment) -> None:
+    """Do what goes before the first tick, to find what does not fit together."""
+    problem = build_problem(experiment)
+    for phase in problem.world.initial_phases.values():
+        if phase is not None:
+            problem.table.phase_index(phase)
