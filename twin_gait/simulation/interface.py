@@ -7,7 +7,6 @@ what a structure rules out is never compiled.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from twin_gait.core.contact import Ground, Point
 from twin_gait.simulation.episode import Episode
@@ -19,8 +18,9 @@ from twin_gait.simulation.rows import Switch
 LEGS, JOINTS_PER_LEG, POINTS_PER_FOOT, PELVIS, SHIFT = 1, 2, 0, -1, 0
 # Whether legs have ankles, the integration is Runge-Kutta's, there are faults, inertia torques are wanted,
 # the wearer acts, the path is followed, the impedance is shared, and the share adapts.
+# Coordinates with friction by equation (3.1).
+RUBBING: tuple[int, ...] = ()
 ANKLES = RK4 = FAULTY = INERTIA_WANTED = WEARER = FOLLOWS = ASSISTS = ADAPTS = False
-RUBBING: tuple[int, ...] = ()  # coordinates with friction by equation (3.1)
 
 
 def dynamics(
@@ -76,26 +76,25 @@ def control_inertia(q: list[float], a: list[float], bodies: list[float], torque:
 
 
 def side_by_side(
-    places: tuple[int, ...],
-    take: Callable[..., tuple[float, ...]],
-    law: Callable[..., float],
-    give: Callable[..., None],
     e: Episode,
-    *context: Any,
+    places: tuple[int, ...],
+    staged: bool,
+    take: Callable[[Episode, int, bool], tuple[float, ...]],
+    law: Callable[..., float],
+    give: Callable[[Episode, int, float], None],
 ) -> None:
-    """Apply a law in places that do not touch each other; compiled, their numbers are vectors.
+    """Apply a law in places that do not touch each other; in the loop of one episode they are vectors.
 
     Args:
-        places: Where.
-        take: From a place, the episode and the context to the arguments of the law.
+        places: Where; one at least.
+        staged: Whether the state is that of a stage of the integration.
+        take: From episode, place and ``staged`` to the arguments of the law.
         law: Of numbers alone.
-        give: Takes place, result, episode and context.
-        e: The episode, or those that run in lockstep.
-        context: What else ``take`` and ``give`` are handed.
+        give: Takes episode, place and result.
     """
     for place in places:
         for one in lanes(e):
-            give(place, law(*take(place, one, *context)), one, *context)
+            give(one, place, law(*take(one, place, staged)))
 
 
 def episode_at(address: int) -> Episode:

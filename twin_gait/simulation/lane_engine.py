@@ -147,4 +147,4 @@ def has_lane_loop(engine: CompiledEngine) -> bool:
 
 
 def _key_of(pattern: Pattern) -> str:
-    return source_key(f"in lanes {pattern.text}", "compiled_engine", "block", "lanes", "../kernels")
+    return source_key(f"in lanes {pattern.text}", "compiled_engine", "block", "lanes", "views", "../kernels")

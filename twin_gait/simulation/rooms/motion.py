@@ -28,12 +28,11 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
         staged: Whether the state is that of a stage of the integration, not the present one.
     """
     if RUBBING:
-        side_by_side(RUBBING, _rubbing, rotational_friction_torque, _keep_friction, e, staged)
+        side_by_side(e, RUBBING, staged, _rubbing, rotational_friction_torque, _keep_friction)
     for i in range(len(e.q)):
         for one in lanes(e):
             q, v = _state(one, staged)
-            rotational, moved = one.torque[i], q[i] - one.q[i]
-            passive = passive_torque(one.plant[i], rotational, q[i], v[i], one.motor[i], moved)
+            passive = passive_torque(one.plant[i], one.torque[i], q[i], v[i], one.motor[i], q[i] - one.q[i])
             one.torque[i] = one.motor[i] + one.external[i] + passive
     motion = e.imposed_motion
     if motion.place >= 0:
@@ -53,17 +52,10 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
         one.contact_power = dynamics(q, v, one.torque, one.bodies, one.gravity, one.ground, one.a, one.points)
 
 
-def _state(one: Episode, staged: bool) -> tuple[list[float], list[float]]:
-    """Coordinates and velocities."""
-    if staged:
-        return one.stages.q, one.stages.v
-    return one.q, one.v
-
-
-def _rubbing(place: int, e: Episode, staged: bool) -> tuple[float, float, float, float, float]:
+def _rubbing(one: Episode, place: int, staged: bool) -> tuple[float, float, float, float, float]:
     """What :func:`~twin_gait.core.friction.rotational_friction_torque` is asked for."""
-    law = e.plant[place].friction
-    _, v = _state(e, staged)
+    _, v = _state(one, staged)
+    law = one.plant[place].friction
     return (
         v[place],
         law.breakaway_torque,
@@ -73,9 +65,16 @@ def _rubbing(place: int, e: Episode, staged: bool) -> tuple[float, float, float,
     )
 
 
-def _keep_friction(place: int, torque: float, e: Episode, staged: bool) -> None:
+def _keep_friction(one: Episode, place: int, torque: float) -> None:
     """Keep it where the sum of all torques will be."""
-    e.torque[place] = torque
+    one.torque[place] = torque
+
+
+def _state(one: Episode, staged: bool) -> tuple[list[float], list[float]]:
+    """Coordinates and velocities."""
+    if staged:
+        return one.stages.q, one.stages.v
+    return one.q, one.v
 
 
 def _impose(one: Episode, time: float, q: list[float], v: list[float]) -> None:

@@ -84,11 +84,12 @@ def control(e: Episode, tick: int) -> None:
         implausible = False
         for one in lanes(e):
             demand(one, number)
+            if not FAULTY:
+                judge(one, number)
         if FAULTY:
             for one in each(e):
                 _run_away(one, number, tick)
-        for one in lanes(e):
-            judge(one, number)
+                judge(one, number)
         for one in lanes(e):
             implausible |= one.joints[number].command.cause != NO_TRIP
         if implausible:
@@ -96,11 +97,12 @@ def control(e: Episode, tick: int) -> None:
                 trip(one, tick, one.joints[number].command.cause, number)
         for one in lanes(e):
             drive(one, number, tick)
+            if not FAULTY:
+                _note_drive(one, number)
         if FAULTY:
             for one in each(e):
                 _drive_faulty(one, number, tick)
-        for one in lanes(e):
-            _note_drive(one, number)
+                _note_drive(one, number)
 
 
 def demand(e: Episode, number: int) -> None:

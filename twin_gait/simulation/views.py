@@ -1,0 +1,311 @@
+"""Types that show numba a block of episodes as the record of one.
+
+A block (:mod:`twin_gait.simulation.block`), a lane of it, and every record or list in them are views: an
+address and a lane, with the fields of the record. What is alike in all lanes is read once, in the first one;
+of a block as a whole nothing else can be read, and nothing written.
+"""
+
+# numba and llvmlite have no types.
+# mypy: disable-error-code="misc, untyped-decorator, name-defined, attr-defined, no-untyped-def"
+
+from __future__ import annotations
+
+import hashlib
+import operator
+from functools import lru_cache
+from typing import Any
+
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.core.errors import TypingError
+from numba.core.imputils import RefType, iternext_impl
+from numba.core.typing.templates import (
+    AbstractTemplate,
+    AttributeTemplate,
+    infer_getattr,
+    infer_global,
+    signature,
+)
+from numba.extending import (
+    lower_builtin,
+    lower_getattr_generic,
+    lower_setattr_generic,
+    models,
+    overload,
+    register_model,
+)
+
+from twin_gait.simulation.block import SHARED, WIDTH
+
+_OWNERS = frozenset(name.split(".")[0] for name in SHARED)
+_WORD = 8
+INTEGER = ir.IntType(64)
+
+
+@lru_cache(maxsize=1024)
+def _short(item: Any) -> str:
+    """Name of a type; that of a record would be a page, in the name of every function that takes it."""
+    return hashlib.blake2b(str(item).encode(), digest_size=6).hexdigest()
+
+
+class View(types.Type):
+    """What stands at a place of a block.
+
+    Attributes:
+        item: numba's type of the record, or of an entry of the list.
+        field: Name of the field that it stands in, as far as that matters.
+        whole: Whether it is that of all lanes.
+        count: Entries of a list.
+    """
+
+    def __init__(self, item: Any, field: str, whole: bool, count: int = 0) -> None:
+        """Name the type by all that it depends on."""
+        self.item, self.field, self.whole, self.count = item, field, whole, count
+        super().__init__(f"{type(self).__name__}({_short(item)}, {field}, {whole}, {count})")
+
+    @property
+    def shared(self) -> bool:
+        """Whether it is a list of numbers that are alike in all lanes."""
+        return self.field in SHARED
+
+
+class RecordView(View):
+    """A record."""
+
+
+class ListView(View, types.IterableType):
+    """A list of records or numbers with ``count`` entries."""
+
+    @property
+    def iterator_type(self) -> Any:
+        """Of its entries."""
+        if not _readable(self, _entry(self)):
+            raise TypingError(f"{self.field}: unlike in the lanes")
+        return ViewIterator(self, _entry(self))
+
+
+class LanesView(View, types.IterableType):
+    """The lanes of a block, one after the other; ``count`` says whether in vectors."""
+
+    @property
+    def iterator_type(self) -> Any:
+        """Of lanes."""
+        return ViewIterator(self, RecordView(self.item, self.field, False))
+
+
+class ViewIterator(types.SimpleIteratorType):
+    """Goes through a list or the lanes."""
+
+    def __init__(self, over: View, entry: Any) -> None:
+        """Name it by what it goes through."""
+        self.over = over
+        super().__init__(f"iter({over.name})", entry)
+
+
+@register_model(RecordView)
+@register_model(ListView)
+@register_model(LanesView)
+class _ViewModel(models.StructModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, [("base", types.voidptr), ("lane", types.int64)])
+
+
+@register_model(ViewIterator)
+class _IteratorModel(models.StructModel):
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, [("over", kind.over), ("index", types.EphemeralPointer(types.int64))])
+
+
+def _seen(item: Any, owner: str, name: str, whole: bool) -> Any:
+    """Type of what is found in a field: a number as it is, a view of what is larger."""
+    if isinstance(item, types.Record):
+        return RecordView(item, name if name in _OWNERS else "", whole)
+    if isinstance(item, types.NestedArray):
+        rest = item.shape[1:]
+        entry = types.NestedArray(item.dtype, rest) if rest else item.dtype
+        return ListView(
+            entry, f"{owner}.{name}" if f"{owner}.{name}" in SHARED else name, whole, item.shape[0]
+        )
+    return item
+
+
+def _entry(view: Any) -> Any:
+    """Type of an entry of a list."""
+    return _seen(view.item, "", view.field, view.whole)
+
+
+def _readable(view: Any, entry: Any) -> bool:
+    """Whether an entry of a list may be read: a number of a lane, or one that is alike in all."""
+    return isinstance(entry, View) or not view.whole or view.shared
+
+
+def _bytes_of(item: Any) -> int:
+    if isinstance(item, types.Record):
+        return int(item.size)
+    return int(item.nitems) * _WORD if isinstance(item, types.NestedArray) else _WORD
+
+
+# ---------------------------------------------------------------------- typing
+
+
+@infer_getattr
+class _Fields(AttributeTemplate):
+    key = RecordView
+
+    def generic_resolve(self, kind: Any, name: str) -> Any:
+        if name not in kind.item.fields:
+            return None
+        found = _seen(kind.item.typeof(name), kind.field, name, kind.whole)
+        readable = isinstance(found, View) or not kind.whole or f"{kind.field}.{name}" in SHARED
+        return found if readable else None
+
+
+@infer_global(operator.getitem)
+class _Entries(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        if type(args[0]) is ListView and isinstance(args[1], types.Integer):
+            found = _entry(args[0])
+            if _readable(args[0], found):
+                return signature(found, args[0], types.int64)
+        return None
+
+
+@infer_global(operator.setitem)
+class _Stores(AbstractTemplate):
+    def generic(self, args: Any, kws: Any) -> Any:
+        if type(args[0]) is ListView and isinstance(args[1], types.Integer):
+            return signature(types.none, args[0], types.int64, args[0].item)
+        return None
+
+
+@overload(len)
+def _length(view):  # numba compares this with the signature of what it returns
+    if isinstance(view, ListView):
+        count = view.count
+        return lambda view: count
+    return None
+
+
+# ---------------------------------------------------------------------- machine code
+
+
+def make_view(context: Any, builder: Any, kind: Any, base: Any, lane: Any) -> Any:
+    """A view in machine code.
+
+    Args:
+        kind: Its type.
+        base: Address of its part of the first lane.
+        lane: Which is meant.
+    """
+    made = cgutils.create_struct_proxy(kind)(context, builder)
+    made.base, made.lane = base, lane
+    return made._getvalue()
+
+
+def _address(context: Any, builder: Any, kind: Any, view: Any, offset: Any) -> tuple[Any, Any]:
+    """Where something stands, ``offset`` bytes of a block from a view, and which lane is meant."""
+    view = cgutils.create_struct_proxy(kind)(context, builder, view)
+    return builder.gep(view.base, [offset], inbounds=True), view.lane
+
+
+def _load(
+    context: Any, builder: Any, kind: Any, view: Any, found: Any, offset: Any, name: str, shared: bool
+) -> Any:
+    """A number, or the view of what is larger."""
+    base, lane = _address(context, builder, kind, view, offset)
+    if isinstance(found, View):
+        return make_view(context, builder, found, base, lane)
+    address = builder.bitcast(base, context.get_data_type(found).as_pointer())
+    if not shared:
+        address = builder.gep(address, [lane], inbounds=True)
+    number = builder.load(address, align=_WORD)
+    _label(builder, number, name)
+    if shared:  # read in the first lane, once
+        number.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return number
+
+
+def _store(
+    context: Any, builder: Any, kind: Any, view: Any, value: Any, item: Any, offset: Any, name: str
+) -> None:
+    base, lane = _address(context, builder, kind, view, offset)
+    address = builder.bitcast(base, context.get_data_type(item).as_pointer())
+    _label(builder, builder.store(value, builder.gep(address, [lane], inbounds=True), align=_WORD), name)
+
+
+def _label(builder: Any, access: Any, name: str) -> None:
+    """Fields of different names lie apart: LLVM need not compare their places, which are too many for it."""
+    note = builder.module.add_metadata
+    label = note([name, note(["lanes"]), INTEGER(0)])
+    access.set_metadata("tbaa", note([label, label, INTEGER(0)]))
+
+
+def _in_block(kind: Any, name: str) -> Any:
+    return INTEGER(kind.item.offset(name) * WIDTH)
+
+
+def _stride(builder: Any, kind: Any, index: Any) -> Any:
+    return builder.mul(index, INTEGER(_bytes_of(kind.item) * WIDTH), flags=("nsw",))
+
+
+@lower_getattr_generic(RecordView)
+def _get_field(context: Any, builder: Any, kind: Any, view: Any, name: str) -> Any:
+    found = _seen(kind.item.typeof(name), kind.field, name, kind.whole)
+    shared = f"{kind.field}.{name}" in SHARED
+    return _load(context, builder, kind, view, found, _in_block(kind, name), name, shared)
+
+
+@lower_setattr_generic(RecordView)
+def _set_field(context: Any, builder: Any, sig: Any, args: Any, name: str) -> None:
+    kind, item = sig.args[0], sig.args[0].item.typeof(name)
+    assert not kind.whole and f"{kind.field}.{name}" not in SHARED, f"{name}: alike in all lanes"
+    assert not isinstance(item, (types.Record, types.NestedArray)), f"{name}: copy it number by number"
+    _store(context, builder, kind, args[0], args[1], item, _in_block(kind, name), name)
+
+
+@lower_builtin(operator.getitem, ListView, types.Integer)
+def _get_entry(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    kind = sig.args[0]
+    offset = _stride(builder, kind, args[1])
+    return _load(context, builder, kind, args[0], _entry(kind), offset, kind.field, kind.shared)
+
+
+@lower_builtin(operator.setitem, ListView, types.Integer, types.Any)
+def _set_entry(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    kind = sig.args[0]
+    assert not kind.whole and not kind.shared, f"{kind.field}: alike in all lanes"
+    _store(context, builder, kind, args[0], args[2], kind.item, _stride(builder, kind, args[1]), kind.field)
+    return context.get_dummy_value()
+
+
+@lower_builtin("getiter", ListView)
+@lower_builtin("getiter", LanesView)
+def _begin(context: Any, builder: Any, sig: Any, args: Any) -> Any:
+    made = cgutils.create_struct_proxy(sig.return_type)(context, builder)
+    made.over, made.index = args[0], cgutils.alloca_once_value(builder, INTEGER(0))
+    return made._getvalue()
+
+
+@lower_builtin("iternext", ViewIterator)
+@iternext_impl(RefType.UNTRACKED)
+def _next(context: Any, builder: Any, sig: Any, args: Any, result: Any) -> None:
+    kind = sig.args[0]
+    over, header = kind.over, builder.block
+    state = cgutils.create_struct_proxy(kind)(context, builder, args[0])
+    index = builder.load(state.index)
+    count = WIDTH if isinstance(over, LanesView) else over.count
+    more = builder.icmp_signed("<", index, INTEGER(count))
+    result.set_valid(more)
+    loops = builder.function.__dict__.setdefault("view_loops", [])
+    loops.append((header, state.index, over))
+    if isinstance(
+        over, LanesView
+    ):  # without a branch: a lane kept from before would tie one pass to the next
+        block = cgutils.create_struct_proxy(over)(context, builder, state.over)
+        result.yield_(make_view(context, builder, kind.yield_type, block.base, index))
+        return
+    with builder.if_then(more):
+        offset = _stride(builder, over, index)
+        result.yield_(
+            _load(context, builder, over, state.over, _entry(over), offset, over.field, over.shared)
+        )
