@@ -6,13 +6,18 @@ import math
 import struct
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 from matplotlib import colors
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.transforms import Bbox
 from numpy.testing import assert_allclose
 from synthetic_run import HIP_OFFSET, LAG, PHASE_TICKS, STRIDE, synthetic_run
 
@@ -20,7 +25,8 @@ from twin_gait import load_experiment, simulate
 from twin_gait.control import Trip, TripCause
 from twin_gait.gait.table import TICK
 from twin_gait.palette import EVENT_COLOUR, HELD_COLOUR, PHASE_COLOURS, SIDE_COLOURS, phase_colour
-from twin_gait.report.figures import FIGURES, write_figures
+from twin_gait.report.canvas import STRIP_OPACITY
+from twin_gait.report.figures import FIGURES, draw_figure, write_figures
 from twin_gait.report.panels import end_or_events, last_strides, whole_run
 from twin_gait.report.reference import reference_cycle, reference_stride_time
 from twin_gait.report.run_figures import (
@@ -61,6 +67,21 @@ def line(figure: Figure, panel: int, label: str) -> Line2D:
     return next(item for item in figure.axes[panel].get_lines() if item.get_label() == label)
 
 
+class Strip(NamedTuple):
+    """A phase in full colour at the top of a panel; the pale band behind has the same edges."""
+
+    start: float
+    colour: str
+
+
+def strips(figure: Figure, panel: int = 0) -> list[Strip]:
+    (shown,) = (item for item in figure.axes[panel].collections if item.get_alpha() == STRIP_OPACITY)
+    return [
+        Strip(float(path.vertices[:, 0].min()), colors.to_hex(colour).upper())  # type: ignore[index]
+        for path, colour in zip(shown.get_paths(), np.asarray(shown.get_facecolor()), strict=True)
+    ]
+
+
 def legend_labels(figure: Figure) -> list[str]:
     (legend,) = figure.legends
     return [text.get_text() for text in legend.get_texts() if text.get_text().strip()]
@@ -86,6 +107,25 @@ def test_shortest_log_that_can_be_drawn(walk: Run, tmp_path: Path) -> None:
     assert len(write_figures(replace(walk, log=walk.log.iloc[:2]), tmp_path)) == len(FIGURES) - 1
 
 
+@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize("tripped_too", [False, True])
+def test_between_fixed_margins_nothing_is_cut_off_or_covered(
+    walk: Run, tripped: Run, name: str, tripped_too: bool
+) -> None:
+    figure = draw_figure(tripped if tripped_too else walk, name)
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    renderer = canvas.get_renderer()
+    boxes = [axes.get_tightbbox(renderer) for axes in figure.axes]
+    boxes += [item.get_window_extent(renderer) for item in (*figure.texts, *figure.legends)]
+    for box in boxes:
+        assert box is not None and figure.bbox.contains(*box.min) and figure.bbox.contains(*box.max)
+    for first, second in combinations(boxes, 2):
+        common = Bbox.intersection(first, second)
+        # The frame of a text is larger than its ink.
+        assert common is None or min(common.width, common.height) < figure.dpi / 50
+
+
 def test_cycle_shows_the_mean_and_the_reference(walk: Run) -> None:
     figure = draw_cycle(walk)
     assert figure is not None
@@ -102,15 +142,13 @@ def test_cycle_shows_the_mean_and_the_reference(walk: Run) -> None:
 def test_cycle_bands_change_at_the_phase_boundaries(walk: Run) -> None:
     figure = draw_cycle(walk)
     assert figure is not None
-    # Strips in full colour; the pale band behind has the same edges.
-    strips = [patch for patch in figure.axes[0].patches if patch.get_alpha() == 0.9]
-    starts = [float(patch.get_x()) for patch in strips]  # type: ignore[attr-defined]
+    starts = [strip.start for strip in strips(figure)]
     assert LAG == PHASE_TICKS[0]  # early stance is over when the heel strikes, at 0 and at 100 %
     boundaries = np.append(np.cumsum(PHASE_TICKS)[1:] - LAG, STRIDE) / STRIDE * 100.0
     assert_allclose(starts[1:], boundaries, atol=1.0)  # the cycle is sampled at whole percents
     cycle = (*list(GaitPhase)[1:], GaitPhase.EARLY_STANCE, GaitPhase.MIDDLE_STANCE)
     expected = [PHASE_COLOURS[phase] for phase in cycle]
-    assert [colors.to_hex(patch.get_facecolor()).upper() for patch in strips] == expected
+    assert [strip.colour for strip in strips(figure)] == expected
 
 
 def test_torques_show_the_parts_that_act_and_the_limits(walk: Run) -> None:
@@ -143,8 +181,11 @@ def test_feet_mark_the_heel_strikes(walk: Run) -> None:
 
 def test_portrait_is_coloured_by_phase(walk: Run) -> None:
     figure = draw_portrait(walk)
-    found = {str(item.get_color()) for item in figure.axes[0].get_lines()} - {"0.6"}
-    assert found == set(PHASE_COLOURS.values())
+    found = {kind: set[str]() for kind in (LineCollection, PathCollection)}
+    for item in figure.axes[0].collections:
+        drawn = item.get_edgecolor() if isinstance(item, LineCollection) else item.get_facecolor()
+        found[type(item)] |= {colors.to_hex(colour).upper() for colour in np.asarray(drawn)}
+    assert found == {kind: set(PHASE_COLOURS.values()) for kind in found}
 
 
 def test_angles_of_a_long_run_are_those_of_its_end(walk: Run) -> None:
@@ -216,10 +257,9 @@ def test_pictures_over_time_mark_fault_trip_and_fall(tripped: Run, walk: Run, dr
 @pytest.mark.parametrize("draw", [draw_angles, draw_torques, draw_currents])
 def test_phases_are_grey_after_the_trip(tripped: Run, draw: Callable) -> None:
     figure = draw(tripped)
-    strips = [patch for patch in figure.axes[0].patches if patch.get_alpha() == 0.9]
-    grey = [colors.to_hex(patch.get_facecolor()).upper() == HELD_COLOUR for patch in strips]
-    assert grey == [False] * (len(grey) - 1) + [True]
-    assert strips[-1].get_x() == pytest.approx(TRIPPED)
+    *before, last = strips(figure)
+    assert last == (pytest.approx(TRIPPED), HELD_COLOUR)
+    assert before and HELD_COLOUR not in {strip.colour for strip in before}
     assert legend_labels(figure)[-1] == "held after the trip"
 
 

@@ -18,7 +18,9 @@ from twin_gait import Run, load_experiment, simulate, simulate_batch
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import Engine, Experiment
 from twin_gait.runs.summary import READ_IN_BRIEF, summarise
+from twin_gait.simulation import loops, together
 from twin_gait.simulation.block import WIDTH
+from twin_gait.simulation.lane_engine import LaneEngine
 from twin_gait.simulation.together import (
     FEWEST_IN_ALL,
     FEWEST_LANES,
@@ -141,7 +143,8 @@ def test_blocks_are_handed_over_where_there_are_many_and_their_logs_fit(bench):
 
 
 @pytest.mark.parametrize(
-    ("count", "longest"), [(1, 2.0), (7, 2.0), pytest.param(33, 2.0, marks=pytest.mark.slow)]
+    ("count", "longest"),
+    [(1, 2.0), *(pytest.param(count, 2.0, marks=pytest.mark.slow) for count in (7, 33))],
 )
 def test_unlike_walks_together_are_what_each_is_alone(walk, count, longest):
     base = Base.of(walk)
@@ -197,12 +200,28 @@ def test_the_reference_engine_runs_beside_the_compiled_one(bench):
     assert len(found[0].log) == 100
 
 
+@pytest.mark.slow
+@pytest.mark.compile
+def test_a_loop_for_blocks_is_compiled_for_many_and_then_taken_for_few(bench, monkeypatch, tmp_path):
+    monkeypatch.setenv("TWIN_GAIT_CACHE", str(tmp_path))
+    monkeypatch.setattr(loops, "_loops", {})
+    blocks: list[int] = []
+    monkeypatch.setattr(
+        together,
+        "LaneEngine",
+        lambda engines, **options: blocks.append(len(engines)) or LaneEngine(engines, **options),
+    )
+    for number in (20, FEWEST_IN_ALL, 20):
+        assert len(dict(simulate_together([bench] * number))) == number
+    assert blocks == [WIDTH, WIDTH, 20]
+
+
 def test_no_log_outlives_its_turn(bench):
     before: list[weakref.ref[pd.DataFrame]] = []
-    for _, run in simulate_together([bench] * 50):
+    for _, run in simulate_together([bench] * FEWEST_LANES):
         assert not [log for log in before if log() is not None]
         before.append(weakref.ref(run.log))
-    assert len(before) == 50
+    assert len(before) == FEWEST_LANES
 
 
 def test_what_comes_before_a_failure_is_done_and_the_failure_has_its_number(bench):
@@ -224,7 +243,8 @@ def test_an_error_in_making_an_experiment_has_its_number(bench):
         list(simulate_together(asked()))
 
 
-def test_work_can_be_stopped_and_more_than_are_laid_out_at_a_time_are_run(bench):
+def test_work_can_be_stopped_and_more_than_are_laid_out_at_a_time_are_run(bench, monkeypatch):
+    monkeypatch.setattr(together, "FEWEST_IN_ALL", 1000)  # without compiling for them
     short = replace(bench, duration=0.01)
     assert sorted(place for place, _ in simulate_together([short] * 150)) == list(range(150))
     done: list[int] = []

@@ -104,16 +104,16 @@ PLACES = (0, 2, 5)
 STATE = np.dtype([("velocity", "f8", (6,)), ("friction", "f8", (6,))], align=True)
 
 
-def sliding(place: int, state: Any) -> tuple[float, float, float, float, float]:
+def sliding(state: Any, place: int, staged: bool) -> tuple[float, float, float, float, float]:
     return state.velocity[place], 8.0, 10.0, 0.1, 2.0
 
 
-def keep(place: int, torque: float, state: Any) -> None:
+def keep(state: Any, place: int, torque: float) -> None:
     state.friction[place] = torque
 
 
 def rub(address: int) -> int:
-    side_by_side(PLACES, sliding, rotational_friction_torque, keep, state_at(address))
+    side_by_side(state_at(address), PLACES, False, sliding, rotational_friction_torque, keep)
     return 0
 
 

@@ -14,6 +14,7 @@ from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 
 if TYPE_CHECKING:
+    from twin_gait.runs.drawing import Draughtsman
     from twin_gait.simulation import Run
 
 
@@ -58,12 +59,18 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate and write the run directory."""
+    from twin_gait.runs.drawing import draughtsman
+
+    with draughtsman(wanted=not arguments.no_pictures) as drawing:
+        return _simulate(arguments, drawing)
+
+
+def _simulate(arguments: argparse.Namespace, drawing: Draughtsman) -> int:
     import json
 
     from twin_gait.runs.folders import staged_directory
     from twin_gait.runs.record import RUN_DIRECTORY, write_run
     from twin_gait.simulation import RunStatus, simulate
-    from twin_gait.studies.accuracy import step_error
 
     if arguments.faults:
         arguments.settings = [*arguments.settings, f"faults={json.dumps(arguments.faults)}"]
@@ -77,6 +84,8 @@ def run(arguments: argparse.Namespace) -> int:
             result = simulate(loaded.experiment, **watch)
         accuracy = None
         if arguments.accuracy and result.status is RunStatus.COMPLETED:
+            from twin_gait.studies.accuracy import step_error
+
             with terminal.progress_bar("a tenth of the step", "tick") as progress:
                 accuracy = step_error(result, progress=progress, should_stop=should_stop)
         summary = write_run(
@@ -86,6 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
             pictures=not arguments.no_pictures,
             accuracy=accuracy,
             on_step=terminal.note_step,
+            draughtsman=drawing,
         )
     terminal.clear_line()
     lines = list(report(result, summary, out))

@@ -7,6 +7,8 @@ import io
 import shlex
 import signal
 import sys
+import threading
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
@@ -101,8 +103,14 @@ def progress_bar(title: str, unit: str) -> Iterator[Callable[[int, int], None]]:
 def watched(title: str, unit: str, should_stop: Callable[[], bool] | None = None) -> Iterator[dict[str, Any]]:
     """Progress bar, request to stop and word on compiling, as what takes its time takes them."""
     stopping = stop_on_interrupt() if should_stop is None else nullcontext(should_stop)
-    with stopping as asked, progress_bar(title, unit) as progress:
-        yield {"progress": progress, "should_stop": asked, "on_compile": note_compilation}
+    with stopping as asked, progress_bar(title, unit) as bar, compilation_clock() as clock:
+        start, stop = clock
+
+        def progress(done: int, total: int) -> None:
+            stop()  # the first progress comes when the engine is there
+            bar(done, total)
+
+        yield {"progress": progress, "should_stop": asked, "on_compile": start}
 
 
 def interrupted(hint: str) -> int:
@@ -141,10 +149,53 @@ def warn_on_one_line() -> None:
     warnings.formatwarning = line
 
 
+USUAL_COMPILATION = 15.0  # [s] on a processor of 2023
+
+
 def note_compilation() -> None:
     """Say why the first run on a machine takes its time."""
+    clear_line()
     print(
-        "compiling the engine for this model, once on this machine (10 to 20 s) …",
+        "compiling the engine for this model, once on this machine (10 to 20 s); later runs start at once …",
         file=sys.stderr,
         flush=True,
     )
+
+
+@contextmanager
+def compilation_clock() -> Iterator[tuple[Callable[[], None], Callable[[], None]]]:
+    """What says that the engine is being compiled, and on a terminal for how long; and what ends it."""
+    ended, thread = threading.Event(), threading.Thread()
+
+    def run(began: float) -> None:
+        while not ended.wait(0.5):
+            note_line(compilation_line(time.monotonic() - began))
+
+    def start() -> None:
+        nonlocal thread
+        note_compilation()
+        if sys.stderr.isatty() and not thread.is_alive():
+            ended.clear()  # a second model may be compiled in one command
+            thread = threading.Thread(target=run, args=(time.monotonic(),), daemon=True)
+            thread.start()
+
+    def stop() -> None:
+        ended.set()
+        if thread.is_alive():
+            thread.join()
+            clear_line()
+
+    try:
+        yield start, stop
+    finally:
+        stop()
+
+
+def compilation_line(passed: float) -> str:
+    """How far a compilation is after a time in [s]."""
+    if passed > USUAL_COMPILATION:
+        return (
+            f"  {passed:.0f} s, longer than the usual {USUAL_COMPILATION:.0f} s: the machine is slow or busy"
+        )
+    done = round(20 * passed / USUAL_COMPILATION)
+    return f"  {passed:2.0f} s of about {USUAL_COMPILATION:.0f} [{'#' * done}{'.' * (20 - done)}]"

@@ -23,6 +23,7 @@ import csv
 import math
 from collections.abc import Sequence
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -119,15 +120,50 @@ def reference_curve(joint: JointName, percent: np.ndarray, *, speed: float, heig
     Raises:
         ParameterError: If the regression does not reach the speed, or the height is not positive.
     """
-    from scipy.interpolate import BPoly  # takes longer to import than a walk to simulate
-
     events = key_events(joint, speed=speed, height=height)
     around = (*events, events[0]._replace(percent=CYCLE))
-    spline = BPoly.from_derivatives(
-        [event.percent for event in around],
-        [(event.angle, event.velocity, event.acceleration) for event in around],
-    )
-    return np.asarray(spline(np.mod(np.asarray(percent, dtype=float), CYCLE)))
+    return _quintic(around, np.mod(np.asarray(percent, dtype=float), CYCLE))
+
+
+def _quintic(events: Sequence[KeyEvent], percent: np.ndarray) -> np.ndarray:
+    r"""Piecewise polynomials of degree five through angles, velocities and accelerations.
+
+    In Bernstein form, :math:`\sum_j \binom{5}{j} s^j (1 - s)^{5 - j} c_j` with :math:`s` from 0 to 1 between
+    two events, in the order of operations of ``scipy.interpolate.BPoly``: the same bits without its import,
+    which takes longer than a walk to simulate.
+
+    Args:
+        events: In ascending order.
+        percent: Instants, any shape.
+    """
+    starts = np.array([event.percent for event in events])
+    pieces = np.array([_bernstein(*pair) for pair in pairwise(events)])
+    place = np.clip(np.searchsorted(starts, percent, side="right") - 1, 0, len(pieces) - 1)
+    share = (percent - starts[place]) / (starts[place + 1] - starts[place])
+    found = np.zeros_like(share)
+    for j, binomial in enumerate((1.0, 5.0, 10.0, 10.0, 5.0, 1.0)):
+        found = found + binomial * _power(share, j) * _power(1.0 - share, 5 - j) * pieces[place, j]
+    return np.asarray(found)
+
+
+def _power(values: np.ndarray, exponent: int) -> np.ndarray:
+    """Powers by the C library; those of NumPy differ from one processor to another."""
+    return np.array([math.pow(value, exponent) for value in values.flat]).reshape(values.shape)
+
+
+def _bernstein(start: KeyEvent, end: KeyEvent) -> list[float]:
+    """Coefficients of the polynomial between two events."""
+    span = end.percent - start.percent
+    first = start.velocity / 5.0 * span + start.angle
+    last = end.angle - end.velocity / 5.0 * span
+    return [
+        start.angle,
+        first,
+        start.acceleration / 20.0 * span**2 - start.angle + 2.0 * first,
+        end.acceleration / 20.0 * span**2 + 2.0 * last - end.angle,
+        last,
+        end.angle,
+    ]
 
 
 def reference_cycle_time(speed: float, height: float) -> float:

@@ -9,6 +9,8 @@ from string import ascii_lowercase
 from typing import Any, Protocol
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, MaxNLocator
 
@@ -141,15 +143,22 @@ def _size(figure: Figure) -> None:
     for line in [*legend.get_lines(), *(line for axes in figure.axes for line in axes.get_lines())]:
         line.set_linewidth(_THINNER * line.get_linewidth())
         line.set_markersize(_THINNER * line.get_markersize())
+    for item in (item for axes in figure.axes for item in axes.collections):
+        item.set_linewidth((_THINNER * np.asarray(item.get_linewidth())).tolist())
+        if isinstance(item, PathCollection):  # dots, by their areas
+            item.set_sizes(_THINNER**2 * item.get_sizes())
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         if not isinstance(axis.get_major_locator(), FixedLocator):
             axis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
 
 
-def write_figures(run: Run, directory: Path) -> list[Path]:
+def write_figures(run: Run, directory: Path, share: slice = slice(None)) -> list[Path]:
     """Draw a run.
 
     A run without strides has no picture of the gait cycle, and one without ground none of the feet.
+
+    Args:
+        share: Which of ``FIGURES``, by their places.
     """
-    drawn = ((name, draw(run, width=SCREEN_WIDTH)) for name, draw in FIGURES.items())
+    drawn = ((name, draw(run, width=SCREEN_WIDTH)) for name, draw in list(FIGURES.items())[share])
     return [save(figure, directory / f"{name}.png") for name, figure in drawn if figure is not None]

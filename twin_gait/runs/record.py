@@ -25,9 +25,8 @@ from twin_gait.files import read_parquet, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.outcome import RunEvent, run_events
-from twin_gait.report.figures import write_figures
+from twin_gait.runs.drawing import Draughtsman
 from twin_gait.runs.folders import FolderKind, journal_of
-from twin_gait.runs.run_page import page_of, shown_run
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
 from twin_gait.simulation.run import Run, RunStatus
@@ -109,9 +108,19 @@ def write_run(
     pictures: bool = True,
     accuracy: dict[str, Any] | None = None,
     on_step: Callable[[str], None] | None = None,
+    draughtsman: Draughtsman | None = None,
 ) -> dict[str, Any]:
-    """Write everything that a run leaves behind into a folder."""
+    """Write everything that a run leaves behind into a folder.
+
+    Args:
+        draughtsman: Who draws the figures while all else is written; by default they are drawn here.
+    """
     tell = on_step or (lambda name: None)
+    drawing = draughtsman or Draughtsman()
+    pictures = pictures and len(run.log) > 1
+    if pictures:
+        (directory / FIGURES_FOLDER).mkdir()
+        drawing.begin(run, directory / FIGURES_FOLDER)
     tell(EXPERIMENT_FILE)
     resolved = resolved_document(run.experiment, document, versions())
     write_atomically(directory / EXPERIMENT_FILE, dump_yaml(resolved))
@@ -122,12 +131,13 @@ def write_run(
     if accuracy is not None:
         summary["accuracy"] = accuracy
     write_atomically(directory / SUMMARY_FILE, json.dumps(summary, indent=2, allow_nan=False) + "\n")
-    if pictures and len(run.log) > 1:
-        tell(FIGURES_FOLDER)
-        (directory / FIGURES_FOLDER).mkdir()
-        write_figures(run, directory / FIGURES_FOLDER)
+    if pictures:
+        from twin_gait.runs.run_page import page_of, shown_run  # takes its time; the figures are under way
+
         tell(ANIMATION_FILE)
         write_atomically(directory / ANIMATION_FILE, page_of([shown_run(run)]))
+        tell(FIGURES_FOLDER)
+        drawing.finish()
     return summary
 
 

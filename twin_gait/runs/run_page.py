@@ -15,7 +15,7 @@ from twin_gait.exceptions import ParameterError, ViewerError
 from twin_gait.experiment import Experiment
 from twin_gait.measures.outcome import RunEvent
 from twin_gait.parameters import Patient
-from twin_gait.report.canvas import wearer_words
+from twin_gait.report.words import wearer_words
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run

@@ -18,7 +18,7 @@ from twin_gait.simulation.compiled_engine import ARGUMENTS, CompiledEngine, Patt
 from twin_gait.simulation.engine import EngineResult
 from twin_gait.simulation.episode import COMPLETED
 from twin_gait.simulation.keeping import source_key
-from twin_gait.simulation.loops import kept_loop
+from twin_gait.simulation.loops import is_kept, kept_loop
 from twin_gait.simulation.machine_code import NativeFunction
 
 if TYPE_CHECKING:
@@ -138,5 +138,13 @@ def lane_loop(pattern: Pattern, on_compile: Callable[[], None] | None) -> Native
         names = {**bound_to(pattern), **bound_in_lanes(pattern.episode, pattern.row)}
         return compile_loop(run_at, names, ARGUMENTS, manner=IN_LOCKSTEP)
 
-    key = source_key(f"in lanes {pattern.text}", "compiled_engine", "block", "lanes", "../kernels")
-    return kept_loop(key, ARGUMENTS, make, None, on_compile)
+    return kept_loop(_key_of(pattern), ARGUMENTS, make, None, on_compile)
+
+
+def has_lane_loop(engine: CompiledEngine) -> bool:
+    """Whether the loop for blocks of episodes like this one needs no compiling."""
+    return is_kept(_key_of(engine.pattern))
+
+
+def _key_of(pattern: Pattern) -> str:
+    return source_key(f"in lanes {pattern.text}", "compiled_engine", "block", "lanes", "../kernels")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin_gait.control import ControllerFunction
@@ -36,8 +37,7 @@ def kept_loop(
         on_compile: Called if it has to be compiled, which takes 10 to 20 s.
     """
     if (key, controller) not in _loops:
-        folder = cache_folder() if controller is None else None
-        path = None if folder is None else folder / f"twin_gait_{key}.loop"
+        path = _path_of(key) if controller is None else None
         code = None if path is None else read_code(path)
         if code is not None:
             _loops[key, controller] = load_function(code, n_arguments)
@@ -50,3 +50,14 @@ def kept_loop(
                 write_code(path, compiled.code)
             _loops[key, controller] = compiled.function
     return _loops[key, controller]
+
+
+def is_kept(key: str) -> bool:
+    """Whether :func:`kept_loop` would compile nothing, with the thesis's control law."""
+    path = _path_of(key)
+    return (key, None) in _loops or (path is not None and path.is_file())
+
+
+def _path_of(key: str) -> Path | None:
+    folder = cache_folder()
+    return None if folder is None else folder / f"twin_gait_{key}.loop"

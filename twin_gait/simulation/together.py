@@ -7,6 +7,7 @@ episodes                                      run
 ============================================  =======================================================
 16 or more of one structure (the same loop)   in blocks of up to 32, sorted by duration
 fewer of one structure, the rest of a cut     one by one, compiled
+fewer than 64, and no loop for a block yet    one by one: compiling it would take longer
 longer than ``MOST_TICKS`` / 16               one by one, compiled: 16 logs would take too much memory
 ``engine: pinocchio``                         one by one, through the reference engine
 a law of friction with powers                 one by one, compiled: there are no vectors of them
@@ -19,6 +20,7 @@ A log, a status, a trip does not depend on what else is in the block, on its siz
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from itertools import islice
@@ -29,7 +31,7 @@ from twin_gait.experiment import Engine, Experiment
 from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.lane_engine import LaneEngine, kind_of, lane_loop
+from twin_gait.simulation.lane_engine import LaneEngine, has_lane_loop, kind_of, lane_loop
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import engine_of, run_of
@@ -38,7 +40,7 @@ AnyEngine = CompiledEngine | ReferenceEngine
 
 FEWEST_LANES = 16  # with fewer a block costs more than its episodes alone
 FEWEST_IN_ALL = 2 * WIDTH  # for which it pays to hand blocks over, and to compile a loop for them
-# Of the logs of a block, all of which are in memory at once: 32 walks of a minute, 0.6 GB with the 39 columns
+# Of the logs of a block, all of which are in memory at once: 32 walks of a minute, 0.7 GB with the 46 columns
 # that a summary reads.
 MOST_TICKS = 2_000_000
 _LAID_OUT = 4 * WIDTH  # episodes that are laid out at a time, to find those that are alike
@@ -150,8 +152,7 @@ def simulate_together(
         engines, failure = _laid_out(waiting, first, on_compile)
         if not engines and failure is None:
             return
-        kinds = [kind_of(engine) if isinstance(engine, CompiledEngine) else None for engine in engines]
-        for block in blocks_of(kinds, [engine.problem.experiment.n_ticks for engine in engines]):
+        for block in blocks_of(_kinds(engines), [engine.problem.experiment.n_ticks for engine in engines]):
             for part in [block.members] if block.alike else [(place,) for place in block.members]:
                 if should_stop is not None and should_stop():
                     return
@@ -165,7 +166,7 @@ def simulate_together(
 def _laid_out(
     waiting: Iterator[Experiment], first: int, on_compile: Callable[[], None] | None
 ) -> tuple[list[AnyEngine], EpisodeFailed | None]:
-    """AnyEngine of the next episodes, up to the first that cannot be laid out."""
+    """Engines of the next episodes, up to the first that cannot be laid out."""
     engines: list[AnyEngine] = []
     try:
         for experiment in islice(waiting, _LAID_OUT):
@@ -175,6 +176,18 @@ def _laid_out(
         failure.__cause__ = error
         return engines, failure
     return engines, None
+
+
+def _kinds(engines: Sequence[AnyEngine]) -> list[Hashable | None]:
+    """What those share that may share a block; None where a loop would have to be compiled for a few."""
+    kinds = [kind_of(engine) if isinstance(engine, CompiledEngine) else None for engine in engines]
+    numbers = Counter(kinds)
+    worth = set()
+    for kind, engine in dict(zip(kinds, engines, strict=True)).items():
+        if isinstance(engine, CompiledEngine) and numbers[kind] >= FEWEST_LANES:
+            if numbers[kind] >= FEWEST_IN_ALL or has_lane_loop(engine):
+                worth.add(kind)
+    return [kind if kind in worth else None for kind in kinds]
 
 
 def _run(

@@ -132,23 +132,22 @@ def _each(function: Any, shared: int, arguments: int) -> Any:
 
 
 @intrinsic  # type: ignore[untyped-decorator]
-def side_by_side(typing: Any, places: Any, take: Any, law: Any, give: Any, *context_types: Any) -> Any:
+def side_by_side(typing: Any, e: Any, places: Any, staged: Any, take: Any, law: Any, give: Any) -> Any:
     """What :func:`twin_gait.simulation.interface.side_by_side` is bound to for one episode."""
-    taken = _law(typing, take.dispatcher, (types.int64, *context_types))
+    taken = _law(typing, take.dispatcher, (e, types.int64, staged))
     ruled = _law(typing, law.dispatcher, taken[1].return_type.types)
-    given = _law(typing, give.dispatcher, (types.int64, ruled[1].return_type, *context_types))
+    given = _law(typing, give.dispatcher, (e, types.int64, ruled[1].return_type))
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        numbers = cgutils.unpack_tuple(builder, arguments[0])
-        more = cgutils.unpack_tuple(builder, arguments[4])
+        episode, numbers = arguments[0], cgutils.unpack_tuple(builder, arguments[1])
         read, put = (context.get_function(*item) for item in (taken, given))
-        rows = [cgutils.unpack_tuple(builder, read(builder, (number, *more))) for number in numbers]
+        taking = (read(builder, (episode, number, arguments[2])) for number in numbers)
+        rows = [cgutils.unpack_tuple(builder, item) for item in taking]
         for number, (result,) in zip(numbers, _in_turn(context, builder, ruled, (), rows), strict=True):
-            put(builder, (number, result, *more))
+            put(builder, (episode, number, result))
         return context.get_dummy_value()
 
-    packed = types.StarArgTuple.from_types(context_types)  # type: ignore[attr-defined]
-    return types.none(places, take, law, give, packed), generate
+    return types.none(e, places, staged, take, law, give), generate
 
 
 def in_vectors(kernel: Mapping[str, Any]) -> dict[str, Any]:

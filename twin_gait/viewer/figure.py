@@ -249,8 +249,8 @@ class Figure:
             transform = self._data.liMi[index]
             quaternion = pin.Quaternion(transform.rotation).coeffs()
             groups[self.paths[str(self.model.names[index])]] = (
-                [float(value) for value in transform.translation],
-                [float(value) for value in quaternion],
+                transform.translation.tolist(),
+                quaternion.tolist(),
             )
         return groups
 

@@ -27,7 +27,8 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
         time: In [s].
         staged: Whether the state is that of a stage of the integration, not the present one.
     """
-    side_by_side(RUBBING, _rubbing, rotational_friction_torque, _keep_friction, e, staged)
+    if RUBBING:
+        side_by_side(RUBBING, _rubbing, rotational_friction_torque, _keep_friction, e, staged)
     for i in range(len(e.q)):
         for one in lanes(e):
             q, v = _state(one, staged)

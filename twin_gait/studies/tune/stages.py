@@ -269,6 +269,6 @@ def leaders(generations: Sequence[Generation], count: int) -> list[Generation]:
 
     What lies side by side in the last generations falls over the same case.
     """
-    ends = np.linspace(0, len(generations) - 1, count).round().astype(int)
+    ends = np.linspace(len(generations) - 1, 0, count).round().astype(int)
     points = {tuple(generations[place].point): generations[place] for place in ends.tolist()}
-    return list(points.values())[::-1]
+    return list(points.values())

@@ -1,0 +1,54 @@
+"""The reference curve has the bits of SciPy's piecewise polynomials, without their import."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from scipy.interpolate import BPoly
+
+from twin_gait.measures.reference import CYCLE, FASTEST, SLOWEST, key_events, reference_curve
+from twin_gait.vocabulary import JointName
+
+
+@pytest.mark.parametrize("joint", JointName)
+def test_the_curve_has_the_bits_of_scipy(joint: JointName) -> None:
+    draw = np.random.default_rng(20)
+    for speed, height in zip(
+        draw.uniform(SLOWEST, FASTEST, size=30), draw.uniform(1.45, 2.0, size=30), strict=True
+    ):
+        events = key_events(joint, speed=speed, height=height)
+        around = (*events, events[0]._replace(percent=CYCLE))
+        spline = BPoly.from_derivatives(
+            [event.percent for event in around],
+            [(event.angle, event.velocity, event.acceleration) for event in around],
+        )
+        percent = np.concatenate((np.linspace(-CYCLE, CYCLE, 201), draw.uniform(0.0, CYCLE, size=200)))
+        percent = np.append(percent, [event.percent for event in around])
+        curve = reference_curve(joint, percent.reshape(3, -1), speed=speed, height=height)
+        assert np.array_equal(curve.ravel(), spline(np.mod(percent, CYCLE)))
+
+
+def test_a_number_is_a_percent_too() -> None:
+    one = reference_curve(JointName.KNEE, np.array(40.0), speed=0.5, height=1.75)
+    assert one.shape == () and 0.0 < float(one) < 0.2
+
+
+def test_a_run_is_simulated_checked_and_summed_up_without_scipy() -> None:
+    """Its sub-packages take longer to import than a walk to simulate."""
+    code = (
+        "import sys\n"
+        "from twin_gait.cli import options, simulate\n"
+        "from twin_gait.configuration import load_experiment\n"
+        "from twin_gait.runs.record import summarise\n"
+        "from twin_gait.runs.run_page import page_of, shown_run\n"
+        "from twin_gait.simulation import simulate\n"
+        "run = simulate(load_experiment('treadmill', ['duration_s=0.1']).experiment)\n"
+        "options.check_table(run.experiment)\n"
+        "summarise(run), page_of([shown_run(run)])\n"
+        "print([name for name in ('scipy', 'matplotlib', 'distributed') if name in sys.modules])"
+    )
+    answer = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert answer.stdout.strip() == "[]"

@@ -1,0 +1,102 @@
+"""Pictures drawn by processes beside: the same files, also if a process is lost."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from synthetic_run import synthetic_run
+
+from twin_gait.report.figures import FIGURES, write_figures
+from twin_gait.runs import drawing
+from twin_gait.runs.drawing import draughtsman
+from twin_gait.simulation.run import Run
+
+
+@pytest.fixture(scope="module")
+def walk() -> Run:
+    return synthetic_run()
+
+
+@pytest.fixture(scope="module")
+def pictures(walk: Run, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    return contents(write_figures(walk, tmp_path_factory.mktemp("here")))
+
+
+def contents(paths: list[Path]) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(paths)}
+
+
+@pytest.fixture
+def drawn_here(monkeypatch: pytest.MonkeyPatch) -> list[slice]:
+    """Shares that this process draws."""
+    shares: list[slice] = []
+
+    def noted(run: Run, folder: Path, share: slice) -> list[Path]:
+        shares.append(share)
+        return write_figures(run, folder, share)
+
+    monkeypatch.setattr("twin_gait.report.figures.write_figures", noted)
+    return shares
+
+
+@pytest.mark.parametrize(("processors", "processes"), [(1, 0), (2, 1), (16, 2)])
+def test_processes_draw_what_this_one_would(
+    processors: int,
+    processes: int,
+    walk: Run,
+    pictures: dict[str, bytes],
+    tmp_path: Path,
+    monkeypatch,
+    drawn_here,
+) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: processors)
+    with draughtsman() as worker:
+        hands = list(worker._hands)
+        worker.begin(walk, tmp_path)
+        worker.finish()
+    assert contents(list(tmp_path.iterdir())) == pictures and len(pictures) == len(FIGURES)
+    assert len(hands) == processes and len(drawn_here) == (processes == 0)
+    assert all(hand.returncode is not None for hand in hands)
+
+
+def test_a_process_that_is_lost_is_done_without(
+    walk: Run, pictures: dict[str, bytes], tmp_path: Path, monkeypatch, drawn_here
+) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 3)
+    with draughtsman() as worker:
+        worker._hands[1].kill()
+        worker.begin(walk, tmp_path)
+        worker.finish()
+    assert contents(list(tmp_path.iterdir())) == pictures
+    assert drawn_here == [slice(1, None, 2)]
+
+
+def test_what_a_process_cannot_draw_fails_where_it_was_asked_for(
+    walk: Run, tmp_path: Path, monkeypatch
+) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    with draughtsman() as worker:
+        worker.begin(replace(walk, log=walk.log.drop(columns="battery_power_W")), tmp_path)
+        with pytest.raises(KeyError, match="battery_power_W"):
+            worker.finish()
+
+
+def test_a_process_that_is_not_needed_is_ended(monkeypatch) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    with draughtsman(wanted=False) as worker:
+        assert worker._hands == []
+    with draughtsman() as worker:
+        (hand,) = worker._hands
+    assert hand.returncode is not None
+
+
+def test_a_long_log_stays_in_this_process(walk: Run, tmp_path: Path, monkeypatch, drawn_here) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(drawing, "LARGEST_LOG", 1000)
+    with draughtsman() as worker:
+        worker.begin(walk, tmp_path)
+        worker.finish()
+    assert drawn_here == [slice(0, None, 1)]
