@@ -22,8 +22,8 @@ from peers.timing import machine, significant
 
 BEFORE = {"type": Path, "metavar": "TREE", "help": "folder with the package to compare with"}
 form = form_of("commands", Path(__file__).parent, before=BEFORE)
-TREES = {"before": form.more["before"], "after": Path(__file__).parents[1]}
-TREES = {name: tree.resolve() for name, tree in TREES.items() if tree is not None}
+before = form.more["before"]
+TREES = {**({"before": before.resolve()} if before else {}), "after": Path(__file__).resolve().parents[1]}
 rounds, n_rows = (1, 1_000) if form.quick else (7, 100_000)
 
 # %% [markdown]

@@ -6,6 +6,7 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from peers.scenarios import Case
@@ -109,13 +110,11 @@ class BatchSession:
         engines: Of the episodes.
     """
 
-    def __init__(
-        self, case: Case, ticks: int, *, threads: int = 1, episodes: int = 0, record: bool = False
-    ) -> None:
-        """Lay out so many episodes, or a block for each thread; see :class:`EngineSession`."""
+    def __init__(self, case: Case, ticks: int, *, threads: int = 1, episodes: int = 0, **log: Any) -> None:
+        """Lay out so many episodes, or a block for each thread; ``log`` says which columns are kept."""
         problems = unlike(build_problem(case.lasting(ticks)), episodes or WIDTH * threads)
-        self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
-        self.engines = [CompiledEngine(problem, record=record) for problem in problems]
+        self._pool, self._log = ThreadPoolExecutor(threads) if threads > 1 else None, log
+        self.engines = [CompiledEngine(problem, record=bool(log)) for problem in problems]
         self._starts = [[part.copy() for part in engine.parts] for engine in self.engines]
 
     def reset(self) -> None:
@@ -130,7 +129,7 @@ class BatchSession:
     def run(self) -> None:
         """Run all episodes."""
         run_all = map if self._pool is None else self._pool.map
-        for results in run_all(lambda block: block.run(), self._blocks):
+        for results in run_all(lambda block: block.run(**self._log), self._blocks):
             walked = all(item.status is RunStatus.COMPLETED and item.trip is None for item in results)
             assert walked, "an episode fell or tripped, after which its ticks are others"
 
@@ -152,7 +151,8 @@ ENGINES = (
     Implementation("compiled, log", lambda case, ticks: EngineSession(case, ticks, compiled=True)),
     Implementation("simulate()", SimulateSession),
     Implementation("batch", BatchSession, WIDTH, "batch"),
-    Implementation("batch, log", partial(BatchSession, record=True), WIDTH, "batch"),
+    Implementation("batch, energies", partial(BatchSession, columns=()), WIDTH, "batch"),
+    Implementation("batch, log", partial(BatchSession, columns=None), WIDTH, "batch"),
     Implementation(ALL_CORES, partial(BatchSession, threads=THREADS), WIDTH * THREADS, ALL_CORES),
     Implementation(
         "Pinocchio", lambda case, ticks: EngineSession(case, ticks, compiled=False), compiled=False
