@@ -1,6 +1,6 @@
 """The two internals of numba that compiled loops lean on, and how a loop is compiled.
 
-Seen in numba 0.60.0, 0.61.2, 0.63.1 and 0.68.1. Where a newer release fails here, look at
+Seen in numba 0.61.2, 0.63.1 and 0.68.1. Where a newer release fails here, look at
 :mod:`twin_gait.simulation.compiling` before anything else.
 """
 
@@ -172,7 +172,6 @@ def packed_operations(*, quick: bool) -> int:
     return str(made.overloads[signature].library._final_module).count("x double>")
 
 
-@pytest.mark.skipif(INSTALLED < (0, 61), reason="numba 0.60 reads its settings only once")
 def test_the_vectoriser_is_off_for_a_loop_and_back_on_after_it() -> None:
     assert packed_operations(quick=False) > 0
     assert packed_operations(quick=True) == 0

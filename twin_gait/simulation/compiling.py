@@ -1,8 +1,7 @@
 """Compile a bound loop with numba.
 
-Two internals of numba are leaned on, as seen in numba 0.60 to 0.68; tests/simulation/test_compiling.py says
-when one of them changes: a pipeline of passes of one's own, and the template that types a call. numba 0.60
-reads its settings of the optimiser only once, and so keeps its vectoriser.
+Two internals of numba are leaned on, as seen in numba 0.61 to 0.68; tests/simulation/test_compiling.py says
+when one of them changes: a pipeline of passes of one's own, and the template that types a call.
 """
 
 from __future__ import annotations
