@@ -122,6 +122,7 @@ def test_many_episodes_of_mujoco_end_where_the_bare_step_ends(name, scenario, st
         np.testing.assert_array_equal(many.last_position(), bare.data.qpos)
 
 
+@pytest.mark.slow
 def test_an_option_that_makes_another_motion_says_so():
     pytest.importorskip("mujoco")
     from peers.options import option_rows

@@ -126,7 +126,8 @@ def fade(legs: Episode, duration: int, law: int, switches: list[int], ticks: int
     rows = []
     for tick in range(ticks):
         if tick in switches:
-            phases._switch(e, 0, tick, switches.index(tick) + 1)
+            e.legs[0].chosen = switches.index(tick) + 1
+            phases._switch(e, 0, tick)
         phases._blend(e, 0, tick)
         rows.append(parameters(e))
     assert parameters(e, 1) == parameters(legs, 1)  # the other leg is left alone
