@@ -144,7 +144,7 @@ def test_blocks_are_handed_over_where_there_are_many_and_their_logs_fit(bench):
 
 @pytest.mark.parametrize(
     ("count", "longest"),
-    [(1, 2.0), *(pytest.param(count, 2.0, marks=pytest.mark.slow) for count in (7, 33))],
+    [(1, 2.0), (7, 0.5), pytest.param(33, 2.0, marks=pytest.mark.slow)],
 )
 def test_unlike_walks_together_are_what_each_is_alone(walk, count, longest):
     base = Base.of(walk)
@@ -158,7 +158,7 @@ def test_unlike_walks_together_are_what_each_is_alone(walk, count, longest):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("workers", "count"), [(1, 100), (2, 1000)])
+@pytest.mark.parametrize(("workers", "count"), [(1, 70), (2, 1000)])
 def test_short_ones_in_any_order_are_what_each_is_alone(walk, workers, count):
     rows = unlike(count, 5, 0.15)
     base = Base.of(walk)
