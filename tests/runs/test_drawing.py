@@ -11,7 +11,7 @@ from synthetic_run import synthetic_run
 
 from twin_gait.report.figures import FIGURES, write_figures
 from twin_gait.runs import drawing
-from twin_gait.runs.drawing import draughtsman
+from twin_gait.runs.drawing import drawing_processes
 from twin_gait.simulation.run import Run
 
 
@@ -53,21 +53,21 @@ def test_processes_draw_what_this_one_would(
     drawn_here,
 ) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: processors)
-    with draughtsman() as worker:
-        hands = list(worker._hands)
+    with drawing_processes() as worker:
+        processes = list(worker._processes)
         worker.begin(walk, tmp_path)
         worker.finish()
     assert contents(list(tmp_path.iterdir())) == pictures and len(pictures) == len(FIGURES)
-    assert len(hands) == processes and len(drawn_here) == (processes == 0)
-    assert all(hand.returncode is not None for hand in hands)
+    assert len(processes) == processes and len(drawn_here) == (processes == 0)
+    assert all(process.returncode is not None for process in processes)
 
 
 def test_a_process_that_is_lost_is_done_without(
     walk: Run, pictures: dict[str, bytes], tmp_path: Path, monkeypatch, drawn_here
 ) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 3)
-    with draughtsman() as worker:
-        worker._hands[1].kill()
+    with drawing_processes() as worker:
+        worker._processes[1].kill()
         worker.begin(walk, tmp_path)
         worker.finish()
     assert contents(list(tmp_path.iterdir())) == pictures
@@ -78,7 +78,7 @@ def test_what_a_process_cannot_draw_fails_where_it_was_asked_for(
     walk: Run, tmp_path: Path, monkeypatch
 ) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    with draughtsman() as worker:
+    with drawing_processes() as worker:
         worker.begin(replace(walk, log=walk.log.drop(columns="battery_power_W")), tmp_path)
         with pytest.raises(KeyError, match="battery_power_W"):
             worker.finish()
@@ -86,17 +86,17 @@ def test_what_a_process_cannot_draw_fails_where_it_was_asked_for(
 
 def test_a_process_that_is_not_needed_is_ended(monkeypatch) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
-    with draughtsman(wanted=False) as worker:
-        assert worker._hands == []
-    with draughtsman() as worker:
-        (hand,) = worker._hands
-    assert hand.returncode is not None
+    with drawing_processes(wanted=False) as worker:
+        assert worker._processes == []
+    with drawing_processes() as worker:
+        (process,) = worker._processes
+    assert process.returncode is not None
 
 
 def test_a_long_log_stays_in_this_process(walk: Run, tmp_path: Path, monkeypatch, drawn_here) -> None:
     monkeypatch.setattr(os, "cpu_count", lambda: 2)
     monkeypatch.setattr(drawing, "LARGEST_LOG", 1000)
-    with draughtsman() as worker:
+    with drawing_processes() as worker:
         worker.begin(walk, tmp_path)
         worker.finish()
     assert drawn_here == [slice(0, None, 1)]

@@ -20,10 +20,9 @@ from twin_gait.experiment import Engine, Experiment
 from twin_gait.runs.summary import READ_IN_BRIEF, summarise
 from twin_gait.simulation import loops, together
 from twin_gait.simulation.block import WIDTH
-from twin_gait.simulation.lane_engine import LaneEngine
+from twin_gait.simulation.lane_engine import FEWEST, LaneEngine
 from twin_gait.simulation.together import (
     FEWEST_IN_ALL,
-    FEWEST_LANES,
     MOST_TICKS,
     EpisodeFailed,
     block_size,
@@ -107,7 +106,7 @@ def test_blocks_hold_every_episode_once_and_only_what_is_alike_and_fits(episodes
     assert sorted(place for block in blocks for place in block.members) == list(range(len(episodes)))
     for block in blocks:
         if block.alike:
-            assert FEWEST_LANES <= len(block.members) <= WIDTH
+            assert FEWEST <= len(block.members) <= WIDTH
             assert {kinds[place] for place in block.members} in ({"a"}, {"b"})
             assert len(block.members) * max(ticks[place] for place in block.members) <= MOST_TICKS
 
@@ -218,10 +217,10 @@ def test_a_loop_for_blocks_is_compiled_for_many_and_then_taken_for_few(bench, mo
 
 def test_no_log_outlives_its_turn(bench):
     before: list[weakref.ref[pd.DataFrame]] = []
-    for _, run in simulate_together([bench] * FEWEST_LANES):
+    for _, run in simulate_together([bench] * FEWEST):
         assert not [log for log in before if log() is not None]
         before.append(weakref.ref(run.log))
-    assert len(before) == FEWEST_LANES
+    assert len(before) == FEWEST
 
 
 def test_what_comes_before_a_failure_is_done_and_the_failure_has_its_number(bench):

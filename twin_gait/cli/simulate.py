@@ -14,7 +14,7 @@ from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED, INTERRUPTED
 
 if TYPE_CHECKING:
-    from twin_gait.runs.drawing import Draughtsman
+    from twin_gait.runs.drawing import DrawingProcesses
     from twin_gait.simulation import Run
 
 
@@ -59,13 +59,13 @@ def add_parser(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate and write the run directory."""
-    from twin_gait.runs.drawing import draughtsman
+    from twin_gait.runs.drawing import drawing_processes
 
-    with draughtsman(wanted=not arguments.no_pictures) as drawing:
+    with drawing_processes(wanted=not arguments.no_pictures) as drawing:
         return _simulate(arguments, drawing)
 
 
-def _simulate(arguments: argparse.Namespace, drawing: Draughtsman) -> int:
+def _simulate(arguments: argparse.Namespace, drawing: DrawingProcesses) -> int:
     import json
 
     from twin_gait.runs.folders import staged_directory
@@ -95,7 +95,7 @@ def _simulate(arguments: argparse.Namespace, drawing: Draughtsman) -> int:
             pictures=not arguments.no_pictures,
             accuracy=accuracy,
             on_step=terminal.note_step,
-            draughtsman=drawing,
+            drawing_processes=drawing,
         )
     terminal.clear_line()
     lines = list(report(result, summary, out))

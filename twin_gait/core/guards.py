@@ -155,6 +155,18 @@ def least_ticks_of(program: GuardProgram, index: int) -> int:
     return max(rule.time_out_ticks, program.minimum_ticks[rule.source])
 
 
+def is_due(open_ticks: int, debounce_ticks: int, ticks_in_phase: int, least_ticks: int) -> bool:
+    """Whether a transition with an open guard may be taken.
+
+    Args:
+        open_ticks: Consecutive ticks with an open guard, this one included.
+        debounce_ticks: Of the transition.
+        ticks_in_phase: Ticks since the phase was entered.
+        least_ticks: From :func:`least_ticks_of`.
+    """
+    return open_ticks >= debounce_ticks and ticks_in_phase >= least_ticks
+
+
 def next_transition(
     program: GuardProgram,
     phase: int,
@@ -190,10 +202,9 @@ def next_transition(
             debounce[index] = 0
             continue
         debounce[index] += 1
-        if (
-            chosen == NO_TRANSITION
-            and debounce[index] >= rule.debounce_ticks
-            and ticks_in_phase >= least_ticks_of(program, index)
+        least_ticks = least_ticks_of(program, index)
+        if chosen == NO_TRANSITION and is_due(
+            debounce[index], rule.debounce_ticks, ticks_in_phase, least_ticks
         ):
             chosen = index
     return chosen

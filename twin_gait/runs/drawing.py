@@ -20,16 +20,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from twin_gait.simulation.run import Run
 
-MOST_HANDS = 2  # a third would wait for the page
+MOST_PROCESSES = 2  # a third would wait for the page
 LARGEST_LOG = 2**28  # [bytes] that are handed over; each process holds it twice while it comes
 
 
-class Draughtsman:
+class DrawingProcesses:
     """Draws the pictures of one run: by processes of its own, or here where it has none."""
 
-    def __init__(self, hands: Sequence[subprocess.Popen[bytes]] = ()) -> None:
+    def __init__(self, processes: Sequence[subprocess.Popen[bytes]] = ()) -> None:
         """Draw by processes that wait for a run at their standard input."""
-        self._hands = hands
+        self._processes = processes
         self._waiting: list[threading.Thread] = []
 
     def begin(self, run: Run, folder: Path) -> None:
@@ -37,9 +37,11 @@ class Draughtsman:
         self._run, self._folder = run, folder
         if run.log.memory_usage().sum() > LARGEST_LOG:
             return
-        packed = pickle.dumps((run, folder)) if self._hands else b""
+        packed = pickle.dumps((run, folder)) if self._processes else b""
         # In threads, because a process that is still importing does not take it yet.
-        self._waiting = [threading.Thread(target=hand.communicate, args=(packed,)) for hand in self._hands]
+        self._waiting = [
+            threading.Thread(target=process.communicate, args=(packed,)) for process in self._processes
+        ]
         for thread in self._waiting:
             thread.start()
 
@@ -49,7 +51,7 @@ class Draughtsman:
             thread.join()
         shares = max(1, len(self._waiting))
         for place in range(shares):
-            if not self._waiting or self._hands[place].returncode != 0:
+            if not self._waiting or self._processes[place].returncode != 0:
                 from twin_gait.report.figures import write_figures
 
                 # Here an error reaches whoever asked for the pictures.
@@ -57,16 +59,16 @@ class Draughtsman:
 
 
 @contextlib.contextmanager
-def draughtsman(*, wanted: bool = True) -> Iterator[Draughtsman]:
+def drawing_processes(*, wanted: bool = True) -> Iterator[DrawingProcesses]:
     """Somebody who draws beside this process; no process is started on a machine with one processor."""
-    hands: list[subprocess.Popen[bytes]] = []
-    shares = min(MOST_HANDS, (os.cpu_count() or 1) - 1) if wanted else 0
+    processes: list[subprocess.Popen[bytes]] = []
+    shares = min(MOST_PROCESSES, (os.cpu_count() or 1) - 1) if wanted else 0
     try:
         for place in range(shares):
             # Modules are found where this process finds them. In a session of its own, because Ctrl-C reaches
             # every process of a terminal, and only this one knows what to do about it.
             work = f"from {__name__} import _draw; _draw({place}, {shares})"
-            hands.append(
+            processes.append(
                 subprocess.Popen(
                     [sys.executable, "-c", f"import sys; sys.path[:] = {sys.path!r}; {work}"],
                     stdin=subprocess.PIPE,
@@ -75,11 +77,11 @@ def draughtsman(*, wanted: bool = True) -> Iterator[Draughtsman]:
                     start_new_session=True,
                 )
             )
-        yield Draughtsman(hands)
+        yield DrawingProcesses(processes)
     finally:
-        for hand in hands:
-            hand.kill()
-            hand.communicate()
+        for process in processes:
+            process.kill()
+            process.communicate()
 
 
 def _draw(place: int, shares: int) -> None:

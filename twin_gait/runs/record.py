@@ -25,7 +25,7 @@ from twin_gait.files import read_parquet, write_atomically
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.outcome import RunEvent, run_events
-from twin_gait.runs.drawing import Draughtsman
+from twin_gait.runs.drawing import DrawingProcesses
 from twin_gait.runs.folders import FolderKind, journal_of
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.simulation.log import LOG_SCHEMA_VERSION, meaning_of, unit_of
@@ -108,15 +108,15 @@ def write_run(
     pictures: bool = True,
     accuracy: dict[str, Any] | None = None,
     on_step: Callable[[str], None] | None = None,
-    draughtsman: Draughtsman | None = None,
+    drawing_processes: DrawingProcesses | None = None,
 ) -> dict[str, Any]:
     """Write everything that a run leaves behind into a folder.
 
     Args:
-        draughtsman: Who draws the figures while all else is written; by default they are drawn here.
+        drawing_processes: Who draws the figures while all else is written; by default they are drawn here.
     """
     tell = on_step or (lambda name: None)
-    drawing = draughtsman or Draughtsman()
+    drawing = drawing_processes or DrawingProcesses()
     pictures = pictures and len(run.log) > 1
     if pictures:
         (directory / FIGURES_FOLDER).mkdir()

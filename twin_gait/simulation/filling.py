@@ -62,7 +62,7 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "SHIFT": problem.world.wearer_shift,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
         "OTHER_LAWS": any(plant.friction.law > ROTATIONAL for plant in problem.world.plant),
-        "RUBBING": tuple(
+        "WITH_FRICTION": tuple(
             place for place, plant in enumerate(problem.world.plant) if plant.friction.law == ROTATIONAL
         ),
         "RK4": experiment.stepping.method is IntegrationMethod.RK4,

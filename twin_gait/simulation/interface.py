@@ -19,7 +19,7 @@ LEGS, JOINTS_PER_LEG, POINTS_PER_FOOT, PELVIS, SHIFT = 1, 2, 0, -1, 0
 # Whether legs have ankles, the integration is Runge-Kutta's, there are faults, inertia torques are wanted,
 # the wearer acts, the path is followed, the impedance is shared, and the share adapts.
 # Coordinates with friction by equation (3.1).
-RUBBING: tuple[int, ...] = ()
+WITH_FRICTION: tuple[int, ...] = ()
 ANKLES = RK4 = FAULTY = INERTIA_WANTED = WEARER = FOLLOWS = ASSISTS = ADAPTS = False
 
 

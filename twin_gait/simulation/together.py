@@ -31,14 +31,13 @@ from twin_gait.experiment import Engine, Experiment
 from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.block import WIDTH
 from twin_gait.simulation.compiled_engine import CompiledEngine
-from twin_gait.simulation.lane_engine import LaneEngine, has_lane_loop, kind_of, lane_loop
+from twin_gait.simulation.lane_engine import FEWEST, LaneEngine, has_lane_loop, kind_of, lane_loop
 from twin_gait.simulation.reference_engine import ReferenceEngine
 from twin_gait.simulation.run import Run
 from twin_gait.simulation.simulator import engine_of, run_of
 
 AnyEngine = CompiledEngine | ReferenceEngine
 
-FEWEST_LANES = 16  # with fewer a block costs more than its episodes alone
 FEWEST_IN_ALL = 2 * WIDTH  # for which it pays to hand blocks over, and to compile a loop for them
 # Of the logs of a block, all of which are in memory at once: 32 walks of a minute, 0.7 GB with the 46 columns
 # that a summary reads.
@@ -90,7 +89,7 @@ def blocks_of(kinds: Sequence[Hashable | None], ticks: Sequence[int]) -> list[Bl
         part
         for group in groups.values()
         for part in _cut(sorted(group, key=ticks.__getitem__), ticks)
-        if len(part) >= FEWEST_LANES
+        if len(part) >= FEWEST
     ]
     taken = {place for part in alike for place in part}
     others = tuple(place for place in range(len(kinds)) if place not in taken)
@@ -138,7 +137,7 @@ def simulate_together(
         experiments: Taken as they are needed, some more than a block at a time.
         columns: Ends of the names of the columns that the logs keep; all by default. Time and phases stay.
         on_compile: Called if an engine has to be compiled first.
-        should_stop: Asked between episodes; True ends the work.
+        should_stop: Asked between episodes, or blocks of them; True ends the work.
 
     Yields:
         Position and run of each, in the order in which they are done.
@@ -184,7 +183,7 @@ def _kinds(engines: Sequence[AnyEngine]) -> list[Hashable | None]:
     numbers = Counter(kinds)
     worth = set()
     for kind, engine in dict(zip(kinds, engines, strict=True)).items():
-        if isinstance(engine, CompiledEngine) and numbers[kind] >= FEWEST_LANES:
+        if isinstance(engine, CompiledEngine) and numbers[kind] >= FEWEST:
             if numbers[kind] >= FEWEST_IN_ALL or has_lane_loop(engine):
                 worth.add(kind)
     return [kind if kind in worth else None for kind in kinds]

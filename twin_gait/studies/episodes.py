@@ -19,6 +19,7 @@ def run_episodes(
     items: Sequence[Item],
     *,
     columns: tuple[str, ...] | None = None,
+    block: int | None = None,
     workers: int | Workers = 1,
     progress: Progress | None = None,
     should_stop: Callable[[], bool] | None = None,
@@ -33,6 +34,7 @@ def run_episodes(
         items: What the experiments are made of.
         columns: What ``measure`` reads of a log, as
             :func:`~twin_gait.simulation.together.simulate_together` takes it; everything by default.
+        block: Episodes to hand over at a time, for which the caller has compiled; by default as many as pay.
         workers: Processes, or :class:`~twin_gait.studies.Workers`.
         progress: Called with episodes done and in all.
         should_stop: Asked before each block; True lets those that run finish and ends the work.
@@ -46,7 +48,8 @@ def run_episodes(
         ParameterError: If the workers are below 1.
         WorkersLost: As :func:`twin_gait.studies.run_jobs`.
     """
-    block = block_ahead(lambda: experiment_of(items[0]), len(items), on_compile) if items else 1
+    if block is None:
+        block = block_ahead(lambda: experiment_of(items[0]), len(items), on_compile) if items else 1
     return run_blocks(
         partial(measured, experiment_of, measure, columns),
         items,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, rotational_friction_torque
 from twin_gait.core.plant import brace_torque, imposed_motion_torque, passive_torque
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import RK4, RUBBING, SHIFT, dynamics, lanes, side_by_side
+from twin_gait.simulation.interface import RK4, SHIFT, WITH_FRICTION, dynamics, lanes, side_by_side
 
 
 def integrate(e: Episode, tick: int) -> None:
@@ -27,8 +27,10 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
         time: In [s].
         staged: Whether the state is that of a stage of the integration, not the present one.
     """
-    if RUBBING:
-        side_by_side(e, RUBBING, staged, _rubbing, rotational_friction_torque, _keep_friction)
+    if WITH_FRICTION:
+        side_by_side(
+            e, WITH_FRICTION, staged, _friction_arguments, rotational_friction_torque, _keep_friction
+        )
     for i in range(len(e.q)):
         for one in lanes(e):
             q, v = _state(one, staged)
@@ -52,7 +54,7 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
         one.contact_power = dynamics(q, v, one.torque, one.bodies, one.gravity, one.ground, one.a, one.points)
 
 
-def _rubbing(one: Episode, place: int, staged: bool) -> tuple[float, float, float, float, float]:
+def _friction_arguments(one: Episode, place: int, staged: bool) -> tuple[float, float, float, float, float]:
     """What :func:`~twin_gait.core.friction.rotational_friction_torque` is asked for."""
     _, v = _state(one, staged)
     law = one.plant[place].friction

@@ -85,11 +85,11 @@ def control(e: Episode, tick: int) -> None:
         for one in lanes(e):
             demand(one, number)
             if not FAULTY:
-                judge(one, number)
+                check_command(one, number)
         if FAULTY:
             for one in each(e):
                 _run_away(one, number, tick)
-                judge(one, number)
+                check_command(one, number)
         for one in lanes(e):
             implausible |= one.joints[number].command.cause != NO_TRIP
         if implausible:
@@ -140,7 +140,7 @@ def _run_away(e: Episode, number: int, tick: int) -> None:
         e.joints[number].command.impedance += runaway_torque(number, tick, e.rates.period, e.faults)
 
 
-def judge(e: Episode, number: int) -> None:
+def check_command(e: Episode, number: int) -> None:
     """Sum the command up, and note the cause of a trip if no drive may be asked for it."""
     joint, watching = e.joints[number], e.watching
     asked = joint.command

@@ -10,6 +10,7 @@ from twin_gait.core.guards import (
     OP_PHASE,
     is_above,
     is_among,
+    is_due,
     joined,
     least_ticks_of,
 )
@@ -90,7 +91,7 @@ def _count(one: Episode, number: int, index: int, source: int, debounce_ticks: i
     is_open = leg.before == source and (leg.results & 1) == 1 and one.trip.tick < 0
     open_ticks = leg.debounce[index] + 1 if is_open else 0
     leg.debounce[index] = open_ticks
-    due = is_open and open_ticks >= debounce_ticks and leg.ticks >= least_ticks
+    due = is_open and is_due(open_ticks, debounce_ticks, leg.ticks, least_ticks)
     leg.chosen = index if due and leg.chosen == NO_TRANSITION else leg.chosen
 
 

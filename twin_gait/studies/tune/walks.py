@@ -15,8 +15,8 @@ from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.gait.table import GaitTable
 from twin_gait.simulation.block import WIDTH
-from twin_gait.studies.episodes import measured
-from twin_gait.studies.jobs import JobFailed, Workers, run_blocks
+from twin_gait.studies.episodes import run_episodes
+from twin_gait.studies.jobs import JobFailed, Workers
 from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk
 from twin_gait.vocabulary import MOTOR_JOINTS
 
@@ -101,9 +101,11 @@ def walk_all(
     """
     rate = partial(rate_walk, reference_speed=reference_speed)
     try:
-        results = run_blocks(
-            partial(measured, itself, rate, READ),
+        results = run_episodes(
+            itself,
+            rate,
             walks,
+            columns=READ,
             block=WIDTH,
             workers=workers,
             progress=progress,
