@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from twin_gait.measures.foot_contact import CONTACT_FORCE, swing_clearances
+from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_entries
 from twin_gait.measures.strides import (
@@ -334,7 +334,7 @@ def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: Walkway) -> np.n
     Returns:
         In [m] / [s], shape ``(n,)``; 0 where the foot is not loaded, NaN without friction.
     """
-    loaded = load > CONTACT_FORCE
+    loaded = is_loaded(load)
     if walkway.friction_coefficient == 0.0:
         return np.where(loaded, np.nan, 0.0)
     ratio = np.abs(fore_aft) / (walkway.friction_coefficient * np.where(loaded, load, 1.0))

@@ -21,7 +21,6 @@ from twin_gait.measures.effort import (
     root_mean_square,
     share_of_work,
 )
-from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.reference import gait_profile_score, gait_variable_score
@@ -92,7 +91,7 @@ def _leg(run: Run, side: Side) -> _Leg:
 def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
     record, contacts, others = leg.record, leg.record.contacts, other.record.contacts
     assert contacts is not None and others is not None  # there is a belt
-    assert record.normal_force is not None and other.record.normal_force is not None
+    assert record.loaded is not None and other.record.loaded is not None
     times = stride_times(leg.strides, TICK)
     strikes = contacts.heel_strikes[contacts.heel_strikes >= leg.span.start]
     return {
@@ -102,9 +101,7 @@ def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
         "stride_length_m": float(stride_lengths(times, belt_speed_of(run.experiment)).mean()),
         "step_time_s": _mean(step_times(strikes, others.heel_strikes, TICK)),
         "swing_share": leg.summary["swing_share"],
-        "double_support_share": double_support_share(
-            record.normal_force, other.record.normal_force, leg.strides, CONTACT_FORCE
-        ),
+        "double_support_share": double_support_share(record.loaded, other.record.loaded, leg.strides),
         "toe_clearance_m": leg.summary["toe_clearance_least_m"],
         "scuffs": float(leg.summary["scuffs"]),
     }
