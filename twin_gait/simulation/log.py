@@ -85,6 +85,9 @@ class FootRow:
     normal_force: float = column("N", "of the ground")
     friction_force: float = column("N", "of the ground, forwards positive")
     clearance: float = column("m", "height of the lowest point of the sole")
+    pressure_place: float = column(
+        "1", "centre of pressure: 0 at the first point of the sole, 1 at the last; 0 in the air"
+    )
 
 
 @dataclass(slots=True)
