@@ -146,7 +146,7 @@ def setpoints_of(problem: Problem, number: int) -> list[Setpoint]:
 
 def _joint(problem: Problem, number: int, legs: list[Leg]) -> Joint:
     joint, experiment = problem.joints[number], problem.experiment
-    angle = float(problem.world.start_q[joint.coordinate])
+    angle = float(problem.world.start_q[joint.coordinate] + problem.offset[number])
     setpoints = setpoints_of(problem, number)
     first = setpoints[legs[number // problem.joints_per_leg].phase]
     return Joint(
