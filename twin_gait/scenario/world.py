@@ -28,7 +28,7 @@ class LegSource:
     Attributes:
         urdf: Path of a URDF, or the name of a packaged one.
         legs: Joint names per side.
-        fit_device: Whether to fit femur, tibia and waist to the wearer.
+        fit_device: Whether to fit femur, tibia, waist and foot to the wearer.
         up_axis: Vertical axis of the URDF, ``"z"`` or ``"y"``.
     """
 
