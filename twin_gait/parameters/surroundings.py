@@ -78,20 +78,28 @@ class StopParameters:
 
 @dataclass(frozen=True, kw_only=True)
 class AnkleParameters:
-    """Ankle-foot orthosis: a passive spring and damper about the neutral position.
+    """Ankle-foot orthosis: a passive spring and damper about the angle that it is built with.
 
     Attributes:
-        stiffness: In [N m] / [rad] (an assumption).
-        damping: In [N m s] / [rad].
+        stiffness: In [N m] / [rad]. Thirteen commercial orthoses of carbon composite have 33 to 210 (0.58 to
+            3.66 N m / deg: Shuman and Russell Esposito 2022, J Biomech Eng 144:011004); that of the device is
+            not published, and the default is one of the stiff.
+        damping: In [N m s] / [rad] (an assumption: at strides of 1.75 s the default takes a third of what the
+            spring stores, and in the air the foot does not swing, with ζ about 1.7).
+        rest: Dorsiflexion in [rad] at which the spring is slack, within the stops of ±30°; 0 is a right angle
+            of foot and shank.
     """
 
     stiffness: float = 200.0
     damping: float = 6.0
+    rest: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         require_non_negative("ankle stiffness", self.stiffness)
         require_non_negative("ankle damping", self.damping)
+        within = abs(self.rest) <= math.radians(30.0)
+        require(within, "ankle rest", "-0.5236 to 0.5236 rad (30 deg either way)", self.rest)
 
 
 @dataclass(frozen=True, kw_only=True)

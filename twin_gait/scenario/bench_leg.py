@@ -99,6 +99,8 @@ class BenchLegScenario:
         q = np.zeros(model.nv)
         for joint, angle in zip((JointName.HIP, JointName.KNEE), self.start_angles, strict=True):
             q[model.index(side, joint)] = angle
+        if model.legs[side].ankle is not None:
+            q[model.index(side, JointName.ANKLE)] = ankle.rest
         imposed_motion = None
         if self.imposed_motion is not None:
             index = model.index(side, self.imposed_motion.joint)

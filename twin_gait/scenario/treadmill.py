@@ -154,6 +154,8 @@ class TreadmillScenario:
             hip, knee = self.leading_angles if leads else self.trailing_angles
             q[model.index(side, JointName.HIP)] = hip
             q[model.index(side, JointName.KNEE)] = knee
+            if model.legs[side].ankle is not None:
+                q[model.index(side, JointName.ANKLE)] = ankle.rest
             phases[side] = self.initial_phases[0 if leads else 1]
         q[pelvis] = _stand_on_both_feet(model, q)
         return World(
@@ -180,6 +182,7 @@ def _stand_on_both_feet(model: LegModel, q: np.ndarray) -> float:
     if model.legs[lower].ankle is None:
         return -reach[lower]
     ankle = model.index(lower, JointName.ANKLE)
+    rest = float(q[ankle])
     limit = model.position_limits(lower, JointName.ANKLE)[1]
 
     def gap(angle: float) -> float:
@@ -188,7 +191,7 @@ def _stand_on_both_feet(model: LegModel, q: np.ndarray) -> float:
         return _lowest_point(model, lower, bent) - reach[higher]
 
     # Dorsiflexion lifts the toe; if even the stop does not level the feet, one starts in the air.
-    q[ankle] = _bisect(gap, 0.0, limit) if gap(0.0) < 0.0 < gap(limit) else 0.0
+    q[ankle] = _bisect(gap, rest, limit) if gap(rest) < 0.0 < gap(limit) else rest
     return -min(_lowest_point(model, side, q) for side in model.sides)
 
 
