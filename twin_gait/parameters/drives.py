@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from twin_gait.parameters.checks import require, require_count, require_non_negative, require_positive
+from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,14 +111,20 @@ class LimitParameters:
         require_positive("current limit", self.current)
 
 
+# Calibration by eye leaves 1 to 3 deg, either way (an assumption).
+LARGEST_OFFSET = math.radians(10.0)  # [rad]
+
+
 @dataclass(frozen=True, kw_only=True)
 class SensorParameters:
     """Encoders and the velocity estimates of the firmware.
 
     Attributes:
-        ideal: True for exact angles; the velocity filters stay.
+        ideal: True for angles that are exact but for the offset; the velocity filters stay.
         encoder_counts: Counts per motor turn (an assumption).
         angle_noise: Standard deviation of white noise on the motor-side angle, seen at the joint, in [rad].
+        offset: Calibration error of hips and knees in [rad], from the start: what an encoder reads in excess
+            of the angle. One that is not named has none.
         fast_time_constant: Of ``velocity_fast`` in [s].
         decimation: Of ``velocity_slow``: every so many ticks one encoder difference.
         window: Samples in the moving average of ``velocity_slow``.
@@ -124,6 +133,7 @@ class SensorParameters:
     ideal: bool = True
     encoder_counts: int = 8192
     angle_noise: float = 0.0
+    offset: Mapping[tuple[Side, JointName], float] = field(default_factory=dict)
     fast_time_constant: float = 0.005
     decimation: int = 10
     window: int = 10
@@ -132,6 +142,11 @@ class SensorParameters:
         """Check the ranges."""
         require_count("encoder_counts", self.encoder_counts)
         require_non_negative("angle_noise", self.angle_noise)
+        for (side, joint), offset in self.offset.items():
+            name = f"offset of the {side} {joint}"
+            require(joint in MOTOR_JOINTS, name, "a hip or a knee", str(joint))
+            largest = f"{LARGEST_OFFSET:.4f} rad (10 deg) at most, either way"
+            require(abs(offset) <= LARGEST_OFFSET, name, largest, offset)
         require_non_negative("fast_time_constant", self.fast_time_constant)
         require_count("decimation", self.decimation)
         require_count("window", self.window)
