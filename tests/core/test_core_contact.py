@@ -100,7 +100,7 @@ def test_fall_has_the_restitution_and_the_loss_of_the_closed_form(
     assert abs(expected - (1.0 - dissipation * speed)) < 1.5 * (dissipation * speed) ** 2
 
 
-# c, ζ of 90 kg that stand with 40 % of their weight on a heel, energy lost in a fall at 0.15 and 0.30 m/s [%].
+# c, ζ of 90 kg with 40 % of their weight on a heel, energy lost in a fall at 0.15 and 0.30 m/s [%].
 QUOTED = [(0.5, 0.06, 13, 24), (2.0, 0.26, 41, 62), (2.5, 0.32, 47, 68), (3.0, 0.38, 53, 73)]
 
 

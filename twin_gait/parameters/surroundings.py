@@ -40,8 +40,8 @@ class ContactParameters:
 
     Attributes:
         stiffness: Hertz stiffness of each point in [N] / [m]^1.5 (an assumption): a heel sinks in by 11 mm
-            under the 353 N that 60 % support leaves of wearer and device. A contact sphere of PredSim has 8.4e4
-            (1e6 N/m², radius 32 mm).
+            under the 353 N that 60 % support leaves of wearer and device. A contact sphere of PredSim has
+            8.4e4 (1e6 N/m², radius 32 mm).
         dissipation: c of Hunt and Crossley in [s] / [m]. OpenSim and PredSim have 2.0 in the same law. The
             default bounces: of the energy of a fall at 0.15 m/s it takes 13 % (2.0: 41 %), where a heel pad
             takes 30 to 48 % (Ker 1996, J Exp Biol 199:1501) and a prosthetic foot 34 to 53 %, 63 % in a
