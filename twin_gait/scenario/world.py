@@ -151,4 +151,5 @@ def build_plant(
                 plant.spring.stiffness, plant.spring.damping = ankle.stiffness, ankle.damping
             else:
                 plant.friction = friction[joint].in_plant(actuators[joint].gear_efficiency)
+                plant.armature = actuators[joint].armature
     return result
