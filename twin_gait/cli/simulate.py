@@ -166,3 +166,7 @@ def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
         if hip is not None:
             line = f"{line}, off the Koopman reference by {hip:.1f}° (hip) and {knee:.1f}° (knee) RMS"
         yield line
+    power, life = summary.get("battery_power_mean_W"), summary.get("battery_life_h")
+    if life is not None:
+        lasts = f"{summary['battery_capacity_Wh']:.0f} Wh last {life:.1f} h"
+        yield f"battery: {power:.1f} W, {lasts} (stated: {summary['battery_life_stated_h']:g} h)"
