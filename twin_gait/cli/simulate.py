@@ -169,3 +169,7 @@ def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
         yield line
     yield from lines_of(table_of_walk(summary))
     yield from filter(None, (who_drives(summary), carried_by_belt(summary)))
+    power, life = summary.get("battery_power_mean_W"), summary.get("battery_life_h")
+    if life is not None:
+        lasts = f"{summary['battery_capacity_Wh']:.0f} Wh last {life:.1f} h"
+        yield f"battery: {power:.1f} W, {lasts} (stated: {summary['battery_life_stated_h']:g} h)"
