@@ -333,7 +333,8 @@ def motion(problem: Problem, ticks: int) -> Motion:
 def _require_known(problem: Problem) -> None:
     """Refuse what the loop would leave out."""
     experiment, world, control = problem.experiment, problem.world, problem.experiment.control
-    assert experiment.sensors.ideal
+    assert experiment.sensors.ideal and not experiment.sensors.offset
+    assert control.delay == 0.0
     assert control.mode is ControlMode.IMPEDANCE
     assert control.assistance.is_full
     assert control.inertia_compensation == 0.0

@@ -412,6 +412,8 @@ PLAIN_CASES = {
         "treadmill",
         EULER,
         SENSED,
+        "sensors.offset.left.knee_deg=-2",
+        "control.delay_ms=4",
         WORN,
         ACTIVE,
         "faults=['encoder_drift:left_knee@0.02s=5deg/s', 'motor_stuck:right_hip@0.15s=20Nm']",

@@ -9,6 +9,7 @@ from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
 from twin_gait.core.contact import Ground, Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
+from twin_gait.core.estimation import new_delay_line
 from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.plant import ImposedMotion
@@ -72,6 +73,7 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "FOLLOWS": control.mode is ControlMode.POSITION,
         "ASSISTS": not control.assistance.is_full,
         "ADAPTS": control.assistance.adaptive,
+        "DELAYED": control.delay_ticks > 0,
     }
 
 
@@ -161,6 +163,8 @@ def _joint(problem: Problem, number: int, legs: list[Leg]) -> Joint:
         target=experiment.control.target_torque.get(joint.joint, 0.0),
         assistance=experiment.control.assistance.share[joint.joint],
         bounds=watch_bounds(problem, joint),
+        # What is put in at the end of a tick is taken out for the next one.
+        line=new_delay_line(max(0, experiment.control.delay_ticks - 1)),
         condition=problem.wearer.conditions[number],
         moments=problem.wearer.moments[number].tolist() if problem.wearer.acts else [],
     )

@@ -17,10 +17,10 @@ from twin_gait.simulation.rows import Switch
 # behind a coordinate of the device that of the wearer stands, 0 if they are one.
 LEGS, JOINTS_PER_LEG, POINTS_PER_FOOT, PELVIS, SHIFT = 1, 2, 0, -1, 0
 # Whether legs have ankles, the integration is Runge-Kutta's, there are faults, inertia torques are wanted,
-# the wearer acts, the path is followed, the impedance is shared, and the share adapts.
+# the wearer acts, the path is followed, the impedance is shared, the share adapts, and commands come late.
 # Coordinates with friction by equation (3.1).
 WITH_FRICTION: tuple[int, ...] = ()
-ANKLES = RK4 = FAULTY = INERTIA_WANTED = WEARER = FOLLOWS = ASSISTS = ADAPTS = False
+ANKLES = RK4 = FAULTY = INERTIA_WANTED = WEARER = FOLLOWS = ASSISTS = ADAPTS = DELAYED = False
 
 
 def dynamics(
