@@ -13,7 +13,8 @@ import mujoco
 import numpy as np
 
 from twin_gait import Experiment, JointName, LegModel, Patient
-from twin_gait.leg_model import PELVIS_JOINT, LegJoints, PelvisGuide, device_sizes
+from twin_gait.leg_model import FORWARD_JOINT, PELVIS_JOINT, LegJoints, device_sizes
+from twin_gait.vocabulary import PelvisGuide
 
 
 class Segment(NamedTuple):
@@ -47,6 +48,7 @@ SEGMENTS = {
 SHANK_LENGTH, FOOT_LENGTH, FOOT_HEIGHT = 0.246, 0.152, 0.039
 # Of head, arms and trunk between hip and shoulder (Winter, figure 4.1 and table 4.1).
 TRUNK_LENGTH, TRUNK_CENTRE = 0.288, 0.626
+DRAWN_HEIGHT = 1.75  # [m] of the wearer for whom the feet of the URDF are drawn
 # MuJoCo would else merge links and mend inertias that it finds odd.
 COMPILER = (
     '<mujoco><compiler fusestatic="false" balanceinertia="false" boundmass="0" boundinertia="0"/></mujoco>'
@@ -59,16 +61,18 @@ def legs_spec(model: LegModel, patient: Patient | None, *, fit_device: bool = Tr
     Args:
         model: For the file and the names of the joints.
         patient: The wearer, or None.
-        fit_device: Whether waist, femur and tibia are set to the wearer.
+        fit_device: Whether waist, femur, tibia and foot are set to the wearer.
 
     Returns:
         The legs before they are compiled, for whoever adds a ground.
     """
     text = model.urdf_path.read_text(encoding="utf-8")
     spec = mujoco.MjSpec.from_string(text.replace("</robot>", f"{COMPILER}</robot>"))
-    if model.pelvis is PelvisGuide.VERTICAL:
-        slide = mujoco.mjtJoint.mjJNT_SLIDE
-        spec.worldbody.first_body().add_joint(name=PELVIS_JOINT, type=slide, axis=[0.0, 0.0, 1.0])
+    slide, pelvis = mujoco.mjtJoint.mjJNT_SLIDE, spec.worldbody.first_body()
+    if model.pelvis is PelvisGuide.HARNESS:
+        pelvis.add_joint(name=FORWARD_JOINT, type=slide, axis=[1.0, 0.0, 0.0])
+    if model.pelvis is not PelvisGuide.FIXED:
+        pelvis.add_joint(name=PELVIS_JOINT, type=slide, axis=[0.0, 0.0, 1.0])
     if patient is not None:
         _put_on(spec, model, patient, fit_device=fit_device)
     return spec
@@ -114,6 +118,8 @@ def coordinate_order(legs: mujoco.MjModel, model: LegModel) -> list[int]:
     }
     if model.pelvis_index is not None:
         names[model.pelvis_index] = PELVIS_JOINT
+    if model.forward_index is not None:
+        names[model.forward_index] = FORWARD_JOINT
     return [int(legs.joint(names[index]).dofadr[0]) for index in range(model.nv)]
 
 
@@ -156,8 +162,8 @@ def _put_on(spec: mujoco.MjSpec, model: LegModel, patient: Patient, *, fit_devic
         if winter:
             start, axis = np.zeros(3), np.array([0.47 * length, 0.0, drop])
         _add_limb(ankle, patient, segments["foot"], start, axis)
-    if model.pelvis is PelvisGuide.VERTICAL:
-        # Head, arms and trunk only rise and sink: their mass counts, their inertia does not.
+    if model.pelvis is not PelvisGuide.FIXED:
+        # Head, arms and trunk only slide: their mass counts, their inertia does not.
         trunk = patient.mass * (1.0 - 2.0 * sum(item.mass for item in segments.values()))
         up = np.array([0.0, 0.0, 1.0])
         centre = TRUNK_CENTRE * TRUNK_LENGTH * patient.height * up
@@ -165,18 +171,26 @@ def _put_on(spec: mujoco.MjSpec, model: LegModel, patient: Patient, *, fit_devic
 
 
 def _fit(spec: mujoco.MjSpec, leg: LegJoints, patient: Patient) -> None:
-    """Set waist, femur and tibia; a tube of the same mass and another length."""
+    """Set waist, femur, tibia and foot; a link of the same mass and another length."""
     sizes = device_sizes(patient)
     hip, knee = spec.joint(leg.hip).parent, spec.joint(leg.knee).parent
     hip.pos = [hip.pos[0], np.sign(hip.pos[1]) * sizes.waist / 2.0, hip.pos[2]]
     tubes = [(hip, knee, sizes.femur)]
     if leg.ankle is not None:
-        tubes.append((knee, spec.joint(leg.ankle).parent, sizes.tibia))
+        foot = spec.joint(leg.ankle).parent
+        tubes.append((knee, foot, sizes.tibia))
+        for end in foot.bodies:  # heel and toe
+            end.pos = patient.height / DRAWN_HEIGHT * np.array(end.pos)
+        _grow(foot, patient.height / DRAWN_HEIGHT)
     for tube, distal, length in tubes:
         ratio = length / np.linalg.norm(distal.pos)
         distal.pos = ratio * np.array(distal.pos)
-        tube.ipos = ratio * np.array(tube.ipos)
-        tube.fullinertia = ratio * ratio * np.array(tube.fullinertia)
+        _grow(tube, ratio)
+
+
+def _grow(link: Any, ratio: float) -> None:
+    link.ipos = ratio * np.array(link.ipos)
+    link.fullinertia = ratio * ratio * np.array(link.fullinertia)
 
 
 def _add_limb(body: Any, patient: Patient, segment: Segment, start: np.ndarray, axis: np.ndarray) -> None:

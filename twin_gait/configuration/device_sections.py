@@ -177,6 +177,8 @@ class AnkleEntry(Section):
     parameters: ClassVar = AnkleParameters
     stiffness_Nm_per_rad: Number = AnkleParameters.stiffness
     damping_Nms_per_rad: Number = AnkleParameters.damping
+    rest_deg: Number | None = None
+    rest_rad: Number | None = None
 
 
 class PlantEntry(Section):

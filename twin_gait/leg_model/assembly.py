@@ -10,9 +10,10 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model.axes import FORWARD, plain_names, reversed_joints
-from twin_gait.leg_model.joints import PELVIS_JOINT, LegJoints, PelvisGuide
+from twin_gait.leg_model.joints import FORWARD_JOINT, PELVIS_JOINT, LegJoints
 from twin_gait.leg_model.urdf import build_model
 from twin_gait.leg_model.wearer import (
+    DRAWN_FOOT,
     TRUNK_CENTRE_OF_MASS,
     TRUNK_LENGTH,
     TRUNK_RADIUS_OF_GYRATION,
@@ -24,7 +25,7 @@ from twin_gait.leg_model.wearer import (
 )
 from twin_gait.parameters import Patient
 from twin_gait.parameters.wearer import SHANK_LENGTH
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 
 class Assembly:
@@ -40,7 +41,7 @@ class Assembly:
 
         Args:
             legs: Joint names of each leg; a minus in front turns a joint round.
-            pelvis: Fixed in the world, or free to move vertically.
+            pelvis: How it is held.
             up_axis: ``"z"`` or ``"y"``.
 
         Raises:
@@ -57,10 +58,11 @@ class Assembly:
             self.model = self._lock_other_joints(self._read(turned))
 
     def fit(self, sizes: DeviceSizes) -> None:
-        """Set femur, tibia and waist: joint placements and the device's own inertia.
+        """Set femur, tibia, waist and foot: places of joints and soles, and the device's own inertia.
 
         The mass of a link stays; its centre of mass along the tube moves with the length and its
-        transverse inertia with the square of it.
+        transverse inertia with the square of it. All frames of a foot, heel and toe among them, move away
+        from the ankle in the same proportion.
 
         Raises:
             ModelError: If two joints coincide, so that there is no tube between them.
@@ -75,7 +77,9 @@ class Assembly:
                 placements[hip].translation = side_offset
             self._stretch(hip, knee, sizes.femur)
             if leg.ankle is not None:
-                self._stretch(knee, self._id(leg.ankle), sizes.tibia)
+                ankle = self._id(leg.ankle)
+                self._stretch(knee, ankle, sizes.tibia)
+                self._grow_foot(ankle, sizes.foot / DRAWN_FOOT)
 
     def take_device_away(self) -> None:
         """Leave the joints where they are, and the links without mass."""
@@ -106,7 +110,7 @@ class Assembly:
             shank = self.model.jointPlacements[ankle].translation.copy()
             self._append(knee, *segment_inertia(segments["shank"], patient.mass, shank))
             self._append_foot(ankle, patient)
-        if self._pelvis is PelvisGuide.VERTICAL:
+        if self._pelvis is not PelvisGuide.FIXED:
             self._append_trunk(patient)
 
     def set_gravity(self, gravity: float) -> None:
@@ -130,10 +134,10 @@ class Assembly:
         self.model.armature = values
 
     def _read(self, turned: Collection[str] = ()) -> pin.Model:
-        if self._pelvis is PelvisGuide.FIXED:
-            return build_model(self._path, None, turned)
-        joint = pin.JointModelPZ() if self._up_axis == "z" else pin.JointModelPY()
-        return build_model(self._path, (joint, PELVIS_JOINT), turned)
+        upward = pin.JointModelPZ() if self._up_axis == "z" else pin.JointModelPY()
+        guides = [(pin.JointModelPX(), FORWARD_JOINT), (upward, PELVIS_JOINT)]
+        free = {PelvisGuide.FIXED: guides[:0], PelvisGuide.VERTICAL: guides[1:], PelvisGuide.HARNESS: guides}
+        return build_model(self._path, free[self._pelvis], turned)
 
     def _check_names(self, model: pin.Model) -> None:
         joints = [name for name in model.names if name != "universe"]
@@ -153,8 +157,9 @@ class Assembly:
                     )
 
     def _lock_other_joints(self, model: pin.Model) -> pin.Model:
-        wanted = {name for leg in self.legs.values() for _, name in leg.items()} | {PELVIS_JOINT}
-        locked = [model.getJointId(name) for name in model.names if name not in wanted | {"universe"}]
+        wanted = {name for leg in self.legs.values() for _, name in leg.items()}
+        wanted |= {FORWARD_JOINT, PELVIS_JOINT, "universe"}
+        locked = [model.getJointId(name) for name in model.names if name not in wanted]
         if not locked:
             return model
         return pin.buildReducedModel(model, locked, pin.neutral(model))
@@ -182,8 +187,17 @@ class Assembly:
             )
         ratio = length / old
         placement.translation = placement.translation * ratio
-        body = self.model.inertias[proximal]
-        self.model.inertias[proximal] = pin.Inertia(
+        self._grow(proximal, ratio)
+
+    def _grow_foot(self, ankle: int, ratio: float) -> None:
+        self._grow(ankle, ratio)
+        for frame in self.model.frames:
+            if frame.parentJoint == ankle:
+                frame.placement.translation = frame.placement.translation * ratio
+
+    def _grow(self, joint: int, ratio: float) -> None:
+        body = self.model.inertias[joint]
+        self.model.inertias[joint] = pin.Inertia(
             body.mass, body.lever * ratio, body.inertia * (ratio * ratio)
         )
 

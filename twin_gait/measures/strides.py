@@ -10,6 +10,7 @@ foot, a step from a heel strike of the other foot to one of this foot.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -137,6 +138,67 @@ def root_mean_square_error(cycles: np.ndarray, reference: np.ndarray) -> float:
     # The sample at 100 % belongs to the next stride.
     difference = (cycles - reference)[:, :-1]
     return float(np.sqrt(np.mean(difference * difference)))
+
+
+class ErrorParts(NamedTuple):
+    r"""Root mean square distance of strides from a reference, and what makes it up.
+
+    .. math::
+
+        total^2 = offset^2 + timing^2 + shape^2
+
+    Attributes:
+        total: As :func:`root_mean_square_error` has it.
+        offset: Mean difference, positive above the reference.
+        timing: What the best shift of the strides around the cycle takes away.
+        shape: What is left then, with what differs from stride to stride.
+        shift: How much later than in the reference things happen in the strides, as a share of the cycle from
+            -0.5 to 0.5, in steps of 1 %.
+    """
+
+    total: float
+    offset: float
+    timing: float
+    shape: float
+    shift: float
+
+
+def error_parts(cycles: np.ndarray, reference: np.ndarray) -> ErrorParts:
+    r"""Split the distance from a reference curve into offset, timing and shape.
+
+    With strides :math:`x_i`, reference :math:`r`, their means over strides and samples taken away, and
+    :math:`\langle\cdot\rangle` the mean over strides and samples,
+
+    .. math::
+
+        offset = \langle x - r\rangle, \qquad
+        shape^2 = \min_s \langle (\tilde x(p + s) - \tilde r(p))^2\rangle, \qquad
+        timing^2 = \langle (\tilde x - \tilde r)^2\rangle - shape^2 .
+
+    Args:
+        cycles: From :func:`normalise_strides`, shape ``(n_strides, 101)``.
+        reference: Curve at ``PERCENT``, shape ``(101,)``, same unit.
+
+    Returns:
+        In the unit of the curves; NaN without strides.
+    """
+    if len(cycles) == 0:
+        return ErrorParts(*(math.nan,) * 5)
+    # The sample at 100 % belongs to the next stride.
+    strides, healthy = cycles[:, :-1], reference[:-1]
+    offset = float(np.mean(strides - healthy))
+    difference = strides - healthy - offset
+    unshifted = float(np.mean(difference * difference))
+    # The squares of both curves do not change with the shift, so that it shows in their product alone.
+    mean, count = strides.mean(axis=0), len(healthy)
+    products = np.array([np.mean(np.roll(mean, -shift) * healthy) for shift in range(count)])
+    best = int(np.argmax(products))
+    # A shift of nothing is among them, but for rounding.
+    timing = max(0.0, 2.0 * float(products[best] - products[0]))
+    shift = best - count if best > count // 2 else best
+    total = math.sqrt(offset * offset + unshifted)
+    shape = math.sqrt(max(0.0, unshifted - timing))
+    return ErrorParts(total, offset, math.sqrt(timing), shape, shift / count)
 
 
 def symmetry_index(left: float, right: float) -> float:

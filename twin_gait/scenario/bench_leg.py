@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin_gait.core.plant import ImposedMotion
-from twin_gait.leg_model import LegModel, PelvisGuide
+from twin_gait.leg_model import LegModel
 from twin_gait.parameters import (
     AnkleParameters,
     FrictionLaw,
@@ -19,7 +19,7 @@ from twin_gait.parameters import (
     require_positive,
 )
 from twin_gait.scenario.world import World, build_plant
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, PelvisGuide
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +99,8 @@ class BenchLegScenario:
         q = np.zeros(model.nv)
         for joint, angle in zip((JointName.HIP, JointName.KNEE), self.start_angles, strict=True):
             q[model.index(side, joint)] = angle
+        if model.legs[side].ankle is not None:
+            q[model.index(side, JointName.ANKLE)] = ankle.rest
         imposed_motion = None
         if self.imposed_motion is not None:
             index = model.index(side, self.imposed_motion.joint)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin_gait.core.belt import Belt
-from twin_gait.core.plant import Brace, ImposedMotion, Plant, free_coordinate
-from twin_gait.leg_model import Bodies, LegJoints, LegModel, PelvisGuide
+from twin_gait.core.plant import Brace, ImposedMotion, Plant, Spring, free_coordinate
+from twin_gait.leg_model import Bodies, LegJoints, LegModel
 from twin_gait.parameters import (
     ActuatorParameters,
     AnkleParameters,
@@ -18,7 +18,7 @@ from twin_gait.parameters import (
     Patient,
     StopParameters,
 )
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +28,7 @@ class LegSource:
     Attributes:
         urdf: Path of a URDF, or the name of a packaged one.
         legs: Joint names per side.
-        fit_device: Whether to fit femur, tibia and waist to the wearer.
+        fit_device: Whether to fit femur, tibia, waist and foot to the wearer.
         up_axis: Vertical axis of the URDF, ``"z"`` or ``"y"``.
     """
 
@@ -148,7 +148,7 @@ def build_plant(
             plant.stop.lower, plant.stop.upper = model.position_limits(side, joint)
             plant.stop.stiffness, plant.stop.dissipation = stops.stiffness, stops.dissipation
             if joint is JointName.ANKLE:
-                plant.spring.stiffness, plant.spring.damping = ankle.stiffness, ankle.damping
+                plant.spring = Spring(ankle.stiffness, ankle.damping, ankle.stiffness * ankle.rest)
             else:
                 plant.friction = friction[joint].in_plant(load_friction[joint])
     return result

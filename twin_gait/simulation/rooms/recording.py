@@ -5,6 +5,7 @@ from __future__ import annotations
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import (
     ANKLES,
+    FORWARD,
     PELVIS,
     POINTS_PER_FOOT,
     SHIFT,
@@ -40,6 +41,9 @@ def _record_whole(e: Episode, row: LogRow) -> None:
         pelvis.support_force = hung.spring_torque + hung.stop_torque
         pelvis.guide_force = force
         pelvis.guide_moment = moment
+    if FORWARD >= 0:
+        row.forward.pelvis_forward = e.q[FORWARD]
+        row.forward.pelvis_forward_velocity = e.v[FORWARD]
     row.bus_voltage = e.supply.bus_voltage
     row.battery_power = e.supply.power
     row.kinetic_energy = kinetic
@@ -97,13 +101,16 @@ def _record_leg(e: Episode, number: int, row: LogRow) -> None:
         ankle.orthosis_torque = e.plant[leg.ankle].spring_torque
     if POINTS_PER_FOOT > 0:
         foot, first = row.feet[number], number * POINTS_PER_FOOT
-        friction, lowest = 0.0, e.points[first].height
+        friction, pressed, lowest = 0.0, 0.0, e.points[first].height
         for place in range(first, first + POINTS_PER_FOOT):
             friction += e.points[place].forward
+            pressed += e.points[place].upward * (place - first)
             lowest = min(lowest, e.points[place].height)
         foot.normal_force = normal_force(e, number)
         foot.friction_force = friction
         foot.clearance = lowest
+        if foot.normal_force > 0.0 and POINTS_PER_FOOT > 1:
+            foot.pressure_place = pressed / (foot.normal_force * (POINTS_PER_FOOT - 1))
 
 
 def _record_braces(e: Episode, row: LogRow) -> None:
@@ -118,3 +125,7 @@ def _record_braces(e: Episode, row: LogRow) -> None:
         row.pelvis_brace.wearer_pelvis_height = e.q[PELVIS + SHIFT]
         row.pelvis_brace.wearer_pelvis_velocity = e.v[PELVIS + SHIFT]
         row.pelvis_brace.pelvis_brace_force = e.braces[PELVIS].torque
+    if FORWARD >= 0:
+        row.forward_brace.wearer_pelvis_forward = e.q[FORWARD + SHIFT]
+        row.forward_brace.wearer_pelvis_forward_velocity = e.v[FORWARD + SHIFT]
+        row.forward_brace.pelvis_forward_brace_force = e.braces[FORWARD].torque
