@@ -342,5 +342,6 @@ def _require_known(problem: Problem) -> None:
     assert all(isinstance(law, FrictionParameters) for law in experiment.plant.friction.values())
     assert not problem.wearer.acts
     assert world.braces is None
+    assert world.slope == 0.0
     assert world.imposed_motion is None
     assert world.belt.ramp == 0.0

@@ -143,6 +143,13 @@ CASES = {
         EULER,
         "plant.load_friction={hip: 0.15, knee: 0.1}",
     ),
+    "uphill, commands late": (
+        "treadmill",
+        "duration_s=1",
+        EULER,
+        "scenario.slope_deg=4",
+        "control.delay_ms=2",
+    ),
     "inertia compensation and noise": (
         "bench_leg",
         "duration_s=1",
@@ -414,6 +421,7 @@ PLAIN_CASES = {
         SENSED,
         "sensors.offset.left.knee_deg=-2",
         "control.delay_ms=4",
+        "scenario.slope_deg=3",
         WORN,
         ACTIVE,
         "faults=['encoder_drift:left_knee@0.02s=5deg/s', 'motor_stuck:right_hip@0.15s=20Nm']",
