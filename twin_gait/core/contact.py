@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 from twin_gait.core.elementary import hyperbolic_tangent
 
+LEAST_FORCE = 1e-6  # [N]; a lighter contact has no centre of pressure
+
 
 def contact_normal_force(
     penetration: float, penetration_rate: float, stiffness: float, dissipation: float
