@@ -29,7 +29,7 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.conventions import DEGREES, Convention
-from twin_gait.core.contact import Point
+from twin_gait.core.contact import LEAST_FORCE, Point
 from twin_gait.core.friction import rotational_torque
 from twin_gait.core.plant import passive_torque
 from twin_gait.exceptions import ParameterError
@@ -47,7 +47,6 @@ from twin_gait.vocabulary import JointName, Side
 MODEL_FILE, MOTION_FILE, MOMENTS_FILE = "model.osim", "motion.mot", "joint_moments.sto"
 LOADS_FILE, FORCES_FILE = "external_loads.xml", "external_loads.mot"
 SETUP_FILE, FOUND_FILE = "inverse_dynamics.xml", "inverse_dynamics.sto"
-LEAST_FORCE = 1e-6  # [N]; a lighter contact has no centre of pressure
 
 
 class ExternalLoad(NamedTuple):
@@ -271,7 +270,7 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
         plant = world.plant[index]
         states = zip(log[f"{name}_angle_rad"].tolist(), velocity.tolist(), strict=True)
         torques = (
-            passive_torque(plant, rotational_torque(plant.friction, speed), angle, speed, 0.0, 0.0)
+            passive_torque(plant, rotational_torque(plant.friction, speed, 0.0), angle, speed, 0.0, 0.0)
             for angle, speed in states
         )
         return np.array(list(torques))

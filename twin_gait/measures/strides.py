@@ -268,22 +268,19 @@ def step_times(strikes: np.ndarray, other_strikes: np.ndarray, tick: float) -> n
     return np.array(durations)
 
 
-def double_support_share(
-    normal_force: np.ndarray, other_force: np.ndarray, strides: np.ndarray, threshold: float
-) -> float:
+def double_support_share(loaded: np.ndarray, other_loaded: np.ndarray, strides: np.ndarray) -> float:
     """Share of the time in which both feet carry.
 
     Args:
-        normal_force: Of one foot in [N], one value a tick, shape ``(n_ticks,)``.
-        other_force: Of the other foot, same shape.
+        loaded: Whether one foot carries, one value a tick, shape ``(n_ticks,)``.
+        other_loaded: Of the other foot, same shape.
         strides: First tick of each stride and of the next one, shape ``(n, 2)``.
-        threshold: Force in [N] above which a foot carries.
 
     Returns:
         Share in [0, 1]; NaN without strides.
     """
     if len(strides) == 0:
         return float("nan")
-    both = (normal_force > threshold) & (other_force > threshold)
+    both = loaded & other_loaded
     inside = np.concatenate([both[start:end] for start, end in strides])
     return float(np.mean(inside))

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from twin_gait.measures.foot_contact import CONTACT_FORCE, swing_clearances
+from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_entries
 from twin_gait.measures.strides import (
@@ -193,6 +193,7 @@ WALK_COLUMNS = (
     "_foot_pressure_place",
     "_foot_clearance_m",
     "guide_force_N",
+    "pelvis_forward_velocity_m_per_s",
 )
 
 
@@ -334,7 +335,7 @@ def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: Walkway) -> np.n
     Returns:
         In [m] / [s], shape ``(n,)``; 0 where the foot is not loaded, NaN without friction.
     """
-    loaded = load > CONTACT_FORCE
+    loaded = is_loaded(load)
     if walkway.friction_coefficient == 0.0:
         return np.where(loaded, np.nan, 0.0)
     ratio = np.abs(fore_aft) / (walkway.friction_coefficient * np.where(loaded, load, 1.0))
@@ -367,7 +368,7 @@ class WalkPower(NamedTuple):
         belt: Power that the belt gives to both feet, in [W].
         motors: Net mechanical power of all motors at their joints in [W].
         wearer: Of the wearer's own effort in [W].
-        guide: Power of the guide of the pelvis in [W]; none for a guide that does not move.
+        guide: Power of guide or harness into the pelvis in [W]; none for a guide that does not move.
         guide_force: Mean forward force of the guide on the pelvis in [N].
         carried_by_belt: Whether the belt carries the walk, see :func:`belt_carries`.
     """
@@ -399,13 +400,15 @@ def walk_power(
         sum(values) for values in zip(*((leg.belt_power, leg.wearer_power) for leg in legs), strict=True)
     )
     motors = sum(sum(leg.motor_power.values()) for leg in legs)
-    force = mean_over(log["guide_force_N"].to_numpy(), bounds)
+    force, power = log["guide_force_N"].to_numpy(), 0.0
+    if (forward := "pelvis_forward_velocity_m_per_s") in log:
+        power = mean_over(force * log[forward].to_numpy(), bounds)
     return WalkPower(
         belt=belt,
         motors=motors,
         wearer=wearer,
-        guide=0.0,
-        guide_force=force,
+        guide=power,
+        guide_force=mean_over(force, bounds),
         carried_by_belt=belt_carries(belt, motors + wearer, walkway),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from twin_gait.core.contact import LEAST_FORCE
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import (
     ANKLES,
@@ -110,7 +111,7 @@ def _record_leg(e: Episode, number: int, row: LogRow) -> None:
         foot.normal_force = normal_force(e, number)
         foot.friction_force = friction
         foot.clearance = lowest
-        loaded = foot.normal_force > 0.0 and POINTS_PER_FOOT > 1
+        loaded = foot.normal_force > LEAST_FORCE and POINTS_PER_FOOT > 1
         foot.pressure_place = pressed / (foot.normal_force * (POINTS_PER_FOOT - 1)) if loaded else 0.0
 
 
