@@ -341,7 +341,8 @@ def motion(problem: Problem, ticks: int) -> Motion:
 def _require_known(problem: Problem) -> None:
     """Refuse what the loop would leave out."""
     experiment, world, control = problem.experiment, problem.world, problem.experiment.control
-    assert experiment.sensors.ideal
+    assert experiment.sensors.ideal and not experiment.sensors.offset
+    assert control.delay == 0.0
     assert control.mode is ControlMode.IMPEDANCE
     assert control.assistance.is_full
     assert control.inertia_compensation == 0.0
@@ -349,5 +350,6 @@ def _require_known(problem: Problem) -> None:
     assert all(isinstance(law, FrictionParameters) for law in experiment.plant.friction.values())
     assert not problem.wearer.acts
     assert world.braces is None
+    assert world.slope == 0.0
     assert world.imposed_motion is None
     assert world.belt.ramp == 0.0

@@ -299,6 +299,8 @@ class ControlEntry(Section):
     limits: LimitsEntry = LimitsEntry()
     safety: SafetyEntry = SafetyEntry()
     patient: PatientEntry | None = None
+    delay_s: Number | None = None
+    delay_ms: Number | None = None
 
 
 PLACES = ("pelvis", "hip", "knee", "ankle")
