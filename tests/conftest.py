@@ -12,9 +12,9 @@ import pytest
 from hypothesis import HealthCheck, settings
 from tested_copy import complaint, copies_in_use
 
-from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
+from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR, Patient
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 # Reproducible, and without a deadline: a busy machine is not a failure.
 settings.register_profile(

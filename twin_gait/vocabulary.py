@@ -71,3 +71,11 @@ class SegmentModel(StrEnum):
 
     DE_LEVA = "de_leva"
     WINTER = "winter"
+
+
+class PelvisGuide(StrEnum):
+    """How the pelvis is held: not to move, to move vertically, or fore-aft as well; it never pitches."""
+
+    FIXED = "fixed"
+    VERTICAL = "vertical"
+    HARNESS = "harness"

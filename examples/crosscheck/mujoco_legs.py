@@ -13,7 +13,8 @@ import mujoco
 import numpy as np
 
 from twin_gait import Experiment, JointName, LegModel, Patient
-from twin_gait.leg_model import PELVIS_JOINT, LegJoints, PelvisGuide, device_sizes
+from twin_gait.leg_model import FORWARD_JOINT, PELVIS_JOINT, LegJoints, device_sizes
+from twin_gait.vocabulary import PelvisGuide
 
 
 class Segment(NamedTuple):
@@ -66,9 +67,11 @@ def legs_spec(model: LegModel, patient: Patient | None, *, fit_device: bool = Tr
     """
     text = model.urdf_path.read_text(encoding="utf-8")
     spec = mujoco.MjSpec.from_string(text.replace("</robot>", f"{COMPILER}</robot>"))
-    if model.pelvis is PelvisGuide.VERTICAL:
-        slide = mujoco.mjtJoint.mjJNT_SLIDE
-        spec.worldbody.first_body().add_joint(name=PELVIS_JOINT, type=slide, axis=[0.0, 0.0, 1.0])
+    slide, pelvis = mujoco.mjtJoint.mjJNT_SLIDE, spec.worldbody.first_body()
+    if model.pelvis is PelvisGuide.HARNESS:
+        pelvis.add_joint(name=FORWARD_JOINT, type=slide, axis=[1.0, 0.0, 0.0])
+    if model.pelvis is not PelvisGuide.FIXED:
+        pelvis.add_joint(name=PELVIS_JOINT, type=slide, axis=[0.0, 0.0, 1.0])
     if patient is not None:
         _put_on(spec, model, patient, fit_device=fit_device)
     return spec
@@ -114,6 +117,8 @@ def coordinate_order(legs: mujoco.MjModel, model: LegModel) -> list[int]:
     }
     if model.pelvis_index is not None:
         names[model.pelvis_index] = PELVIS_JOINT
+    if model.forward_index is not None:
+        names[model.forward_index] = FORWARD_JOINT
     return [int(legs.joint(names[index]).dofadr[0]) for index in range(model.nv)]
 
 
@@ -156,8 +161,8 @@ def _put_on(spec: mujoco.MjSpec, model: LegModel, patient: Patient, *, fit_devic
         if winter:
             start, axis = np.zeros(3), np.array([0.47 * length, 0.0, drop])
         _add_limb(ankle, patient, segments["foot"], start, axis)
-    if model.pelvis is PelvisGuide.VERTICAL:
-        # Head, arms and trunk only rise and sink: their mass counts, their inertia does not.
+    if model.pelvis is not PelvisGuide.FIXED:
+        # Head, arms and trunk only slide: their mass counts, their inertia does not.
         trunk = patient.mass * (1.0 - 2.0 * sum(item.mass for item in segments.values()))
         up = np.array([0.0, 0.0, 1.0])
         centre = TRUNK_CENTRE * TRUNK_LENGTH * patient.height * up

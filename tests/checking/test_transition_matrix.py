@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from loop_stability import UNDECIDED, Case, linear_run_is_unstable, predicted_radius
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from twin_gait.checking.check import build_case
 from twin_gait.checking.hanging_leg import (
@@ -22,6 +23,7 @@ from twin_gait.checking.linear_loop import (
     RING,
     LinearLoop,
     effective_damping_ratio,
+    exponential,
     leg_motion,
     spectral_radius,
     transition_matrix,
@@ -264,3 +266,13 @@ def test_a_leg_whose_joints_stick_stands_on_its_bristles():
     moved = [item.linear_loop(phase, 0.0).motion.free[2:, :2] / TICK for item in (leg, free)]
     expected = -np.linalg.solve(mass, np.diag([1800.0, 1800.0]))
     np.testing.assert_allclose(moved[0] - moved[1], expected, rtol=0.05, atol=2.0)
+
+
+@pytest.mark.parametrize("norm", [0.0, 1e-9, 0.3, 0.5, 4.0, 30.0])
+def test_the_exponential_is_that_of_scipy(norm: float) -> None:
+    for seed in range(20):
+        matrix = np.random.default_rng(seed).normal(size=(6, 6))
+        matrix *= norm / np.abs(matrix).sum(axis=0).max()
+        expected = expm(matrix)
+        # Squaring loses as many digits as the norm has bits (Moler and Van Loan 2003, section 2).
+        assert np.abs(exponential(matrix) - expected).max() < 1e-14 * (1.0 + norm) * np.abs(expected).max()

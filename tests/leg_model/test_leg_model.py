@@ -13,10 +13,10 @@ import pytest
 from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import ModelError, ParameterError
-from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide, device_sizes, packaged_urdf
+from twin_gait.leg_model import LegJoints, LegModel, device_sizes, packaged_urdf
 from twin_gait.leg_model.urdf import build_model, find_urdf, urdf_hash
 from twin_gait.parameters import Patient
-from twin_gait.vocabulary import JointName, Sex, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Sex, Side
 
 GRAVITY = 9.81
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
+from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR, Patient
-from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, SegmentModel, Sex, Side
 
 mujoco = pytest.importorskip("mujoco", reason="mujoco is in the extra [test]")
 

@@ -42,10 +42,10 @@ def drawn_here(monkeypatch: pytest.MonkeyPatch) -> list[slice]:
     return shares
 
 
-@pytest.mark.parametrize(("processors", "processes"), [(1, 0), (2, 1), (16, 2)])
+@pytest.mark.parametrize(("processors", "expected"), [(1, 0), (2, 1), (16, 2)])
 def test_processes_draw_what_this_one_would(
     processors: int,
-    processes: int,
+    expected: int,
     walk: Run,
     pictures: dict[str, bytes],
     tmp_path: Path,
@@ -58,7 +58,7 @@ def test_processes_draw_what_this_one_would(
         worker.begin(walk, tmp_path)
         worker.finish()
     assert contents(list(tmp_path.iterdir())) == pictures and len(pictures) == len(FIGURES)
-    assert len(processes) == processes and len(drawn_here) == (processes == 0)
+    assert len(processes) == expected and len(drawn_here) == (expected == 0)
     assert all(process.returncode is not None for process in processes)
 
 

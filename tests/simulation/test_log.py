@@ -33,11 +33,13 @@ LAYOUTS = [
         ankles=sides if ankles else (),
         feet=sides if feet else (),
         pelvis=pelvis,
+        forward=forward,
         braced=braced,
     )
-    for sides, joints, ankles, feet, pelvis, braced in product(
-        [(Side.RIGHT,), tuple(Side)], [BOTH[:1], BOTH], *[[False, True]] * 4
+    for sides, joints, ankles, feet, pelvis, forward, braced in product(
+        [(Side.RIGHT,), tuple(Side)], [BOTH[:1], BOTH], *[[False, True]] * 5
     )
+    if pelvis or not forward
 ]
 # How the house writes a unit at the end of a name, said a second time.
 SUFFIXES = {
@@ -86,12 +88,12 @@ def test_every_column_of_every_layout_has_a_unit_and_a_meaning_and_says_them_by_
 
 
 def test_a_class_of_rows_declares_a_column_once() -> None:
-    layout = next(item for item in LAYOUTS if item.ankles and item.feet and item.pelvis and item.braced)
+    layout = next(item for item in LAYOUTS if item.ankles and item.feet and item.forward and item.braced)
     rows = {type(layout.row())}
     for item in fields(layout.row()):
         value = getattr(layout.row(), item.name)
         rows |= {type(entry) for entry in (value if isinstance(value, list) else [value])} - {float}
-    assert len(rows) == 9
+    assert len(rows) == 11
     for row in rows:
         units = [unit for unit, _ in columns_of(row).values()]
         assert len(columns_of(row)) == len(units) and set(units) <= {*SUFFIXES, "1", "code"}
@@ -114,9 +116,12 @@ def test_braces_are_a_source_of_work_where_there_are_some() -> None:
     assert len(BRACED_WORK_SOURCES) == len(WORK_SOURCES) + 1
 
 
-@pytest.mark.parametrize("preset", ["bench_leg", "treadmill"])
-def test_a_run_has_the_columns_of_its_layout_and_the_time(preset: str) -> None:
-    experiment = load_experiment(preset, ["duration_s=0.02"]).experiment
+HARNESS = "scenario.support.guide=harness"
+
+
+@pytest.mark.parametrize("given", [("bench_leg",), ("treadmill",), ("treadmill", HARNESS)])
+def test_a_run_has_the_columns_of_its_layout_and_the_time(given: tuple[str, ...]) -> None:
+    experiment = load_experiment(given[0], ["duration_s=0.02", *given[1:]]).experiment
     layout = log_layout(build_problem(experiment))
     log = simulate(experiment).log
     assert set(log.columns) == {*layout.names, "time_s"}
@@ -124,7 +129,7 @@ def test_a_run_has_the_columns_of_its_layout_and_the_time(preset: str) -> None:
 
 
 def test_state_columns_are_the_coordinates_of_the_model_in_its_order() -> None:
-    settings = ["patient=stroke_left", "interface=brace"]
+    settings = ["patient=stroke_left", "interface=brace", HARNESS]
     problem = build_problem(load_experiment("treadmill", settings).experiment)
     model: LegModel = problem.world.model
     for wearer in (False, True):
@@ -135,4 +140,6 @@ def test_state_columns_are_the_coordinates_of_the_model_in_its_order() -> None:
         own = "wearer_" if wearer else ""
         assert positions[knee] == f"left_knee_{own}angle_rad"
         assert velocities[knee] == f"left_knee_{own}velocity_rad_per_s"
-        assert positions[model.pelvis_index or 0] == f"{own}pelvis_height_m"
+        assert model.pelvis_index is not None and model.forward_index is not None
+        assert positions[model.pelvis_index] == f"{own}pelvis_height_m"
+        assert positions[model.forward_index] == f"{own}pelvis_forward_m"

@@ -26,6 +26,13 @@ CASES = {
     ),
     "treadmill, Euler": ("treadmill", "duration_s=1", EULER, "integration.step_ms=0.25"),
     "treadmill, RK4": ("treadmill", "duration_s=0.3", RK4, "integration.step_ms=0.25"),
+    "treadmill, harness": (
+        "treadmill",
+        "duration_s=1",
+        EULER,
+        "integration.step_ms=0.25",
+        "scenario.support.guide=harness",
+    ),
     "treadmill, a wearer whom the controller takes for another": (
         "treadmill",
         "duration_s=0.5",

@@ -19,7 +19,7 @@ from example_robots import robot_urdf
 
 import twin_gait.viewer
 from twin_gait.exceptions import ViewerError
-from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
+from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.leg_model.urdf import build_model, find_urdf
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.palette import PHASE_COLOURS
@@ -32,7 +32,7 @@ from twin_gait.viewer.motion import FRAMES_PER_SECOND, read_motion
 from twin_gait.viewer.page import recorded_page
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
 from twin_gait.viewer.visuals import LinkPart, load_visuals
-from twin_gait.vocabulary import GaitPhase, JointName, Side
+from twin_gait.vocabulary import GaitPhase, JointName, PelvisGuide, Side
 
 PATIENT = Patient()
 BELT_SPEED = 0.4

@@ -14,7 +14,7 @@ from twin_gait.leg_model import LegJoints
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters
 from twin_gait.scenario import BenchLegScenario, ImposedMotionParameters, LegSource, TreadmillScenario
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 
 class LegJointsEntry(Section):
@@ -73,6 +73,9 @@ class SupportEntry(Section):
     parameters: ClassVar = SupportParameters
     share: Number = SupportParameters.share
     damping_Ns_per_m: Number = SupportParameters.damping
+    guide: PelvisGuide = SupportParameters.guide
+    forward_stiffness_N_per_m: Number = SupportParameters.forward_stiffness
+    forward_damping_Ns_per_m: Number = SupportParameters.forward_damping
     catch_stiffness_N_per_m: Number = SupportParameters.catch_stiffness
     catch_dissipation_s_per_m: Number = SupportParameters.catch_dissipation
 

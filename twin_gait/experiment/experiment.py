@@ -16,7 +16,7 @@ from twin_gait.experiment.integration import (
 )
 from twin_gait.experiment.plant import PlantParameters
 from twin_gait.gait.table import TICK, GaitTable
-from twin_gait.leg_model import Bodies, LegModel, PelvisGuide
+from twin_gait.leg_model import Bodies, LegModel
 from twin_gait.parameters import (
     BraceParameters,
     Patient,
@@ -27,7 +27,7 @@ from twin_gait.scenario.bracing import brace_world, carries, rk4_growth, semi_im
 from twin_gait.scenario.faults import Fault, FaultKind, check_faults
 from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.scenario.world import LegSource, World, build_leg_model
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, PelvisGuide
 
 # A log keeps about 1 kB a millisecond in memory; an hour of walking is 3 GB.
 LONGEST_RUN = 3600.0  # [s]

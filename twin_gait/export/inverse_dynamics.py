@@ -190,18 +190,21 @@ def _centres_of_pressure(force: np.ndarray, moment: np.ndarray) -> np.ndarray:
 
 def _pelvis_load(run: Run, world: World, device: bool) -> ExternalLoad:
     log, zero = run.log, np.zeros(len(run.log))
-    own = world.braces is not None and not device
-    height = log["wearer_pelvis_height_m" if own else "pelvis_height_m"].to_numpy()
+    forward, height = _pelvis_place(run, world, device)
     if world.braces is None:
         along, moment = log["guide_force_N"].to_numpy(), log["guide_moment_Nm"].to_numpy()
         up = log["support_force_N"].to_numpy()
     else:
-        along, moment, brace = zero, zero, log["pelvis_brace_force_N"].to_numpy()
-        up = -brace if device else log["support_force_N"].to_numpy() + brace
+        brace = log["pelvis_brace_force_N"].to_numpy()
+        moment, up = zero, -brace if device else log["support_force_N"].to_numpy() + brace
+        along = zero
+        if world.model.forward_index is not None:
+            brace = log["pelvis_forward_brace_force_N"].to_numpy()
+            along = -brace if device else log["guide_force_N"].to_numpy() + brace
     turn = to_opensim(world.model.up_axis)
     force, point, torque = (
         np.column_stack(parts) @ turn.T
-        for parts in ((along, zero, up), (zero, zero, height), (zero, moment, zero))
+        for parts in ((along, zero, up), (forward, zero, height), (zero, moment, zero))
     )
     return ExternalLoad("harness", PELVIS, force, point, torque)
 
@@ -210,12 +213,19 @@ def _pelvis_load(run: Run, world: World, device: bool) -> ExternalLoad:
 
 
 def _pelvis(run: Run, world: World, device: bool) -> dict[str, np.ndarray]:
-    index = world.model.pelvis_index
-    if index is None:
+    if world.model.pelvis_index is None:
         return {}
+    tilt = np.zeros(len(run.log))
+    return dict(zip(PELVIS_COORDINATES, (tilt, *_pelvis_place(run, world, device)), strict=True))
+
+
+def _pelvis_place(run: Run, world: World, device: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Where the pelvis of the bodies that are written is, forwards and upwards."""
     positions, _ = state_columns(world.model, wearer=world.braces is not None and not device)
+    guides = (world.model.forward_index, world.model.pelvis_index)
     still = np.zeros(len(run.log))
-    return dict(zip(PELVIS_COORDINATES, (still, still, run.log[positions[index]].to_numpy()), strict=True))
+    forward, height = (still if index is None else run.log[positions[index]].to_numpy() for index in guides)
+    return forward, height
 
 
 def joint_moments(run: Run, world: World, convention: Convention, device: bool) -> dict[str, np.ndarray]:

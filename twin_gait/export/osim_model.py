@@ -51,9 +51,12 @@ def osim_text(model: LegModel, name: str, convention: Convention, gravity: float
         kind: ElementTree.SubElement(ElementTree.SubElement(root, kind, name=kind.lower()), "objects")
         for kind in ("BodySet", "JointSet")
     }
-    for body, own, (coordinate, sign) in zip(bodies, names, coordinates, strict=True):
+    for index, (body, own, (coordinate, sign)) in enumerate(zip(bodies, names, coordinates, strict=True)):
+        if index == model.forward_index:  # the planar joint of the pelvis has both of its guides
+            continue
         _add_body(sets["BodySet"], body, own, turn)
-        parent = "/ground" if body.parent < 0 else f"/bodyset/{names[body.parent]}"
+        grounded = body.parent < 0 or body.parent == model.forward_index
+        parent = "/ground" if grounded else f"/bodyset/{names[body.parent]}"
         _add_joint(sets["JointSet"], body, own, parent, turn, coordinate, sign)
     ElementTree.indent(document)
     return (

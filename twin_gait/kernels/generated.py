@@ -28,8 +28,8 @@ from twin_gait.kernels.tracing import Scalar, Trace, compact, text, together
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint
 
 # Joints. Its function dynamics alone compiles in 0.5 s for 2 joints, 14 s for 16 and 100 s for 32. Two legs
-# with ankles on a moving pelvis have 7, and with a wearer in braces 14.
-STRAIGHT_LINE_LIMIT = 15
+# with ankles on a pelvis in a harness have 8, and with a wearer in braces 16.
+STRAIGHT_LINE_LIMIT = 16
 
 POINT_FIELDS = tuple(item.name for item in fields(Point))
 

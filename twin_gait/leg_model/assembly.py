@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
 from twin_gait.leg_model.axes import FORWARD, plain_names, reversed_joints
-from twin_gait.leg_model.joints import PELVIS_JOINT, LegJoints, PelvisGuide
+from twin_gait.leg_model.joints import FORWARD_JOINT, PELVIS_JOINT, LegJoints
 from twin_gait.leg_model.urdf import build_model
 from twin_gait.leg_model.wearer import (
     TRUNK_CENTRE_OF_MASS,
@@ -24,7 +24,7 @@ from twin_gait.leg_model.wearer import (
 )
 from twin_gait.parameters import Patient
 from twin_gait.parameters.wearer import SHANK_LENGTH
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 
 class Assembly:
@@ -40,7 +40,7 @@ class Assembly:
 
         Args:
             legs: Joint names of each leg; a minus in front turns a joint round.
-            pelvis: Fixed in the world, or free to move vertically.
+            pelvis: How it is held.
             up_axis: ``"z"`` or ``"y"``.
 
         Raises:
@@ -106,7 +106,7 @@ class Assembly:
             shank = self.model.jointPlacements[ankle].translation.copy()
             self._append(knee, *segment_inertia(segments["shank"], patient.mass, shank))
             self._append_foot(ankle, patient)
-        if self._pelvis is PelvisGuide.VERTICAL:
+        if self._pelvis is not PelvisGuide.FIXED:
             self._append_trunk(patient)
 
     def set_gravity(self, gravity: float) -> None:
@@ -130,10 +130,10 @@ class Assembly:
         self.model.armature = values
 
     def _read(self, turned: Collection[str] = ()) -> pin.Model:
-        if self._pelvis is PelvisGuide.FIXED:
-            return build_model(self._path, None, turned)
-        joint = pin.JointModelPZ() if self._up_axis == "z" else pin.JointModelPY()
-        return build_model(self._path, (joint, PELVIS_JOINT), turned)
+        upward = pin.JointModelPZ() if self._up_axis == "z" else pin.JointModelPY()
+        guides = [(pin.JointModelPX(), FORWARD_JOINT), (upward, PELVIS_JOINT)]
+        free = {PelvisGuide.FIXED: guides[:0], PelvisGuide.VERTICAL: guides[1:], PelvisGuide.HARNESS: guides}
+        return build_model(self._path, free[self._pelvis], turned)
 
     def _check_names(self, model: pin.Model) -> None:
         joints = [name for name in model.names if name != "universe"]
@@ -153,8 +153,9 @@ class Assembly:
                     )
 
     def _lock_other_joints(self, model: pin.Model) -> pin.Model:
-        wanted = {name for leg in self.legs.values() for _, name in leg.items()} | {PELVIS_JOINT}
-        locked = [model.getJointId(name) for name in model.names if name not in wanted | {"universe"}]
+        wanted = {name for leg in self.legs.values() for _, name in leg.items()}
+        wanted |= {FORWARD_JOINT, PELVIS_JOINT, "universe"}
+        locked = [model.getJointId(name) for name in model.names if name not in wanted]
         if not locked:
             return model
         return pin.buildReducedModel(model, locked, pin.neutral(model))

@@ -8,13 +8,7 @@ from enum import StrEnum
 from twin_gait.vocabulary import JointName, Side
 
 PELVIS_JOINT = "pelvis_vertical"
-
-
-class PelvisGuide(StrEnum):
-    """How the pelvis is held."""
-
-    FIXED = "fixed"
-    VERTICAL = "vertical"
+FORWARD_JOINT = "pelvis_forward"
 
 
 class Bodies(StrEnum):

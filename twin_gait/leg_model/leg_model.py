@@ -16,11 +16,11 @@ import pinocchio as pin
 
 from twin_gait.exceptions import ModelError, ParameterError
 from twin_gait.leg_model.assembly import Assembly
-from twin_gait.leg_model.joints import PELVIS_JOINT, Bodies, LegJoints, PelvisGuide
+from twin_gait.leg_model.joints import FORWARD_JOINT, PELVIS_JOINT, Bodies, LegJoints
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.leg_model.wearer import device_sizes
 from twin_gait.parameters import Patient
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 
 class LegModel:
@@ -54,7 +54,7 @@ class LegModel:
                 URDF is locked at zero.
             patient: Wearer whose segments are added to the links; None adds nothing.
             fit_device: Whether to set femur, tibia and waist to the wearer's size.
-            pelvis: Fixed in the world, or free to move vertically.
+            pelvis: How it is held.
             armature: Rotor and gear inertia at the joint per joint name in [kg m²]; 0 if absent.
             gravity: Magnitude in [m] / [s²].
             up_axis: ``"z"`` or ``"y"``: the vertical of the URDF.
@@ -129,6 +129,13 @@ class LegModel:
         if self.pelvis is PelvisGuide.FIXED:
             return None
         return int(self.model.joints[self._joint_id(PELVIS_JOINT)].idx_v)
+
+    @property
+    def forward_index(self) -> int | None:
+        """Position of the fore-aft pelvis coordinate, or None if the pelvis cannot move forwards."""
+        if self.pelvis is not PelvisGuide.HARNESS:
+            return None
+        return int(self.model.joints[self._joint_id(FORWARD_JOINT)].idx_v)
 
     def position_limits(self, side: Side, joint: JointName) -> tuple[float, float]:
         """Lower and upper limit of a joint from the URDF in [rad]."""

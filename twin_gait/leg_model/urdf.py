@@ -10,7 +10,7 @@ import os
 import sys
 import threading
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
@@ -149,13 +149,13 @@ def urdf_hash(path: Path) -> str:
 
 def build_model(
     path: Path,
-    root_joint: tuple[pin.JointModel, str] | None = None,
+    root_joints: Sequence[tuple[pin.JointModel, str]] = (),
     reversed_joints: Collection[str] = (),
 ) -> pin.Model:
     """Build a Pinocchio model of a URDF file.
 
     Args:
-        root_joint: Joint between world and root link with its name; None fixes the root link.
+        root_joints: Joints between world and root link with their names; none fixes the root link.
         reversed_joints: Joints whose angle is counted the other way than in the file.
 
     Raises:
@@ -166,10 +166,16 @@ def build_model(
         text = _with_reversed(text, reversed_joints)
     try:
         with quiet_stderr():
-            if root_joint is None:
+            if not root_joints:
                 return pin.buildModelFromXML(text)
-            joint, name = root_joint
-            return pin.buildModelFromXML(text, joint, name)
+            *outer, (joint, name) = root_joints
+            model = pin.buildModelFromXML(text, joint, name)
+            for joint, name in reversed(outer):
+                carrier = pin.Model()
+                place = carrier.addJoint(0, joint, pin.SE3.Identity(), name)
+                frame = carrier.addJointFrame(place)
+                model = pin.appendModel(carrier, model, frame, pin.SE3.Identity())
+            return model
     except (ValueError, RuntimeError, IndexError) as error:
         reason = " ".join(str(error).split()) or type(error).__name__
         raise ModelError(f"{path}: Pinocchio cannot build a model from it ({reason})") from error

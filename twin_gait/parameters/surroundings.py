@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from twin_gait.parameters.checks import require, require_non_negative, require_positive, require_share
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, PelvisGuide
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +104,11 @@ class SupportParameters:
     Attributes:
         share: Share of the weight of wearer and device that the support carries.
         damping: Of the vertical guide in [N s] / [m].
+        guide: Whether the pelvis is guided vertically, or a harness lets it move fore-aft as well; neither
+            lets it pitch.
+        forward_stiffness: Of the harness fore-aft in [N] / [m]; tethers let a pelvis move by some centimetres
+            (an assumption).
+        forward_damping: Of the harness in [N s] / [m]; about 0.4 of critical under 90 kg (an assumption).
         catch_stiffness: Of the locked harness in [N] / [m]; 0 for one that does not lock. About a metre of
             rope that stretches by 5 % under 100 kg, the most that EN 1891 allows a low-stretch rope.
         catch_dissipation: Of the locked harness in [s] / [m] (an assumption).
@@ -111,6 +116,9 @@ class SupportParameters:
 
     share: float = 0.6
     damping: float = 90.0
+    guide: PelvisGuide = PelvisGuide.VERTICAL
+    forward_stiffness: float = 1500.0
+    forward_damping: float = 300.0
     catch_stiffness: float = 20.0e3
     catch_dissipation: float = 2.0
 
@@ -118,6 +126,9 @@ class SupportParameters:
         """Check the ranges."""
         require_share("support share", self.share)
         require_non_negative("support damping", self.damping)
+        require(self.guide is not PelvisGuide.FIXED, "support guide", "vertical or harness", str(self.guide))
+        require_positive("harness forward_stiffness", self.forward_stiffness)
+        require_non_negative("harness forward_damping", self.forward_damping)
         require_non_negative("catch_stiffness", self.catch_stiffness)
         require_non_negative("catch_dissipation", self.catch_dissipation)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from twin_gait.core.plant import ImposedMotion
-from twin_gait.leg_model import LegModel, PelvisGuide
+from twin_gait.leg_model import LegModel
 from twin_gait.parameters import (
     AnkleParameters,
     FrictionLaw,
@@ -19,7 +19,7 @@ from twin_gait.parameters import (
     require_positive,
 )
 from twin_gait.scenario.world import World, build_plant
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, PelvisGuide
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,9 +26,9 @@ def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: Br
     with the wearer. Both start in the posture of the world.
     """
     of_wearer, of_device = [free_coordinate() for _ in world.plant], list(world.plant)
-    pelvis = world.model.pelvis_index
-    if pelvis is not None:
-        of_device[pelvis], of_wearer[pelvis] = of_wearer[pelvis], of_device[pelvis]
+    for pelvis in (world.model.pelvis_index, world.model.forward_index):
+        if pelvis is not None:
+            of_device[pelvis], of_wearer[pelvis] = of_wearer[pelvis], of_device[pelvis]
     return replace(
         world,
         plant=(*of_device, *of_wearer),

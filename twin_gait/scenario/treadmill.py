@@ -1,4 +1,4 @@
-"""Both legs on a treadmill, pelvis guided vertically under body-weight support."""
+"""Both legs on a treadmill, pelvis guided vertically or in a soft harness, under body-weight support."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin_gait.core.belt import Belt, treadmill_speed, treadmill_travel
-from twin_gait.leg_model import LegModel, PelvisGuide
+from twin_gait.leg_model import LegModel
 from twin_gait.parameters import (
     AnkleParameters,
     BeltProfile,
@@ -20,7 +20,7 @@ from twin_gait.parameters import (
     require,
 )
 from twin_gait.scenario.world import World, build_plant
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 _DEGREE = math.pi / 180.0
 # A drop of the pelvis by this share of the leg length (hip to sole) at the start counts as a fall.
@@ -31,8 +31,8 @@ FALL_SHARE = 0.75
 class TreadmillScenario:
     """Treadmill with body-weight support.
 
-    The pelvis moves vertically only; the guide takes the horizontal force and the pitching moment,
-    and the log shows how much that is.
+    The pelvis moves vertically, and in a harness fore-aft against a spring and a damper; guide or harness
+    take the horizontal force and the pitching moment, and the log shows how much that is.
 
     Attributes:
         belt_speed: In [m] / [s]; 1.5 km/h is the device's target speed (thesis, table 2.1).
@@ -108,8 +108,8 @@ class TreadmillScenario:
 
     @property
     def pelvis(self) -> PelvisGuide:
-        """The pelvis is guided vertically."""
-        return PelvisGuide.VERTICAL
+        """How the pelvis is held."""
+        return self.support.guide
 
     def build(
         self,
@@ -124,7 +124,7 @@ class TreadmillScenario:
         """Put a model on the treadmill.
 
         Args:
-            model: Both legs with a vertical pelvis.
+            model: Both legs with a pelvis that moves.
             friction: True friction of hip and knee.
             load_friction: Share of the motor torque that becomes friction, at hip and knee.
             stops: Mechanical stops.
@@ -142,8 +142,11 @@ class TreadmillScenario:
         support_force = self.support.share * weight
         rows = build_plant(model, friction=friction, load_friction=load_friction, stops=stops, ankle=ankle)
         pelvis = model.pelvis_index
-        assert pelvis is not None  # the pelvis of this scenario is vertical
+        assert pelvis is not None  # the pelvis of this scenario moves
         rows[pelvis].spring.damping, rows[pelvis].spring.force = self.support.damping, support_force
+        if model.forward_index is not None:
+            harness = rows[model.forward_index].spring
+            harness.stiffness, harness.damping = self.support.forward_stiffness, self.support.forward_damping
         q = np.zeros(model.nv)
         phases: dict[Side, str | None] = {}
         for side in model.sides:

@@ -9,7 +9,7 @@ import numpy as np
 
 from twin_gait.core.belt import Belt
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, free_coordinate
-from twin_gait.leg_model import Bodies, LegJoints, LegModel, PelvisGuide
+from twin_gait.leg_model import Bodies, LegJoints, LegModel
 from twin_gait.parameters import (
     ActuatorParameters,
     AnkleParameters,
@@ -18,7 +18,7 @@ from twin_gait.parameters import (
     Patient,
     StopParameters,
 )
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 
 @dataclass(frozen=True, kw_only=True)

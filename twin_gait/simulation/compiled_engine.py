@@ -215,7 +215,8 @@ def laid_out(problem: Problem, *, record: bool = True) -> tuple[Bodies, Episode,
     frames = [name for side in problem.sides for name in world.contact_frames.get(side, ())]
     bodies, points = _forest(world.chains, frames)
     control_bodies = export_bodies(problem.control_model.model)
-    guides = range(0, len(bodies), world.model.nv)  # the first joint of each chain
+    # The last guide of each pelvis, or on the bench the first joint of each chain.
+    guides = range(world.model.pelvis_index or 0, len(bodies), world.model.nv)
     episode = new_episode(
         problem, body_values(bodies, points), body_values(control_bodies), len(points), record=record
     )

@@ -46,6 +46,7 @@ def log_layout(problem: Problem) -> LogLayout:
         ankles=tuple(side for side, leg in legs.items() if leg.ankle is not None),
         feet=tuple(side for side in legs if problem.world.contact_frames.get(side)),
         pelvis=problem.world.model.pelvis_index is not None,
+        forward=problem.world.model.forward_index is not None,
         braced=problem.world.braces is not None,
     )
 

@@ -59,6 +59,7 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "JOINTS_PER_LEG": problem.joints_per_leg,
         "POINTS_PER_FOOT": n_points // legs,
         "PELVIS": -1 if model.pelvis_index is None else model.pelvis_index,
+        "FORWARD": -1 if model.forward_index is None else model.forward_index,
         "SHIFT": problem.world.wearer_shift,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
         "OTHER_LAWS": any(plant.friction.law > ROTATIONAL for plant in problem.world.plant),

@@ -13,9 +13,9 @@ from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.log import LogRow
 from twin_gait.simulation.rows import Switch
 
-# Legs, actuated joints of a leg, contact points of a foot; place of the pelvis, -1 without one; how far
-# behind a coordinate of the device that of the wearer stands, 0 if they are one.
-LEGS, JOINTS_PER_LEG, POINTS_PER_FOOT, PELVIS, SHIFT = 1, 2, 0, -1, 0
+# Legs, actuated joints of a leg, contact points of a foot; place of the pelvis' height and of its fore-aft
+# motion, -1 without; how far behind a coordinate of the device that of the wearer stands, 0 if they are one.
+LEGS, JOINTS_PER_LEG, POINTS_PER_FOOT, PELVIS, FORWARD, SHIFT = 1, 2, 0, -1, -1, 0
 # Whether legs have ankles, the integration is Runge-Kutta's, there are faults, inertia torques are wanted,
 # the wearer acts, the path is followed, the impedance is shared, and the share adapts.
 # Coordinates with friction by equation (3.1).

@@ -94,8 +94,16 @@ class PelvisRow:
     pelvis_height: float = column("m", "above the belt")
     pelvis_velocity: float = column("m/s", "upwards")
     support_force: float = column("N", "of body-weight support and harness, upwards")
-    guide_force: float = column("N", "forward force of the guide")
+    guide_force: float = column("N", "forward force of the guide, or of the harness")
     guide_moment: float = column("N m", "pitching moment of the guide")
+
+
+@dataclass(slots=True)
+class ForwardRow:
+    """Columns of a pelvis that moves fore-aft."""
+
+    pelvis_forward: float = column("m", "in front of where the harness lets it rest")
+    pelvis_forward_velocity: float = column("m/s", "of it")
 
 
 @dataclass(slots=True)
@@ -105,7 +113,7 @@ class WorkRow:
     motor_work: float = column("J", "of the motors")
     friction_work: float = column("J", "of friction in motors and gears")
     stop_work: float = column("J", "of the mechanical stops")
-    spring_work: float = column("J", "of orthosis and support")
+    spring_work: float = column("J", "of orthosis, support and harness")
     contact_work: float = column("J", "of the ground")
     patient_work: float = column("J", "of the wearer, a push or an imposed motion")
 
@@ -135,6 +143,15 @@ class PelvisBraceRow:
     pelvis_brace_force: float = column("N", "of the device on the wearer, upwards")
 
 
+@dataclass(slots=True)
+class ForwardBraceRow:
+    """Columns of a pelvis that moves fore-aft between device and wearer."""
+
+    wearer_pelvis_forward: float = column("m", "of the wearer's own pelvis")
+    wearer_pelvis_forward_velocity: float = column("m/s", "of it")
+    pelvis_forward_brace_force: float = column("N", "of the device on the wearer, forwards")
+
+
 @dataclass(slots=True, kw_only=True)
 class LogRow:
     """A row of the log: numbers only, so that the rows are a table."""
@@ -144,6 +161,7 @@ class LogRow:
     ankles: list[AnkleRow]
     feet: list[FootRow]
     pelvis: PelvisRow
+    forward: ForwardRow
     bus_voltage: float = column("V", "of the drives")
     battery_power: float = column("W", "that the motors draw")
     kinetic_energy: float = column("J", "of bodies and rotors")
@@ -154,6 +172,7 @@ class LogRow:
     trip_cause: float = column("code", "of twin_gait.control.TripCause, 0 without a trip")
     braces: list[BraceRow]
     pelvis_brace: PelvisBraceRow
+    forward_brace: ForwardBraceRow
 
 
 def columns_of(row: type) -> dict[str, tuple[str, str]]:
@@ -213,6 +232,8 @@ def state_columns(model: LegModel, *, wearer: bool = False) -> tuple[list[str], 
     }
     if model.pelvis_index is not None:
         names[model.pelvis_index] = (f"{own}pelvis_height_m", f"{own}pelvis_velocity_m_per_s")
+    if model.forward_index is not None:
+        names[model.forward_index] = (f"{own}pelvis_forward_m", f"{own}pelvis_forward_velocity_m_per_s")
     return [names[index][0] for index in range(model.nv)], [names[index][1] for index in range(model.nv)]
 
 
@@ -236,10 +257,12 @@ def meaning_of(name: str) -> str:
         AnkleRow if JointName.ANKLE in name else JointRow,
         FootRow,
         PelvisRow,
+        ForwardRow,
         WorkRow,
         BraceWorkRow,
         BraceRow,
         PelvisBraceRow,
+        ForwardBraceRow,
         LogRow,
     )
     known = {
@@ -259,6 +282,7 @@ class LogLayout:
         ankles: Legs with an ankle.
         feet: Legs with foot contact.
         pelvis: Whether the pelvis moves.
+        forward: Whether it moves fore-aft too.
         braced: Whether braces bind the wearer to the device.
     """
 
@@ -266,6 +290,7 @@ class LogLayout:
     ankles: tuple[Side, ...]
     feet: tuple[Side, ...]
     pelvis: bool
+    forward: bool = False
     braced: bool = False
 
     def row(self) -> LogRow:
@@ -277,9 +302,11 @@ class LogLayout:
             ankles=[AnkleRow() for _ in self.ankles],
             feet=[FootRow() for _ in self.feet],
             pelvis=PelvisRow() if self.pelvis else ABSENT,
+            forward=ForwardRow() if self.forward else ABSENT,
             brace_work=BraceWorkRow() if self.braced else ABSENT,
             braces=[BraceRow() for _ in braces],
             pelvis_brace=PelvisBraceRow() if self.braced and self.pelvis else ABSENT,
+            forward_brace=ForwardBraceRow() if self.braced and self.forward else ABSENT,
         )
 
     @property

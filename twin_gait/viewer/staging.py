@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from twin_gait.leg_model import LegJoints, LegModel, PelvisGuide
+from twin_gait.leg_model import LegJoints, LegModel
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
@@ -19,7 +19,7 @@ from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.harness import draw_harness
 from twin_gait.viewer.scene import RIGHT_SIDE, Scene, View
 from twin_gait.viewer.visuals import FIXED_JOINT, Visuals, load_visuals
-from twin_gait.vocabulary import Side
+from twin_gait.vocabulary import PelvisGuide, Side
 
 _BAR_ABOVE_HEAD = 0.08  # [m]
 _FROM_THE_FRONT = (0.6, -1.0, 0.3)
@@ -39,13 +39,13 @@ def build_scene(window: Window, model: LegModel, *, patient: Patient | None = No
     surroundings.set_studio(window)
     visuals = load_visuals(model.model, model.urdf_path)
     scene = _start(window, model.model, visuals, model.legs, model.up_axis)
-    trunk = PELVIS_JOINT if model.pelvis is PelvisGuide.VERTICAL else FIXED_JOINT
+    trunk = PELVIS_JOINT if model.pelvis is not PelvisGuide.FIXED else FIXED_JOINT
     if patient is not None:
         draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if len(model.legs) > 1 else None)
     for side, leg in model.legs.items():
         scene.draw_arcs(side, leg, visuals)
     top, bottom = _extent(scene.figure, model.legs)
-    if model.pelvis is PelvisGuide.VERTICAL:
+    if model.pelvis is not PelvisGuide.FIXED:
         _surround_walker(window, scene, model.legs, top - bottom)
         if patient is not None and len(model.legs) > 1:
             hooks = draw_harness(scene.figure, patient, trunk)

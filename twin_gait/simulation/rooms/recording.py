@@ -5,6 +5,7 @@ from __future__ import annotations
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import (
     ANKLES,
+    FORWARD,
     PELVIS,
     POINTS_PER_FOOT,
     SHIFT,
@@ -40,6 +41,9 @@ def _record_whole(e: Episode, row: LogRow) -> None:
         pelvis.support_force = hung.spring_torque + hung.stop_torque
         pelvis.guide_force = force
         pelvis.guide_moment = moment
+    if FORWARD >= 0:
+        row.forward.pelvis_forward = e.q[FORWARD]
+        row.forward.pelvis_forward_velocity = e.v[FORWARD]
     row.bus_voltage = e.supply.bus_voltage
     row.battery_power = e.supply.power
     row.kinetic_energy = kinetic
@@ -118,3 +122,7 @@ def _record_braces(e: Episode, row: LogRow) -> None:
         row.pelvis_brace.wearer_pelvis_height = e.q[PELVIS + SHIFT]
         row.pelvis_brace.wearer_pelvis_velocity = e.v[PELVIS + SHIFT]
         row.pelvis_brace.pelvis_brace_force = e.braces[PELVIS].torque
+    if FORWARD >= 0:
+        row.forward_brace.wearer_pelvis_forward = e.q[FORWARD + SHIFT]
+        row.forward_brace.wearer_pelvis_forward_velocity = e.v[FORWARD + SHIFT]
+        row.forward_brace.pelvis_forward_brace_force = e.braces[FORWARD].torque
