@@ -49,7 +49,7 @@ class Goals(NamedTuple):
 
     Attributes:
         peak: Most vertical force of a foot.
-        trough: Least of it from 25 to 40 % of the cycle.
+        trough: Least of it from 18 to 45 % of the cycle.
         loading: Least of it from 6 to 20 %.
         forward_N: Most mean fore-aft force of both feet together, either way.
         contact_deg: Most knee flexion at contact.
@@ -126,7 +126,7 @@ class Walk:
         state = self.states_at(np.array([first * TICK]))[:, 0]
         world = replace(problem.world, start_q=state[:n], start_v=state[n:])
         rows = problem.phase_rows.copy()
-        rows[..., -1] = 0.0  # the table's gravity compensation would be added
+        rows[..., -1] = 0.0  # a table's gravity compensation would be added
         ends = np.linspace(0.0, self.times[-1], self.torques.shape[1])
         middles = (first + np.arange(ticks) + 0.5) * TICK
         wanted = iter(np.array([np.interp(middles, ends, row) for row in self.torques]).T.ravel().tolist())
@@ -226,7 +226,7 @@ class Search:
             (voltage, -1.0, 1.0),
             (upward[1, within(50.0 * SWING_END, percent[-1])] / CONTACT_FORCE, -np.inf, 1.0),
             (upward / carried, -np.inf, goals.peak),
-            (upward[0, within(25.0, 40.0)] / carried, goals.trough, np.inf),
+            (upward[0, within(18.0, 45.0)] / carried, goals.trough, np.inf),
             (upward[0, within(6.0, 20.0)] / carried, goals.loading, np.inf),
             (ca.sum1(forward @ moments), -goals.forward_N, goals.forward_N),
             (DEGREES * start[knee], -np.inf, goals.contact_deg),
@@ -243,20 +243,20 @@ class Search:
         ]
         end = strikes[1][-1]
         begin = strikes[0][strikes[0] < end][-1]
-        columns, model = {}, self.problem.world.model
+        model = self.problem.world.model
+        names = [("pelvis_height_m", "pelvis_velocity_m_per_s")] * model.nv
+        if model.forward_index is not None:
+            names[model.forward_index] = "pelvis_forward_m", "pelvis_forward_velocity_m_per_s"
         for side, leg in model.legs.items():
-            columns |= {model.index(side, joint): f"{side}_{joint}" for joint, _ in leg.items()}
-        names = [f"{columns[k]}_angle_rad" if k in columns else "pelvis_height_m" for k in range(model.nv)]
-        names += [
-            f"{columns[k]}_velocity_rad_per_s" if k in columns else "pelvis_velocity_m_per_s"
-            for k in range(model.nv)
-        ]
+            for joint, _ in leg.items():
+                stem = f"{side}_{joint}"
+                names[model.index(side, joint)] = f"{stem}_angle_rad", f"{stem}_velocity_rad_per_s"
         motors = [f"{item.side}_{item.joint}_motor_torque_Nm" for item in self.problem.joints]
         ends = np.linspace(0.0, 1.0, len(self.times) // POINTS + 1)
         instants = np.array([0.0, *self.times]) / self.half
         parts = [
             np.array([np.interp(begin + (end - begin) * at, np.arange(len(run.log)), run.log[name]) for name in group])
-            for group, at in ((names, instants), (motors, ends))
+            for group, at in ((itertools.chain(*zip(*names, strict=True)), instants), (motors, ends))
         ]
         return np.concatenate([part.ravel("F") for part in parts])
 
