@@ -61,12 +61,9 @@ class MujocoKernel:
         self._legs = Legs(experiment, world.model, experiment.patient)
         self._control = Legs(experiment, problem.control_model, known)
         self._guide = None if world.model.pelvis_index is None else self._legs.body(PELVIS_JOINT)
-        # Body of each point of a sole, and its place on there.
-        self._soles = [
-            (self._legs.body(leg.ankle), world.model.model.frames[world.model.model.getFrameId(name)])
-            for side, leg in world.model.legs.items()
-            for name in world.contact_frames.get(side, ())
-        ]
+        # Heels and toes are bodies of their own, without mass.
+        names = [name for side in world.model.legs for name in world.contact_frames.get(side, ())]
+        self._soles = [int(self._legs.model.body(name).id) for name in names]
 
     @property
     def functions(self) -> dict[str, Callable[..., Any]]:
@@ -97,15 +94,15 @@ class MujocoKernel:
         self._legs.place(q, v)
         model, data, jacobian, power = self._legs.model, self._legs.data, np.zeros((3, len(q))), 0.0
         data.xfrc_applied[:] = 0.0
-        for (body, frame), point in zip(self._soles, points, strict=False):
-            place = data.xpos[body] + data.xmat[body].reshape(3, 3) @ frame.placement.translation
+        for body, point in zip(self._soles, points, strict=False):
+            place = data.xpos[body]
             mujoco.mj_jac(model, data, jacobian, None, place, body)
             forward, _, upward = (jacobian @ data.qvel).tolist()
             point.height = float(place[2])
             point.forward, point.upward = ground_contact_force(ground, point.height, forward, upward)
             power += point.forward * forward + point.upward * upward
             force = np.array([point.forward, 0.0, point.upward])
-            data.xfrc_applied[body] += [*force, *np.cross(place - data.xipos[body], force)]
+            data.xfrc_applied[body] = [*force, *np.cross(place - data.xipos[body], force)]
         return power
 
     def observe(

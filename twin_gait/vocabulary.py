@@ -17,17 +17,13 @@ class GaitPhase(StrEnum):
     SWING_FLEXION = "swing_flexion"
     SWING_EXTENSION = "swing_extension"
 
-    @property
-    def is_stance(self) -> bool:
-        """Whether the foot is meant to be on the ground in this phase."""
-        return self in STANCE_PHASES
-
 
 # Phases beside the five of the cycle: standing still, and the swing that begins a walk.
 STAND, FIRST_SWING = "stand", "first_swing"
+# The end of late stance as a phase of its own, from the other foot's contact to toe-off (Perry 1992): the one
+# phase of stance that is called a swing.
+PRE_SWING = "pre_swing"
 HOLD = "hold"  # what is shown in place of a phase after a trip of the safety monitor
-
-STANCE_PHASES = frozenset({GaitPhase.EARLY_STANCE, GaitPhase.MIDDLE_STANCE, GaitPhase.LATE_STANCE})
 
 
 class JointName(StrEnum):

@@ -48,6 +48,7 @@ SEGMENTS = {
 SHANK_LENGTH, FOOT_LENGTH, FOOT_HEIGHT = 0.246, 0.152, 0.039
 # Of head, arms and trunk between hip and shoulder (Winter, figure 4.1 and table 4.1).
 TRUNK_LENGTH, TRUNK_CENTRE = 0.288, 0.626
+DRAWN_HEIGHT = 1.75  # [m] of the wearer for whom the feet of the URDF are drawn
 # MuJoCo would else merge links and mend inertias that it finds odd.
 COMPILER = (
     '<mujoco><compiler fusestatic="false" balanceinertia="false" boundmass="0" boundinertia="0"/></mujoco>'
@@ -60,7 +61,7 @@ def legs_spec(model: LegModel, patient: Patient | None, *, fit_device: bool = Tr
     Args:
         model: For the file and the names of the joints.
         patient: The wearer, or None.
-        fit_device: Whether waist, femur and tibia are set to the wearer.
+        fit_device: Whether waist, femur, tibia and foot are set to the wearer.
 
     Returns:
         The legs before they are compiled, for whoever adds a ground.
@@ -170,18 +171,26 @@ def _put_on(spec: mujoco.MjSpec, model: LegModel, patient: Patient, *, fit_devic
 
 
 def _fit(spec: mujoco.MjSpec, leg: LegJoints, patient: Patient) -> None:
-    """Set waist, femur and tibia; a tube of the same mass and another length."""
+    """Set waist, femur, tibia and foot; a link of the same mass and another length."""
     sizes = device_sizes(patient)
     hip, knee = spec.joint(leg.hip).parent, spec.joint(leg.knee).parent
     hip.pos = [hip.pos[0], np.sign(hip.pos[1]) * sizes.waist / 2.0, hip.pos[2]]
     tubes = [(hip, knee, sizes.femur)]
     if leg.ankle is not None:
-        tubes.append((knee, spec.joint(leg.ankle).parent, sizes.tibia))
+        foot = spec.joint(leg.ankle).parent
+        tubes.append((knee, foot, sizes.tibia))
+        for end in foot.bodies:  # heel and toe
+            end.pos = patient.height / DRAWN_HEIGHT * np.array(end.pos)
+        _grow(foot, patient.height / DRAWN_HEIGHT)
     for tube, distal, length in tubes:
         ratio = length / np.linalg.norm(distal.pos)
         distal.pos = ratio * np.array(distal.pos)
-        tube.ipos = ratio * np.array(tube.ipos)
-        tube.fullinertia = ratio * ratio * np.array(tube.fullinertia)
+        _grow(tube, ratio)
+
+
+def _grow(link: Any, ratio: float) -> None:
+    link.ipos = ratio * np.array(link.ipos)
+    link.fullinertia = ratio * ratio * np.array(link.fullinertia)
 
 
 def _add_limb(body: Any, patient: Patient, segment: Segment, start: np.ndarray, axis: np.ndarray) -> None:

@@ -22,7 +22,7 @@ from twin_gait.gait import Blending, BlendingLaw, GaitTable, Scaling
 from twin_gait.gait.guards import AllOf, AnyOf, Comparison, PhaseMembership
 from twin_gait.gait.program import compile_guards
 from twin_gait.gait.scaling import resolve_phases, scale_table
-from twin_gait.vocabulary import GaitPhase, Side
+from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, Side
 
 
 def three_phases() -> dict[str, Any]:
@@ -229,8 +229,18 @@ def test_blending_laws_have_different_codes() -> None:
     assert len({law.code for law in BlendingLaw}) == len(BlendingLaw)
 
 
-def test_stance_phases_of_the_vocabulary_are_the_first_three() -> None:
-    assert [item.is_stance for item in GaitPhase] == [True, True, True, False, False]
+def test_foot_is_in_the_air_in_the_phases_that_are_called_swing_but_for_that_before_it() -> None:
+    names = (*GaitPhase, STAND, FIRST_SWING, "pre_swing", "Terminal_Swing", "swinging_in")
+    table = two_phase_table(
+        phases={name: phase() for name in ("stance", "swing", *names)},
+        transitions=tuple(
+            transition(source, target, "hip.angle_deg > 0")
+            for source, target in zip(("stance", "swing", *names), ("swing", *names, "stance"), strict=True)
+        ),
+        scaling=Scaling(stance_phases=("swinging_in",)),
+    )
+    swings = [name for name in names if table.is_swing(name)]
+    assert swings == ["swing_flexion", "swing_extension", FIRST_SWING, "Terminal_Swing"]
 
 
 # ---------------------------------------------------------------------------------- scaling

@@ -13,7 +13,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from twin_gait.exceptions import ModelError, ParameterError
-from twin_gait.leg_model import LegJoints, LegModel, device_sizes, packaged_urdf
+from twin_gait.leg_model import Bodies, LegJoints, LegModel, device_sizes, packaged_urdf
 from twin_gait.leg_model.urdf import build_model, find_urdf, urdf_hash
 from twin_gait.parameters import Patient
 from twin_gait.vocabulary import JointName, PelvisGuide, Sex, Side
@@ -310,7 +310,7 @@ def hip_to_knee(model: LegModel, side: Side) -> float:
     )
 
 
-@pytest.mark.parametrize("height", [1.50, 1.62, 1.75, 1.88])
+@pytest.mark.parametrize("height", [1.50, 1.62, 1.75, 1.88, 1.95])
 def test_fitting_moves_knees_ankles_and_hips(both_legs: dict[Side, LegJoints], height: float) -> None:
     patient = Patient(height=height)
     model = LegModel("twin.urdf", both_legs, patient=patient)
@@ -318,15 +318,38 @@ def test_fitting_moves_knees_ankles_and_hips(both_legs: dict[Side, LegJoints], h
     assert model.sizes == sizes
     q = np.zeros(model.nv)
     for side in Side:
-        hip, knee, ankle, heel = (
-            model.frame_position(q, f"{side}_{name}") for name in ("hip", "knee", "ankle", "heel")
+        hip, knee, ankle, heel, toe = (
+            model.frame_position(q, f"{side}_{name}") for name in ("hip", "knee", "ankle", "heel", "toe")
         )
         assert_allclose(np.linalg.norm(knee - hip), sizes.femur, rtol=1e-12)
         assert_allclose(np.linalg.norm(ankle - knee), sizes.tibia, rtol=1e-12)
         assert_allclose(abs(hip[1]), sizes.waist / 2.0, rtol=1e-12)
-        assert_allclose(heel[2] - ankle[2], -0.08, atol=1e-12)  # the foot plate has one size
+        # Shares of the height: 0.05, 0.17 and 0.08 m of 1.75 m.
+        assert_allclose(heel - ankle, height * np.array([-1.0, 0.0, -1.6]) / 35.0, atol=1e-12)
+        assert_allclose(toe - ankle, height * np.array([3.4, 0.0, -1.6]) / 35.0, atol=1e-12)
     left, right = (model.frame_position(q, f"{side}_hip") for side in Side)
     assert left[1] > 0.0 > right[1]
+
+
+def test_feet_as_they_are_drawn_fit_a_wearer_of_175_cm_to_the_bit(
+    both_legs: dict[Side, LegJoints], twin: LegModel
+) -> None:
+    model = LegModel("twin.urdf", both_legs, patient=Patient(height=1.75), bodies=Bodies.DEVICE).model
+    for leg in both_legs.values():
+        for name in leg.contact_frames:
+            drawn, fitted = (item.frames[item.getFrameId(name)].placement for item in (twin.model, model))
+            assert np.array_equal(fitted.translation, drawn.translation)
+        foot = model.getJointId(leg.ankle)
+        assert model.inertias[foot] == twin.model.inertias[foot]
+
+
+def test_plate_of_a_longer_foot_has_its_mass_farther_out(both_legs: dict[Side, LegJoints]) -> None:
+    """0.6 kg, centre 0.05 m ahead of the ankle and 0.065 m below, 0.0034 kg m² about it, at 1.75 m."""
+    model = LegModel("twin.urdf", both_legs, patient=Patient(height=1.925), bodies=Bodies.DEVICE).model
+    plate = model.inertias[model.getJointId("left_ankle")]
+    assert plate.mass == 0.6
+    assert_allclose(plate.lever, [0.055, 0.0, -0.0715], rtol=1e-12)
+    assert_allclose(plate.inertia[1, 1], 1.21 * 0.0034, rtol=1e-12)
 
 
 def test_without_fitting_the_urdf_stays_as_it_is(both_legs: dict[Side, LegJoints], twin: LegModel) -> None:

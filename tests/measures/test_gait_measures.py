@@ -60,12 +60,11 @@ def test_first_strike_of_all_ends_no_step():
 
 def test_both_feet_carry_for_a_quarter_of_the_stride():
     tick = np.arange(400)
-    left = np.where(tick % 200 < 125, 300.0, 0.0)
-    right = np.where((tick + 100) % 200 < 125, 300.0, 0.0)
+    left, right = tick % 200 < 125, (tick + 100) % 200 < 125
     strides = np.array([[0, 200], [200, 400]])
-    assert double_support_share(left, right, strides, 20.0) == pytest.approx(0.25)
-    assert double_support_share(left, 0.05 * right, strides, 20.0) == 0.0
-    assert math.isnan(double_support_share(left, right, strides[:0], 20.0))
+    assert double_support_share(left, right, strides) == pytest.approx(0.25)
+    assert double_support_share(left, ~left, strides) == 0.0
+    assert math.isnan(double_support_share(left, right, strides[:0]))
 
 
 # ---------------------------------------------------------------- distance from healthy gait

@@ -19,7 +19,14 @@ from twin_gait.measures.effort import (
     load,
     saturation_shares,
 )
-from twin_gait.measures.foot_contact import FootContacts, find_foot_contacts, scuffs, swing_clearances, swings
+from twin_gait.measures.foot_contact import (
+    FootContacts,
+    find_foot_contacts,
+    is_loaded,
+    scuffs,
+    swing_clearances,
+    swings,
+)
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.measures.phases import (
     entry_lags,
@@ -247,6 +254,36 @@ def test_bounce_and_scuff_are_told_apart() -> None:
     assert_array_equal(contacts.toe_offs, [1800, 3300])
     assert_array_equal(contacts.further_contacts, [1160, 2100])
     assert_array_equal(scuffs(contacts), [2100])
+
+
+def test_force_that_trembles_about_a_threshold_is_one_contact() -> None:
+    force = square_force((1000, 1800))
+    force[1000:1100] = np.where(np.arange(100) % 2, 15.0, 25.0)
+    force[1800:1900] = np.where(np.arange(100) % 2, 15.0, 25.0)
+    assert_array_equal(np.flatnonzero(np.diff(is_loaded(force).astype(int))) + 1, [1000, 1900])
+    contacts = find_foot_contacts(force, TICK)
+    assert [values.tolist() for values in contacts] == [[1000], [1900], []]
+    assert not is_loaded(np.full(3, 15.0)).any()  # never more than between the two
+    assert is_loaded(np.zeros(0)).shape == (0,)
+
+
+@pytest.mark.parametrize("away", [60, 240, 260, 500, 800])
+def test_heel_that_bounces_strikes_at_its_first_touch_however_long_it_is_away(away: int) -> None:
+    """The belt takes the leg back meanwhile; a swing of 400 ticks takes it forwards."""
+    landed = (1000, 4000)
+    touches = ((at, at + 100) for at in landed)
+    rests = ((at + 100 + away, at + 2600) for at in landed)
+    force = square_force(*touches, *rests, length=7000)
+    since = (np.arange(len(force)) - 1000) % 3000
+    hip = np.radians(np.where(since < 2600, 20.0 - 30.0 * since / 2600, -10.0 + 30.0 * (since - 2600) / 400))
+    contacts = find_foot_contacts(force, TICK, hip)
+    assert_array_equal(contacts.heel_strikes, landed)
+    assert_array_equal(contacts.toe_offs, [3600, 6600])
+    assert_array_equal(contacts.further_contacts, [at + 100 + away for at in landed])
+    assert len(scuffs(contacts)) == 0
+    # By the force alone, a long one is a swing and the second touch is taken for the heel strike.
+    late = 100 + away if away > 250 else 0
+    assert_array_equal(find_foot_contacts(force, TICK).heel_strikes, [at + late for at in landed])
 
 
 def test_scuff_before_the_first_strike_counts_after_a_toe_off_only() -> None:

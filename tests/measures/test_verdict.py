@@ -38,7 +38,8 @@ def leg(
     force = np.zeros(n)
     for strike in strikes:
         force[round(strike / TICK) : round((strike + stance) / TICK)] = 300.0
-    record = LegRecord(side, TICK, np.zeros(n, int), {JointName.HIP: np.zeros(n)}, force, np.zeros(n))
+    hip = {JointName.HIP: np.arange(n) * TICK}  # flexes whenever the foot is off the ground
+    record = LegRecord(side, TICK, np.zeros(n, int), hip, force, np.zeros(n))
     return replace(record, **changes)
 
 

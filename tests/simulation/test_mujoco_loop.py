@@ -33,6 +33,13 @@ CASES = {
         "integration.step_ms=0.25",
         "scenario.support.guide=harness",
     ),
+    "treadmill, a short wearer with short feet": (
+        "treadmill",
+        "duration_s=0.5",
+        EULER,
+        "integration.step_ms=0.25",
+        "patient.height_m=1.5",
+    ),
     "treadmill, a wearer whom the controller takes for another": (
         "treadmill",
         "duration_s=0.5",
@@ -57,13 +64,14 @@ def test_the_rooms_over_mujoco_give_the_log_of_the_compiled_engine(case):
         np.testing.assert_allclose(mine, other, atol=1e-9, rtol=0.0, err_msg=name)
 
 
-def test_a_heavier_wearer_in_mujoco_is_noticed():
-    problem, heavier = (
-        problem_of("treadmill", EULER, "duration_s=0.01", f"patient.mass_kg={mass}") for mass in (70, 71)
+@pytest.mark.parametrize("change", ["patient.mass_kg=71", "patient.height_m=1.76"])
+def test_another_wearer_in_mujoco_is_noticed(change):
+    problem, changed = (
+        problem_of("treadmill", EULER, "duration_s=0.01", *changes) for changes in ((), (change,))
     )
     same, other = (
         ReferenceEngine(problem, kernel=MujocoKernel(worn).functions).run().rows
-        for worn in (problem, heavier)
+        for worn in (problem, changed)
     )
     height = CompiledEngine(problem).layout.positions["pelvis_velocity_m_per_s"]
     assert abs(same[-1, height] - other[-1, height]) > 1e-5

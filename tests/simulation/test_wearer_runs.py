@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from table_builder import guard, phase, transition, two_phase_table
 
 from twin_gait import RunStatus, load_experiment, simulate
+from twin_gait.configuration.gait_table_file import load_gait_table
+from twin_gait.configuration.people import people
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
 from twin_gait.experiment.problem import build_problem
-from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP, POSTURES
+from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP, POSTURES, phase_spans
+from twin_gait.gait import GaitTable
+from twin_gait.measures.reference import normative_moment
 from twin_gait.simulation import Run
 from twin_gait.simulation.log import WORK_SOURCES
 from twin_gait.vocabulary import JointName, Side
@@ -259,22 +265,173 @@ def test_dorsiflexed_ankle_bends_the_knee():
         assert np.abs(columns[2]).max() > 0.01
 
 
-# ---------------------------------------------------------------- refusals
+# ---------------------------------------------------------------- phases
 
 
-def test_effort_needs_the_five_phases():
+def cyclic(*names: str, **changes: Any) -> GaitTable:
+    """A table that goes through its phases in turn."""
+    return two_phase_table(
+        phases={name: phase() for name in names},
+        transitions=tuple(
+            transition(source, target, "hip.angle_deg > 0")
+            for source, target in zip(names, (*names[1:], names[0]), strict=True)
+        ),
+        **changes,
+    )
+
+
+FIVE = ("early_stance", "middle_stance", "late_stance", "swing_flexion", "swing_extension")
+# In [%] of the cycle as Perry (1992) divides it.
+CYCLES = {
+    "five": (cyclic(*FIVE), [(0, 12), (12, 31), (31, 62), (62, 75), (75, 100)]),
+    "pre-swing": (
+        cyclic(*FIVE[:3], "pre_swing", *FIVE[3:]),
+        [(0, 12), (12, 31), (31, 50), (50, 62), (62, 75), (75, 100)],
+    ),
+    "all of Perry": (
+        cyclic(
+            "loading_response",
+            "mid_stance",
+            "terminal_stance",
+            "pre_swing",
+            "initial_swing",
+            "mid_swing",
+            "terminal_swing",
+        ),
+        [(0, 12), (12, 31), (31, 50), (50, 62), (62, 75), (75, 87), (87, 100)],
+    ),
+    "a published machine of four": (load_gait_table("osl_walking"), [(0, 31), (31, 62), (62, 75), (75, 100)]),
+    "two": (cyclic("stance", "swing"), [(0, 62), (62, 100)]),
+    "more than have names": (
+        cyclic("a", "b", "c", "d", "e", "f", "swing"),
+        [(0, 12), (12, 21.5), (21.5, 31), (31, 40.5), (40.5, 50), (50, 62), (62, 100)],
+    ),
+    "begun in swing": (cyclic("swing", "landing", "pushing"), [(62, 100), (0, 31), (31, 62)]),
+    "two strides in a cycle": (
+        cyclic("stance", "swing", "other_stance", "other_pushing", "other_swing"),
+        [(0, 62), (62, 100), (0, 31), (31, 62), (62, 100)],
+    ),
+    "start and stop": (
+        load_gait_table("treadmill_start_stop"),
+        [(0, 12), (12, 31), (31, 62), (62, 75), (75, 100), None, (62, 75)],
+    ),
+}
+
+
+@pytest.mark.parametrize(("table", "expected"), CYCLES.values(), ids=CYCLES)
+def test_phases_lie_in_healthy_walking_by_their_order(table, expected):
+    spans = phase_spans(table)
+    assert [spans.get(name) for name in table.phase_names] == expected
+
+
+def with_pre_swing(table: GaitTable) -> GaitTable:
+    """A table with the end of late stance as a sixth phase, entered when the other foot has landed."""
+    names = list(table.phase_names)
+    names.insert(3, "pre_swing")
+    leaving = guard("other.phase in [early_stance, middle_stance]", tuple(names))
+    return dataclasses.replace(
+        table,
+        phases={name: table.phases.get(name, table.phases["late_stance"]) for name in names},
+        transitions=(
+            transition("late_stance", "pre_swing", leaving),
+            *(
+                dataclasses.replace(item, source="pre_swing") if item.source == "late_stance" else item
+                for item in table.transitions
+            ),
+        ),
+        waivers=(),
+    )
+
+
+def with_one_stance_less(table: GaitTable) -> GaitTable:
+    """A table of four phases: early stance is left for late stance."""
+    merged = {"middle_stance": "early_stance"}
+    phases = {name: item for name, item in table.phases.items() if name not in merged}
+    transitions = (
+        dataclasses.replace(item, source=merged.get(item.source, item.source))
+        for item in table.transitions
+        if item.target not in merged
+    )
+    known = tuple(phases)
+    lifting = guard("other.phase in [early_stance, late_stance]", known)
+    return dataclasses.replace(
+        table,
+        phases=phases,
+        transitions=tuple(
+            dataclasses.replace(item, guard=lifting) if item.source == "late_stance" else item
+            for item in transitions
+        ),
+        scaling=dataclasses.replace(table.scaling, stance_phases=known[:2]),
+        cycles=(known,),
+        waivers=(),
+    )
+
+
+@pytest.mark.parametrize("person", people())
+@pytest.mark.parametrize("change", [with_pre_swing, with_one_stance_less])
+def test_every_person_acts_in_a_table_of_six_phases_and_of_four(change, person):
+    """For a moment on the treadmill, by the moments that Winter has for what each phase stands for."""
+    asked = load_experiment(
+        "treadmill", [f"patient={person}", "engine=pinocchio", "duration_s=0.02", "patient.effort_delay_ms=0"]
+    ).experiment
+    table = change(asked.table)
+    scenario = dataclasses.replace(asked.scenario, initial_phases=("late_stance", "early_stance"))
+    asked = dataclasses.replace(asked, table=table, scenario=scenario)
+    wearer = build_problem(asked).wearer
+    active = any(item.effort for item in asked.patient.conditions.values())
+    assert wearer.moments.any() == active
+    if active:
+        for number, joint in enumerate(("hip", "knee")):
+            for name, row in zip(table.phase_names, wearer.moments[number], strict=True):
+                first, last = phase_spans(table)[name]
+                share = 1.0 if table.is_swing(name) else 1.0 - asked.scenario.support.share
+                healthy = share * 70.0 * normative_moment(joint, np.linspace(first, last, 501))
+                assert healthy.min() - 1e-9 <= row.min() < row.max() <= healthy.max() + 1e-9
+    run = simulate(asked)
+    assert run.status is RunStatus.COMPLETED
+    assert set(run.log["left_phase"]) <= set(table.phases)
+    assert all(run.log[f"{side}_hip_patient_torque_Nm"].abs().max() > 0.1 for side in Side)
+
+
+def test_sixth_phase_leaves_the_moments_of_the_other_five():
+    asked = load_experiment("treadmill", ["patient=healthy"]).experiment
+    five = build_problem(asked).wearer.moments
+    six = build_problem(dataclasses.replace(asked, table=with_pre_swing(asked.table))).wearer.moments
+    assert_array_equal(six[:, [0, 1, 4, 5]], five[:, [0, 1, 3, 4]])
+    # What was nearest of all late stance is nearest in one of its parts, but for the grid of instants.
+    parts = np.abs(six[:, 2:4] - five[:, [2]]).min(axis=1)
+    instants = np.linspace(31.0, 62.0, 51)
+    for joint, differences in zip(("hip", "knee") * 2, parts, strict=True):
+        steps = 0.4 * 70.0 * np.abs(np.diff(normative_moment(joint, instants)))
+        assert differences.max() <= steps.max()
+    assert (six[:, 2] != six[:, 3]).any(axis=1).all()
+
+
+def test_names_of_phases_do_not_matter():
     asked = experiment(EAGER)
-    phases = {f"my_{name}": phase for name, phase in asked.table.phases.items()}
+    phases = {f"my_{name}": item for name, item in asked.table.phases.items()}
     names = dict(zip(asked.table.phases, phases, strict=True))
     transitions = tuple(
         dataclasses.replace(item, source=names[item.source], target=names[item.target])
         for item in asked.table.transitions
     )
     table = dataclasses.replace(asked.table, phases=phases, transitions=transitions, cycles=(), waivers=())
+    scenario = dataclasses.replace(asked.scenario, initial_phase="my_swing_flexion")
+    renamed = simulate(dataclasses.replace(asked, table=table, scenario=scenario))
+    for joint in ("hip", "knee"):
+        assert_array_equal(torque(renamed.log, joint), torque(bench(EAGER).log, joint))
+
+
+# ---------------------------------------------------------------- refusals
+
+
+@pytest.mark.parametrize("names", [("swing_in", "swing_out"), ("one", "two")])
+def test_effort_needs_a_stride(names):
+    asked = experiment(EAGER)
+    table = cyclic(*names)
     scenario = dataclasses.replace(asked.scenario, initial_phase=None)
-    renamed = dataclasses.replace(asked, table=table, scenario=scenario)
-    with pytest.raises(ParameterError, match=r"patient.effort: .*my_early_stance.*set it to 0"):
-        simulate(renamed)
+    with pytest.raises(ParameterError, match=rf"patient.effort: .*{names[0]}, {names[1]} is no stride.*to 0"):
+        simulate(dataclasses.replace(asked, table=table, scenario=scenario))
 
 
 def test_passive_wearer_needs_no_particular_phases():

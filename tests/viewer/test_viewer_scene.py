@@ -107,6 +107,23 @@ def test_meshes_fit_the_lengths_of_the_urdf(name: str) -> None:
             assert part.shape.vertices[:, 2].min() == pytest.approx(heel.placement.translation[2], abs=1e-4)
 
 
+@pytest.mark.parametrize("height", [1.50, 1.75, 1.95])
+def test_soles_lie_where_heel_and_toe_of_the_wearer_are(height: float) -> None:
+    model = load_experiment("treadmill", [f"patient.height_m={height}"]).experiment.build_world().model
+    (sole,) = (
+        part.shape.vertices
+        for part in load_visuals(model.model, model.urdf_path).parts
+        if part.joint == "left_ankle" and part.colour[0] < 0.13
+    )
+    heel, toe = (
+        model.model.frames[model.model.getFrameId(f"left_{end}")].placement.translation
+        for end in ("heel", "toe")
+    )
+    assert sole[:, 2].min() == pytest.approx(heel[2], abs=1e-4)
+    # The plate ends 2 mm inside its points, as it is drawn.
+    assert (sole[:, 0].min(), sole[:, 0].max()) == pytest.approx((heel[0], toe[0]), abs=3e-3)
+
+
 def test_a_copied_urdf_keeps_its_looks_without_its_meshes(tmp_path: Path) -> None:
     copy = tmp_path / "mine.urdf"
     copy.write_text(packaged_urdf("twin_leg.urdf").read_text(encoding="utf-8"), encoding="utf-8")

@@ -13,7 +13,6 @@ from twin_gait.gait.feasibility import OTHER_TIME, TIME, Requirement, translated
 from twin_gait.gait.guards import OTHER
 from twin_gait.gait.table import GaitTable, Transition
 from twin_gait.scenario.treadmill import TreadmillScenario
-from twin_gait.vocabulary import GaitPhase
 
 Pair = tuple[str, str]
 
@@ -173,13 +172,6 @@ class Step(NamedTuple):
     counterexample: dict[str, float | str]
 
 
-def is_swing(phase: str) -> bool:
-    """Whether the foot is meant to be in the air in a phase, by its name."""
-    if phase in set(GaitPhase):
-        return not GaitPhase(phase).is_stance
-    return "swing" in phase.lower()
-
-
 def starting_pairs(case: CheckCase) -> list[Pair]:
     """Pairs of phases that two legs can start in.
 
@@ -190,7 +182,7 @@ def starting_pairs(case: CheckCase) -> list[Pair]:
     if isinstance(scenario, TreadmillScenario) and set(scenario.initial_phases) <= set(table.phases):
         return [scenario.initial_phases]
     first = table.phase_names[0]
-    return [(first, phase) for phase in table.phases if not is_swing(phase)] or [(first, first)]
+    return [(first, phase) for phase in table.phases if not table.is_swing(phase)] or [(first, first)]
 
 
 class TwoLegs:
@@ -236,7 +228,7 @@ class TwoLegs:
     def lifts_in_swing(self, index: int) -> Step | None:
         """How a transition can be taken while the other leg swings; None if it cannot."""
         source = self.space.transition(index).source
-        for other in filter(is_swing, self.space.table.phase_names):
+        for other in filter(self.space.table.is_swing, self.space.table.phase_names):
             found = self.can_leave(index, other) if _sorted((source, other)) in self.entered else None
             if found is not None:
                 return Step((source, other), (index,), found)
@@ -287,7 +279,7 @@ def both_in_swing(case: CheckCase) -> list[Finding]:
     """
     if not case.has_other_leg:
         return []
-    if not any(map(is_swing, case.table.phases)):
+    if not any(map(case.table.is_swing, case.table.phases)):
         return [
             Finding(
                 rule="both_in_swing",
@@ -300,7 +292,7 @@ def both_in_swing(case: CheckCase) -> list[Finding]:
     lifting = [
         index
         for index, item in enumerate(case.table.transitions)
-        if not is_swing(item.source) and is_swing(item.target)
+        if not case.table.is_swing(item.source) and case.table.is_swing(item.target)
     ]
     steps = (legs.lifts_in_swing(index) or legs.lifts_together(index, lifting) for index in lifting)
     return [_both_lifted(case, step) for step in steps if step is not None]

@@ -20,7 +20,6 @@ from twin_gait.gait.feasibility import TIME
 from twin_gait.gait.guards import OTHER, Comparison, atoms, signal_scale
 from twin_gait.parameters import FrictionLaw
 from twin_gait.scenario import TreadmillScenario
-from twin_gait.vocabulary import STANCE_PHASES
 
 _STEPS = 2000
 _STILL = 1e-7  # [rad]; a step this small is the end of the search
@@ -34,13 +33,9 @@ _BESIDE = 1e-6  # in the unit of the signal: how far beside a threshold a sample
 
 
 def in_contact(leg: HangingLeg, phase: str) -> bool:
-    """Whether ground and other leg can move a leg in a phase.
-
-    So it is on a treadmill in the stance phases of the five, and in those that the table's scaling names.
-    """
-    if not isinstance(leg.problem.experiment.scenario, TreadmillScenario):
-        return False
-    return phase in STANCE_PHASES or phase in leg.problem.table.scaling.stance_phases
+    """Whether ground and other leg can move a leg in a phase: on a treadmill in all but swing."""
+    on_treadmill = isinstance(leg.problem.experiment.scenario, TreadmillScenario)
+    return on_treadmill and not leg.problem.table.is_swing(phase)
 
 
 def left_over_friction(leg: HangingLeg, phase: int) -> np.ndarray:

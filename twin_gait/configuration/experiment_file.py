@@ -11,12 +11,13 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from twin_gait.configuration.device_sections import ControlEntry, InterfaceEntry, PlantEntry
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
+from twin_gait.configuration.overrides import merge
 from twin_gait.configuration.people import PatientEntry
-from twin_gait.configuration.scenario_section import BenchLegEntry, LegEntry, TreadmillEntry
+from twin_gait.configuration.scenario_section import AnglesEntry, BenchLegEntry, LegEntry, TreadmillEntry
 from twin_gait.configuration.sections import Section
 from twin_gait.configuration.validation import Count, Number, Strict, converting, validate
 from twin_gait.exceptions import ModelError
@@ -31,6 +32,37 @@ from twin_gait.experiment import (
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.parameters import SensorParameters
 from twin_gait.scenario.faults import Fault, parse_fault
+from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
+
+
+def _zero_if_not_given(value: Any) -> Any:
+    return merge({"hip_rad": 0.0, "knee_rad": 0.0}, value) if isinstance(value, Mapping) else value
+
+
+OffsetsEntry = Annotated[AnglesEntry, BeforeValidator(_zero_if_not_given)]
+
+
+class OffsetEntry(Strict):
+    """Calibration errors of the encoders; what is not given is 0."""
+
+    left: OffsetsEntry = AnglesEntry(hip_rad=0.0, knee_rad=0.0)
+    right: OffsetsEntry = AnglesEntry(hip_rad=0.0, knee_rad=0.0)
+
+    def convert(self) -> dict[tuple[Side, JointName], float]:
+        """Those that are not 0, in SI."""
+        found = {}
+        for side in Side:
+            angles = zip(MOTOR_JOINTS, getattr(self, side).convert(), strict=True)
+            found.update({(side, joint): angle for joint, angle in angles if angle != 0.0})
+        return found
+
+    @staticmethod
+    def document(offset: Mapping[tuple[Side, JointName], float]) -> dict[str, Any]:
+        """As the mapping of a file, in SI."""
+        return {
+            str(side): {f"{joint}_rad": offset.get((side, joint), 0.0) for joint in MOTOR_JOINTS}
+            for side in Side
+        }
 
 
 class SensorsEntry(Section):
@@ -41,6 +73,7 @@ class SensorsEntry(Section):
     encoder_counts: Count = SensorParameters.encoder_counts
     angle_noise_deg: Number | None = None
     angle_noise_rad: Number | None = None
+    offset: OffsetEntry = OffsetEntry()
     fast_time_constant_s: Number = SensorParameters.fast_time_constant
     decimation: Count = SensorParameters.decimation
     window: Count = SensorParameters.window

@@ -40,7 +40,7 @@ class Stop:
 
 @dataclass(slots=True)
 class Spring:
-    """A spring about zero with a damper and a constant force.
+    """A spring about zero with a damper and a constant force; K r as the force makes it one about r.
 
     Attributes:
         stiffness: In [N m] / [rad] or [N] / [m].

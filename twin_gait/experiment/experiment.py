@@ -84,6 +84,8 @@ class Experiment:
                 "this device drives hip, knee"
             )
         check_faults(self.faults, self.leg.legs, isinstance(self.scenario, TreadmillScenario), self.duration)
+        for side in {side for side, _ in self.sensors.offset}:
+            require(side in self.leg.legs, "sensors offset", "a leg of the experiment", str(side))
         missing = [item for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
         if missing and not self.control.safety.enabled:
             raise ParameterError(f"fault {missing[0]}: no gait without angles; switch control.safety on")
@@ -119,7 +121,7 @@ class Experiment:
         world = self.scenario.build(
             self._plant_model(Bodies.BOTH),
             friction=self.plant.true_friction(),
-            load_friction=self.plant.load_friction,
+            actuators=self.plant.actuators,
             stops=self.plant.stops,
             ankle=self.plant.ankle,
             gravity=self.plant.gravity,

@@ -54,7 +54,9 @@ class Problem:
         program: Its guards.
         joints: Actuated joints, leg by leg in the order of the table.
         phase_rows: k, b, θ0, G per joint and gravity share: shape ``(n_legs, n_phases, n_columns)``.
-        noise: Sensor noise of every tick in [rad], shape ``(n_ticks, n_joints)`` or ``(1, n_joints)``.
+        offset: Calibration error of each encoder in [rad], shape ``(n_joints,)``.
+        noise: What an encoder reads in excess of the angle in every tick, noise and offset, in [rad], shape
+            ``(n_ticks, n_joints)`` or ``(1, n_joints)``.
         resolution: Encoder resolution in [rad], shape ``(n_joints,)``.
         fast_gain: Gain of the fast velocity filter.
         wearer: What the wearer does at the joints.
@@ -68,6 +70,7 @@ class Problem:
     program: GuardProgram
     joints: tuple[ActuatedJoint, ...]
     phase_rows: np.ndarray
+    offset: np.ndarray
     noise: np.ndarray
     resolution: np.ndarray
     fast_gain: float
@@ -114,6 +117,7 @@ def build_problem(experiment: Experiment) -> Problem:
     sensors = experiment.sensors
     ratio = np.array([experiment.plant.actuators[item.joint].gear_ratio for item in joints])
     counts = sensors.encoder_counts * ratio
+    offset = np.array([sensors.offset.get((item.side, item.joint), 0.0) for item in joints])
     return Problem(
         experiment=experiment,
         world=world,
@@ -122,7 +126,8 @@ def build_problem(experiment: Experiment) -> Problem:
         program=compile_guards(table),
         joints=joints,
         phase_rows=rows,
-        noise=_noise(experiment, len(joints)),
+        offset=offset,
+        noise=_noise(experiment, len(joints)) + offset,
         resolution=np.zeros(len(joints)) if sensors.ideal else 2.0 * np.pi / counts,
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
         wearer=wearer_of(experiment, table, [(item.side, item.joint) for item in joints]),

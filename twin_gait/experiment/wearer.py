@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import groupby, pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -14,18 +15,13 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.scenario.treadmill import TreadmillScenario
-from twin_gait.vocabulary import FIRST_SWING, STAND, GaitPhase, JointName, Side
+from twin_gait.vocabulary import JointName, Side
 
-# Spans of the phases in healthy walking in [%] of the cycle: loading response, mid stance, terminal stance
-# with pre-swing, initial swing, mid and terminal swing (J. Perry: Gait analysis, Slack, 1992).
-PHASE_SPANS = {
-    GaitPhase.EARLY_STANCE: (0.0, 12.0),
-    GaitPhase.MIDDLE_STANCE: (12.0, 31.0),
-    GaitPhase.LATE_STANCE: (31.0, 62.0),
-    GaitPhase.SWING_FLEXION: (62.0, 75.0),
-    GaitPhase.SWING_EXTENSION: (75.0, 100.0),
-}
-_STANCE = (GaitPhase.EARLY_STANCE, GaitPhase.MIDDLE_STANCE, GaitPhase.LATE_STANCE)
+# Instants of healthy walking in [%] of the cycle (J. Perry: Gait analysis, Slack, 1992). First where stance
+# and swing begin and end, then what divides them, the coarsest division first: the heel rises, the other foot
+# has left the ground, it lands (between terminal stance and pre-swing); initial and mid swing end.
+_STANCE_EVENTS = (0.0, 62.0, 31.0, 12.0, 50.0)
+_SWING_EVENTS = (62.0, 100.0, 75.0, 87.0)
 LOWEST_POSTURE, POSTURE_STEP, POSTURES = np.radians(-30.0), np.radians(2.0), 41  # hip angles of the table
 _SAMPLES = 51  # of the cycle in a phase
 
@@ -53,7 +49,7 @@ def wearer_of(experiment: Experiment, table: GaitTable, joints: Sequence[tuple[S
     """Lay the wearer of an experiment out.
 
     Raises:
-        ParameterError: If the wearer makes an effort, and the table has other phases than the five.
+        ParameterError: If the wearer makes an effort, and the table's cycle is no stride.
     """
     patient = experiment.patient
     count, phases = len(joints), len(table.phase_names)
@@ -63,9 +59,9 @@ def wearer_of(experiment: Experiment, table: GaitTable, joints: Sequence[tuple[S
         return Wearer(False, nothing, moments, np.zeros((1, count)), 0)
     conditions = [_condition(patient.conditions.get(place, JointCondition())) for place in joints]
     if any(item.effort for item in conditions):
-        _require_phases(table)
+        spans = phase_spans(table)
         for number, (_, joint) in enumerate(joints):
-            moments[number] = _moments(experiment, patient, table, joint)
+            moments[number] = _moments(experiment, patient, table, spans, joint)
     noise = _noise(experiment, patient, count)
     return Wearer(True, conditions, moments, noise, round(patient.effort_delay / TICK))
 
@@ -80,22 +76,58 @@ def _condition(condition: JointCondition) -> Condition:
     )
 
 
-def _require_phases(table: GaitTable) -> None:
-    known = (*PHASE_SPANS, STAND, FIRST_SWING)
-    unknown = [name for name in table.phase_names if name not in known]
-    if unknown:
+def phase_spans(table: GaitTable) -> dict[str, tuple[float, float]]:
+    """Where the phases of a table lie in healthy walking, by their order in its cycle.
+
+    The phases of a stance divide it among them at the events of Perry's cycle, and those of a swing likewise:
+    two phases of stance meet where the heel rises, three are those of the five, a fourth begins where the
+    other foot lands. Where there are more phases than events, the longest is halved. The cycle is the first
+    that the table names, or its phases in their order. A phase of swing outside it begins a walk and is the
+    first swing of any stride.
+
+    Returns:
+        First and last instant in [%] of the cycle by phase; nothing for a phase of stance outside the
+        cycle, in which the wearer stands still.
+
+    Raises:
+        ParameterError: If the cycle has no stance, or no swing.
+    """
+    cycle = table.cycles[0] if table.cycles else table.phase_names
+    begins = [i for i in range(len(cycle)) if table.is_swing(cycle[i - 1]) and not table.is_swing(cycle[i])]
+    if not begins:
         raise ParameterError(
-            f"patient.effort: gait table {table.name!r} has the phase {unknown[0]!r}; an effort is known for "
-            f"{', '.join(known)} only; set it to 0"
+            f"patient.effort: gait table {table.name!r}: its cycle {', '.join(cycle)} is no stride of stance "
+            "and swing; a phase is of swing if its name has 'swing' in it and scaling.stance_phases does not "
+            "name it: rename a phase, or set the effort to 0"
         )
+    spans: dict[str, tuple[float, float]] = {}
+    for swings, run in groupby((*cycle[begins[0] :], *cycle[: begins[0]]), table.is_swing):
+        phases = list(run)
+        cuts = _cuts(_SWING_EVENTS if swings else _STANCE_EVENTS, len(phases))
+        spans |= dict(zip(phases, pairwise(cuts), strict=True))
+    first = next(span for phase, span in spans.items() if table.is_swing(phase))
+    return {name: first for name in table.phase_names if table.is_swing(name)} | spans
 
 
-def _moments(experiment: Experiment, patient: Patient, table: GaitTable, joint: JointName) -> np.ndarray:
+def _cuts(events: Sequence[float], phases: int) -> list[float]:
+    cuts = sorted(events[: phases + 1])
+    while len(cuts) <= phases:
+        longest = int(np.diff(cuts).argmax())
+        cuts.insert(longest + 1, 0.5 * (cuts[longest] + cuts[longest + 1]))
+    return cuts
+
+
+def _moments(
+    experiment: Experiment,
+    patient: Patient,
+    table: GaitTable,
+    spans: Mapping[str, tuple[float, float]],
+    joint: JointName,
+) -> np.ndarray:
     """Normative moment by phase and hip angle: that of the instant of the phase with the nearest hip angle.
 
     On a treadmill the legs carry what the support leaves, and stance moments shrink with it; a leg on its
-    stand carries nothing. A wearer who stands still leaves that to the device; in the first swing they act as
-    in the initial swing of any stride.
+    stand carries nothing. A wearer who stands still leaves that to the device.
     """
     scenario = experiment.scenario
     speed, carried = SLOWEST, 0.0
@@ -103,18 +135,15 @@ def _moments(experiment: Experiment, patient: Patient, table: GaitTable, joint: 
         speed = min(max(scenario.belt_speed, SLOWEST), FASTEST)
         carried = 1.0 - scenario.support.share
     postures = LOWEST_POSTURE + POSTURE_STEP * np.arange(POSTURES)
-    rows = []
-    for name in table.phase_names:
-        if name == STAND:
-            rows.append(np.zeros(POSTURES))
-            continue
-        phase = GaitPhase.SWING_FLEXION if name == FIRST_SWING else GaitPhase(name)
-        percent = np.linspace(*PHASE_SPANS[phase], _SAMPLES)
-        hip = reference_curve(JointName.HIP, percent, speed=speed, height=patient.height)
-        nearest = np.abs(hip[None, :] - postures[:, None]).argmin(axis=1)
-        share = carried if phase in _STANCE else 1.0
-        rows.append(share * patient.mass * normative_moment(joint, percent[nearest]))
-    return np.array(rows)
+    rows = np.zeros((len(table.phases), POSTURES))
+    for row, name in zip(rows, table.phase_names, strict=True):
+        if name in spans:
+            percent = np.linspace(*spans[name], _SAMPLES)
+            hip = reference_curve(JointName.HIP, percent, speed=speed, height=patient.height)
+            nearest = np.abs(hip[None, :] - postures[:, None]).argmin(axis=1)
+            share = 1.0 if table.is_swing(name) else carried
+            row[:] = share * patient.mass * normative_moment(joint, percent[nearest])
+    return rows
 
 
 def _noise(experiment: Experiment, patient: Patient, count: int) -> np.ndarray:

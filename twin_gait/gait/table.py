@@ -17,7 +17,7 @@ from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import OTHER, AllOf, Comparison, Guard, PhaseMembership, all_signal_names, atoms
 from twin_gait.parameters import require, require_non_negative, require_positive, require_share
-from twin_gait.vocabulary import Side
+from twin_gait.vocabulary import PRE_SWING, Side
 
 TICK = 1e-3  # [s], the firmware's control period (thesis, section 2.1.2)
 LONGEST = 10**9  # ticks, eleven days: no time in a table is longer
@@ -365,6 +365,10 @@ class GaitTable:
         """Position of a phase in :attr:`phase_names`; raises GaitTableError if there is no such phase."""
         self._check_known("phase", phase)
         return self.phase_names.index(phase)
+
+    def is_swing(self, phase: str) -> bool:
+        """Whether a phase is meant to be in the air, by its name and by what ``scaling`` has in stance."""
+        return "swing" in phase.lower() and phase not in (PRE_SWING, *self.scaling.stance_phases)
 
     def phases_of(self, side: Side) -> Mapping[str, PhaseParameters]:
         """Parameters of one side, its own differences laid over the common ones."""

@@ -13,6 +13,7 @@ from twin_gait.leg_model.axes import FORWARD, plain_names, reversed_joints
 from twin_gait.leg_model.joints import FORWARD_JOINT, PELVIS_JOINT, LegJoints
 from twin_gait.leg_model.urdf import build_model
 from twin_gait.leg_model.wearer import (
+    DRAWN_FOOT,
     TRUNK_CENTRE_OF_MASS,
     TRUNK_LENGTH,
     TRUNK_RADIUS_OF_GYRATION,
@@ -57,10 +58,11 @@ class Assembly:
             self.model = self._lock_other_joints(self._read(turned))
 
     def fit(self, sizes: DeviceSizes) -> None:
-        """Set femur, tibia and waist: joint placements and the device's own inertia.
+        """Set femur, tibia, waist and foot: places of joints and soles, and the device's own inertia.
 
         The mass of a link stays; its centre of mass along the tube moves with the length and its
-        transverse inertia with the square of it.
+        transverse inertia with the square of it. All frames of a foot, heel and toe among them, move away
+        from the ankle in the same proportion.
 
         Raises:
             ModelError: If two joints coincide, so that there is no tube between them.
@@ -75,7 +77,9 @@ class Assembly:
                 placements[hip].translation = side_offset
             self._stretch(hip, knee, sizes.femur)
             if leg.ankle is not None:
-                self._stretch(knee, self._id(leg.ankle), sizes.tibia)
+                ankle = self._id(leg.ankle)
+                self._stretch(knee, ankle, sizes.tibia)
+                self._grow_foot(ankle, sizes.foot / DRAWN_FOOT)
 
     def take_device_away(self) -> None:
         """Leave the joints where they are, and the links without mass."""
@@ -183,8 +187,17 @@ class Assembly:
             )
         ratio = length / old
         placement.translation = placement.translation * ratio
-        body = self.model.inertias[proximal]
-        self.model.inertias[proximal] = pin.Inertia(
+        self._grow(proximal, ratio)
+
+    def _grow_foot(self, ankle: int, ratio: float) -> None:
+        self._grow(ankle, ratio)
+        for frame in self.model.frames:
+            if frame.parentJoint == ankle:
+                frame.placement.translation = frame.placement.translation * ratio
+
+    def _grow(self, joint: int, ratio: float) -> None:
+        body = self.model.inertias[joint]
+        self.model.inertias[joint] = pin.Inertia(
             body.mass, body.lever * ratio, body.inertia * (ratio * ratio)
         )
 

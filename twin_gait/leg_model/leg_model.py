@@ -53,7 +53,7 @@ class LegModel:
             legs: Joint names of each leg, one with a minus in front turned round; every other joint of the
                 URDF is locked at zero.
             patient: Wearer whose segments are added to the links; None adds nothing.
-            fit_device: Whether to set femur, tibia and waist to the wearer's size.
+            fit_device: Whether to set femur, tibia, waist and foot to the wearer's size.
             pelvis: How it is held.
             armature: Rotor and gear inertia at the joint per joint name in [kg m²]; 0 if absent.
             gravity: Magnitude in [m] / [s²].

@@ -31,6 +31,8 @@ TRUNK_RADIUS_OF_GYRATION = 0.496
 FEMUR_SIZES = (0.36, 0.38, 0.40, 0.42, 0.44, 0.46)
 WAIST_SIZES = (0.34, 0.38, 0.42)
 WAIST_CLEARANCE = 0.05  # of the two hip actuators beside the body [m]
+# Foot of the wearer for whom the foot of a URDF is drawn (an assumption; ours is, see urdf/README.md) [m].
+DRAWN_FOOT = FOOT_LENGTH * 1.75
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,19 +120,22 @@ class DeviceSizes:
         femur: Distance from hip to knee in [m], one of ``FEMUR_SIZES``.
         tibia: Distance from knee to ankle in [m].
         waist: Distance between the hips in [m], one of ``WAIST_SIZES``.
+        foot: Length of the wearer's foot in [m]; the foot plate is as much larger than drawn as it is longer
+            than ``DRAWN_FOOT``.
     """
 
     femur: float
     tibia: float
     waist: float
+    foot: float
 
 
 def device_sizes(patient: Patient) -> DeviceSizes:
     """Sizes of the device that fit a wearer best.
 
-    The femur and waist are the nearest sizes; the tibia is adjusted to the shank of the wearer.
-    The joints of wearer and device are taken as aligned: what is left (at most 1 cm at the femur)
-    is neglected.
+    The femur and waist are the nearest sizes; the tibia is adjusted to the shank of the wearer,
+    the foot plate made for the foot. The joints of wearer and device are taken as aligned: what is left
+    (at most 1 cm at the femur) is neglected.
 
     Args:
         patient: The wearer.
@@ -150,6 +155,7 @@ def device_sizes(patient: Patient) -> DeviceSizes:
         femur=min(FEMUR_SIZES, key=lambda size: abs(size - thigh)),
         tibia=tibia,
         waist=min(WAIST_SIZES, key=lambda size: abs(size - hips)),
+        foot=FOOT_LENGTH * patient.height,
     )
 
 

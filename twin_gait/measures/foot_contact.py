@@ -1,15 +1,26 @@
-"""Contacts of a foot with the ground, from its normal force, and how it passes over the ground in swing."""
+"""Contacts of a foot with the ground, from its normal force, and how it passes over the ground in swing.
+
+A leg goes back with the belt in stance and forwards in swing. A foot that leaves the ground and comes back
+has swung if it was off for long enough and its leg got ahead meanwhile. Otherwise it has bounced, however
+long that took, and its heel strike is the first touch of all.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-CONTACT_FORCE = 20.0  # [N]; heel strike is the first rise above it after swing
+# A foot is loaded from a rise above the first to a fall below the second, so that a force that trembles about
+# either is one contact. Force plates are read at 20 N in the field; that half of it is the end is our choice.
+CONTACT_FORCE, RELEASE_FORCE = 20.0, 10.0  # [N]
 # A foot that is off the ground for less than this has bounced, not swung: a swing lasts 0.4 s in healthy
 # walking (Winter 1991) and some 0.3 s in running. Heels on this belt bounce for up to 0.23 s.
 SHORTEST_SWING = 0.25  # [s]
+# Nor has one whose hip flexes by less than this from where the foot left the ground. In healthy swings it
+# flexes by 25 to 30° (Koopman 2014); after a heel strike the leg goes back, also while its foot bounces.
+LEAST_ADVANCE = math.radians(5.0)
 # A touch that is shorter than this between two swings is a scuff, not a stance.
 SHORTEST_STANCE = 0.15  # [s]
 
@@ -29,23 +40,41 @@ class FootContacts(NamedTuple):
     further_contacts: np.ndarray
 
 
-def find_foot_contacts(normal_force: np.ndarray, tick: float) -> FootContacts:
+def is_loaded(normal_force: np.ndarray) -> np.ndarray:
+    """Whether a foot carries, with hysteresis.
+
+    Args:
+        normal_force: Of one foot in [N], shape ``(n,)``.
+
+    Returns:
+        At each tick, shape ``(n,)``, booleans; between the two forces as before, at the start as not yet.
+    """
+    known = (normal_force > CONTACT_FORCE) | (normal_force < RELEASE_FORCE)
+    last_known = np.maximum.accumulate(np.where(known, np.arange(len(known)), -1)) if len(known) else known
+    return np.asarray((last_known >= 0) & (normal_force[last_known] > CONTACT_FORCE))
+
+
+def find_foot_contacts(
+    normal_force: np.ndarray, tick: float, hip_angle: np.ndarray | None = None
+) -> FootContacts:
     """Find heel strikes, toe-offs and further contacts.
 
     Args:
         normal_force: Of one foot in [N], shape ``(n,)``.
         tick: Sampling period in [s].
+        hip_angle: Of the same leg in [rad], flexion positive, shape ``(n,)``; without it the time off the
+            ground alone tells swings from bounces.
 
     Returns:
         The contacts, as sample indices.
     """
-    loaded = np.concatenate(([False], normal_force > CONTACT_FORCE, [False]))
+    loaded = np.concatenate(([False], is_loaded(normal_force), [False]))
     edges = np.flatnonzero(loaded[1:] != loaded[:-1])
-    starts, ends = edges[0::2], edges[1::2]
+    spells = list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))
     strikes: list[int] = []
     offs: list[int] = []
     further: list[int] = []
-    for group in _groups(starts, ends, SHORTEST_SWING / tick):
+    for group in _groups(spells, SHORTEST_SWING / tick, hip_angle):
         first, last = group[0][0], group[-1][1]
         duration = sum(end - start for start, end in group)
         touches_edge = first < SHORTEST_SWING / tick or last == len(normal_force)
@@ -60,15 +89,24 @@ def find_foot_contacts(normal_force: np.ndarray, tick: float) -> FootContacts:
     return FootContacts(np.array(strikes, dtype=int), np.array(offs, dtype=int), np.array(further, dtype=int))
 
 
-def _groups(starts: np.ndarray, ends: np.ndarray, shortest_gap: float) -> list[list[tuple[int, int]]]:
-    """Join contact spells that are less than a swing apart."""
+def _groups(
+    spells: list[tuple[int, int]], shortest_gap: float, hip_angle: np.ndarray | None
+) -> list[list[tuple[int, int]]]:
+    """Join contact spells without a swing between them."""
     groups: list[list[tuple[int, int]]] = []
-    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        if groups and start - groups[-1][-1][1] < shortest_gap:
+    for start, end in spells:
+        if groups and not _swings(groups[-1][-1][1], start, shortest_gap, hip_angle):
             groups[-1].append((start, end))
         else:
             groups.append([(start, end)])
     return groups
+
+
+def _swings(start: int, end: int, shortest: float, hip_angle: np.ndarray | None) -> bool:
+    """Whether a time off the ground is a swing."""
+    if end - start < shortest:
+        return False
+    return hip_angle is None or bool(hip_angle[start:end].max() - hip_angle[start] >= LEAST_ADVANCE)
 
 
 # Lift-off and landing are left out: there the foot has to be low.

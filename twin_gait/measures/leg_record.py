@@ -10,7 +10,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 import pandas as pd
 
-from twin_gait.measures.foot_contact import FootContacts, find_foot_contacts
+from twin_gait.measures.foot_contact import FootContacts, find_foot_contacts, is_loaded
 from twin_gait.measures.phases import phase_entries
 from twin_gait.measures.strides import SKIPPED_STRIDES, stride_bounds
 from twin_gait.vocabulary import JointName, Side
@@ -55,11 +55,16 @@ class LegRecord:
     steady: tuple[float, float] = (0.0, math.inf)
 
     @cached_property
+    def loaded(self) -> np.ndarray | None:
+        """Whether the foot carries at each tick, or None without ground."""
+        return None if self.normal_force is None else is_loaded(self.normal_force)
+
+    @cached_property
     def contacts(self) -> FootContacts | None:
         """Contacts of the foot, or None without ground."""
         if self.normal_force is None:
             return None
-        return find_foot_contacts(self.normal_force, self.tick)
+        return find_foot_contacts(self.normal_force, self.tick, self.angles.get(JointName.HIP))
 
     @cached_property
     def entries(self) -> np.ndarray:

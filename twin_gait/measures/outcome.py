@@ -25,7 +25,6 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import LegRecord
 from twin_gait.measures.strides import coefficient_of_variation, stride_times
 from twin_gait.vocabulary import Outcome
@@ -79,10 +78,10 @@ def flight_share(legs: Sequence[LegRecord]) -> float:
     Returns:
         Share in [0, 1] of the time in which the legs are to walk evenly; 0 without ground.
     """
-    forces = [leg.normal_force[_steady(leg)] for leg in legs if leg.normal_force is not None]
-    if not forces or len(forces[0]) == 0:
+    loaded = [leg.loaded[_steady(leg)] for leg in legs if leg.loaded is not None]
+    if not loaded or len(loaded[0]) == 0:
         return 0.0
-    return float(np.mean(np.max(forces, axis=0) <= CONTACT_FORCE))
+    return float(np.mean(~np.any(loaded, axis=0)))
 
 
 def _steady(leg: LegRecord) -> slice:

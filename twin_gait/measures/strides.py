@@ -10,6 +10,7 @@ foot, a step from a heel strike of the other foot to one of this foot.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -139,6 +140,67 @@ def root_mean_square_error(cycles: np.ndarray, reference: np.ndarray) -> float:
     return float(np.sqrt(np.mean(difference * difference)))
 
 
+class ErrorParts(NamedTuple):
+    r"""Root mean square distance of strides from a reference, and what makes it up.
+
+    .. math::
+
+        total^2 = offset^2 + timing^2 + shape^2
+
+    Attributes:
+        total: As :func:`root_mean_square_error` has it.
+        offset: Mean difference, positive above the reference.
+        timing: What the best shift of the strides around the cycle takes away.
+        shape: What is left then, with what differs from stride to stride.
+        shift: How much later than in the reference things happen in the strides, as a share of the cycle from
+            -0.5 to 0.5, in steps of 1 %.
+    """
+
+    total: float
+    offset: float
+    timing: float
+    shape: float
+    shift: float
+
+
+def error_parts(cycles: np.ndarray, reference: np.ndarray) -> ErrorParts:
+    r"""Split the distance from a reference curve into offset, timing and shape.
+
+    With strides :math:`x_i`, reference :math:`r`, their means over strides and samples taken away, and
+    :math:`\langle\cdot\rangle` the mean over strides and samples,
+
+    .. math::
+
+        offset = \langle x - r\rangle, \qquad
+        shape^2 = \min_s \langle (\tilde x(p + s) - \tilde r(p))^2\rangle, \qquad
+        timing^2 = \langle (\tilde x - \tilde r)^2\rangle - shape^2 .
+
+    Args:
+        cycles: From :func:`normalise_strides`, shape ``(n_strides, 101)``.
+        reference: Curve at ``PERCENT``, shape ``(101,)``, same unit.
+
+    Returns:
+        In the unit of the curves; NaN without strides.
+    """
+    if len(cycles) == 0:
+        return ErrorParts(*(math.nan,) * 5)
+    # The sample at 100 % belongs to the next stride.
+    strides, healthy = cycles[:, :-1], reference[:-1]
+    offset = float(np.mean(strides - healthy))
+    difference = strides - healthy - offset
+    unshifted = float(np.mean(difference * difference))
+    # The squares of both curves do not change with the shift, so that it shows in their product alone.
+    mean, count = strides.mean(axis=0), len(healthy)
+    products = np.array([np.mean(np.roll(mean, -shift) * healthy) for shift in range(count)])
+    best = int(np.argmax(products))
+    # A shift of nothing is among them, but for rounding.
+    timing = max(0.0, 2.0 * float(products[best] - products[0]))
+    shift = best - count if best > count // 2 else best
+    total = math.sqrt(offset * offset + unshifted)
+    shape = math.sqrt(max(0.0, unshifted - timing))
+    return ErrorParts(total, offset, math.sqrt(timing), shape, shift / count)
+
+
 def symmetry_index(left: float, right: float) -> float:
     """Difference of the sides over their mean: 0 for a symmetric gait, positive if the left is larger.
 
@@ -206,22 +268,19 @@ def step_times(strikes: np.ndarray, other_strikes: np.ndarray, tick: float) -> n
     return np.array(durations)
 
 
-def double_support_share(
-    normal_force: np.ndarray, other_force: np.ndarray, strides: np.ndarray, threshold: float
-) -> float:
+def double_support_share(loaded: np.ndarray, other_loaded: np.ndarray, strides: np.ndarray) -> float:
     """Share of the time in which both feet carry.
 
     Args:
-        normal_force: Of one foot in [N], one value a tick, shape ``(n_ticks,)``.
-        other_force: Of the other foot, same shape.
+        loaded: Whether one foot carries, one value a tick, shape ``(n_ticks,)``.
+        other_loaded: Of the other foot, same shape.
         strides: First tick of each stride and of the next one, shape ``(n, 2)``.
-        threshold: Force in [N] above which a foot carries.
 
     Returns:
         Share in [0, 1]; NaN without strides.
     """
     if len(strides) == 0:
         return float("nan")
-    both = (normal_force > threshold) & (other_force > threshold)
+    both = loaded & other_loaded
     inside = np.concatenate([both[start:end] for start, end in strides])
     return float(np.mean(inside))

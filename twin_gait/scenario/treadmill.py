@@ -11,6 +11,7 @@ import numpy as np
 from twin_gait.core.belt import Belt, treadmill_speed, treadmill_travel
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import (
+    ActuatorParameters,
     AnkleParameters,
     BeltProfile,
     ContactParameters,
@@ -116,7 +117,7 @@ class TreadmillScenario:
         model: LegModel,
         *,
         friction: Mapping[JointName, FrictionLaw],
-        load_friction: Mapping[JointName, float],
+        actuators: Mapping[JointName, ActuatorParameters],
         stops: StopParameters,
         ankle: AnkleParameters,
         gravity: float,
@@ -126,7 +127,7 @@ class TreadmillScenario:
         Args:
             model: Both legs with a pelvis that moves.
             friction: True friction of hip and knee.
-            load_friction: Share of the motor torque that becomes friction, at hip and knee.
+            actuators: Motor and gear of hip and knee.
             stops: Mechanical stops.
             ankle: The orthosis.
             gravity: In [m] / [s²].
@@ -140,7 +141,7 @@ class TreadmillScenario:
         require(all(frames.values()), "contact_frames", "heel and toe frames on both feet", frames)
         weight = model.total_mass * gravity
         support_force = self.support.share * weight
-        rows = build_plant(model, friction=friction, load_friction=load_friction, stops=stops, ankle=ankle)
+        rows = build_plant(model, friction=friction, actuators=actuators, stops=stops, ankle=ankle)
         pelvis = model.pelvis_index
         assert pelvis is not None  # the pelvis of this scenario moves
         rows[pelvis].spring.damping, rows[pelvis].spring.force = self.support.damping, support_force
@@ -154,6 +155,8 @@ class TreadmillScenario:
             hip, knee = self.leading_angles if leads else self.trailing_angles
             q[model.index(side, JointName.HIP)] = hip
             q[model.index(side, JointName.KNEE)] = knee
+            if model.legs[side].ankle is not None:
+                q[model.index(side, JointName.ANKLE)] = ankle.rest
             phases[side] = self.initial_phases[0 if leads else 1]
         q[pelvis] = _stand_on_both_feet(model, q)
         return World(
@@ -180,6 +183,7 @@ def _stand_on_both_feet(model: LegModel, q: np.ndarray) -> float:
     if model.legs[lower].ankle is None:
         return -reach[lower]
     ankle = model.index(lower, JointName.ANKLE)
+    rest = float(q[ankle])
     limit = model.position_limits(lower, JointName.ANKLE)[1]
 
     def gap(angle: float) -> float:
@@ -188,7 +192,7 @@ def _stand_on_both_feet(model: LegModel, q: np.ndarray) -> float:
         return _lowest_point(model, lower, bent) - reach[higher]
 
     # Dorsiflexion lifts the toe; if even the stop does not level the feet, one starts in the air.
-    q[ankle] = _bisect(gap, 0.0, limit) if gap(0.0) < 0.0 < gap(limit) else 0.0
+    q[ankle] = _bisect(gap, rest, limit) if gap(rest) < 0.0 < gap(limit) else rest
     return -min(_lowest_point(model, side, q) for side in model.sides)
 
 

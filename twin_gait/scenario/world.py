@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin_gait.core.belt import Belt
-from twin_gait.core.plant import Brace, ImposedMotion, Plant, free_coordinate
+from twin_gait.core.plant import Brace, ImposedMotion, Plant, Spring, free_coordinate
 from twin_gait.leg_model import Bodies, LegJoints, LegModel
 from twin_gait.parameters import (
     ActuatorParameters,
@@ -28,7 +28,7 @@ class LegSource:
     Attributes:
         urdf: Path of a URDF, or the name of a packaged one.
         legs: Joint names per side.
-        fit_device: Whether to fit femur, tibia and waist to the wearer.
+        fit_device: Whether to fit femur, tibia, waist and foot to the wearer.
         up_axis: Vertical axis of the URDF, ``"z"`` or ``"y"``.
     """
 
@@ -136,7 +136,7 @@ def build_plant(
     model: LegModel,
     *,
     friction: Mapping[JointName, FrictionLaw],
-    load_friction: Mapping[JointName, float],
+    actuators: Mapping[JointName, ActuatorParameters],
     stops: StopParameters,
     ankle: AnkleParameters,
 ) -> tuple[Plant, ...]:
@@ -148,7 +148,7 @@ def build_plant(
             plant.stop.lower, plant.stop.upper = model.position_limits(side, joint)
             plant.stop.stiffness, plant.stop.dissipation = stops.stiffness, stops.dissipation
             if joint is JointName.ANKLE:
-                plant.spring.stiffness, plant.spring.damping = ankle.stiffness, ankle.damping
+                plant.spring = Spring(ankle.stiffness, ankle.damping, ankle.stiffness * ankle.rest)
             else:
-                plant.friction = friction[joint].in_plant(load_friction[joint])
+                plant.friction = friction[joint].in_plant(actuators[joint].gear_efficiency)
     return result

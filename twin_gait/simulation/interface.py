@@ -123,7 +123,7 @@ def switch_row(e: Episode, number: int) -> Switch:
 
 
 def noise_row(e: Episode, tick: int) -> Sequence[float]:
-    """Noise of the encoders in a tick in [rad], by joint."""
+    """What the encoders read in excess of the angles in a tick in [rad], noise and offset, by joint."""
     raise NotImplementedError
 
 

@@ -135,7 +135,7 @@ class ReferenceEngine:
         return self.switches[-1]
 
     def noise_row(self, e: Episode, tick: int) -> list[float]:
-        """Noise of the encoders in a tick in [rad]."""
+        """What the encoders read in excess of the angles in a tick in [rad]."""
         row: list[float] = self._noise[tick % len(self._noise)]
         return row
 

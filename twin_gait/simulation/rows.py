@@ -60,7 +60,7 @@ class Recording:
         switches: Address of the first switch.
         n_switches: That have happened.
         most_switches: That there is room for.
-        noise: Address of the sensors' noise, tick by tick.
+        noise: Address of what the sensors read in excess, tick by tick.
         n_noise: Rows of it, taken in turn.
     """
 

@@ -19,8 +19,11 @@ from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import RunEvent, Verdict, gait_verdict, run_events
+from twin_gait.measures.strides import SKIPPED_STRIDES
+from twin_gait.measures.walk import WalkMeasures, WalkPower, Walkway, walk_measures, walk_power
+from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.log import LogLayout
-from twin_gait.vocabulary import Outcome, Side
+from twin_gait.vocabulary import GaitPhase, Outcome, Side
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -119,6 +122,51 @@ class Run:
     def _read_leg(self, side: Side, *, device: bool = False) -> LegRecord:
         names = self.table.phase_names
         return leg_record(self.log, side, names, TICK, steady=self.steady, device=device)
+
+    @cached_property
+    def walkway(self) -> Walkway | None:
+        """Belt and support under a walk; None on the bench."""
+        scenario = self.experiment.scenario
+        if not isinstance(scenario, TreadmillScenario):
+            return None
+        contact = scenario.contact
+        return Walkway(
+            carried_weight=(1.0 - scenario.support.share) * self.body_weight,
+            belt_speed=scenario.belt_speed,
+            friction_coefficient=contact.friction_coefficient,
+            transition_velocity=contact.transition_velocity,
+        )
+
+    def walk_measures(self, *, skip: int = SKIPPED_STRIDES) -> dict[Side, WalkMeasures]:
+        """Ground forces, joints and powers of each leg; see :mod:`twin_gait.measures.walk`.
+
+        Args:
+            skip: So many strides at the start do not count.
+
+        Returns:
+            By leg; nothing on the bench.
+        """
+        walkway, names = self.walkway, self.table.phase_names
+        if walkway is None:
+            return {}
+        swing = names.index(GaitPhase.SWING_FLEXION) if GaitPhase.SWING_FLEXION in names else None
+        pairs = ((side, self.leg_record(side), self.leg_record(other)) for side, other in self._pairs())
+        return {
+            side: walk_measures(self.log, leg, other, walkway, swing_phase=swing, skip=skip)
+            for side, leg, other in pairs
+        }
+
+    def _pairs(self) -> list[tuple[Side, Side]]:
+        first, second = self.sides
+        return [(first, second), (second, first)]
+
+    def walk_power(self, *, skip: int = SKIPPED_STRIDES) -> WalkPower | None:
+        """Who drives the walk; None on the bench."""
+        walkway = self.walkway
+        if walkway is None:
+            return None
+        legs = self.walk_measures(skip=skip)
+        return walk_power(self.log, legs.values(), self.leg_record(self.sides[0]).strides(skip=skip), walkway)
 
     @cached_property
     def verdict(self) -> Verdict:

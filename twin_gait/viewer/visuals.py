@@ -78,8 +78,8 @@ class Visuals:
 def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
     """Load the visual geometry of a URDF for a model that was built from it.
 
-    The model may have locked joints, a joint between world and pelvis, and resized segments: parts
-    move and grow with the segment that carries them.
+    The model may have locked joints, a joint between world and pelvis, and resized segments and feet: parts
+    move and grow with what carries them.
 
     Raises:
         ModelError: If the URDF cannot be read.
@@ -88,6 +88,7 @@ def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
     text, missing = _read_with_meshes(urdf)
     nominal, geometry = _nominal(model, urdf, text)
     stretches = {name: _stretch(nominal, model, name) for name in nominal.names}
+    growths = {name: _growth(nominal, model, name) for name in nominal.names}
     carrier = {FIXED_JOINT: PELVIS_JOINT} if model.existJointName(PELVIS_JOINT) else {}
     shapes_by_colour: dict[tuple[str, tuple[float, ...]], list[Shape]] = {}
     discs = []
@@ -97,11 +98,12 @@ def load_visuals(model: pin.Model, urdf: Path) -> Visuals:
             continue
         nominal_joint = str(nominal.names[item.parentJoint])
         joint = carrier.get(nominal_joint, nominal_joint)
-        shape, shift = _fit(shapes.moved(raw, item.placement.homogeneous), stretches[nominal_joint])
+        growth = np.diag([*[growths[nominal_joint]] * 3, 1.0])
+        shape, shift = _fit(shapes.moved(raw, growth @ item.placement.homogeneous), stretches[nominal_joint])
         for colour, piece in _coloured(item, shape):
             shapes_by_colour.setdefault((joint, tuple(round(value, 4) for value in colour)), []).append(piece)
         if type(item.geometry).__name__ == "Cylinder":
-            discs.append(_disc(joint, item, shift))
+            discs.append(_disc(joint, item, growths[nominal_joint], shift))
     parts = [
         LinkPart(joint, _four(colour), shapes.merged(items))
         for (joint, colour), items in shapes_by_colour.items()
@@ -128,10 +130,11 @@ def _drop_colourless(root: ElementTree.Element) -> None:
                 visual.remove(material)
 
 
-def _disc(joint: str, item: Any, shift: np.ndarray) -> Disc:
-    centre = np.asarray(item.placement.translation) + shift
+def _disc(joint: str, item: Any, growth: float, shift: np.ndarray) -> Disc:
+    centre = growth * np.asarray(item.placement.translation) + shift
     axis = np.asarray(item.placement.rotation)[:, 2].copy()
-    return Disc(joint, centre, axis, float(item.geometry.radius), 2.0 * float(item.geometry.halfLength))
+    radius, half = growth * float(item.geometry.radius), growth * float(item.geometry.halfLength)
+    return Disc(joint, centre, axis, radius, 2.0 * half)
 
 
 def _resolve_meshes(root: ElementTree.Element, urdf: Path) -> list[str]:
@@ -196,6 +199,16 @@ def _stretch(nominal: pin.Model, model: pin.Model, joint: str) -> tuple[np.ndarr
             if length != 0.0:
                 return direction, 1.0 + size / length, abs(length)
     return None
+
+
+def _growth(nominal: pin.Model, model: pin.Model, joint: str) -> float:
+    """How much farther from its joint a frame lies than in the file; 1 but for those of a fitted foot."""
+    for frame in nominal.frames:
+        distance = float(np.linalg.norm(frame.placement.translation))
+        if str(nominal.names[frame.parentJoint]) == joint and distance > 0.0 and model.existFrame(frame.name):
+            now = model.frames[model.getFrameId(frame.name)].placement.translation
+            return float(np.linalg.norm(now)) / distance
+    return 1.0
 
 
 def _fit(shape: Shape, stretch: tuple[np.ndarray, float, float] | None) -> tuple[Shape, np.ndarray]:

@@ -99,6 +99,7 @@ class BenchJoint:
         require_non_negative("gravity", self.gravity)
         require(0.001 <= self.duration <= 3600.0, "duration", "0.001 to 3600 s", self.duration)
         require(self.rest_at_stop >= 0.0, "rest_at_stop", "0 or more", self.rest_at_stop)
+        require(not self.sensors.offset, "sensors offset", "none on the joint bench", self.sensors.offset)
         require_positive("gear ratio", self.actuator.gear_ratio)
 
 

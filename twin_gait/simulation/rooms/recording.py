@@ -101,13 +101,16 @@ def _record_leg(e: Episode, number: int, row: LogRow) -> None:
         ankle.orthosis_torque = e.plant[leg.ankle].spring_torque
     if POINTS_PER_FOOT > 0:
         foot, first = row.feet[number], number * POINTS_PER_FOOT
-        friction, lowest = 0.0, e.points[first].height
+        friction, pressed, lowest = 0.0, 0.0, e.points[first].height
         for place in range(first, first + POINTS_PER_FOOT):
             friction += e.points[place].forward
+            pressed += e.points[place].upward * (place - first)
             lowest = min(lowest, e.points[place].height)
         foot.normal_force = normal_force(e, number)
         foot.friction_force = friction
         foot.clearance = lowest
+        if foot.normal_force > 0.0 and POINTS_PER_FOOT > 1:
+            foot.pressure_place = pressed / (foot.normal_force * (POINTS_PER_FOOT - 1))
 
 
 def _record_braces(e: Episode, row: LogRow) -> None:

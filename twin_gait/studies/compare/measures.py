@@ -21,7 +21,6 @@ from twin_gait.measures.effort import (
     root_mean_square,
     share_of_work,
 )
-from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells
 from twin_gait.measures.reference import gait_profile_score, gait_variable_score
@@ -92,7 +91,7 @@ def _leg(run: Run, side: Side) -> _Leg:
 def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
     record, contacts, others = leg.record, leg.record.contacts, other.record.contacts
     assert contacts is not None and others is not None  # there is a belt
-    assert record.normal_force is not None and other.record.normal_force is not None
+    assert record.loaded is not None and other.record.loaded is not None
     times = stride_times(leg.strides, TICK)
     strikes = contacts.heel_strikes[contacts.heel_strikes >= leg.span.start]
     return {
@@ -102,9 +101,7 @@ def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
         "stride_length_m": float(stride_lengths(times, belt_speed_of(run.experiment)).mean()),
         "step_time_s": _mean(step_times(strikes, others.heel_strikes, TICK)),
         "swing_share": leg.summary["swing_share"],
-        "double_support_share": double_support_share(
-            record.normal_force, other.record.normal_force, leg.strides, CONTACT_FORCE
-        ),
+        "double_support_share": double_support_share(record.loaded, other.record.loaded, leg.strides),
         "toe_clearance_m": leg.summary["toe_clearance_least_m"],
         "scuffs": float(leg.summary["scuffs"]),
     }
@@ -154,9 +151,7 @@ def _effort(run: Run, leg: _Leg, joint: JointName) -> Measures:
     velocity = log[wearer_column(log, side, joint, "velocity_rad_per_s")].to_numpy()
     device = _device_torque(log, name, actuator.armature)
     effort = voluntary_torque(run, side, joint)[span]
-    continuous = torque_to_current(
-        actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio, actuator.gear_efficiency
-    )
+    continuous = torque_to_current(actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio)
     current = load(log[f"{name}_measured_current_A"].to_numpy(), continuous)
     return {
         "interaction_rms_Nm": root_mean_square(device),

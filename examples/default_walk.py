@@ -1,0 +1,216 @@
+"""How the shipped walks carry themselves, and how far from the default wearer and belt they still walk.
+
+Each gait table on the default treadmill against what human walking asks for; combined draws of wearer,
+support and speed; speeds of the belt; small moves of support and mass. A minute on two cores; page:
+docs/default_walk.md.
+"""
+
+# %%
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from gallery import form_of
+from scipy.stats import qmc
+
+from twin_gait import Experiment, JointName, Run, load_experiment
+from twin_gait.configuration import presets
+from twin_gait.measures.walk import WALK_COLUMNS
+from twin_gait.runs.leg_summary import joint_saturation, reference_error
+from twin_gait.runs.summary import READ_IN_BRIEF
+from twin_gait.studies import Workers, overridden, run_episodes
+from twin_gait.vocabulary import Outcome
+
+TABLES = [name for name in ("treadmill", "treadmill_pre_swing", "treadmill_normative") if name in presets()]
+COLUMNS = (*READ_IN_BRIEF, *WALK_COLUMNS)
+PROPULSION_PEAK = 0.062
+DURATION = 20.0  # [s]
+# Where the combined draws come from: mass [kg], height [m], supported share, belt speed [km/h].
+KEYS = ("patient.mass_kg", "patient.height_m", "scenario.support.share", "scenario.belt_speed_km_per_h")
+LOWEST, HIGHEST = (50.0, 1.50, 0.2, 0.8), (110.0, 1.95, 0.8, 1.9)
+DRAWS, SEED = 75, 19
+
+
+@dataclass(frozen=True)
+class Goal:
+    """What is asked of a measure of the default walk: from ``low`` to ``high``, and better from ``best``."""
+
+    label: str
+    key: str
+    low: float
+    high: float
+    best: tuple[float, float]
+
+    @staticmethod
+    def text(low: float, high: float) -> str:
+        """A range in words; empty for one that no finite value is in."""
+        if math.isinf(low) and math.isinf(high):
+            return "rising" if low > 0 else ""
+        if math.isinf(high):
+            return f"≥ {low:g}"
+        return f"≤ {high:g}" if low in (0.0, -math.inf) else f"{low:g} to {high:g}"
+
+    def rated(self, value: float) -> str:
+        """One word for a value."""
+        if self.best[0] <= value <= self.best[1]:
+            return "better than asked for"
+        return "met" if self.low <= value <= self.high else "missed"
+
+
+INF = math.inf
+GOALS = (
+    Goal("RMSE of the hip from heel strike [°]", "hip_rmse_deg", 0.0, 4.5, (0.0, 3.0)),
+    Goal("RMSE of the knee from heel strike [°]", "knee_rmse_deg", 0.0, 6.5, (0.0, 5.0)),
+    Goal("stride time [s]", "stride_time_s", 1.65, 1.95, (1.70, 1.80)),
+    Goal("peak vertical force / carried weight", "load_peak", 0.0, 1.2, (0.0, 1.1)),
+    Goal("trough in midstance", "trough", 0.7, INF, (0.8, INF)),
+    Goal("least load over 6 to 20 % of the cycle", "least_load", 0.4, INF, (INF, INF)),
+    Goal("mean fore-aft force of both feet [N]", "fore_aft_force_N", -5.0, 5.0, (-0.5, 0.5)),
+    Goal("power of the belt [W]", "belt_power_W", -1.5, 1.5, (-0.15, 0.15)),
+    Goal("propulsion peak / that of the reference", "propulsion_share", 0.5, INF, (1.0, INF)),
+    Goal("knee at contact [°]", "knee_at_contact_deg", -INF, 9.0, (-INF, 4.0)),
+    Goal("knee yield after it [°]", "knee_yield_deg", 3.0, INF, (7.0, INF)),
+    Goal("clearance in mid-swing [mm]", "clearance_mm", 10.0, INF, (15.0, INF)),
+    Goal("saturated share of the worst joint [%]", "saturated_percent", 0.0, 4.0, (0.0, 1.0)),
+    Goal("further contacts", "further_contacts", 0, 0, (0, 0)),
+)
+
+
+# %%
+def measured(run: Run) -> dict[str, float | str]:
+    """A walk in numbers: those of the worse leg, where the legs differ."""
+    found: dict[str, float | str] = {"outcome": str(run.verdict.outcome)}
+    power = run.walk_power()
+    if run.verdict.outcome is not Outcome.WALKED or power is None:
+        return found
+    records = [run.leg_record(side) for side in run.sides]
+    rmse = {
+        joint: max(reference_error(run, leg, joint, leg.strides()) for leg in records)
+        for joint in (JointName.HIP, JointName.KNEE)
+    }
+    saturated = [
+        joint_saturation(run, leg, joint)["saturated_share"] for leg in records for joint in leg.angles
+    ]
+    legs = list(run.walk_measures().values())
+    return found | {
+        "hip_rmse_deg": rmse[JointName.HIP],
+        "knee_rmse_deg": rmse[JointName.KNEE],
+        "stride_time_s": float(np.mean([leg.stride_time for leg in legs])),
+        "load_peak": max(leg.load_peak for leg in legs),
+        "trough": min(leg.trough for leg in legs),
+        "least_load": min(leg.least_load for leg in legs),
+        "fore_aft_force_N": sum(leg.fore_aft_force for leg in legs),
+        "belt_power_W": power.belt,
+        "propulsion_share": min(leg.propulsion_peak for leg in legs) / PROPULSION_PEAK,
+        "knee_at_contact_deg": max(math.degrees(leg.knee_at_contact) for leg in legs),
+        "knee_yield_deg": min(math.degrees(leg.knee_yield) for leg in legs),
+        "clearance_mm": min(1e3 * leg.clearance for leg in legs),
+        "saturated_percent": 100.0 * max(saturated),
+        "further_contacts": sum(leg.further_contacts for leg in legs),
+    }
+
+
+def walk_of(item: tuple[str, dict[str, float]]) -> Experiment:
+    """The experiment of a table and some changes."""
+    name, changes = item
+    return overridden(load_experiment(name, [f"duration_s={DURATION}"]).experiment, changes)
+
+
+def draws(count: int) -> list[dict[str, float]]:
+    """Wearers, supports and speeds at once, a Latin hypercube."""
+    points = qmc.scale(qmc.LatinHypercube(len(KEYS), rng=SEED).random(count), LOWEST, HIGHEST)
+    return [dict(zip(KEYS, map(float, point), strict=True)) for point in points]
+
+
+def moves() -> dict[str, dict[str, float]]:
+    """Support moved by ten points, mass by a tenth, from the defaults."""
+    experiment = load_experiment("treadmill").experiment
+    share, mass = experiment.scenario.support.share, experiment.patient.mass
+    return {
+        "10 points less support": {"scenario.support.share": share - 0.1},
+        "10 points more support": {"scenario.support.share": share + 0.1},
+        "a tenth less mass": {"patient.mass_kg": 0.9 * mass},
+        "a tenth more mass": {"patient.mass_kg": 1.1 * mass},
+    }
+
+
+def speed_range(speeds: Sequence[float], walked: Sequence[bool], around: float) -> tuple[float, float] | None:
+    """Ends of the unbroken range around a speed at which a table walks; None if it does not."""
+    middle = int(np.argmin(np.abs(np.array(speeds) - around)))
+    if not walked[middle]:
+        return None
+    low = high = middle
+    while low > 0 and walked[low - 1]:
+        low -= 1
+    while high < len(speeds) - 1 and walked[high + 1]:
+        high += 1
+    return float(speeds[low]), float(speeds[high])
+
+
+# %%
+def goal_rows(walks: dict[str, dict]) -> list[dict]:
+    """Every goal, and what each table reaches."""
+    rows = []
+    for goal in GOALS:
+        row = {"measure": goal.label, "goal": goal.text(goal.low, goal.high)}
+        row |= {"better": goal.text(*goal.best)}
+        for name, walk in walks.items():
+            value = walk.get(goal.key, math.nan)
+            row[name] = f"{value:.2f}, {goal.rated(value)}"
+        rows.append(row)
+    return rows
+
+
+def moved_rows(walks: dict[tuple[str, str], dict], nominal: dict[str, dict]) -> list[dict]:
+    """By how much the errors grow when support or mass are moved."""
+    rows = []
+    for move in moves():
+        row = {"moved": move}
+        for name, walk in nominal.items():
+            moved = walks[name, move]
+            growth = [
+                moved.get(key, math.nan) - walk.get(key, math.nan)
+                for key in ("hip_rmse_deg", "knee_rmse_deg")
+            ]
+            row[name] = f"hip {growth[0]:+.1f}°, knee {growth[1]:+.1f}°"
+        rows.append(row)
+    return rows
+
+
+# %%
+if __name__ == "__main__":
+    form = form_of("default_walk")
+    count, speeds = (
+        (DRAWS, np.round(np.arange(0.5, 3.01, 0.1), 1)) if not form.quick else (2, np.array([1.5]))
+    )
+    jobs: dict[tuple[str, str], dict[str, float]] = {}
+    for name in TABLES:
+        jobs[name, "nominal"] = {}
+        jobs |= {(name, f"draw {number}"): draw for number, draw in enumerate(draws(count))}
+        jobs |= {(name, f"{speed} km/h"): {KEYS[-1]: float(speed)} for speed in speeds}
+        jobs |= {(name, move): changes for move, changes in moves().items()}
+    items = [(name, changes) for (name, _), changes in jobs.items()]
+    with Workers(form.workers) as workers:
+        results = run_episodes(walk_of, measured, items, columns=COLUMNS, workers=workers)
+    walks = dict(zip(jobs, results, strict=True))
+    nominal = {name: walks[name, "nominal"] for name in TABLES}
+    summary = []
+    for name in TABLES:
+        walked = [walks[name, f"draw {number}"]["outcome"] == Outcome.WALKED for number in range(count)]
+        at_speed = [walks[name, f"{speed} km/h"]["outcome"] == Outcome.WALKED for speed in speeds]
+        found = speed_range(speeds.tolist(), at_speed, 1.5)
+        text = "none" if found is None else f"{found[0]:.1f} to {found[1]:.1f} km/h"
+        summary.append({"table": name, "combined draws that walk": f"{sum(walked)} of {count}", "belt": text})
+        print(name, nominal[name], summary[-1], sep="\n  ")
+    form.keep(
+        {
+            "goals": goal_rows(nominal),
+            "reach": summary,
+            "moved": moved_rows(walks, nominal),
+            "draws": count,
+            "nominal": {name: {key: value for key, value in walk.items()} for name, walk in nominal.items()},
+        }
+    )

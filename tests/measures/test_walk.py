@@ -1,0 +1,197 @@
+"""Ground forces, joints and powers of a walk that is written by hand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from numpy.testing import assert_allclose
+
+from twin_gait.measures.leg_record import leg_record
+from twin_gait.measures.strides import PERCENT, ErrorParts, error_parts
+from twin_gait.measures.walk import (
+    WalkMeasures,
+    Walkway,
+    belt_carries,
+    pressure_curve,
+    slip_speed,
+    walk_measures,
+    walk_power,
+)
+from twin_gait.vocabulary import JointName, Side
+
+TICK = 1e-3
+STRIDE, STANCE = 1500, 1000  # ticks
+CARRIED = 400.0  # [N]
+SPEED = 0.4  # [m/s]
+WALKWAY = Walkway(CARRIED, SPEED, friction_coefficient=0.8, transition_velocity=0.05)
+PHASES = ("early_stance", "swing_flexion")
+SWING_BEGINS = 900  # ticks after heel strike, while the foot is loaded
+
+
+def stance_load(tick: np.ndarray) -> np.ndarray:
+    """Two humps of 1.2 of the carried weight about a trough of 0.8 in midstance."""
+    return CARRIED * (1.0 + 0.2 * np.cos(4.0 * math.pi * (tick / STANCE - 0.25)))
+
+
+def walk_log(*, slip: float = 0.0) -> pd.DataFrame:
+    """Six strides of both legs; the right one half a stride later."""
+    ticks = np.arange(6 * STRIDE)
+    log = pd.DataFrame({"time_s": ticks * TICK, "guide_force_N": np.full(len(ticks), 20.0)})
+    for side, shift in ((Side.LEFT, 600), (Side.RIGHT, 600 + STRIDE // 2)):
+        place = (ticks - shift) % STRIDE
+        stance = place < STANCE
+        load = np.where(stance, stance_load(place), 0.0)
+        braking = np.where(place < 400, -50.0, np.where(stance, 20.0, 0.0))
+        if slip:
+            braking = np.where(stance, -0.8 * load * math.tanh(slip / 0.05), 0.0)
+        log[f"{side}_phase"] = np.where(place < SWING_BEGINS, *PHASES)
+        log[f"{side}_foot_normal_force_N"] = load
+        log[f"{side}_foot_friction_force_N"] = braking
+        log[f"{side}_foot_pressure_place"] = np.where(stance, place / STANCE, 0.0)
+        log[f"{side}_foot_clearance_m"] = np.where(stance, -0.005, 0.02)
+        turn = 2.0 * math.pi * place / STRIDE
+        log[f"{side}_hip_angle_rad"] = 0.2 + 0.3 * np.cos(turn)
+        log[f"{side}_knee_angle_rad"] = 0.1 + 0.05 * np.sin(2.0 * turn)
+        log[f"{side}_ankle_angle_rad"] = 0.15 * np.sin(turn)
+        for joint, torque in ((JointName.HIP, 10.0), (JointName.KNEE, -4.0)):
+            log[f"{side}_{joint}_velocity_rad_per_s"] = np.sin(turn)
+            log[f"{side}_{joint}_motor_torque_Nm"] = torque * np.sin(turn)
+            log[f"{side}_{joint}_patient_torque_Nm"] = 2.0 * np.sin(turn)
+    return log
+
+
+def measured(log: pd.DataFrame) -> dict[Side, WalkMeasures]:
+    left, right = (leg_record(log, side, PHASES, TICK) for side in Side)
+    return {
+        leg.side: walk_measures(log, leg, other, WALKWAY, swing_phase=1)
+        for leg, other in ((left, right), (right, left))
+    }
+
+
+def test_every_measure_of_a_walk_written_by_hand() -> None:
+    left = measured(walk_log())[Side.LEFT]
+    assert left.strides == 3
+    assert left.stride_time == pytest.approx(1.5)
+    assert left.cadence == pytest.approx(80.0)
+    assert left.step_length == pytest.approx(0.4 * 0.75)
+    assert left.load_peak == pytest.approx(1.2, abs=1e-4)
+    assert left.loading_peak == pytest.approx(1.2, abs=1e-3)
+    assert left.trough == pytest.approx(0.8, abs=1e-3)
+    assert left.push_off_peak == pytest.approx(1.2, abs=1e-3)
+    assert left.braking_impulse == pytest.approx(-20.0)
+    assert left.propulsion_impulse == pytest.approx(12.0)
+    assert left.fore_aft_force == pytest.approx(-8.0 / 1.5)
+    assert (left.braking_peak, left.propulsion_peak) == pytest.approx((-0.125, 0.05))
+    assert left.ankle_range == pytest.approx(0.3)
+    assert left.hip_lowest == pytest.approx(-0.1)
+    assert left.knee_at_contact == pytest.approx(0.1)
+    assert left.knee_yield == pytest.approx(0.05, abs=1e-3)
+    assert left.clearance == pytest.approx(0.02)
+    assert left.swing_entry == pytest.approx(0.6)
+    assert left.swing_load == pytest.approx(float(stance_load(np.array(900.0))))
+    assert left.further_contacts == 0
+    # From one percent after heel strike to one before toe-off, at two thirds of the cycle.
+    assert left.pressure_travel == pytest.approx(0.99, abs=0.01)
+    assert left.pressure_crossing == pytest.approx(0.34)
+    assert left.belt_power == pytest.approx(0.4 * 8.0 / 1.5)
+    assert left.motor_power == pytest.approx({JointName.HIP: 5.0, JointName.KNEE: -2.0})
+    assert left.wearer_power == pytest.approx(2.0)
+
+
+def test_least_load_finds_a_foot_that_bounces_in_weight_acceptance() -> None:
+    log = walk_log()
+    # It rises from 6 % on, 90 ticks after heel strike.
+    assert measured(log)[Side.LEFT].least_load == pytest.approx(1.0 + 0.2 * math.cos(4.0 * math.pi * 0.16))
+    place = (np.arange(len(log)) - 600) % STRIDE
+    log.loc[(place >= 150) & (place < 250), "left_foot_normal_force_N"] = 0.05 * CARRIED
+    left = measured(log)[Side.LEFT]
+    assert left.least_load == pytest.approx(0.05)
+    assert left.trough == pytest.approx(0.8, abs=1e-3)  # from 18 % on
+
+
+def test_slip_is_the_speed_that_gives_the_friction() -> None:
+    left = measured(walk_log(slip=0.03))[Side.LEFT]
+    assert left.slip == pytest.approx(0.03 * STANCE * TICK)
+    speeds = np.array([0.0, 1e-4, 0.05, 0.4])
+    forces = -0.8 * 300.0 * np.tanh(speeds / 0.05)
+    assert_allclose(slip_speed(forces, np.full(4, 300.0), WALKWAY), speeds, rtol=1e-5)
+    assert_allclose(slip_speed(-forces, np.full(4, 10.0), WALKWAY), 0.0)  # hardly touches
+    smooth = replace(WALKWAY, friction_coefficient=0.0)
+    assert np.isnan(slip_speed(forces, np.full(4, 300.0), smooth)).all()
+
+
+def test_centre_of_pressure_is_weighted_with_the_load() -> None:
+    place, load = np.array([0.2] * 100 + [0.8] * 101), np.array([100.0] * 100 + [300.0] * 101)
+    bounds = np.array([[0, 99], [100, 199]])
+    curve = pressure_curve(place, load, bounds)
+    assert_allclose(curve, (0.2 * 100.0 + 0.8 * 300.0) / 400.0)
+    assert np.isnan(pressure_curve(place, np.zeros(201), bounds)).all()
+
+
+def test_a_walk_without_strides_has_no_numbers() -> None:
+    log = walk_log().iloc[: 2 * STRIDE]
+    left = measured(log)[Side.LEFT]
+    assert left.strides == 0
+    values = [value for name, value in vars(left).items() if isinstance(value, float) and name != "clearance"]
+    assert np.isnan(values).all()
+    assert all(math.isnan(power) for power in left.motor_power.values())
+
+
+def test_belt_carries_a_walk_that_it_gives_more_than_the_legs_do() -> None:
+    log = walk_log()
+    bounds = leg_record(log, Side.LEFT, PHASES, TICK).strides()
+    power = walk_power(log, measured(log).values(), bounds, WALKWAY)
+    assert power.belt == pytest.approx(2.0 * 0.4 * 8.0 / 1.5)
+    assert power.motors == pytest.approx(6.0)
+    assert power.wearer == pytest.approx(4.0)
+    assert power.guide_force == pytest.approx(20.0)
+    assert not power.carried_by_belt
+    assert belt_carries(4.0, 3.9, WALKWAY)
+    assert not belt_carries(3.9, 4.0, WALKWAY)
+    # 3 W at 0.4 m/s are a pull of 7.5 N, less than 2 % of the carried 400 N.
+    assert not belt_carries(3.0, -5.0, WALKWAY)
+    assert not belt_carries(math.nan, math.nan, WALKWAY)
+
+
+# ------------------------------------------------------------------ offset, timing and shape
+
+
+def sine(harmonic: int = 1, *, late: float = 0.0) -> np.ndarray:
+    return np.sin(2.0 * math.pi * harmonic * (PERCENT / 100.0 - late))
+
+
+@pytest.mark.parametrize(("late", "offset"), [(0.0, 0.0), (0.21, -0.7), (-0.4, 0.3), (0.5, 0.0)])
+def test_parts_of_an_error_in_closed_form(late: float, offset: float) -> None:
+    """A sine that is late, too high and has a harmonic that the reference does not."""
+    cycles = np.tile(offset + 2.0 * sine(late=late) + 0.5 * sine(3), (4, 1))
+    parts = error_parts(cycles, 2.0 * sine())
+    timing = 2.0 * math.sqrt(2.0) * abs(math.sin(math.pi * late))
+    shape = 0.5 / math.sqrt(2.0)
+    total = math.sqrt(offset**2 + timing**2 + shape**2)
+    assert parts == pytest.approx(ErrorParts(total, offset, timing, shape, late), abs=1e-7)
+
+
+def test_parts_are_those_of_all_strides_and_make_up_the_whole() -> None:
+    rng = np.random.default_rng(7)
+    cycles, reference = rng.normal(size=(5, 101)).cumsum(axis=1), rng.normal(size=101).cumsum()
+    parts = error_parts(cycles, reference)
+    difference = (cycles - reference)[:, :-1]
+    assert parts.total == pytest.approx(math.sqrt(np.mean(difference**2)))
+    assert parts.offset == pytest.approx(difference.mean())
+    shifted = [
+        np.mean((np.roll(cycles[:, :-1], -shift, axis=1) - reference[:-1] - parts.offset) ** 2)
+        for shift in range(100)
+    ]
+    assert parts.shape == pytest.approx(math.sqrt(min(shifted)))
+    assert parts.shift == pytest.approx((np.argmin(shifted) + 50) % 100 / 100.0 - 0.5)
+    assert parts.total**2 == pytest.approx(parts.offset**2 + parts.timing**2 + parts.shape**2)
+
+
+def test_strides_that_differ_err_in_shape() -> None:
+    parts = error_parts(np.array([sine() + 0.3, sine() - 0.3]), sine())
+    assert parts == pytest.approx(ErrorParts(0.3, 0.0, 0.0, 0.3, 0.0), abs=1e-7)
+    assert all(math.isnan(part) for part in error_parts(np.zeros((0, 101)), sine()))

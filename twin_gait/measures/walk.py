@@ -1,0 +1,428 @@
+r"""What the ground does under a walking leg, and who does the work.
+
+Vertical forces are over the weight that the legs carry, which is what body-weight support leaves of the
+weight of wearer and device. Curves are means over strides from heel strike to heel strike, as in D. A.
+Winter: The biomechanics and motor control of human gait, 2nd edition, University of Waterloo Press, 1991.
+There the vertical force rises to a loading peak, sinks in midstance, rises again as the foot pushes off; the
+ground brakes in the first half of stance and propels in the second, by as much.
+
+On a belt, over whole strides of a steady walk, the ground takes what a guide of the pelvis gives,
+
+.. math::
+
+    \bar F_{guide} + \sum_{feet} \bar F_x = 0, \qquad P_{belt} = -v_{belt} \sum_{feet} \bar F_x,
+
+so that a walk whose feet brake on the mean is driven by the belt.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances
+from twin_gait.measures.leg_record import LegRecord, wearer_column
+from twin_gait.measures.phases import phase_entries
+from twin_gait.measures.strides import (
+    SKIPPED_STRIDES,
+    cadence,
+    normalise_strides,
+    step_times,
+    stride_extremes,
+    stride_times,
+)
+from twin_gait.vocabulary import JointName
+
+MIDSTANCE = slice(18, 46)  # [%] of the cycle, in which the trough between the peaks is looked for
+WEIGHT_ACCEPTANCE = slice(6, 21)  # [%] of the cycle, in which the load rises in healthy walking
+YIELD_UNTIL = 30  # [%] of the cycle; the knee yields under load before midstance
+# A belt whose mean pull on both feet is less than this share of the carried weight does not carry a walk. In
+# healthy walking at an even speed it is nought; the share is an assumption, a tenth of what a foot brakes
+# with at its peak.
+LEAST_DRAG = 0.02
+
+
+@dataclass(frozen=True)
+class Walkway:
+    """What the measures of a walk need to know of belt and support.
+
+    Attributes:
+        carried_weight: Weight of wearer and device less what the support carries, in [N].
+        belt_speed: Backwards positive, in [m] / [s].
+        friction_coefficient: Of soles on the belt.
+        transition_velocity: Of the regularised friction in [m] / [s].
+    """
+
+    carried_weight: float
+    belt_speed: float
+    friction_coefficient: float
+    transition_velocity: float
+
+
+@dataclass(frozen=True)
+class WalkMeasures:
+    """One leg of a walk in numbers, means over its counted strides unless said otherwise.
+
+    Without strides they are NaN.
+
+    Attributes:
+        strides: How many count.
+        stride_time: In [s].
+        cadence: Steps a minute.
+        step_length: Way of the belt from a heel strike of the other foot to the next of this one, in [m].
+        load_peak: Largest vertical force of a stride over carried weight.
+        loading_peak: Largest vertical force of the mean stride before the trough, over carried weight.
+        trough: Least vertical force of the mean stride from 18 to 45 % of it, over carried weight.
+        push_off_peak: Largest vertical force of the mean stride after the trough, over carried weight.
+        least_load: Least vertical force of the mean stride from 6 to 20 % of it, over carried weight.
+        braking_impulse: Of the backward force of the ground on the foot over a stride in [N s], zero
+            or negative.
+        propulsion_impulse: Of the forward force likewise, zero or positive.
+        fore_aft_force: Mean force of the ground on the foot over whole strides, forwards positive, in [N].
+        braking_peak: Largest backward force of the mean stride over carried weight, zero or negative.
+        propulsion_peak: Largest forward force of the mean stride over carried weight, zero or positive.
+        pressure_travel: Way of the centre of pressure from heel strike to toe-off as a share of the sole,
+            from its first point (the heel) to its last (the toe); see :func:`pressure_curve`.
+        pressure_crossing: Share of the stride at which the centre of pressure passes the middle of the sole
+            for good; NaN if it does not.
+        ankle_range: In [rad]; NaN without an ankle.
+        hip_lowest: Least angle in [rad].
+        knee_at_contact: Angle of the mean stride at heel strike in [rad].
+        knee_yield: Flexion after it, up to 30 % of the cycle, in [rad].
+        clearance: Least of all swings in their middle half, in [m]; see
+            :func:`twin_gait.measures.foot_contact.swing_clearances`.
+        slip: Way that the loaded sole slides on the belt in a stride, in [m].
+        swing_entry: Share of the stride at which swing flexion begins; NaN for a table without such a phase.
+        swing_load: Vertical force on the foot at that moment in [N].
+        further_contacts: Bounces and scuffs in the whole record.
+        belt_power: That the belt gives to the foot, in [W].
+        motor_power: Mechanical power of each motor at its joint, net, in [W].
+        wearer_power: Of the wearer's own effort (and of pushes) at hip and knee, net, in [W].
+    """
+
+    strides: int
+    stride_time: float
+    cadence: float
+    step_length: float
+    load_peak: float
+    loading_peak: float
+    trough: float
+    push_off_peak: float
+    least_load: float
+    braking_impulse: float
+    propulsion_impulse: float
+    fore_aft_force: float
+    braking_peak: float
+    propulsion_peak: float
+    pressure_travel: float
+    pressure_crossing: float
+    ankle_range: float
+    hip_lowest: float
+    knee_at_contact: float
+    knee_yield: float
+    clearance: float
+    slip: float
+    swing_entry: float
+    swing_load: float
+    further_contacts: int
+    belt_power: float
+    motor_power: Mapping[JointName, float]
+    wearer_power: float
+
+
+def walk_measures(
+    log: pd.DataFrame,
+    leg: LegRecord,
+    other: LegRecord,
+    walkway: Walkway,
+    *,
+    swing_phase: int | None,
+    skip: int = SKIPPED_STRIDES,
+) -> WalkMeasures:
+    """Measure one leg of a walk on a belt.
+
+    Args:
+        log: One row a tick, with the columns whose names end as in ``WALK_COLUMNS``.
+        leg: The leg, on ground.
+        other: The other leg.
+        walkway: Belt and support.
+        swing_phase: Index of swing flexion; None for a table without it.
+        skip: So many strides at the start do not count.
+
+    Returns:
+        The measures.
+    """
+    contacts, others = leg.contacts, other.contacts
+    assert contacts is not None and others is not None and leg.clearance is not None  # there is ground
+    bounds = leg.strides(skip=skip)
+    times = stride_times(bounds, leg.tick)
+    steps = step_times(_inside(contacts.heel_strikes, bounds, last=True), others.heel_strikes, leg.tick)
+    entries = np.zeros(0, dtype=int) if swing_phase is None else phase_entries(leg.phases, swing_phase)
+    fore_aft = log[f"{leg.side}_foot_friction_force_N"].to_numpy()
+    return WalkMeasures(
+        strides=len(bounds),
+        stride_time=_mean(times),
+        cadence=cadence(times),
+        step_length=walkway.belt_speed * _mean(steps),
+        **_vertical(leg, bounds, walkway),
+        **_fore_aft(fore_aft, bounds, leg.tick, walkway),
+        **_pressure(log, leg, bounds),
+        **_joints(log, leg, bounds),
+        clearance=float(min(swing_clearances(leg.clearance, contacts), default=math.nan)),
+        slip=_slip(leg, fore_aft, bounds, walkway),
+        **_swing(leg, _inside(entries, bounds), bounds),
+        further_contacts=len(contacts.further_contacts),
+        motor_power={joint: _motor_power(log, leg, joint, bounds) for joint in leg.angles},
+        wearer_power=sum(_wearer_power(log, leg, joint, bounds) for joint in leg.angles),
+    )
+
+
+# Ends of the names of the columns of a log that the measures of a walk read, beside time and phases.
+WALK_COLUMNS = (
+    "_angle_rad",
+    "_velocity_rad_per_s",
+    "_motor_torque_Nm",
+    "_patient_torque_Nm",
+    "_foot_normal_force_N",
+    "_foot_friction_force_N",
+    "_foot_pressure_place",
+    "_foot_clearance_m",
+    "guide_force_N",
+    "pelvis_forward_velocity_m_per_s",
+)
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(values.mean()) if len(values) else math.nan
+
+
+def _inside(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
+    """Ticks in the counted strides, with or without the end of the last one."""
+    if len(bounds) == 0:
+        return np.zeros(0, dtype=int)
+    return np.asarray(ticks[(ticks >= bounds[0, 0]) & (ticks < bounds[-1, 1] + last)])
+
+
+def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Mean of a signal over strides.
+
+    Args:
+        signal: One value a tick, any unit, shape ``(n_ticks,)``.
+        bounds: Strides, shape ``(n_strides, 2)``.
+
+    Returns:
+        At every percent of the cycle, shape ``(101,)``; NaN without strides.
+    """
+    if len(bounds) == 0:
+        return np.full(101, np.nan)
+    return np.asarray(normalise_strides(signal, bounds).mean(axis=0))
+
+
+def mean_over(signal: np.ndarray, bounds: np.ndarray) -> float:
+    """Mean of a signal over the time of all strides.
+
+    Args:
+        signal: One value a tick, shape ``(n_ticks,)``.
+        bounds: Strides that follow each other, shape ``(n_strides, 2)``.
+
+    Returns:
+        In the unit of the signal; NaN without strides.
+    """
+    return _mean(signal[int(bounds[0, 0]) : int(bounds[-1, 1])]) if len(bounds) else math.nan
+
+
+def _vertical(leg: LegRecord, bounds: np.ndarray, walkway: Walkway) -> dict[str, float]:
+    assert leg.normal_force is not None  # there is ground
+    load = leg.normal_force / walkway.carried_weight
+    cycle = mean_stride(load, bounds)
+    middle = MIDSTANCE.start + int(np.argmin(cycle[MIDSTANCE]))
+    return {
+        "load_peak": _mean(stride_extremes(load, bounds)[:, 1]),
+        "loading_peak": float(cycle[: middle + 1].max()),
+        "trough": float(cycle[middle]),
+        "push_off_peak": float(cycle[middle:-1].max()),
+        "least_load": float(cycle[WEIGHT_ACCEPTANCE].min()),
+    }
+
+
+def _fore_aft(force: np.ndarray, bounds: np.ndarray, tick: float, walkway: Walkway) -> dict[str, float]:
+    cycle = mean_stride(force, bounds) / walkway.carried_weight
+    time, mean = _mean(stride_times(bounds, tick)), mean_over(force, bounds)
+    return {
+        "braking_impulse": time * mean_over(np.minimum(force, 0.0), bounds),
+        "propulsion_impulse": time * mean_over(np.maximum(force, 0.0), bounds),
+        "fore_aft_force": mean,
+        "braking_peak": min(0.0, float(cycle.min())) if len(bounds) else math.nan,
+        "propulsion_peak": max(0.0, float(cycle.max())) if len(bounds) else math.nan,
+        "belt_power": -walkway.belt_speed * mean,
+    }
+
+
+def pressure_curve(place: np.ndarray, load: np.ndarray, bounds: np.ndarray) -> np.ndarray:
+    """Centre of pressure over the mean stride, each stride weighted with its load.
+
+    Args:
+        place: Centre of pressure at each tick, 0 at the first point of the sole and 1 at its last, shape
+            ``(n,)``.
+        load: Vertical force in [N], shape ``(n,)``.
+        bounds: Strides.
+
+    Returns:
+        Place at every percent of the cycle, shape ``(101,)``; NaN where the mean foot carries nothing.
+    """
+    carried = mean_stride(load, bounds)
+    loaded = carried > CONTACT_FORCE
+    weighted = mean_stride(load * place, bounds)
+    return np.where(loaded, weighted / np.where(loaded, carried, 1.0), np.nan)
+
+
+def _pressure(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
+    assert leg.normal_force is not None  # there is ground
+    curve = pressure_curve(log[f"{leg.side}_foot_pressure_place"].to_numpy(), leg.normal_force, bounds)
+    # Up to the least load; what comes then is the next stance.
+    stance = curve[: int(np.argmin(mean_stride(leg.normal_force, bounds)))]
+    known = stance[np.isfinite(stance)]
+    behind = np.flatnonzero(stance < 0.5)
+    crosses = len(behind) > 0 and known[-1] >= 0.5
+    return {
+        "pressure_travel": float(known[-1] - known[0]) if len(known) else math.nan,
+        "pressure_crossing": float(behind[-1] + 1) / 100.0 if crosses else math.nan,
+    }
+
+
+def _joints(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
+    ankle = wearer_column(log.columns, leg.side, JointName.ANKLE, "angle_rad")
+    lowest, knee = math.nan, mean_stride(leg.angles[JointName.KNEE], bounds)
+    ankle_range = math.nan
+    if len(bounds):
+        lowest = float(stride_extremes(leg.angles[JointName.HIP], bounds)[:, 0].mean())
+    if len(bounds) and ankle in log:
+        ankle_range = float(np.ptp(stride_extremes(log[ankle].to_numpy(), bounds), axis=1).mean())
+    return {
+        "ankle_range": ankle_range,
+        "hip_lowest": lowest,
+        "knee_at_contact": float(knee[0]),
+        "knee_yield": float(knee[: YIELD_UNTIL + 1].max() - knee[0]),
+    }
+
+
+def _slip(leg: LegRecord, fore_aft: np.ndarray, bounds: np.ndarray, walkway: Walkway) -> float:
+    assert leg.normal_force is not None  # there is ground
+    speed = slip_speed(fore_aft, leg.normal_force, walkway)
+    return mean_over(speed, bounds) * _mean(stride_times(bounds, leg.tick))
+
+
+def slip_speed(fore_aft: np.ndarray, load: np.ndarray, walkway: Walkway) -> np.ndarray:
+    r"""Speed of a loaded sole on the belt, from the law of its friction.
+
+    .. math::
+
+        F_x = -\mu F_n \tanh(v / v_t)
+        \quad\Rightarrow\quad |v| = v_t \operatorname{artanh}\frac{|F_x|}{\mu F_n}
+
+    Where points of the sole move at different speeds it is about that of those which carry.
+
+    Args:
+        fore_aft: Force of the ground in [N], shape ``(n,)``.
+        load: Vertical force in [N], shape ``(n,)``.
+        walkway: Friction of soles on the belt.
+
+    Returns:
+        In [m] / [s], shape ``(n,)``; 0 where the foot is not loaded, NaN without friction.
+    """
+    loaded = is_loaded(load)
+    if walkway.friction_coefficient == 0.0:
+        return np.where(loaded, np.nan, 0.0)
+    ratio = np.abs(fore_aft) / (walkway.friction_coefficient * np.where(loaded, load, 1.0))
+    # Rounding keeps the hyperbolic tangent below 1 up to 18 transition velocities.
+    speed = walkway.transition_velocity * np.arctanh(np.minimum(ratio, 1.0 - 1e-15))
+    return np.where(loaded, speed, 0.0)
+
+
+def _swing(leg: LegRecord, entries: np.ndarray, bounds: np.ndarray) -> dict[str, float]:
+    assert leg.normal_force is not None  # there is ground
+    place = np.searchsorted(bounds[:, 0], entries, side="right") - 1
+    shares = (entries - bounds[place, 0]) / (bounds[place, 1] - bounds[place, 0])
+    return {"swing_entry": _mean(shares), "swing_load": _mean(leg.normal_force[entries])}
+
+
+def _motor_power(log: pd.DataFrame, leg: LegRecord, joint: JointName, bounds: np.ndarray) -> float:
+    torque = log[f"{leg.side}_{joint}_motor_torque_Nm"].to_numpy()
+    return mean_over(torque * log[f"{leg.side}_{joint}_velocity_rad_per_s"].to_numpy(), bounds)
+
+
+def _wearer_power(log: pd.DataFrame, leg: LegRecord, joint: JointName, bounds: np.ndarray) -> float:
+    velocity = log[wearer_column(log.columns, leg.side, joint, "velocity_rad_per_s")].to_numpy()
+    return mean_over(log[f"{leg.side}_{joint}_patient_torque_Nm"].to_numpy() * velocity, bounds)
+
+
+class WalkPower(NamedTuple):
+    """Who drives a walk, means over the counted strides.
+
+    Attributes:
+        belt: Power that the belt gives to both feet, in [W].
+        motors: Net mechanical power of all motors at their joints in [W].
+        wearer: Of the wearer's own effort in [W].
+        guide: Power of guide or harness into the pelvis in [W]; none for a guide that does not move.
+        guide_force: Mean forward force of the guide on the pelvis in [N].
+        carried_by_belt: Whether the belt carries the walk, see :func:`belt_carries`.
+    """
+
+    belt: float
+    motors: float
+    wearer: float
+    guide: float
+    guide_force: float
+    carried_by_belt: bool
+
+
+def walk_power(
+    log: pd.DataFrame, legs: Iterable[WalkMeasures], bounds: np.ndarray, walkway: Walkway
+) -> WalkPower:
+    """Add up who drives a walk.
+
+    Args:
+        log: One row a tick.
+        legs: Measures of both legs.
+        bounds: Counted strides of one of them.
+        walkway: Belt and support.
+
+    Returns:
+        The powers.
+    """
+    legs = tuple(legs)
+    belt, wearer = (
+        sum(values) for values in zip(*((leg.belt_power, leg.wearer_power) for leg in legs), strict=True)
+    )
+    motors = sum(sum(leg.motor_power.values()) for leg in legs)
+    force, power = log["guide_force_N"].to_numpy(), 0.0
+    if (forward := "pelvis_forward_velocity_m_per_s") in log:
+        power = mean_over(force * log[forward].to_numpy(), bounds)
+    return WalkPower(
+        belt=belt,
+        motors=motors,
+        wearer=wearer,
+        guide=power,
+        guide_force=mean_over(force, bounds),
+        carried_by_belt=belt_carries(belt, motors + wearer, walkway),
+    )
+
+
+def belt_carries(belt: float, legs: float, walkway: Walkway) -> bool:
+    """Whether the belt carries a walk: it gives the legs more than they do themselves, by a pull that counts.
+
+    Args:
+        belt: Power of the belt into both feet in [W].
+        legs: Net power of motors and wearer in [W].
+        walkway: Belt and support.
+
+    Returns:
+        False without strides.
+    """
+    pull = belt / walkway.belt_speed
+    return bool(belt > legs and pull > LEAST_DRAG * walkway.carried_weight)
