@@ -9,10 +9,12 @@ by :data:`SMOOTH`, so that ipopt has second derivatives.
 from __future__ import annotations
 
 import itertools
+import sys
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from twin_gait import JointName, Run
 from twin_gait.core import (
@@ -33,15 +35,19 @@ except ImportError:
 
 DEGREES = 180.0 / np.pi
 POINTS = 3  # of an interval
+STRIDES = 6  # of a half stride laid end to end
 OPTIMALITY = 1e-6  # of ipopt: largest error of the scaled optimality conditions
 SMOOTH = 1e-4  # [m], [rad]; half of it is how deep an unloaded sole or joint already feels ground or stop
-SWING_END = 0.55  # share of the half stride after which the swinging foot stays off the belt
+LOAD = 0.01  # [N m], over which the losses of the gear under load are rounded
+# Of its cycle the foot is off the belt at the latest from here on, in [%]; stance at 1.5 km/h lasts 67 to 70.
+SWING = 70.0
 
 
 def require_casadi() -> None:
     """Refuse to go on without the optional dependency."""
     if ca is None:
-        raise SystemExit("attainable_floor: needs casadi: pip install 'twin-gait[floor]'")
+        print("attainable_floor: needs casadi: pip install 'twin-gait[floor]'", file=sys.stderr)
+        raise SystemExit(2)
 
 
 class Goals(NamedTuple):
@@ -111,27 +117,44 @@ class Walk:
     succeeded: bool
     unknowns: np.ndarray
 
-    def replayed(self, first: int = 0, ticks: int | None = None) -> Run:
-        """The walk in our reference engine: the motor torques of the solution, tick by tick, and no feedback.
-
-        Args:
-            first: Tick at which the state is that of the solution.
-            ticks: How many; to the end of the half stride if None.
-        """
-        total = round(self.times[-1] / TICK)
-        ticks = total - first if ticks is None else ticks
+    def replayed(self) -> Run:
+        """The half stride in the reference engine: torques of the solution, tick by tick, no feedback."""
+        ticks = round(self.times[-1] / TICK)
         experiment = replace(self.problem.experiment, duration=ticks * TICK)
         problem = build_problem(experiment)
         n = len(problem.world.start_q)
-        state = self.states_at(np.array([first * TICK]))[:, 0]
+        state = self.states[:, 0]
         world = replace(problem.world, start_q=state[:n], start_v=state[n:])
         rows = problem.phase_rows.copy()
         rows[..., -1] = 0.0  # a table's gravity compensation would be added
         ends = np.linspace(0.0, self.times[-1], self.torques.shape[1])
-        middles = (first + np.arange(ticks) + 0.5) * TICK
+        middles = (np.arange(ticks) + 0.5) * TICK
         wanted = iter(np.array([np.interp(middles, ends, row) for row in self.torques]).T.ravel().tolist())
-        engine = engine_of(replace(problem, world=world, phase_rows=rows), None, lambda *seen: (next(wanted), 0.0))
+        engine = engine_of(
+            replace(problem, world=world, phase_rows=rows), None, lambda *seen: (next(wanted), 0.0)
+        )
         return run_of(engine, engine.run(), 0.0)
+
+    def drift(self, run: Run) -> float:
+        """Largest difference of a motor-driven angle of the whole replay from the solution in [deg]."""
+        states = self.states_at(np.arange(len(run.log)) * TICK)
+        joints = self.problem.joints
+        angles = np.array([run.log[f"{item.side}_{item.joint}_angle_rad"] for item in joints])
+        return float(np.abs(DEGREES * (angles - states[[item.coordinate for item in joints]])).max())
+
+    def walked(self, run: Run) -> Run:
+        """The half stride of a replay and its mirror image in turn, so that all measures of runs apply."""
+        one, other = (f"{side}_" for side in self.problem.sides)
+
+        def exchanged(name: str) -> str:
+            turned = name.replace(one, "@").replace(other, one)
+            return turned.replace("@", other)
+
+        mirrored = run.log.rename(columns=exchanged)[run.log.columns]
+        log = pd.concat([run.log, mirrored] * STRIDES, ignore_index=True)
+        log["time_s"] = np.arange(len(log)) * TICK
+        experiment = replace(run.experiment, duration=len(log) * TICK)
+        return replace(run, log=log, switches=(), experiment=experiment)
 
     def states_at(self, times: np.ndarray) -> np.ndarray:
         """States at any times of the half stride, by the polynomials of the collocation."""
@@ -152,15 +175,22 @@ class Search:
 
     Attributes:
         problem: Of the plant.
-        half: Duration of half a stride in [s]: the reference's.
+        half: Duration of half a stride in [s].
         times: Of the points of collocation in [s].
     """
 
-    def __init__(self, experiment: Experiment, goals: Goals, intervals: int) -> None:
-        """Write the programme down."""
+    def __init__(
+        self, experiment: Experiment, goals: Goals, intervals: int, stride_time: float | None = None
+    ) -> None:
+        """Write the programme down.
+
+        Args:
+            intervals: Of half a stride.
+            stride_time: In [s]; the reference's if None.
+        """
         self.problem, self.goals = build_problem(experiment), goals
         self.speed, self.height = experiment.scenario.belt_speed, experiment.patient.height
-        self.half = 0.5 * reference_cycle_time(self.speed, self.height)
+        self.half = 0.5 * (stride_time or reference_cycle_time(self.speed, self.height))
         self.nodes = np.array(ca.collocation_points(POINTS, "radau"))
         self.times = self.half / intervals * np.add.outer(np.arange(intervals), self.nodes).ravel()
         n, joints, m = len(self.problem.world.start_q), len(self.problem.joints), len(self.times)
@@ -168,7 +198,10 @@ class Search:
         ends, weight = ca.MX.sym("torques", joints, intervals + 1), ca.MX.sym("weight")
         torques = ends @ ca.sparsify(ca.DM(_linear(self.nodes, intervals)))
         plant = plant_of(self.problem)
-        first, then = plant(start[:n], start[n:], ends[:, 0]), plant.map(m)(later[:n, :], later[n:, :], torques)
+        first, then = (
+            plant(start[:n], start[n:], ends[:, 0]),
+            plant.map(m)(later[:n, :], later[n:, :], torques),
+        )
         slopes, _, shares = ca.collocation_coeff(self.nodes.tolist())
         states = [start] if intervals == 1 else [start, later[:, POINTS - 1 : m - 1 : POINTS]]
         states = [ca.horzcat(*states), *(later[:, i::POINTS] for i in range(POINTS))]
@@ -181,7 +214,9 @@ class Search:
         turned, other = _mirror(self.problem)
         equal += [later[turned, m - 1] - start, ends[other, intervals] - ends[:, 0]]
         equal += [first[1][0] / CONTACT_FORCE - 1.0]
-        moments = ca.DM(np.tile(np.array(shares).ravel(), intervals) / intervals)  # weights of a mean over time
+        moments = ca.DM(
+            np.tile(np.array(shares).ravel(), intervals) / intervals
+        )  # weights of a mean over time
         error = DEGREES * (later[[joint.coordinate for joint in self.problem.joints], :] - self._reference())
         square, effort = (ca.sum1((item * item) @ moments) / joints for item in (error, torques))
         limits = self._limits(first, then, start, later, moments)
@@ -212,7 +247,9 @@ class Search:
             ]
         )
 
-    def _limits(self, first: Any, then: Any, start: Any, later: Any, moments: Any) -> list[tuple[Any, float, float]]:
+    def _limits(
+        self, first: Any, then: Any, start: Any, later: Any, moments: Any
+    ) -> list[tuple[Any, float, float]]:
         """Constrained expressions with their least and most: voltage, swing, and what is asked for."""
         _, upward, forward, heights, voltage = then
         goals, percent = self.goals, 50.0 * self.times / self.half
@@ -220,18 +257,20 @@ class Search:
         def within(low: float, high: float) -> list[int]:
             return np.flatnonzero((percent > low) & (percent < high)).tolist()
 
+        quarter = 0.25 * (100.0 - SWING)
+        middle = SWING + quarter - 50.0, 50.0 - quarter  # of the second leg's swing
         carried = self.problem.world.body_weight - self.problem.world.support_force
         knee = next(item.coordinate for item in self.problem.joints if item.joint is JointName.KNEE)
         found = [
             (voltage, -1.0, 1.0),
-            (upward[1, within(50.0 * SWING_END, percent[-1])] / CONTACT_FORCE, -np.inf, 1.0),
+            (upward[1, within(SWING - 50.0, percent[-POINTS])] / CONTACT_FORCE, -np.inf, 0.5),
             (upward / carried, -np.inf, goals.peak),
             (upward[0, within(18.0, 45.0)] / carried, goals.trough, np.inf),
             (upward[0, within(6.0, 20.0)] / carried, goals.loading, np.inf),
             (ca.sum1(forward @ moments), -goals.forward_N, goals.forward_N),
             (DEGREES * start[knee], -np.inf, goals.contact_deg),
             (DEGREES * (later[knee, within(15.0, 50.0)[0]] - start[knee]), goals.yield_deg, np.inf),
-            (100.0 * heights[heights.shape[0] // 2 :, within(20.0, 40.0)], 100.0 * goals.clearance_m, np.inf),
+            (100.0 * heights[heights.shape[0] // 2 :, within(*middle)], 100.0 * goals.clearance_m, np.inf),
         ]
         return [item for item in found if np.isfinite(item[1:]).any()]
 
@@ -255,7 +294,12 @@ class Search:
         ends = np.linspace(0.0, 1.0, len(self.times) // POINTS + 1)
         instants = np.array([0.0, *self.times]) / self.half
         parts = [
-            np.array([np.interp(begin + (end - begin) * at, np.arange(len(run.log)), run.log[name]) for name in group])
+            np.array(
+                [
+                    np.interp(begin + (end - begin) * at, np.arange(len(run.log)), run.log[name])
+                    for name in group
+                ]
+            )
             for group, at in ((itertools.chain(*zip(*names, strict=True)), instants), (motors, ends))
         ]
         return np.concatenate([part.ravel("F") for part in parts])
@@ -302,7 +346,7 @@ def _most_torque(problem: Problem, number: int) -> float:
     """Torque of a motor at the limit of its current."""
     motor = problem.actuator(problem.joints[number])
     return current_to_torque(
-        problem.experiment.control.limits.current, motor.torque_constant, motor.gear_ratio, motor.gear_efficiency
+        problem.experiment.control.limits.current, motor.torque_constant, motor.gear_ratio
     )
 
 
@@ -316,17 +360,21 @@ def plant_of(problem: Problem) -> Any:
     n, battery = len(problem.world.start_q), problem.experiment.plant.battery
     q, v, torque = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("torque", len(problem.joints))
     motor: list[Any] = [0.0] * n
-    voltages, power = [], 0.0
+    electronics = problem.experiment.plant.electronics
+    voltages, power = [], electronics.constant_power
     for k, joint in enumerate(problem.joints):
         motor[joint.coordinate], speed = torque[k], v[joint.coordinate]
         item = problem.actuator(joint)
-        current = torque_to_current(torque[k], item.torque_constant, item.gear_ratio, item.gear_efficiency)
-        voltages.append(item.resistance * current + item.torque_constant * item.gear_ratio * speed)
-        power += motor_electrical_power(current, speed, item.resistance, item.torque_constant, item.gear_ratio)
+        ohms = item.resistance + electronics.inverter_resistance
+        current = torque_to_current(torque[k], item.torque_constant, item.gear_ratio)
+        voltages.append(ohms * current + item.torque_constant * item.gear_ratio * speed)
+        power += motor_electrical_power(current, speed, ohms, item.torque_constant, item.gear_ratio)
+        power += electronics.inverter_power
     bus = sagged_bus_voltage(battery.voltage, battery.internal_resistance, power, battery.voltage)
     laws = {
         "sine_cosine": lambda angle: (ca.sin(angle), ca.cos(angle)),
         "exponential": ca.exp,
+        "abs": lambda torque: ca.sqrt(torque * torque + LOAD * LOAD),
         "hyperbolic_tangent": ca.tanh,
         "ground_contact_force": smooth_ground,
         "mechanical_stop_torque": smooth_stop,
@@ -334,7 +382,8 @@ def plant_of(problem: Problem) -> Any:
     motion = equations_of_motion(problem, laws)(ca.vertsplit(q), ca.vertsplit(v), motor)
     feet = np.array_split(np.array(motion.points, dtype=object), len(problem.sides))
     upward, forward = (
-        ca.vertcat(*(sum(getattr(point, name) for point in foot) for foot in feet)) for name in ("upward", "forward")
+        ca.vertcat(*(sum(getattr(point, name) for point in foot) for foot in feet))
+        for name in ("upward", "forward")
     )
     heights = ca.vertcat(*(point.height for point in motion.points))
     outputs = [ca.vertcat(*motion.acceleration), upward, forward, heights, ca.vertcat(*voltages) / bus]
