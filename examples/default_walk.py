@@ -1,7 +1,7 @@
 """How the shipped walks carry themselves, and how far from the default wearer and belt they still walk.
 
-Each gait table on the default treadmill against what human walking asks for; combined draws of wearer, support
-and speed; speeds of the belt; small moves of support and mass. Some minutes on two cores; page:
+Each gait table on the default treadmill against what human walking asks for; combined draws of wearer,
+support and speed; speeds of the belt; small moves of support and mass. A minute on two cores; page:
 docs/default_walk.md.
 """
 
@@ -138,7 +138,7 @@ def moves() -> dict[str, dict[str, float]]:
 
 
 def speed_range(speeds: Sequence[float], walked: Sequence[bool], around: float) -> tuple[float, float] | None:
-    """Lowest and highest speed of the unbroken range around one at which a table walks; None if it does not."""
+    """Ends of the unbroken range around a speed at which a table walks; None if it does not."""
     middle = int(np.argmin(np.abs(np.array(speeds) - around)))
     if not walked[middle]:
         return None

@@ -125,8 +125,9 @@ class Controller:
         )
         actuators = [problem.actuator(joint) for joint in problem.joints]
         self._constant = np.array([item.torque_constant * item.gear_ratio for item in actuators])
-        self._efficiency = np.array([item.gear_efficiency for item in actuators])
         self._resistance = np.array([item.resistance for item in actuators])
+        self._electronics = experiment.plant.electronics
+        self._resistance += self._electronics.inverter_resistance
         count = len(problem.joints)
         self._angle = self._sampled = np.zeros(count)
         self._fast = self._slow = np.zeros(count)
@@ -212,9 +213,8 @@ class Controller:
         return np.asarray(np.repeat(self._blended[:, -1], self._problem.joints_per_leg) * torque)
 
     def _drive(self, command: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        factor = self._constant * self._efficiency
         limited = np.clip(command, -self._limits.torque, self._limits.torque)
-        current = np.clip(limited / factor, -self._limits.current, self._limits.current)
+        current = np.clip(limited / self._constant, -self._limits.current, self._limits.current)
         back_emf = self._constant * velocity
         current = np.clip(
             current,
@@ -222,8 +222,10 @@ class Controller:
             (self._voltage - back_emf) / self._resistance,
         )
         power = float(np.sum(self._resistance * current**2 + back_emf * current))
+        power += self._electronics.constant_power + len(current) * self._electronics.inverter_power
+        power = max(power, 0.0) + self._electronics.regeneration * min(power, 0.0)
         self._voltage = self._battery.voltage - self._battery.internal_resistance * power / self._voltage
-        return np.asarray(factor * current)
+        return np.asarray(self._constant * current)
 
 
 class Leg:
@@ -233,12 +235,12 @@ class Leg:
         """Read the parameters."""
         world = problem.world
         self.world, self.model, self.data = world, world.model.model, world.model.data
-        self._law, self._load_friction = np.zeros((4, world.model.nv)), np.zeros(world.model.nv)
+        self._law, self._efficiency = np.zeros((4, world.model.nv)), np.ones(world.model.nv)
         self._law[2] = 1.0  # where there is no friction, nor a motor
         given = problem.experiment.plant
         for item in problem.joints:
             self._law[:, item.coordinate] = _columns([given.true_friction()[item.joint]], LAW)[:, 0]
-            self._load_friction[item.coordinate] = given.load_friction[item.joint]
+            self._efficiency[item.coordinate] = given.actuators[item.joint].gear_efficiency
         self._stops = _columns(
             [row.stop for row in world.plant], ("lower", "upper", "stiffness", "dissipation")
         )
@@ -252,9 +254,14 @@ class Leg:
         below = hardness * np.maximum(lower - q, 0.0) * np.maximum(1.0 - dissipation * v, 0.0)
         above = hardness * np.maximum(q - upper, 0.0) * np.maximum(1.0 + dissipation * v, 0.0)
         stiffness, damping, force = self._springs
-        rubbing = self._load_friction * np.abs(motor) * np.tanh(v / np.abs(self._law[2] / 10.0))
-        rubbing = rubbing + friction_torque(v, self._law)
-        return np.asarray(force - stiffness * q - damping * v + below - above - rubbing)
+        lost = friction_torque(v, self._law) + self._gear_loss(v, motor)
+        return np.asarray(force - stiffness * q - damping * v + below - above - lost)
+
+    def _gear_loss(self, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
+        """Of the motor's torque η arrives driving, all at rest, 1/η driven, and between them a parabola."""
+        drives, eta = np.sign(motor) * np.tanh(v / np.abs(self._law[2] / 10.0)), self._efficiency
+        ends = 0.5 * drives * ((drives - 1.0) / eta + (drives + 1.0) * eta)
+        return np.asarray(motor * (drives**2 - ends))
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
         """Accelerations under motors, passive torques and contact, shape ``(nv,)``."""

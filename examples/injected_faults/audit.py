@@ -230,7 +230,7 @@ def _too_fast(velocity: Values, run: Run, trip: Trip) -> Values:
 def _too_hot(current: Values, run: Run, trip: Trip) -> Values:
     assert trip.joint is not None
     motor, settings = run.experiment.plant.actuators[trip.joint], _settings(run)
-    nominal = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio * motor.gear_efficiency)
+    nominal = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio)
     heat, outside = 0.0, np.zeros(len(current), dtype=bool)
     for tick, value in enumerate(((current / nominal) ** 2).tolist()):
         heat += TICK / settings.thermal_time_constant * (value - heat)

@@ -109,7 +109,7 @@ def last_period(run: BenchRun) -> slice:
 def torque_per_ampere(run: BenchRun) -> float:
     """K_t τ η at the joint in [N m] / [A]."""
     motor = run.test.actuator
-    return motor.torque_constant * motor.gear_ratio * motor.gear_efficiency
+    return motor.torque_constant * motor.gear_ratio
 
 
 def electromechanical_torque(run: BenchRun) -> np.ndarray:

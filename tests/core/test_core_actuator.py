@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from twin_gait.core.actuator import (
     Motor,
+    battery_power,
     current_to_torque,
     motor_electrical_power,
     sagged_bus_voltage,
@@ -24,7 +25,7 @@ from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
 
 # maxon EC 90 flat, 24 V winding: K_t = 0.0705 Nm/A, R = 0.343 Ω; CSD-25 gear, 100:1.
 K_T, R, RATIO = 0.0705, 0.343, 100.0
-MOTOR = Motor(torque_constant=K_T, gear_ratio=RATIO, gear_efficiency=1.0, resistance=R)
+MOTOR = Motor(torque_constant=K_T, gear_ratio=RATIO, resistance=R)
 BATTERY = 28.8  # [V], eight-cell pack of the thesis (2.2.1)
 
 torques = st.floats(-150.0, 150.0)
@@ -37,16 +38,15 @@ def knee_current(current: float, velocity: float, voltage: float = BATTERY) -> f
     return voltage_limited_current(current, velocity, voltage, R, K_T, RATIO)
 
 
-@given(torque=torques, efficiency=st.floats(0.1, 1.0))
-def test_torque_and_current_are_inverse(torque: float, efficiency: float) -> None:
-    current = torque_to_current(torque, K_T, RATIO, efficiency)
-    assert_allclose(current_to_torque(current, K_T, RATIO, efficiency), torque, rtol=1e-12, atol=1e-300)
+@given(torque=torques)
+def test_torque_and_current_are_inverse(torque: float) -> None:
+    current = torque_to_current(torque, K_T, RATIO)
+    assert_allclose(current_to_torque(current, K_T, RATIO), torque, rtol=1e-12, atol=1e-300)
 
 
-def test_one_ampere_gives_torque_constant_times_ratio_times_efficiency() -> None:
-    assert_allclose(current_to_torque(1.0, K_T, RATIO, 1.0), 7.05, rtol=1e-12)
-    assert_allclose(current_to_torque(1.0, K_T, RATIO, 0.8), 5.64, rtol=1e-12)
-    assert_allclose(torque_to_current(60.0, K_T, RATIO, 1.0), 8.5106, atol=5e-5)
+def test_one_ampere_gives_torque_constant_times_ratio() -> None:
+    assert_allclose(current_to_torque(1.0, K_T, RATIO), 7.05, rtol=1e-12)
+    assert_allclose(torque_to_current(60.0, K_T, RATIO), 8.5106, atol=5e-5)
 
 
 @given(value=st.floats(-1e6, 1e6), limit=st.floats(1e-3, 1e3))
@@ -101,7 +101,7 @@ def test_limited_current_needs_no_more_than_the_bus_voltage(
 
 @given(current=currents, velocity=speeds)
 def test_electrical_power_is_copper_loss_plus_mechanical_power(current: float, velocity: float) -> None:
-    mechanical = current_to_torque(current, K_T, RATIO, 1.0) * velocity
+    mechanical = current_to_torque(current, K_T, RATIO) * velocity
     power = motor_electrical_power(current, velocity, R, K_T, RATIO)
     assert_allclose(power, R * current**2 + mechanical, rtol=1e-12, atol=1e-9)
 
@@ -111,6 +111,22 @@ def test_motor_draws_power_when_it_drives_and_feeds_the_bus_when_it_brakes() -> 
     assert motor_electrical_power(-5.0, 2.0, R, K_T, RATIO) < 0.0
     # 0.343 · 25 W of copper loss at stall, whatever the direction.
     assert_allclose(motor_electrical_power(-5.0, 0.0, R, K_T, RATIO), 8.575, rtol=1e-12)
+
+
+def test_battery_feeds_the_electronics_and_takes_back_its_share() -> None:
+    assert battery_power(20.0, 10.0, 0.7) == 30.0
+    assert battery_power(-5.0, 10.0, 0.7) == 5.0  # the electronics live on what the motors feed
+    assert_allclose(battery_power(-40.0, 10.0, 0.7), -21.0, rtol=1e-12)
+    assert battery_power(-40.0, 10.0, 0.0) == 0.0  # a brake chopper burns all of it
+
+
+@given(st.floats(-200.0, 200.0), st.floats(0.0, 50.0), st.floats(0.0, 1.0))
+def test_no_bus_gives_the_battery_more_than_is_fed_into_it(
+    motors: float, constant: float, regeneration: float
+) -> None:
+    power = battery_power(motors, constant, regeneration)
+    assert power >= motors + constant
+    assert power * (motors + constant) >= 0.0
 
 
 def test_bus_sags_under_load_and_rises_while_it_is_fed() -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize_scalar
 
-from twin_gait.core.friction import load_friction_torque, rotational_friction_torque
+from twin_gait.core.friction import gear_loss_torque, geared_friction_torque, rotational_friction_torque
 from twin_gait.core.friction_models import REFERENCE_TEMPERATURE
 from twin_gait.exceptions import ParameterError
 from twin_gait.identification.laws import conditioned_torque
@@ -194,31 +194,69 @@ def test_signs_of_a_b_and_c_must_agree() -> None:
         )
 
 
-def test_friction_under_load_by_hand() -> None:
-    """0.15 of 40 N m is 6 N m once the joint turns; at c/10 it has reached tanh 1 = 0.7616 of that."""
-    assert load_friction_torque(3.0, 40.0, 0.15, 0.2) == pytest.approx(6.0, rel=1e-12)
-    assert load_friction_torque(0.02, 40.0, 0.15, 0.2) == pytest.approx(6.0 * 0.761594, rel=1e-6)
-    assert load_friction_torque(0.0, 40.0, 0.15, 0.2) == 0.0
+efficiencies = st.floats(0.35, 1.0)
 
 
-@given(velocities, st.floats(-60.0, 60.0), st.floats(0.0, 0.99), st.floats(0.01, 2.0))
-def test_friction_under_load_brakes_and_knows_no_direction_of_the_load(
-    velocity: float, load: float, coefficient: float, breakaway_velocity: float
+@given(st.floats(0.5, 60.0), st.floats(0.2, 3.0), efficiencies)
+def test_gear_gives_its_efficiency_in_either_direction(torque: float, velocity: float, eta: float) -> None:
+    """Driving, the joint gets η of the motor's power; driven backwards, the motor η of the joint's."""
+    for way in (1.0, -1.0):
+        driven = way * torque - gear_loss_torque(way * velocity, way * torque, eta, 1e-3)
+        assert driven == pytest.approx(way * eta * torque, rel=1e-12)
+        braked = way * torque - gear_loss_torque(-way * velocity, way * torque, eta, 1e-3)
+        assert braked * eta == pytest.approx(way * torque, rel=1e-12)
+
+
+def test_gear_loss_by_hand() -> None:
+    """η 0.8 of 40 N m: 8 lost driving, 10 driven; A 0.225, B 0.025, and tanh 1 = 0.761594 at ω_t."""
+    assert gear_loss_torque(3.0, 40.0, 0.8, 0.02) == pytest.approx(8.0, rel=1e-12)
+    assert gear_loss_torque(-3.0, 40.0, 0.8, 0.02) == pytest.approx(-10.0, rel=1e-12)
+    assert gear_loss_torque(0.02, 40.0, 0.8, 0.02) == pytest.approx(6.274320, abs=1e-5)
+    assert gear_loss_torque(-0.02, 40.0, 0.8, 0.02) == pytest.approx(-7.434372, abs=1e-5)
+    assert gear_loss_torque(0.0, 40.0, 0.8, 0.02) == 0.0
+    assert gear_loss_torque(3.0, 40.0, 1.0, 0.02) == 0.0
+
+
+@given(velocities, st.floats(-60.0, 60.0), efficiencies, st.floats(0.001, 0.2))
+def test_gear_loses_power_and_knows_no_direction(
+    velocity: float, load: float, eta: float, transition_velocity: float
 ) -> None:
-    torque = load_friction_torque(velocity, load, coefficient, breakaway_velocity)
+    torque = gear_loss_torque(velocity, load, eta, transition_velocity)
     assert torque * velocity >= 0.0
-    assert abs(torque) <= coefficient * abs(load)
-    assert load_friction_torque(velocity, -load, coefficient, breakaway_velocity) == torque
-    assert load_friction_torque(-velocity, load, coefficient, breakaway_velocity) == -torque
+    assert abs(torque) <= (1.0 / eta - 1.0) * abs(load) * (1.0 + 1e-12) + 1e-300
+    assert gear_loss_torque(-velocity, -load, eta, transition_velocity) == -torque
 
 
-def test_friction_under_load_is_what_an_identification_of_loaded_joints_fits() -> None:
-    """The load term of the law for identification, which is written for arrays, with ω_t = c/10."""
+@given(st.floats(-60.0, 60.0), efficiencies)
+def test_gear_loss_turns_over_smoothly_and_only_grows_with_the_speed(load: float, eta: float) -> None:
+    """One slope on either side of rest, (1/η - η)/2 |τ| / ω_t, and no hump before the gear surely turns."""
+    step = 1e-9
+    slopes = [gear_loss_torque(way * step, load, eta, 0.02) / (way * step) for way in (1.0, -1.0)]
+    expected = 0.5 * (1.0 / eta - eta) * abs(load) / 0.02
+    assert slopes == pytest.approx([expected, expected], rel=1e-6, abs=1e-6)
+    losses = [gear_loss_torque(velocity, load, eta, 0.02) for velocity in np.linspace(-0.2, 0.2, 201)]
+    assert (np.diff(losses) >= -1e-12).all()
+
+
+@given(velocities, st.floats(-60.0, 60.0), efficiencies)
+def test_friction_and_gear_loss_of_the_rotational_law_turn_over_together(
+    velocity: float, load: float, eta: float
+) -> None:
+    table = (1.664, 4.2, 0.2252, 2.26)
+    expected = rotational_friction_torque(velocity, *table) + gear_loss_torque(velocity, load, eta, 0.02252)
+    assert geared_friction_torque(velocity, *table, load, eta) == pytest.approx(
+        expected, rel=1e-12, abs=1e-14
+    )
+
+
+def test_gear_that_loses_alike_both_ways_is_what_an_identification_of_loaded_joints_fits() -> None:
+    """The mean of driving and driven is A |τ| t, the load term of the law for identification, ω_t = c/10."""
     velocity, load = np.meshgrid(np.linspace(-2.0, 2.0, 41), np.linspace(-50.0, 50.0, 11))
+    eta = 0.85
     cold = np.full_like(velocity, REFERENCE_TEMPERATURE)
-    term = conditioned_torque(velocity, load, cold, 0.0, 0.12, 0.0, 0.0, 0.0, 0.02)
+    term = conditioned_torque(velocity, load, cold, 0.0, 0.5 * (1.0 / eta - eta), 0.0, 0.0, 0.0, 0.02)
     ours = [
-        load_friction_torque(v, tau, 0.12, 0.2)
+        0.5 * (gear_loss_torque(v, tau, eta, 0.02) + gear_loss_torque(v, -tau, eta, 0.02))
         for v, tau in zip(velocity.ravel().tolist(), load.ravel().tolist(), strict=True)
     ]
     assert_allclose(ours, term.ravel(), rtol=1e-12, atol=1e-12)

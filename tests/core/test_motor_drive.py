@@ -16,7 +16,6 @@ from twin_gait.core.motor_drive import (
     current_loop_gains,
     current_loop_step,
     drive_efficiency,
-    gear_loss_torque,
     inverter_voltage,
     link_load_torque,
     six_step_current,
@@ -162,19 +161,6 @@ def test_efficiency_fits_the_catalogue() -> None:
     assert np.abs(error).max() < 0.025
     assert (np.diff(fitted, axis=0) > 0).all()  # warmer grease loses less
     assert (np.diff(fitted, axis=1) < 0).all()  # a faster wave generator more
-
-
-@given(st.floats(1.0, 60.0), st.floats(0.2, 3.0), st.floats(0.1, 1.0))
-def test_gear_gives_its_efficiency_in_either_direction(torque: float, velocity: float, eta: float) -> None:
-    driving = torque + gear_loss_torque(torque, velocity, eta, 1e-3)
-    assert math.isclose(driving * velocity, eta * torque * velocity, rel_tol=1e-9)
-    back = -torque + gear_loss_torque(-torque, velocity, eta, 1e-3)
-    assert math.isclose(-back * velocity * eta, torque * velocity, rel_tol=1e-9)
-
-
-@given(st.floats(-60, 60), st.floats(-3, 3), st.floats(0.05, 1.0))
-def test_gear_loss_never_injects_power(torque: float, velocity: float, eta: float) -> None:
-    assert gear_loss_torque(torque, velocity, eta, 0.02) * velocity <= 0.0
 
 
 @pytest.mark.parametrize("horizontal", [math.pi / 2, 0.0])

@@ -21,6 +21,7 @@ from twin_gait.parameters import (
     AnkleParameters,
     BatteryParameters,
     ContactParameters,
+    ElectronicsParameters,
     LimitParameters,
     Patient,
     SensorParameters,
@@ -35,13 +36,18 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (ActuatorParameters, "rotor_inertia", -1e-6),
     (ActuatorParameters, "gear_ratio", 0.0),
     (ActuatorParameters, "gear_inertia", -1e-6),
-    (ActuatorParameters, "gear_efficiency", 0.0),
+    (ActuatorParameters, "gear_efficiency", 0.34),
     (ActuatorParameters, "gear_efficiency", 1.01),
     (ActuatorParameters, "continuous_torque", 0.0),
     (BatteryParameters, "voltage", 0.0),
     (BatteryParameters, "internal_resistance", -0.1),
     (BatteryParameters, "continuous_power", 0.0),
     (BatteryParameters, "energy", 0.0),
+    (ElectronicsParameters, "inverter_resistance", -1e-3),
+    (ElectronicsParameters, "inverter_power", -0.1),
+    (ElectronicsParameters, "constant_power", -1.0),
+    (ElectronicsParameters, "regeneration", -0.1),
+    (ElectronicsParameters, "regeneration", 1.1),
     (LimitParameters, "torque", 0.0),
     (LimitParameters, "torque", HARD_TORQUE_LIMIT + 0.1),
     (LimitParameters, "current", 0.0),
@@ -142,7 +148,6 @@ def test_wearer_weighs_at_most_what_the_device_carries() -> None:
 
 
 def test_gear_is_lossless_by_default() -> None:
-    """The friction law already holds the losses of the gear; an efficiency would count them twice."""
     assert KNEE_ACTUATOR.gear_efficiency == HIP_ACTUATOR.gear_efficiency == 1.0
 
 

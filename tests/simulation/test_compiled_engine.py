@@ -137,11 +137,12 @@ CASES = {
         "control.mode=transparent",
         "scenario.imposed_motion={joint: knee, amplitude_deg: 40, release_s: 1.5}",
     ),
-    "gears that rub under load": (
+    "gears that lose under load": (
         "treadmill",
         "duration_s=2",
         EULER,
-        "plant.load_friction={hip: 0.15, knee: 0.1}",
+        "plant.actuators.hip.gear_efficiency=0.85",
+        "plant.actuators.knee.gear_efficiency=0.9",
     ),
     "inertia compensation and noise": (
         "bench_leg",
@@ -435,7 +436,8 @@ PLAIN_CASES = {
         "scenario.start_phase=swing_flexion",
         SENSED,
         "plant.friction.knee={law: lugre, coulomb_friction_Nm: 3, bristle_stiffness_Nm_per_rad: 900}",
-        "plant.load_friction={hip: 0.15, knee: 0.1}",
+        "plant.actuators.hip.gear_efficiency=0.85",
+        "plant.actuators.knee.gear_efficiency=0.9",
     ),
 }
 

@@ -12,14 +12,19 @@ from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.log import state_columns
 
 EULER, RK4 = "semi_implicit_euler", "rk4"
-LOADED = "plant.load_friction={hip: 0.15, knee: 0.08}"
+LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")
+ELECTRONICS = (
+    "plant.electronics="
+    "{inverter_resistance_Ohm: 0.05, inverter_power_W: 1, constant_power_W: 8, regeneration: 0.3}"
+)
 CASES = {
     "bench leg, Euler": ("bench_leg", EULER, 1.0, 2000),
     "bench leg, RK4": ("bench_leg", RK4, 1.0, 2000),
-    "bench leg, gears that rub under load": ("bench_leg", EULER, 1.0, 2000, LOADED),
+    "bench leg, gears that lose under load": ("bench_leg", EULER, 1.0, 2000, *LOSSY),
+    "bench leg, electronics": ("bench_leg", EULER, 1.0, 2000, ELECTRONICS),
     "treadmill, Euler": ("treadmill", EULER, 0.25, 1500),
     "treadmill, RK4": ("treadmill", RK4, 0.25, 500),
-    "treadmill, gears that rub under load": ("treadmill", EULER, 0.25, 500, LOADED),
+    "treadmill, gears that lose under load": ("treadmill", EULER, 0.25, 500, *LOSSY),
 }
 
 

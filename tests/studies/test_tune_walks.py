@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from twin_gait.checking.check import check, counts, load_case
 from twin_gait.cli import tune as command
@@ -25,11 +27,11 @@ from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune import outcome, stages
 from twin_gait.studies.tune.cases import Case, departures
-from twin_gait.studies.tune.parts import PARTS, part_values, rate_walk
+from twin_gait.studies.tune.parts import PARTS, Rating, part_values, rate_walk
 from twin_gait.studies.tune.space import editable_document
 from twin_gait.studies.tune.state import Settings
 from twin_gait.studies.tune.tune import tune
-from twin_gait.studies.tune.walks import quick_errors, table_of, walk_all
+from twin_gait.studies.tune.walks import quick_errors, standing, table_of, walk_all
 from twin_gait.vocabulary import JointName, Outcome, Side
 
 TITLES = [part.title for part in PARTS]
@@ -193,7 +195,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(stages, "FINALISTS", 1)
         patch.setattr(stages, "robust_cases", lambda item: (NOMINAL, LOW))
-        patch.setattr(stages, "search_cases", lambda item: (NOMINAL, LOW))
+        for module in (stages, outcome):
+            patch.setattr(module, "search_cases", lambda item: (NOMINAL, LOW))
         patch.setattr(outcome, "departures", lambda item: departures(item)[:1])
         result = tune(experiment, directory, SETTINGS)
         assert result.status is RunStatus.COMPLETED
@@ -217,7 +220,7 @@ def test_the_folder_is_whole(folder: Path) -> None:
         "table.yaml",
         "tune.json",
         "report.html",
-        *(f"figures/{name}.png" for name in ("gait", "parts", "convergence", "departures")),
+        *(f"figures/{name}.png" for name in ("gait", "parts", "trade_offs", "convergence", "departures")),
     }
 
 
@@ -271,7 +274,7 @@ class _Page(HTMLParser):
 def test_the_report_is_one_file_that_names_every_part(folder: Path) -> None:
     page = _Page()
     page.feed((folder / "report.html").read_text(encoding="utf-8"))
-    assert len(page.addresses) == 8  # light and dark
+    assert len(page.addresses) == 10  # light and dark
     assert all(address.startswith("data:image/png;base64,") for address in page.addresses)
     for title in TITLES:
         assert title in page.text
@@ -290,6 +293,60 @@ def test_the_summary_says_which_parts_were_traded(told: dict[str, Any]) -> None:
 def test_a_search_that_found_nothing_says_so(told: dict[str, Any]) -> None:
     text, _ = pictures.summary({**told, "found_better": False})
     assert "table.yaml is that table" in text
+
+
+@given(
+    st.integers(1, 3).flatmap(
+        lambda size: st.lists(st.lists(st.integers(0, 4), min_size=size, max_size=size), max_size=12)
+    )
+)
+def test_a_compromise_is_best_where_no_other_betters_it_for_nothing(points: list[list[int]]) -> None:
+    def dominates(one: list[int], other: list[int]) -> bool:
+        return one != other and all(a <= b for a, b in zip(one, other, strict=True))
+
+    expected = [not any(dominates(one, other) for one in points) for other in points]
+    found = pictures.non_dominated(
+        np.array(points, dtype=float).reshape(len(points), len(points[0]) if points else 1)
+    )
+    assert found.tolist() == expected
+
+
+def test_a_table_stands_by_its_nominal_walk_and_what_the_others_cost() -> None:
+    values: dict[str, float | None] = {"hip_error_deg": 3.0, "knee_error_deg": 5.0}
+    nominal = Rating(5.0, values, False, 1.0, torque=20.0)
+    fallen = nominal._replace(fell=True, cost=60.0)
+    assert standing([nominal]) == [pytest.approx(17.0**0.5), 20.0, None]
+    assert standing([nominal, nominal, fallen]) == [pytest.approx(17.0**0.5), 20.0, 32.5]
+    assert standing([fallen, nominal]) == [None, None, 5.0]
+    assert standing([nominal._replace(values={**values, "hip_error_deg": None})]) == [None, None, None]
+
+
+def test_the_torque_of_a_walk_is_that_of_its_motors(walk: Run) -> None:
+    joints = [joint for side in summarise(walk)["sides"].values() for joint in side["joints"].values()]
+    squares = [joint["torque_rms_Nm"] ** 2 for joint in joints]
+    assert len(squares) == 4
+    assert rate_walk(walk).torque == pytest.approx(np.mean(squares) ** 0.5, rel=1e-12)
+
+
+def test_the_best_compromises_and_the_chosen_table_are_drawn(told: dict[str, Any]) -> None:
+    """In both panels: candidates with an effort of 20 to 22 N m, of which one is dominated."""
+    tried = [[6.0, 20.0, 9.0], [5.0, 22.0, 8.0], [6.5, 21.0, 9.0], [4.0, 25.0, None], [None, None, 3.0]]
+    figure = pictures.draw_trade_offs({"candidates": tried, "before": [9.0, 24.0, 9.5], "after": tried[1]})
+    for axes, column in zip(figure.axes, (1, 2), strict=True):
+        shown = {
+            str(line.get_label()): sorted(zip(line.get_xdata(), line.get_ydata(), strict=True))
+            for line in axes.lines
+        }
+        assert shown["best compromises (Pareto front of the three)"] == sorted(
+            (item[column], item[0]) for item in tried[:2]
+        )
+        assert shown["another one is no worse in all three"] == [(tried[2][column], 6.5)]
+        assert shown["chosen"] == [(tried[1][column], 5.0)]
+    own = [item for item in told["trade_offs"]["candidates"] if None not in item]
+    assert len(own) >= stages.RACED
+    assert told["trade_offs"]["after"][0] == pytest.approx(
+        np.sqrt(np.mean([part["after"] ** 2 for part in told["parts"][:2]]))
+    )
 
 
 def test_falls_are_marked_where_no_error_can_be_drawn(told: dict[str, Any]) -> None:

@@ -105,7 +105,6 @@ class HangingLeg:
             self.problem.experiment.control.limits.current,
             motor.torque_constant,
             motor.gear_ratio,
-            motor.gear_efficiency,
         )
 
     def torque_limits(self) -> np.ndarray:

@@ -27,6 +27,7 @@ from twin_gait.parameters import (
     AsymmetricFriction,
     BatteryParameters,
     BraceParameters,
+    ElectronicsParameters,
     FrictionParameters,
     LimitParameters,
     LuGreFriction,
@@ -163,6 +164,16 @@ class BatteryEntry(Section):
     energy_J: Number = BatteryParameters.energy
 
 
+class ElectronicsEntry(Section):
+    """Inverters, computers, and what braking motors give back."""
+
+    parameters: ClassVar = ElectronicsParameters
+    inverter_resistance_Ohm: Number = ElectronicsParameters.inverter_resistance
+    inverter_power_W: Number = ElectronicsParameters.inverter_power
+    constant_power_W: Number = ElectronicsParameters.constant_power
+    regeneration: Number = ElectronicsParameters.regeneration
+
+
 class StopsEntry(Section):
     """Mechanical stops."""
 
@@ -187,9 +198,9 @@ class PlantEntry(Section):
     parameters: ClassVar = PlantParameters
     friction_ratio: JointNumbers | None = None
     friction: PlantFrictionsEntry | None = None
-    load_friction: JointNumbers | None = None
     actuators: ActuatorsEntry | None = None
     battery: BatteryEntry = BatteryEntry()
+    electronics: ElectronicsEntry = ElectronicsEntry()
     stops: StopsEntry = StopsEntry()
     ankle: AnkleEntry = AnkleEntry()
     gravity_m_per_s2: Number = PlantParameters.gravity

@@ -8,6 +8,7 @@ bit from one version and machine to the next.
 """
 
 from twin_gait.core.actuator import (
+    battery_power,
     current_to_torque,
     motor_electrical_power,
     sagged_bus_voltage,
@@ -30,7 +31,8 @@ from twin_gait.core.friction import (
     PlantFriction,
     advanced_deflection,
     friction_torque,
-    load_friction_torque,
+    gear_loss_torque,
+    geared_friction_torque,
     rotational_friction_torque,
     steady_deflection,
 )
@@ -60,6 +62,7 @@ __all__ = [
     "advanced_deflection",
     "angular_acceleration",
     "asymmetric_torque",
+    "battery_power",
     "belt_speed",
     "belt_travel",
     "blend",
@@ -82,10 +85,11 @@ __all__ = [
     "first_order_gain",
     "first_order_step",
     "friction_torque",
+    "gear_loss_torque",
+    "geared_friction_torque",
     "ground_contact_force",
     "hyperbolic_tangent",
     "impedance_torque",
-    "load_friction_torque",
     "lugre_torque",
     "mechanical_stop_torque",
     "motor_electrical_power",

@@ -1,7 +1,7 @@
 """Motor, gear and battery as the joint sees them.
 
 Currents and voltages are those of the DC equivalent of the block-commutated motor (the convention
-of the motor's data sheet); torques are at the joint, behind the gear.
+of the motor's data sheet); torques are those of the motor times the gear ratio.
 """
 
 from __future__ import annotations
@@ -16,13 +16,11 @@ class Motor:
     Attributes:
         torque_constant: K_t in [N m] / [A].
         gear_ratio: Motor turns per joint turn.
-        gear_efficiency: In (0, 1].
-        resistance: Line to line in [Ω].
+        resistance: Of winding, switches and shunt, line to line, in [Ω].
     """
 
     torque_constant: float
     gear_ratio: float
-    gear_efficiency: float
     resistance: float
 
 
@@ -43,41 +41,35 @@ def saturate(value: float, limit: float) -> float:
     return value
 
 
-def torque_to_current(
-    joint_torque: float, torque_constant: float, gear_ratio: float, gear_efficiency: float
-) -> float:
-    r"""Motor current that yields a joint torque.
+def torque_to_current(joint_torque: float, torque_constant: float, gear_ratio: float) -> float:
+    r"""Motor current that yields a joint torque, equation (2.16) of the thesis: :math:`I = T / (K_t\,\tau)`.
 
-    Equation (2.16) of the thesis with the efficiency of the gear:
-    :math:`I = T / (K_t\,\tau\,\eta)`.
+    The firmware knows nothing of what the gear loses on the way
+    (:func:`twin_gait.core.friction.gear_loss_torque`).
 
     Args:
         joint_torque: :math:`T` in [N m].
         torque_constant: :math:`K_t` in [N m] / [A].
         gear_ratio: :math:`\tau`.
-        gear_efficiency: :math:`\eta` in (0, 1].
 
     Returns:
         Current in [A].
     """
-    return joint_torque / (torque_constant * gear_ratio * gear_efficiency)
+    return joint_torque / (torque_constant * gear_ratio)
 
 
-def current_to_torque(
-    current: float, torque_constant: float, gear_ratio: float, gear_efficiency: float
-) -> float:
-    """Joint torque of a motor current, the inverse of :func:`torque_to_current`.
+def current_to_torque(current: float, torque_constant: float, gear_ratio: float) -> float:
+    """Motor torque seen at the joint, before the losses of the gear; inverts :func:`torque_to_current`.
 
     Args:
         current: Motor current in [A].
         torque_constant: In [N m] / [A].
         gear_ratio: Motor turns per joint turn.
-        gear_efficiency: In (0, 1].
 
     Returns:
-        Joint torque in [N m].
+        Torque in [N m].
     """
-    return current * torque_constant * gear_ratio * gear_efficiency
+    return current * torque_constant * gear_ratio
 
 
 def voltage_limited_current(
@@ -141,6 +133,28 @@ def motor_electrical_power(
     return resistance * current * current + torque_constant * gear_ratio * joint_velocity * current
 
 
+def battery_power(motor_power: float, constant_power: float, regeneration: float) -> float:
+    r"""Power that a battery gives to a bus on which motors draw and feed.
+
+    .. math::
+
+        P = P_m + P_0, \qquad P_{bat} = \begin{cases} P & P \ge 0 \\ \rho\,P & P < 0 \end{cases}
+
+    What a braking motor feeds into the bus serves the other motors and the electronics first; of the rest the
+    share :math:`\rho` comes back to the battery, and a brake chopper burns what does not.
+
+    Args:
+        motor_power: :math:`P_m` of all motors in [W]; negative while they feed the bus.
+        constant_power: :math:`P_0` of inverters and electronics in [W].
+        regeneration: :math:`\rho` in [0, 1].
+
+    Returns:
+        Power in [W]; negative charges.
+    """
+    power = motor_power + constant_power
+    return power if power >= 0.0 else regeneration * power
+
+
 def sagged_bus_voltage(
     open_circuit_voltage: float, internal_resistance: float, battery_power: float, bus_voltage: float
 ) -> float:
@@ -152,7 +166,7 @@ def sagged_bus_voltage(
     Args:
         open_circuit_voltage: In [V].
         internal_resistance: Of the pack in [Ω].
-        battery_power: Drawn by all motors in the last tick in [W]; negative feeds the pack.
+        battery_power: From :func:`battery_power` in the last tick in [W]; negative feeds the pack.
         bus_voltage: Voltage of the last tick in [V], positive.
 
     Returns:

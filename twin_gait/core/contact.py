@@ -17,7 +17,19 @@ def contact_normal_force(
 
         F_n = k\,\delta^{3/2}\,\max(0,\ 1 + \tfrac{3}{2} c\,\dot\delta)
 
-    It is smooth at touch-down and never pulls.
+    It is smooth at touch-down and never pulls. With the factor 3/2, as in Simbody's ``HuntCrossleyForce``, a
+    slow fall at v has the coefficient of restitution :math:`e = 1 - c v`; at any speed, whatever mass and
+    stiffness, the energy of the way in and of the way out gives
+
+    .. math::
+
+        x\,(1 + e) = \ln\frac{1 + x}{1 - e\,x}, \qquad x = \tfrac{3}{2} c v
+
+    A mass m that stands on the point with W, :math:`\delta_0` deep, bounces about its place with
+
+    .. math::
+
+        \omega^2 = \frac{3 W}{2\,m\,\delta_0}, \qquad \zeta = \frac{3\,c\,W}{4\,m\,\omega}
 
     Args:
         penetration: :math:`\delta` in [m]; zero or less is no contact.

@@ -240,7 +240,7 @@ def target_current(motor: Motor, command: float, torque_limit: float, current_li
         Current in [A].
     """
     limited = saturate(command, torque_limit)
-    wanted = torque_to_current(limited, motor.torque_constant, motor.gear_ratio, motor.gear_efficiency)
+    wanted = torque_to_current(limited, motor.torque_constant, motor.gear_ratio)
     return saturate(wanted, current_limit)
 
 
@@ -266,11 +266,12 @@ def drive_motor(
         current_limit: In [A].
 
     Returns:
-        Target current in [A], measured current in [A], motor torque at the joint in [N m].
+        Target current in [A], measured current in [A], motor torque at the joint before the losses of the
+        gear in [N m].
     """
     target = target_current(motor, command, torque_limit, current_limit)
     current = voltage_limited_current(
         target, joint_velocity, bus_voltage, motor.resistance, motor.torque_constant, motor.gear_ratio
     )
-    torque = current_to_torque(current, motor.torque_constant, motor.gear_ratio, motor.gear_efficiency)
+    torque = current_to_torque(current, motor.torque_constant, motor.gear_ratio)
     return target, current, torque

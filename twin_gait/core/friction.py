@@ -37,7 +37,7 @@ class PlantFriction:
         stribeck_velocity: c of (3.1), ω_s of the others, in [rad] / [s], not zero.
         viscous_friction_forward: d of (3.1) in [N m s] / [rad]; F_v+ of the others, in [N m] at 1 rad/s.
         viscous_friction_backward: F_v- in [N m] at 1 rad/s.
-        per_load: Share of the load's magnitude that becomes friction; 0 for none.
+        gear_efficiency: η under load, beside all that; 1 for a gear without such losses.
         offset: T_0 in [N m].
         transition_velocity: ω_t in [rad] / [s], above 0.
         stribeck_exponent: δ.
@@ -52,7 +52,7 @@ class PlantFriction:
     stribeck_velocity: float = 1.0
     viscous_friction_forward: float = 0.0
     viscous_friction_backward: float = 0.0
-    per_load: float = 0.0
+    gear_efficiency: float = 1.0
     offset: float = 0.0
     transition_velocity: float = 1.0
     stribeck_exponent: float = 2.0
@@ -96,36 +96,80 @@ def rotational_friction_torque(
     return stribeck + coulomb_friction * hyperbolic_tangent(10.0 * x) + viscous_friction * velocity
 
 
-def load_friction_torque(
-    velocity: float, load: float, coefficient: float, breakaway_velocity: float
-) -> float:
-    r"""Magnitude of the friction that the gear adds under load, with the sign of the velocity.
+def gear_loss_torque(velocity: float, load: float, efficiency: float, transition_velocity: float) -> float:
+    r"""Torque that the gear loses under load, with the sign of the velocity.
+
+    Driving, the joint receives :math:`\eta\tau` of the motor's torque; driven backwards, it takes
+    :math:`\tau/\eta` to overcome the motor:
 
     .. math::
 
-        T_l(\omega) = K_l\,|\tau|\,\tanh\frac{\omega}{c/10}
+        T_l = \begin{cases} (1 - \eta)\,\tau & \tau\omega > 0 \\
+              (1 - 1/\eta)\,\tau & \tau\omega < 0 \end{cases}
 
-    Friction of the gear grows with its load (model M3 of Duclusaud et al. 2025, who found
-    :math:`K_l = 0.148` for a geared servo, with the difference of motor and outer torque as load; here it is
-    the motor's torque at the joint, which the gear passes on but for the share that turns the rotor). It
-    turns over at the same velocity as the Coulomb term of (3.1).
+    Between them it follows the parabola in :math:`t = \tanh(\omega/\omega_t)` that joins both and is smooth
+    through rest, where the gear loses nothing:
+
+    .. math::
+
+        T_l = t\,(A\,|\tau| - B\,t\,\tau), \qquad
+        A = \tfrac12\left(\tfrac1\eta - \eta\right), \quad B = \tfrac12\left(\tfrac1\eta + \eta\right) - 1
+
+    As :math:`B < A`, it never gives energy. In other words: friction of the gear that grows with its load
+    (model M3 of Duclusaud et al. 2025), :math:`K_l\,|\tau|` with :math:`K_l = 1 - \eta` driving and
+    :math:`1/\eta - 1` driven.
 
     Args:
         velocity: Joint velocity :math:`\omega` in [rad] / [s].
-        load: Torque :math:`\tau` that the gear passes on in [N m], either sign.
-        coefficient: :math:`K_l`, no unit.
-        breakaway_velocity: :math:`c` in [rad] / [s], not zero.
+        load: Torque :math:`\tau` of the motor at the joint in [N m], either sign; the share of it that turns
+            the rotor goes through the gear's teeth no less than the rest here.
+        efficiency: :math:`\eta` in (0, 1].
+        transition_velocity: :math:`\omega_t` in [rad] / [s], above 0.
 
     Returns:
-        Friction torque in [N m]; odd in the velocity.
+        Torque in [N m]; on the plant acts its negative.
     """
-    return coefficient * abs(load) * hyperbolic_tangent(10.0 * velocity / breakaway_velocity)
+    return _gear_loss(hyperbolic_tangent(velocity / transition_velocity), load, efficiency)
+
+
+def _gear_loss(turning: float, load: float, efficiency: float) -> float:
+    """Loss of the gear by how surely it turns, from -1 to 1."""
+    inverse = 1.0 / efficiency
+    steepness, bend = 0.5 * (inverse - efficiency), 0.5 * (inverse + efficiency) - 1.0
+    return turning * (steepness * abs(load) - bend * turning * load)
+
+
+def geared_friction_torque(
+    velocity: float,
+    breakaway_torque: float,
+    coulomb_friction: float,
+    breakaway_velocity: float,
+    viscous_friction: float,
+    load: float,
+    gear_efficiency: float,
+) -> float:
+    """:func:`rotational_friction_torque` and what the gear loses under load, which turn over together.
+
+    They share their hyperbolic tangent, and a compiler finds it.
+
+    Args:
+        load: Torque of the motor at the joint in [N m].
+        gear_efficiency: In (0, 1].
+
+    Returns:
+        Torque in [N m] with the sign of the velocity.
+    """
+    friction = rotational_friction_torque(
+        velocity, breakaway_torque, coulomb_friction, breakaway_velocity, viscous_friction
+    )
+    turning = hyperbolic_tangent(10.0 * (velocity / breakaway_velocity))
+    return friction + _gear_loss(turning, load, gear_efficiency)
 
 
 def friction_torque(friction: PlantFriction, velocity: float, deflection: float, load: float) -> float:
     r"""Friction of a coordinate of the plant, by whichever law it has.
 
-    ``ROTATIONAL`` is (3.1), :func:`rotational_friction_torque`, with :func:`load_friction_torque`.
+    ``ROTATIONAL`` is (3.1) with the losses of the gear, :func:`geared_friction_torque`.
     ``ASYMMETRIC`` is :func:`twin_gait.core.friction_models.asymmetric_torque`, ``BRISTLE`` LuGre's model
     with directions (Dahl's with :math:`F_s = F_c`, :math:`\sigma_1 = 0`):
 
@@ -134,7 +178,8 @@ def friction_torque(friction: PlantFriction, velocity: float, deflection: float,
         T_0 + \left\{\begin{array}{l} g_l\,\tanh(\omega/\omega_t) \\
         \sigma_0 z + \sigma_1 \dot z \end{array}\right\} + F_v^{\pm}|\omega|^\alpha\,\mathrm{sgn}\,\omega
 
-    with :math:`g_l = g(\omega) + K_l|\tau|`, the Stribeck curve raised by the load.
+    with the Stribeck curve :math:`g_l = g(\omega)`. All lose :func:`gear_loss_torque` beside it, with
+    :math:`\omega_t = c/10` of (3.1); of bristles it raises the level, :math:`g_l = g(\omega) + |T_l|`.
 
     Args:
         friction: Law and parameters.
@@ -145,19 +190,22 @@ def friction_torque(friction: PlantFriction, velocity: float, deflection: float,
     Returns:
         Torque in [N m] with the sign of the velocity; on the plant acts its negative.
     """
-    return whole_friction_torque(friction, rotational_torque(friction, velocity), velocity, deflection, load)
+    rotational = rotational_torque(friction, velocity, load)
+    return whole_friction_torque(friction, rotational, velocity, deflection, load)
 
 
-def rotational_torque(friction: PlantFriction, velocity: float) -> float:
-    """:func:`rotational_friction_torque` of a coordinate that has that law, 0 of any other."""
+def rotational_torque(friction: PlantFriction, velocity: float, load: float) -> float:
+    """:func:`geared_friction_torque` of a coordinate that has that law, 0 of any other."""
     if friction.law != ROTATIONAL:
         return 0.0
-    return rotational_friction_torque(
+    return geared_friction_torque(
         velocity,
         friction.breakaway_torque,
         friction.coulomb_friction,
         friction.stribeck_velocity,
         friction.viscous_friction_forward,
+        load,
+        friction.gear_efficiency,
     )
 
 
@@ -170,21 +218,18 @@ def whole_friction_torque(
     if OTHER_LAWS:
         if friction.law != ROTATIONAL:
             return _directional_torque(friction, velocity, deflection, load)
-    torque = rotational
-    if friction.per_load != 0.0:
-        torque += load_friction_torque(velocity, load, friction.per_load, friction.stribeck_velocity)
-    return torque
+    return rotational
 
 
 def _directional_torque(friction: PlantFriction, velocity: float, deflection: float, load: float) -> float:
     """Friction by the laws with directions of their own, with or without bristles."""
     if friction.law == ASYMMETRIC:
-        raised = friction.per_load * abs(load)
-        return asymmetric_torque(
+        loss = gear_loss_torque(velocity, load, friction.gear_efficiency, friction.transition_velocity)
+        return loss + asymmetric_torque(
             velocity,
             friction.offset,
-            friction.coulomb_friction + raised,
-            friction.breakaway_torque + raised,
+            friction.coulomb_friction,
+            friction.breakaway_torque,
             friction.viscous_friction_forward,
             friction.viscous_friction_backward,
             friction.transition_velocity,
@@ -247,8 +292,8 @@ def steady_deflection(friction: PlantFriction, velocity: float, load: float) -> 
 
 
 def _level(friction: PlantFriction, velocity: float, load: float) -> float:
-    """Torque that sliding bristles hold: the Stribeck curve, raised by the load."""
-    return friction.per_load * abs(load) + stribeck_level(
+    """Torque that sliding bristles hold: the Stribeck curve, raised by what the gear loses."""
+    return abs(_gear_loss(sign_of(velocity), load, friction.gear_efficiency)) + stribeck_level(
         velocity,
         friction.coulomb_friction,
         friction.breakaway_torque,

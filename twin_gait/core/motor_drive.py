@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from twin_gait.core.actuator import saturate
-from twin_gait.core.elementary import hyperbolic_tangent, settled_share, sine_cosine
+from twin_gait.core.elementary import settled_share, sine_cosine
 
 # Switching states of six-step commutation in an electrical turn.
 _SIX_STEPS = 6.0
@@ -170,31 +170,6 @@ def drive_efficiency(
         + speed * (per_speed + per_speed_squared * speed)
     )
     return min(max(efficiency, LOWEST_EFFICIENCY), 1.0)
-
-
-def gear_loss_torque(
-    motor_torque: float, velocity: float, efficiency: float, transition_velocity: float
-) -> float:
-    r"""Torque that the gear loses under load, as it acts on the joint.
-
-    Driving, the joint receives :math:`\eta T`; driven backwards, a torque of :math:`T/\eta` is needed:
-
-    .. math::
-
-        T_{loss} = -\mu\,|T| \tanh\frac{\omega}{\omega_t}, \qquad
-        \mu = \begin{cases} 1 - \eta & T\omega \ge 0 \\ 1/\eta - 1 & T\omega < 0 \end{cases}
-
-    Args:
-        motor_torque: :math:`T` of the motor at the joint in [N m].
-        velocity: :math:`\omega` in [rad] / [s].
-        efficiency: :math:`\eta` in (0, 1].
-        transition_velocity: :math:`\omega_t` in [rad] / [s], above 0.
-
-    Returns:
-        Torque in [N m], against the velocity.
-    """
-    share = 1.0 - efficiency if motor_torque * velocity >= 0.0 else 1.0 / efficiency - 1.0
-    return -share * abs(motor_torque) * hyperbolic_tangent(velocity / transition_velocity)
 
 
 def torsion_torque(twist: float, twist_rate: float, stiffness: float, damping: float) -> float:

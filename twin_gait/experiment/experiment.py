@@ -121,7 +121,7 @@ class Experiment:
         world = self.scenario.build(
             self._plant_model(Bodies.BOTH),
             friction=self.plant.true_friction(),
-            load_friction=self.plant.load_friction,
+            actuators=self.plant.actuators,
             stops=self.plant.stops,
             ankle=self.plant.ankle,
             gravity=self.plant.gravity,

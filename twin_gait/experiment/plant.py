@@ -13,12 +13,12 @@ from twin_gait.parameters import (
     ActuatorParameters,
     AnkleParameters,
     BatteryParameters,
+    ElectronicsParameters,
     FrictionLaw,
     StopParameters,
-    require,
     require_non_negative,
 )
-from twin_gait.vocabulary import MOTOR_JOINTS, JointName
+from twin_gait.vocabulary import JointName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,9 +28,9 @@ class PlantParameters:
     Attributes:
         friction_ratio: True friction over the model of table 3.1, per joint.
         friction: The friction law that the ratio scales; any law, the compensator keeps its own.
-        load_friction: Friction of the gear over the magnitude of the motor torque, per joint.
         actuators: Motor and gear per joint.
         battery: The pack.
+        electronics: What draws from it beside the windings.
         stops: Mechanical stops.
         ankle: The orthosis.
         gravity: In [m] / [s²].
@@ -42,11 +42,11 @@ class PlantParameters:
     friction: Mapping[JointName, FrictionLaw] = field(
         default_factory=lambda: {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
     )
-    load_friction: Mapping[JointName, float] = field(default_factory=lambda: dict.fromkeys(MOTOR_JOINTS, 0.0))
     actuators: Mapping[JointName, ActuatorParameters] = field(
         default_factory=lambda: {JointName.HIP: HIP_ACTUATOR, JointName.KNEE: KNEE_ACTUATOR}
     )
     battery: BatteryParameters = field(default_factory=BatteryParameters)
+    electronics: ElectronicsParameters = field(default_factory=ElectronicsParameters)
     stops: StopParameters = field(default_factory=StopParameters)
     ankle: AnkleParameters = field(default_factory=AnkleParameters)
     gravity: float = 9.81
@@ -55,9 +55,6 @@ class PlantParameters:
         """Check the ranges."""
         for joint, ratio in self.friction_ratio.items():
             require_non_negative(f"friction_ratio of the {joint}", ratio)
-        for joint, coefficient in self.load_friction.items():
-            name = f"load_friction of the {joint}"
-            require(0.0 <= coefficient < 1.0, name, "0 or more and below 1", coefficient)
         require_non_negative("gravity", self.gravity)
 
     def true_friction(self) -> dict[JointName, FrictionLaw]:

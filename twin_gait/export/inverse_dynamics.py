@@ -260,7 +260,7 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
         plant = world.plant[index]
         states = zip(log[f"{name}_angle_rad"].tolist(), velocity.tolist(), strict=True)
         torques = (
-            passive_torque(plant, rotational_torque(plant.friction, speed), angle, speed, 0.0, 0.0)
+            passive_torque(plant, rotational_torque(plant.friction, speed, 0.0), angle, speed, 0.0, 0.0)
             for angle, speed in states
         )
         return np.array(list(torques))

@@ -121,7 +121,7 @@ def battery_use(power: np.ndarray, tick: float, continuous_power: float) -> Batt
     """Power and energy from the battery.
 
     Args:
-        power: Of all motors in [W], constant within a tick, shape ``(n,)``.
+        power: Drawn from it in [W], constant within a tick, shape ``(n,)``.
         tick: Sampling period in [s].
         continuous_power: Of the pack in [W].
 
@@ -137,14 +137,14 @@ def battery_use(power: np.ndarray, tick: float, continuous_power: float) -> Batt
 
 
 def battery_life(energy: float, power: float) -> float:
-    """How long a full battery lasts at a mean power of the motors; electronics are not reckoned with.
+    """How long a full battery lasts at a mean power.
 
     Args:
         energy: Of the full battery in [J].
-        power: Mean power in [W].
+        power: Mean power drawn from it in [W].
 
     Returns:
-        Time in [s]; infinite where the motors take nothing on balance, NaN without a power.
+        Time in [s]; infinite where nothing is drawn on balance, NaN without a power.
     """
     if math.isnan(power):
         return math.nan

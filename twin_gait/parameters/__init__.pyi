@@ -6,11 +6,13 @@ from .checks import require_share as require_share
 from .drives import HARD_TORQUE_LIMIT as HARD_TORQUE_LIMIT
 from .drives import HIP_ACTUATOR as HIP_ACTUATOR
 from .drives import KNEE_ACTUATOR as KNEE_ACTUATOR
+from .drives import LOADED_EFFICIENCY as LOADED_EFFICIENCY
+from .drives import STATED_AUTONOMY as STATED_AUTONOMY
 from .drives import ActuatorParameters as ActuatorParameters
 from .drives import BatteryParameters as BatteryParameters
+from .drives import ElectronicsParameters as ElectronicsParameters
 from .drives import LimitParameters as LimitParameters
 from .drives import SensorParameters as SensorParameters
-from .friction import HIGHEST_LOAD_FRICTION as HIGHEST_LOAD_FRICTION
 from .friction import HIP_FRICTION as HIP_FRICTION
 from .friction import KNEE_FRICTION as KNEE_FRICTION
 from .friction import AsymmetricFriction as AsymmetricFriction

@@ -6,8 +6,21 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from twin_gait.parameters.checks import require, require_count, require_non_negative, require_positive
+from twin_gait.parameters.checks import (
+    require,
+    require_count,
+    require_non_negative,
+    require_positive,
+    require_share,
+)
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
+
+# Below 1/3 the parabola of the law has its highest loss before the gear surely turns.
+LEAST_EFFICIENCY = 0.35
+# Of the CSD-25-100 under load, without what it loses without one. Its catalogue has 0.78 at 500 1/min, 25 °C
+# and 47 N m: 13.3 N m lost of 60.3, of which equation (3.1) says 4.2 (knee) to 5.2 (hip) at that speed, so
+# that 9 N m are the load's. A geared servo has 0.852 (Duclusaud et al. 2025). Not measured on TWIN.
+LOADED_EFFICIENCY = 0.85
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,8 +33,10 @@ class ActuatorParameters:
         rotor_inertia: In [kg m²], at the motor.
         gear_ratio: Motor turns per joint turn.
         gear_inertia: Wave generator in [kg m²], at the motor.
-        gear_efficiency: η in (0, 1]. 1 by default, because equation (3.1) already holds the losses.
-        continuous_torque: Torque at the joint that the motor can hold in [N m].
+        gear_efficiency: η of the gear under load, beside the friction law, which is that of a joint without
+            load: the share of the motor's torque that the joint receives, and of the joint's that the motor
+            feels (:func:`twin_gait.core.friction.gear_loss_torque`). 0.35 to 1, which is no such loss.
+        continuous_torque: Torque that the motor can hold, before the gear's losses, in [N m].
     """
 
     torque_constant: float
@@ -40,9 +55,9 @@ class ActuatorParameters:
         require_positive("gear_ratio", self.gear_ratio)
         require_non_negative("gear_inertia", self.gear_inertia)
         require(
-            0.0 < self.gear_efficiency <= 1.0,
+            LEAST_EFFICIENCY <= self.gear_efficiency <= 1.0,
             "gear_efficiency",
-            "a number above 0 and at most 1",
+            f"{LEAST_EFFICIENCY:g} to 1",
             self.gear_efficiency,
         )
         require_positive("continuous_torque", self.continuous_torque)
@@ -82,6 +97,36 @@ class BatteryParameters:
         require_non_negative("battery internal_resistance", self.internal_resistance)
         require_positive("battery continuous_power", self.continuous_power)
         require_positive("battery energy", self.energy)
+
+
+STATED_AUTONOMY = 4.0 * 3600.0  # [s] of TWIN with its battery (thesis, table 2.1), doing what is not said
+
+
+@dataclass(frozen=True, kw_only=True)
+class ElectronicsParameters:
+    """What draws from the battery beside the windings, and what comes back to it.
+
+    By default nothing draws and everything comes back, as if inverters and computers were free.
+
+    Attributes:
+        inverter_resistance: Of the two switches and the shunt that carry the current of a motor, in [Ω].
+        inverter_power: Of each inverter, whatever its motor does, in [W]: gates and switching.
+        constant_power: Of computers, sensors and radio in [W].
+        regeneration: Share of the power that braking motors feed into the bus beyond what is drawn from it
+            that returns to the battery; 0 for a brake chopper.
+    """
+
+    inverter_resistance: float = 0.0
+    inverter_power: float = 0.0
+    constant_power: float = 0.0
+    regeneration: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        require_non_negative("inverter_resistance", self.inverter_resistance)
+        require_non_negative("inverter_power", self.inverter_power)
+        require_non_negative("constant_power", self.constant_power)
+        require_share("regeneration", self.regeneration)
 
 
 HARD_TORQUE_LIMIT = 100.0  # [N m]: just below the repeated peak torque of the gear (110 N m)

@@ -78,14 +78,14 @@ class FrictionParameters:
             viscous_friction=ratio * self.viscous_friction,
         )
 
-    def in_plant(self, load_friction: float = 0.0) -> PlantFriction:
+    def in_plant(self, gear_efficiency: float = 1.0) -> PlantFriction:
         """As the plant takes it.
 
         Args:
-            load_friction: Share of the motor torque's magnitude that becomes friction.
+            gear_efficiency: Of the gear under load, beside the friction.
         """
         law = self.normalised()
-        given = (law.breakaway_torque, law.coulomb_friction, law.viscous_friction, load_friction)
+        given = (law.breakaway_torque, law.coulomb_friction, law.viscous_friction, gear_efficiency - 1.0)
         return PlantFriction(
             law=ROTATIONAL if any(given) else FRICTIONLESS,
             breakaway_torque=law.breakaway_torque,
@@ -93,7 +93,7 @@ class FrictionParameters:
             stribeck_velocity=law.breakaway_velocity,
             viscous_friction_forward=law.viscous_friction,
             viscous_friction_backward=law.viscous_friction,
-            per_load=load_friction,
+            gear_efficiency=gear_efficiency,
         )
 
 
@@ -169,14 +169,14 @@ class StribeckFriction:
         scaled: FrictionLaw = replace(self, **changes)  # type: ignore[assignment]
         return scaled
 
-    def in_plant(self, load_friction: float = 0.0) -> PlantFriction:
+    def in_plant(self, gear_efficiency: float = 1.0) -> PlantFriction:
         """As :meth:`FrictionParameters.in_plant`."""
         given: dict[str, Any] = self._given()
         if self.breakaway_torque is None:
             # No matter to the law; checks take a joint to creep up to this speed, as up to c of (3.1).
             speed = 10.0 * given.get("transition_velocity", 1e-3)
             given |= {"breakaway_torque": self.coulomb_friction, "stribeck_velocity": speed}
-        return PlantFriction(law=self.law, per_load=load_friction, **given)
+        return PlantFriction(law=self.law, gear_efficiency=gear_efficiency, **given)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,7 +223,3 @@ KNEE_FRICTION = FrictionParameters(
 HIP_FRICTION = FrictionParameters(
     breakaway_torque=1.664, coulomb_friction=4.2, breakaway_velocity=0.2252, viscous_friction=2.26
 )
-
-# Load-dependent gear friction, over the load: that of a geared servo, 0.148 (Duclusaud et al. 2025),
-# rounded up. That of TWIN has not been measured; it is the most that a table is tried with.
-HIGHEST_LOAD_FRICTION = 0.15

@@ -157,9 +157,7 @@ def draw_currents(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
         target = run.log[f"{name}_target_current_A"].to_numpy()[window.rows]
         measured = run.log[f"{name}_measured_current_A"].to_numpy()[window.rows]
         actuator, limits = run.experiment.plant.actuators[joint], run.experiment.control.limits
-        at_torque = torque_to_current(
-            limits.torque, actuator.torque_constant, actuator.gear_ratio, actuator.gear_efficiency
-        )
+        at_torque = torque_to_current(limits.torque, actuator.torque_constant, actuator.gear_ratio)
         return [
             *axes.plot(window.time, target, color=ORANGE, linewidth=2.4, label="target current"),
             *axes.plot(window.time, measured, color=BLACK, linewidth=1.2, label="measured current"),

@@ -202,7 +202,7 @@ def _effort(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[st
     name = f"{record.side}_{joint}"
     actuator, log = run.experiment.plant.actuators[joint], run.log
     continuous_current = torque_to_current(
-        actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio, actuator.gear_efficiency
+        actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio
     )
     torque = load(log[f"{name}_motor_torque_Nm"].to_numpy(), actuator.continuous_torque)
     current = load(log[f"{name}_measured_current_A"].to_numpy(), continuous_current)

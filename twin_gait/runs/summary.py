@@ -15,9 +15,16 @@ import pandas as pd
 import twin_gait
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import TICK
-from twin_gait.measures.effort import battery_use, changes_at_switches, energy_balance, root_mean_square
+from twin_gait.measures.effort import (
+    battery_life,
+    battery_use,
+    changes_at_switches,
+    energy_balance,
+    root_mean_square,
+)
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.measures.switching import blend_windows, torque_jumps
+from twin_gait.parameters import STATED_AUTONOMY
 from twin_gait.report.reference import reference_stride_time
 from twin_gait.runs.leg_summary import blend_length, reference_error, side_in_brief, summarise_side
 from twin_gait.simulation.log import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
@@ -144,15 +151,17 @@ def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None
 
 
 def _battery(run: Run) -> dict[str, float]:
-    use = battery_use(
-        run.log["battery_power_W"].to_numpy(), TICK, run.experiment.plant.battery.continuous_power
-    )
+    battery = run.experiment.plant.battery
+    use = battery_use(run.log["battery_power_W"].to_numpy(), TICK, battery.continuous_power)
     return {
         "battery_power_mean_W": use.mean,
         "battery_power_peak_W": use.peak,
         "battery_power_lowest_W": use.lowest,
         "battery_energy_J": use.energy,
         "battery_continuous_share": use.continuous_share,
+        "battery_capacity_Wh": battery.energy / 3600.0,
+        "battery_life_h": battery_life(battery.energy, use.mean) / 3600.0,
+        "battery_life_stated_h": STATED_AUTONOMY / 3600.0,
     }
 
 

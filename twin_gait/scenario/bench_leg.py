@@ -11,6 +11,7 @@ import numpy as np
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import (
+    ActuatorParameters,
     AnkleParameters,
     FrictionLaw,
     StopParameters,
@@ -76,7 +77,7 @@ class BenchLegScenario:
         model: LegModel,
         *,
         friction: Mapping[JointName, FrictionLaw],
-        load_friction: Mapping[JointName, float],
+        actuators: Mapping[JointName, ActuatorParameters],
         stops: StopParameters,
         ankle: AnkleParameters,
         gravity: float,
@@ -86,7 +87,7 @@ class BenchLegScenario:
         Args:
             model: One leg with a fixed pelvis.
             friction: True friction of hip and knee.
-            load_friction: Share of the motor torque that becomes friction, at hip and knee.
+            actuators: Motor and gear of hip and knee.
             stops: Mechanical stops.
             ankle: The orthosis, if the leg has one.
             gravity: In [m] / [s²].
@@ -115,9 +116,7 @@ class BenchLegScenario:
             )
         return World(
             model=model,
-            plant=build_plant(
-                model, friction=friction, load_friction=load_friction, stops=stops, ankle=ankle
-            ),
+            plant=build_plant(model, friction=friction, actuators=actuators, stops=stops, ankle=ankle),
             start_q=q,
             start_v=np.zeros(model.nv),
             initial_phases={side: self.initial_phase},

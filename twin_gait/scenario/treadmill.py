@@ -11,6 +11,7 @@ import numpy as np
 from twin_gait.core.belt import Belt, treadmill_speed, treadmill_travel
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import (
+    ActuatorParameters,
     AnkleParameters,
     BeltProfile,
     ContactParameters,
@@ -116,7 +117,7 @@ class TreadmillScenario:
         model: LegModel,
         *,
         friction: Mapping[JointName, FrictionLaw],
-        load_friction: Mapping[JointName, float],
+        actuators: Mapping[JointName, ActuatorParameters],
         stops: StopParameters,
         ankle: AnkleParameters,
         gravity: float,
@@ -126,7 +127,7 @@ class TreadmillScenario:
         Args:
             model: Both legs with a pelvis that moves.
             friction: True friction of hip and knee.
-            load_friction: Share of the motor torque that becomes friction, at hip and knee.
+            actuators: Motor and gear of hip and knee.
             stops: Mechanical stops.
             ankle: The orthosis.
             gravity: In [m] / [s²].
@@ -140,7 +141,7 @@ class TreadmillScenario:
         require(all(frames.values()), "contact_frames", "heel and toe frames on both feet", frames)
         weight = model.total_mass * gravity
         support_force = self.support.share * weight
-        rows = build_plant(model, friction=friction, load_friction=load_friction, stops=stops, ankle=ankle)
+        rows = build_plant(model, friction=friction, actuators=actuators, stops=stops, ankle=ankle)
         pelvis = model.pelvis_index
         assert pelvis is not None  # the pelvis of this scenario moves
         rows[pelvis].spring.damping, rows[pelvis].spring.force = self.support.damping, support_force

@@ -136,7 +136,7 @@ def build_plant(
     model: LegModel,
     *,
     friction: Mapping[JointName, FrictionLaw],
-    load_friction: Mapping[JointName, float],
+    actuators: Mapping[JointName, ActuatorParameters],
     stops: StopParameters,
     ankle: AnkleParameters,
 ) -> tuple[Plant, ...]:
@@ -150,5 +150,5 @@ def build_plant(
             if joint is JointName.ANKLE:
                 plant.spring = Spring(ankle.stiffness, ankle.damping, ankle.stiffness * ankle.rest)
             else:
-                plant.friction = friction[joint].in_plant(load_friction[joint])
+                plant.friction = friction[joint].in_plant(actuators[joint].gear_efficiency)
     return result

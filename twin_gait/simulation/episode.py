@@ -204,16 +204,20 @@ class Supply:
     Attributes:
         voltage: Open-circuit voltage in [V].
         resistance: Internal one in [Ω].
+        constant_power: Of inverters and electronics in [W].
+        regeneration: Share of what is fed into the bus that returns to the battery.
         bus_voltage: Present one in [V].
         least_voltage: That the monitor bears, in [V].
         low_ticks: How long it bears less.
         low_streak: Consecutive ticks with less.
-        power: That the motors draw in this tick in [W].
+        power: That is drawn from the battery in this tick in [W]; until all motors are driven, by them alone.
         cause: Of a trip in this tick: less for too long.
     """
 
     voltage: float
     resistance: float
+    constant_power: float
+    regeneration: float
     bus_voltage: float
     least_voltage: float
     low_ticks: int

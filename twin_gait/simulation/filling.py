@@ -146,6 +146,7 @@ def setpoints_of(problem: Problem, number: int) -> list[Setpoint]:
 
 def _joint(problem: Problem, number: int, legs: list[Leg]) -> Joint:
     joint, experiment = problem.joints[number], problem.experiment
+    actuator, inverter = problem.actuator(joint), experiment.plant.electronics.inverter_resistance
     angle = float(problem.world.start_q[joint.coordinate] + problem.offset[number])
     setpoints = setpoints_of(problem, number)
     first = setpoints[legs[number // problem.joints_per_leg].phase]
@@ -154,7 +155,7 @@ def _joint(problem: Problem, number: int, legs: list[Leg]) -> Joint:
         control_place=joint.control_coordinate,
         encoder=new_encoder(float(problem.resolution[number]), angle, experiment.sensors.window),
         reading=angle,
-        motor=taken_from(Motor, problem.actuator(joint)),
+        motor=taken_from(Motor, actuator, resistance=actuator.resistance + inverter),
         friction_model=experiment.control.friction_model[joint.joint],
         setpoints=setpoints,
         blend_start=copied(first),
@@ -213,10 +214,13 @@ def _rates(problem: Problem) -> Rates:
 
 
 def _supply(problem: Problem) -> Supply:
-    battery, settings = problem.experiment.plant.battery, problem.experiment.control.safety
+    plant, settings = problem.experiment.plant, problem.experiment.control.safety
+    battery, electronics = plant.battery, plant.electronics
     return Supply(
         voltage=battery.voltage,
         resistance=battery.internal_resistance,
+        constant_power=electronics.constant_power + len(problem.joints) * electronics.inverter_power,
+        regeneration=electronics.regeneration,
         bus_voltage=battery.voltage,
         least_voltage=settings.least_voltage_share * battery.voltage,
         low_ticks=ticks(settings.voltage_time),

@@ -57,8 +57,10 @@ class JointRow:
     inertia_compensation_torque: float = column("N m", "share of the inertia torque that it gives")
     target_torque: float = column("N m", "added to the command")
     motor_command_torque: float = column("N m", "sum of the five, before limits")
-    motor_torque: float = column("N m", "that the motor gives behind the gear")
-    friction_torque: float = column("N m", "of motor and gear on the joint")
+    motor_torque: float = column("N m", "of the motor times the gear ratio, before the losses of the gear")
+    friction_torque: float = column(
+        "N m", "of motor and gear on the joint, with what the gear loses under load"
+    )
     stop_torque: float = column("N m", "of the mechanical stops")
     patient_torque: float = column("N m", "of the wearer, a push or an imposed motion")
     target_current: float = column("A", "that the drive is asked for")
@@ -166,7 +168,7 @@ class LogRow:
     pelvis: PelvisRow
     forward: ForwardRow
     bus_voltage: float = column("V", "of the drives")
-    battery_power: float = column("W", "that the motors draw")
+    battery_power: float = column("W", "that the battery gives; below 0 motors charge it")
     kinetic_energy: float = column("J", "of bodies and rotors")
     potential_energy: float = column("J", "of gravity")
     works: WorkRow = field(default_factory=WorkRow)

@@ -51,7 +51,7 @@ def watch_bounds(problem: Problem, joint: ActuatedJoint) -> Bounds:
     control, model = problem.experiment.control, problem.control_model
     settings, motor = control.safety, problem.actuator(joint)
     lower, upper = model.position_limits(joint.side, joint.joint)
-    continuous = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio * motor.gear_efficiency)
+    continuous = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio)
     cooling = min(1.0, TICK / settings.thermal_time_constant)
     return Bounds(
         lower=lower,

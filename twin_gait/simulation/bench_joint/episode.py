@@ -192,8 +192,8 @@ class BenchEpisode:
         moment: Of weight and link in [kg m].
         torsion: Of the gear.
         compliant: Whether there is torsion.
-        efficiency: Of the gear.
-        lossy: Whether the gear loses torque beyond its friction.
+        efficiency: Of the gear, from its catalogue.
+        catalogued: Whether it is that, not the constant one of the motor and gear.
         friction: Of motor and gear.
         deflection: Of the bristles that some laws of friction have, at the start of the step, in [rad].
         ripple_cosine: Part in [N m] of the friction that repeats with the angle.
@@ -227,7 +227,7 @@ class BenchEpisode:
     torsion: Torsion
     compliant: bool
     efficiency: CatalogueEfficiency
-    lossy: bool
+    catalogued: bool
     friction: PlantFriction
     ripple_cosine: float
     ripple_sine: float

@@ -90,7 +90,7 @@ def bench_episode(test: BenchJoint, variation: record.BenchVariation) -> record.
         torsion=test.torsion or Torsion(),
         compliant=test.torsion is not None,
         efficiency=test.efficiency or CatalogueEfficiency(),
-        lossy=test.efficiency is not None,
+        catalogued=test.efficiency is not None,
         friction=friction.law.scaled(variation.friction_ratio).in_plant(),
         ripple_cosine=friction.ripple * cosine,
         ripple_sine=friction.ripple * sine,

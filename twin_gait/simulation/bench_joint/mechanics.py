@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from twin_gait.core.actuator import current_to_torque
 from twin_gait.core.contact import mechanical_stop_torque
-from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, friction_torque
+from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, friction_torque, gear_loss_torque
 from twin_gait.core.friction_models import conditioned_torque, ripple_torque
-from twin_gait.core.motor_drive import drive_efficiency, gear_loss_torque, link_load_torque, torsion_torque
+from twin_gait.core.motor_drive import drive_efficiency, link_load_torque, torsion_torque
 from twin_gait.core.plant import imposed_motion_torque
 from twin_gait.simulation.bench_joint.episode import BenchEpisode
 
 
 def motor_torque(e: BenchEpisode, current: float) -> float:
     """Torque of a current at the joint, before the losses of the gear."""
-    motor = e.motor
-    return current_to_torque(current, motor.torque_constant, motor.gear_ratio, motor.gear_efficiency)
+    return current_to_torque(current, e.motor.torque_constant, e.motor.gear_ratio)
 
 
 def present_accelerations(e: BenchEpisode, time: float) -> tuple[float, float]:
@@ -79,12 +78,13 @@ def _friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> fl
 
 def _gear_loss(e: BenchEpisode, torque: float, velocity: float) -> float:
     """Torque on the rotor that the gear loses under the load of the motor."""
-    if not e.lossy:
+    gear, efficiency = e.efficiency, e.test.actuator.gear_efficiency
+    if e.catalogued:
+        speed, fit = e.motor.gear_ratio * velocity, gear.coefficients
+        efficiency = drive_efficiency(gear.temperature, speed, fit[0], fit[1], fit[2], fit[3], fit[4], fit[5])
+    if efficiency == 1.0:
         return 0.0
-    gear, speed = e.efficiency, e.motor.gear_ratio * velocity
-    fit = gear.coefficients
-    efficiency = drive_efficiency(gear.temperature, speed, fit[0], fit[1], fit[2], fit[3], fit[4], fit[5])
-    return gear_loss_torque(torque, velocity, efficiency, gear.transition_velocity)
+    return -gear_loss_torque(velocity, torque, efficiency, gear.transition_velocity)
 
 
 def mechanical_step(e: BenchEpisode, time: float, step: float) -> None:

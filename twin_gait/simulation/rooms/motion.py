@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, rotational_friction_torque
+from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, geared_friction_torque
 from twin_gait.core.plant import brace_torque, imposed_motion_torque, passive_torque
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import RK4, SHIFT, WITH_FRICTION, dynamics, lanes, side_by_side
@@ -28,9 +28,7 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
         staged: Whether the state is that of a stage of the integration, not the present one.
     """
     if WITH_FRICTION:
-        side_by_side(
-            e, WITH_FRICTION, staged, _friction_arguments, rotational_friction_torque, _keep_friction
-        )
+        side_by_side(e, WITH_FRICTION, staged, _friction_arguments, geared_friction_torque, _keep_friction)
     for i in range(len(e.q)):
         for one in lanes(e):
             q, v = _state(one, staged)
@@ -54,8 +52,8 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
         one.contact_power = dynamics(q, v, one.torque, one.bodies, one.gravity, one.ground, one.a, one.points)
 
 
-def _friction_arguments(one: Episode, place: int, staged: bool) -> tuple[float, float, float, float, float]:
-    """What :func:`~twin_gait.core.friction.rotational_friction_torque` is asked for."""
+def _friction_arguments(one: Episode, place: int, staged: bool) -> tuple[float, ...]:
+    """What :func:`~twin_gait.core.friction.geared_friction_torque` is asked for."""
     _, v = _state(one, staged)
     law = one.plant[place].friction
     return (
@@ -64,6 +62,8 @@ def _friction_arguments(one: Episode, place: int, staged: bool) -> tuple[float, 
         law.coulomb_friction,
         law.stribeck_velocity,
         law.viscous_friction_forward,
+        one.motor[place],
+        law.gear_efficiency,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from twin_gait.core.actuator import motor_electrical_power, sagged_bus_voltage
+from twin_gait.core.actuator import battery_power, motor_electrical_power, sagged_bus_voltage
 from twin_gait.core.control_tick import controller_torques, drive_motor
 from twin_gait.core.estimation import first_order_step
 from twin_gait.core.faults import (
@@ -103,6 +103,9 @@ def control(e: Episode, tick: int) -> None:
             for one in each(e):
                 _drive_faulty(one, number, tick)
                 _note_drive(one, number)
+    for one in lanes(e):
+        battery = one.supply
+        battery.power = battery_power(battery.power, battery.constant_power, battery.regeneration)
 
 
 def demand(e: Episode, number: int) -> None:

@@ -151,9 +151,7 @@ def _effort(run: Run, leg: _Leg, joint: JointName) -> Measures:
     velocity = log[wearer_column(log, side, joint, "velocity_rad_per_s")].to_numpy()
     device = _device_torque(log, name, actuator.armature)
     effort = voluntary_torque(run, side, joint)[span]
-    continuous = torque_to_current(
-        actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio, actuator.gear_efficiency
-    )
+    continuous = torque_to_current(actuator.continuous_torque, actuator.torque_constant, actuator.gear_ratio)
     current = load(log[f"{name}_measured_current_A"].to_numpy(), continuous)
     return {
         "interaction_rms_Nm": root_mean_square(device),

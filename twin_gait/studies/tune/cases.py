@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
-from twin_gait.parameters import HEAVIEST_WEARER, HIGHEST_LOAD_FRICTION, Patient
+from twin_gait.parameters import HEAVIEST_WEARER, LOADED_EFFICIENCY, Patient
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.vocabulary import MOTOR_JOINTS
 
@@ -74,7 +74,7 @@ def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
         Case("mass +10 %", _mass(experiment, 1.1)),
         Case(f"friction ratio {LOW_FRICTION:g}", _friction(LOW_FRICTION)),
         Case(f"friction ratio {HIGH_FRICTION:g}", _friction(HIGH_FRICTION)),
-        Case(f"load friction {HIGHEST_LOAD_FRICTION:g}", _load_friction(HIGHEST_LOAD_FRICTION)),
+        Case(f"gear efficiency {LOADED_EFFICIENCY:g}", _efficiency(LOADED_EFFICIENCY)),
         Case("support −10 points", _more_support(experiment, -0.1)),
         Case("support +10 points", _more_support(experiment, 0.1)),
         Case("belt −10 %", _faster(experiment, 0.9)),
@@ -94,8 +94,9 @@ def departures(experiment: Experiment) -> tuple[Departure, ...]:
     heights = [patient.height + step for step in (-0.1, -0.05, 0.0, 0.05, 0.1)]
     ratio = sum(experiment.plant.friction_ratio.values()) / len(experiment.plant.friction_ratio)
     ratios = sorted({0.2, LOW_FRICTION, ratio, 0.75, HIGH_FRICTION})
-    load = sum(experiment.plant.load_friction.values()) / len(experiment.plant.load_friction)
-    loads = sorted({0.0, load, 0.05, 0.1, HIGHEST_LOAD_FRICTION, 0.2})
+    actuators = experiment.plant.actuators
+    efficiency = sum(item.gear_efficiency for item in actuators.values()) / len(actuators)
+    efficiencies = sorted({0.8, LOADED_EFFICIENCY, 0.9, 0.95, efficiency, 1.0})
     share = scenario.support.share
     shares = [share + step for step in (-0.2, -0.1, 0.0, 0.1, 0.2) if 0.0 <= share + step < 1.0]
     speeds = [scenario.belt_speed * factor for factor in (0.7, 0.85, 1.0, 1.1, 1.2)]
@@ -103,7 +104,7 @@ def departures(experiment: Experiment) -> tuple[Departure, ...]:
         _departure("wearer's mass [kg]", patient.mass, masses, lambda x: _mass(experiment, x / patient.mass)),
         _departure("wearer's height [m]", patient.height, heights, _height),
         _departure("true friction over model", ratio, ratios, _friction),
-        _departure("friction over motor torque", load, loads, _load_friction),
+        _departure("gear efficiency", efficiency, efficiencies, _efficiency),
         _departure("supported share of weight", share, shares, _support),
         _departure("belt speed [m/s]", scenario.belt_speed, speeds, _speed),
     )
@@ -161,9 +162,14 @@ def _friction(ratio: float) -> Change:
     return lambda walked: replace(walked, plant=replace(walked.plant, friction_ratio=ratios))
 
 
-def _load_friction(coefficient: float) -> Change:
-    coefficients = dict.fromkeys(MOTOR_JOINTS, coefficient)
-    return lambda walked: replace(walked, plant=replace(walked.plant, load_friction=coefficients))
+def _efficiency(efficiency: float) -> Change:
+    def change(walked: Experiment) -> Experiment:
+        actuators = {
+            joint: replace(item, gear_efficiency=efficiency) for joint, item in walked.plant.actuators.items()
+        }
+        return replace(walked, plant=replace(walked.plant, actuators=actuators))
+
+    return change
 
 
 def _voltage(volts: float) -> Change:

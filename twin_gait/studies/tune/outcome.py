@@ -23,11 +23,11 @@ from twin_gait.report.canvas import picture_bytes
 from twin_gait.report.tune import draw_figures, page
 from twin_gait.simulation import simulate
 from twin_gait.studies.jobs import Workers
-from twin_gait.studies.tune.cases import check_walker, departures
+from twin_gait.studies.tune.cases import check_walker, departures, search_cases
 from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, PARTS, WORST, Rating, part_costs
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
 from twin_gait.studies.tune.tune import Chosen, choose, final_table
-from twin_gait.studies.tune.walks import table_of, walk_all, walker
+from twin_gait.studies.tune.walks import standing, table_of, walk_all, walker
 from twin_gait.vocabulary import MOTOR_JOINTS
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
@@ -143,6 +143,7 @@ def outcome(
             "robust": {"before": before.cost, "after": after.cost},
         },
         "robust_set": _robust(before, after),
+        "trade_offs": _trade_offs(tuning, after, experiment),
         "departures": dict(departed),
         "parameters": _parameters(tuning, after),
         "convergence": {
@@ -266,6 +267,22 @@ def _robust(before: Finalist, after: Finalist) -> list[dict[str, Any]]:
     ]
 
 
+def _trade_offs(tuning: Tuning, after: Finalist, experiment: Experiment) -> dict[str, Any]:
+    """Standings of all candidates of the search, and of the table before and the chosen one in its cases."""
+    names = [case.name for case in search_cases(experiment)]
+
+    def of(finalist: Finalist) -> list[float | None]:
+        return standing([walk for name, walk in finalist.walks if name in names])
+
+    assert tuning.before is not None  # a completed tuning has it
+    return {
+        "cases": names[1:],
+        "candidates": [item for generation in tuning.state.generations for item in generation.tried],
+        "before": of(tuning.before),
+        "after": of(after),
+    }
+
+
 def _walk(walk: Rating) -> dict[str, Any]:
     return {"cost": walk.cost, "fell": walk.fell, "lasted_share": walk.lasted, **walk.values}
 
@@ -301,7 +318,7 @@ def _effort(tuning: Tuning, settings: Settings) -> dict[str, Any]:
     return {
         "seed": settings.seed,
         "generations": len(generations) - 1,  # the first is the start
-        "candidates": sum(item.candidates for item in generations),
+        "candidates": sum(len(item.tried) for item in generations),
         "elapsed_s": tuning.state.elapsed,
         "versions": tuning.state.identity["versions"],
     }

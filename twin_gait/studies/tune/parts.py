@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from twin_gait.files import finite_or_none
+from twin_gait.measures.effort import root_mean_square
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.reference import reference_curve, reference_cycle_time
 from twin_gait.measures.strides import (
@@ -190,6 +191,7 @@ class Rating(NamedTuple):
         lasted: Share of the time.
         deviations: Of the mean strides from the reference, over goals; their squares add up to about those of
             the errors, halved by the legs. Empty if a leg made no stride.
+        torque: Root mean square over all motors in [N m], whose square heats their windings.
     """
 
     cost: float
@@ -197,6 +199,7 @@ class Rating(NamedTuple):
     fell: bool
     lasted: float
     deviations: tuple[float, ...] = ()
+    torque: float = math.nan
 
 
 def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
@@ -214,7 +217,15 @@ def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
     fell = run.trip is not None or run.status in (RunStatus.FELL, RunStatus.DIVERGED)
     end = run.duration if run.trip is None else run.trip.time
     lasted = min(1.0, end / run.experiment.duration)
-    return Rating(walk_cost(values, lasted, fell), values, fell, lasted, _deviations(run, reference_speed))
+    torques = run.log.filter(regex="_motor_torque_Nm$").to_numpy().ravel()
+    return Rating(
+        walk_cost(values, lasted, fell),
+        values,
+        fell,
+        lasted,
+        _deviations(run, reference_speed),
+        root_mean_square(torques),
+    )
 
 
 def walk_cost(values: Mapping[str, float | None], lasted: float, fell: bool) -> float:

@@ -43,13 +43,13 @@ class Generation(NamedTuple):
         point: Where the search stands after it, coordinates from 0 to 1.
         cost: There.
         median: Of its candidates' nominal walks.
-        candidates: That walked.
+        tried: Standing of each candidate that walked, see :func:`twin_gait.studies.tune.walks.standing`.
     """
 
     point: list[float]
     cost: float
     median: float
-    candidates: int
+    tried: list[list[float | None]]
 
 
 @dataclass

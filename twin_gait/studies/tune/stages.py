@@ -30,6 +30,7 @@ from twin_gait.studies.tune.space import (
 from twin_gait.studies.tune.state import Finalist, Progress, Settings, State, Tuning, write_state
 from twin_gait.studies.tune.walks import (
     quick_errors,
+    standing,
     table_of,
     walk_all,
     walker,
@@ -180,7 +181,8 @@ class Stages:
             point = [item.start_coordinate for item in self._parameters]
             self._state.descent = Descent(point, costs[chosen], _listed(rated[chosen][0]), [])
             median = nominal_cost(rated[chosen][0])
-            self._state.generations.append(Generation(point, costs[chosen], median, len(tables)))
+            tried = [standing(item) for item in rated]
+            self._state.generations.append(Generation(point, costs[chosen], median, tried))
         self.keep()
         return self._state.descent
 
@@ -210,10 +212,10 @@ class Stages:
         raced = sorted(range(len(points)), key=lambda place: (nominal[place], place))[:RACED]
         others = self._walk([tables[place] for place in raced], corners)
         size = len(corners)
-        costs = {
-            place: weighted_cost([walks[place], *others[number * size : (number + 1) * size]])
-            for number, place in enumerate(raced)
-        }
+        known = {place: [walk] for place, walk in enumerate(walks)}
+        for number, place in enumerate(raced):
+            known[place] += others[number * size : (number + 1) * size]
+        costs = {place: weighted_cost(known[place]) for place in raced}
         descent.slopes = slopes.slopes
         for place in sorted(costs, key=lambda place: costs[place]):
             if costs[place] >= descent.cost:
@@ -225,7 +227,8 @@ class Stages:
                 break
         else:
             descent.stay()
-        return Generation(descent.point, descent.cost, float(np.median(nominal)), len(points))
+        tried = [standing(item) for item in known.values()]
+        return Generation(descent.point, descent.cost, float(np.median(nominal)), tried)
 
     def _table_at(self, point: Sequence[float]) -> GaitTable:
         return table_of(table_with(self._origin, self._parameters, point))

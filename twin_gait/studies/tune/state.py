@@ -28,7 +28,7 @@ from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, weighted_cost
 
 STATE_FILE = "state.json"
 TUNING = FolderKind("a tuning", STATE_FILE)
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,12 +13,14 @@ from twin_gait.checking.finding import Rule, Severity
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.exceptions import ParameterFileError
 from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMethod
+from twin_gait.files import finite_or_none
 from twin_gait.gait.table import GaitTable
+from twin_gait.measures.reference import gait_profile_score
 from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.episodes import run_episodes
 from twin_gait.studies.jobs import JobFailed, Workers
-from twin_gait.studies.tune.parts import Rating, nominal_cost, rate_walk
+from twin_gait.studies.tune.parts import ERRORS, Rating, nominal_cost, rate_walk
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
 QUICK_RULES: tuple[Rule, ...] = tuple(
@@ -110,6 +112,27 @@ def walk_all(
 def itself(walk: Experiment) -> Experiment:
     """The walk, which is its own experiment."""
     return walk
+
+
+def standing(walks: Sequence[Rating]) -> list[float | None]:
+    """What a table is good for, less being better: error, effort and sensitivity.
+
+    Args:
+        walks: Of the table over its cases, the nominal one first.
+
+    Returns:
+        Root mean square of the nominal walk's errors of hip and knee in [deg] and of its motors' torques in
+        [N m], None if it fell or has no error; and the mean cost of the other walks, None without.
+    """
+    nominal, *others = walks
+    errors = [nominal.values[part.name] for part in ERRORS]
+    known = [error for error in errors if error is not None]
+    walked = not nominal.fell and len(known) == len(errors)
+    return [
+        gait_profile_score(known) if walked else None,
+        finite_or_none(nominal.torque) if walked else None,
+        sum(walk.cost for walk in others) / len(others) if others else None,
+    ]
 
 
 def weighted_cost(walks: Sequence[Rating]) -> float:

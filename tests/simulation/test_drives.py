@@ -1,0 +1,106 @@
+"""Walks whose gears, inverters and electronics cost something."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from twin_gait import load_experiment
+from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION
+from twin_gait.runs.summary import summarise
+from twin_gait.simulation import Run, simulate
+
+JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
+LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")
+EFFICIENCY = {"hip": 0.85, "knee": 0.7}
+
+
+def walk(*settings: str) -> Run:
+    return simulate(load_experiment("treadmill", ["duration_s=6", *settings]).experiment)
+
+
+@pytest.fixture(scope="module")
+def free() -> Run:
+    return walk()
+
+
+@pytest.fixture(scope="module")
+def lossy() -> Run:
+    return walk(*LOSSY)
+
+
+def table_friction(joint: str, velocity: np.ndarray) -> np.ndarray:
+    """Half of equation (3.1), the plant's friction."""
+    law = (HIP_FRICTION if joint == "hip" else KNEE_FRICTION).normalised()
+    x = velocity / law.breakaway_velocity
+    dip = np.sqrt(2.0 * np.e) * (law.breakaway_torque - law.coulomb_friction) * np.exp(-(x**2)) * x
+    return 0.5 * (dip + law.coulomb_friction * np.tanh(10.0 * x) + law.viscous_friction * velocity)
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_joint_gets_the_efficiency_of_the_motor_and_the_motor_that_of_the_joint(
+    lossy: Run, name: str
+) -> None:
+    """Behind the gear, friction without load taken off: η of the motor's power, 1/η where it brakes."""
+    joint = name.split("_")[1]
+    motor, velocity, friction = (
+        lossy.log[f"{name}_{column}"].to_numpy()
+        for column in ("motor_torque_Nm", "velocity_rad_per_s", "friction_torque_Nm")
+    )
+    behind = motor + friction + table_friction(joint, velocity)
+    turning = np.abs(velocity) > 0.3  # tanh 13
+    drives, brakes = turning & (motor * velocity > 0.0), turning & (motor * velocity < 0.0)
+    assert drives.sum() > 500
+    assert brakes.sum() > 500
+    np.testing.assert_allclose(behind[drives], EFFICIENCY[joint] * motor[drives], rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(behind[brakes], motor[brakes] / EFFICIENCY[joint], rtol=1e-9, atol=1e-9)
+
+
+def test_losses_of_the_gear_change_the_walk_and_cost_energy_that_is_accounted_for(
+    free: Run, lossy: Run
+) -> None:
+    gentle, dear = summarise(free), summarise(lossy)
+    for name in JOINTS:
+        angle = f"{name}_angle_rad"
+        assert np.abs(np.degrees(lossy.log[angle] - free.log[angle])).max() > 1.0
+    assert dear["battery_power_mean_W"] > 1.2 * gentle["battery_power_mean_W"]
+    assert lossy.log["friction_work_J"].iloc[-1] < 1.5 * free.log["friction_work_J"].iloc[-1] < 0.0
+    assert dear["energy_residual_share"] < 1e-9
+
+
+def test_firmware_does_not_know_of_the_losses(lossy: Run) -> None:
+    """Equation (2.16): the current of the commanded torque, whatever arrives."""
+    for name, constant in (("left_hip", 10.9), ("left_knee", 7.05)):
+        command = lossy.log[f"{name}_motor_command_torque_Nm"].clip(-60.0, 60.0)
+        np.testing.assert_allclose(lossy.log[f"{name}_target_current_A"], command / constant, atol=1e-9)
+
+
+def test_electronics_draw_what_they_are_said_to_and_a_chopper_burns_what_is_left(free: Run) -> None:
+    """Power by power from the currents of the log, with a battery that does not sag."""
+    stiff = "plant.battery.internal_resistance_Ohm=0"
+    run = walk(
+        stiff,
+        "plant.electronics={inverter_resistance_Ohm: 0.02, inverter_power_W: 0.5, constant_power_W: 6,"
+        " regeneration: 0.7}",
+    )
+    bus = np.full(len(run.log), 6.0 + 4 * 0.5)
+    for name, constant, resistance in zip(JOINTS, (10.9, 7.05) * 2, (0.82, 0.343) * 2, strict=True):
+        current = run.log[f"{name}_measured_current_A"].to_numpy()
+        back_emf = constant * run.log[f"{name}_velocity_rad_per_s"].to_numpy()
+        bus += (resistance + 0.02) * current**2 + back_emf * current
+    expected = np.where(bus > 0.0, bus, 0.7 * bus)
+    np.testing.assert_allclose(run.log["battery_power_W"], expected, rtol=1e-9, atol=1e-9)
+    assert (bus < 0.0).any()
+    burnt = walk(stiff, "plant.electronics.regeneration=0")
+    assert burnt.log["battery_power_W"].min() == 0.0
+    # Without sag, what becomes of braking power moves nothing.
+    everything = walk(stiff)
+    assert burnt.log["left_knee_angle_rad"].equals(everything.log["left_knee_angle_rad"])
+    assert everything.log["battery_power_W"].min() < 0.0
+
+
+def test_summary_says_how_long_the_battery_lasts(free: Run) -> None:
+    summary = summarise(free)
+    assert summary["battery_capacity_Wh"] == pytest.approx(92.2)
+    assert summary["battery_life_h"] == pytest.approx(92.2 / summary["battery_power_mean_W"])
+    assert summary["battery_life_stated_h"] == 4.0
