@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from table_builder import FIVE_PHASES
 
 from twin_gait import load_experiment, simulate
 from twin_gait.checking import leaving, sense, stability, torques
@@ -43,6 +44,12 @@ def case_of(preset: str, *settings: str) -> CheckCase:
 def with_table(preset: str, change) -> CheckCase:
     """A preset whose table a function has changed."""
     experiment = load_experiment(preset).experiment
+    return build_case(change(experiment.table), experiment)
+
+
+def on_the_belt(change) -> CheckCase:
+    """The treadmill with a table that stays, changed by a function."""
+    experiment = load_experiment("treadmill", [f"table={FIVE_PHASES}"]).experiment
     return build_case(change(experiment.table), experiment)
 
 
@@ -130,7 +137,7 @@ def without_declarations(table: GaitTable) -> GaitTable:
 
 
 def test_in_stance_on_the_belt_it_is_a_warning_until_contact_is_declared():
-    found = leaving.cannot_leave(with_table("treadmill", without_declarations))
+    found = leaving.cannot_leave(on_the_belt(without_declarations))
     assert [item.phase for item in found] == ["early_stance", "middle_stance"]
     assert {item.severity for item in found} == {Severity.WARNING}
 
@@ -144,7 +151,7 @@ def test_in_stance_on_the_belt_it_is_a_warning_until_contact_is_declared():
             ),
         )
 
-    assert leaving.cannot_leave(with_table("treadmill", declare)) == []
+    assert leaving.cannot_leave(on_the_belt(declare)) == []
 
 
 def test_on_the_bench_there_is_no_contact_to_declare():
@@ -179,9 +186,9 @@ def test_a_swing_that_ends_by_landing_has_to_say_so():
 
         return change
 
-    (finding,) = leaving.cannot_leave(with_table("treadmill", landing(DrivenBy.JOINT)))
+    (finding,) = leaving.cannot_leave(on_the_belt(landing(DrivenBy.JOINT)))
     assert (finding.severity, finding.phase) == (Severity.ERROR, "swing_extension")
-    assert leaving.cannot_leave(with_table("treadmill", landing(DrivenBy.CONTACT))) == []
+    assert leaving.cannot_leave(on_the_belt(landing(DrivenBy.CONTACT))) == []
 
 
 def test_an_exit_that_opens_only_on_the_way_is_a_warning():
@@ -500,9 +507,9 @@ def test_each_side_with_its_own_numbers_is_checked_by_itself():
         own = {"early_stance": replace(phase, joints={**phase.joints, "hip": hip})}
         return replace(table, side_phases={Side.RIGHT: own})
 
-    found = of_phase(stability.effective_damping(with_table("treadmill", soften)), "early_stance")
+    found = of_phase(stability.effective_damping(on_the_belt(soften)), "early_stance")
     assert [item.side for item in found] == [Side.RIGHT]
-    found = of_phase(sense.unusual_damping_ratio(with_table("treadmill", soften)), "early_stance")
+    found = of_phase(sense.unusual_damping_ratio(on_the_belt(soften)), "early_stance")
     assert [item.side for item in found] == [None, Side.RIGHT]
 
 

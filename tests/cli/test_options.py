@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from table_builder import FIVE_PHASES
 
 from twin_gait.cli import main
 from twin_gait.cli.program import GROUPS, SHELLS, build_parser
@@ -170,7 +171,7 @@ def test_compare_answers_with_its_numbers(tmp_path, capsys):
 
 def test_replay_answers_with_its_summary(tmp_path, capsys):
     out = tmp_path / "out"
-    told = answered(capsys, "replay", "koopman@1.5", "--table", "treadmill", "--no-pictures", "--out", out)
+    told = answered(capsys, "replay", "koopman@1.5", "--table", FIVE_PHASES, "--no-pictures", "--out", out)
     assert told.pop("directory") == str(out)
     assert told == json.loads((out / "summary.json").read_text())
     assert told["sides"]["left"]["strides"] == 7

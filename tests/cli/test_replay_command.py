@@ -8,6 +8,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from table_builder import FIVE_PHASES
 
 from twin_gait.cli import main
 
@@ -24,7 +25,8 @@ def run(*arguments: object) -> int:
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory):
     out = tmp_path_factory.mktemp("runs") / "walk"
-    assert run("simulate", "--duration", 4, "--out", out, "--no-pictures") == 0
+    table = f"table={FIVE_PHASES}"  # scales with the speed of the belt
+    assert run("simulate", "--set", table, "--duration", 4, "--out", out, "--no-pictures") == 0
     return out
 
 
@@ -106,12 +108,12 @@ def test_one_leg_goes_through_the_table_of_the_bench_and_mirrored_through_that_o
 def test_a_run_at_another_speed_keeps_its_own_table(walk, capsys):
     assert run("replay", walk, "--speed", 0.8) == 0
     printed = capsys.readouterr().out
-    assert "through the table treadmill" in printed
+    assert "through the table five_phases" in printed
     assert printed.count("100.0 % of the ticks equal") == 0
 
 
 def test_healthy_walking_goes_through_the_table(capsys):
-    assert run("replay", "koopman@1.5", "--table", "treadmill") == 0
+    assert run("replay", "koopman@1.5", "--table", FIVE_PHASES) == 0
     printed = capsys.readouterr().out
     assert printed.count("7 strides of 1.75 s, 7 with all 5 phases once and in order") == 2
     assert "time_out" not in printed

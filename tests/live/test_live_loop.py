@@ -226,10 +226,10 @@ def test_a_damping_that_was_set_stays_when_the_stiffness_changes_and_goes_back_t
 @pytest.mark.parametrize(
     ("name", "value", "reason"),
     [
-        ("late_stance.hip.stiffness", 99.0, "expected 0 to 6 Nm/deg, got 99"),
-        ("late_stance.hip.stiffness", -1.0, "expected 0 to 6 Nm/deg, got -1"),
-        ("late_stance.hip.stiffness", "stiff", "expected 0 to 6 Nm/deg, got 'stiff'"),
-        ("late_stance.hip.stiffness", True, "expected 0 to 6 Nm/deg"),
+        ("late_stance.hip.stiffness", 99.0, "expected 0 to {most:g} Nm/deg, got 99"),
+        ("late_stance.hip.stiffness", -1.0, "expected 0 to {most:g} Nm/deg, got -1"),
+        ("late_stance.hip.stiffness", "stiff", "expected 0 to {most:g} Nm/deg, got 'stiff'"),
+        ("late_stance.hip.stiffness", True, "expected 0 to {most:g} Nm/deg"),
         ("late_stance.hip.gain", 1.01, "expected 0 to 1, got 1.01"),
         ("swing_flexion.knee.equilibrium", 160.0, "deg, got 160"),
         ("belt_speed", 0.0, "expected 0.75 to 2.25 km/h, got 0"),
@@ -240,8 +240,19 @@ def test_a_damping_that_was_set_stays_when_the_stiffness_changes_and_goes_back_t
     ],
 )
 def test_a_value_out_of_its_range_and_an_unknown_control_are_refused(treadmill_panel, name, value, reason):
+    shown = {item.name: item for item in treadmill_panel.controls(treadmill_panel.preset)}
+    reason = reason.format(most=shown["late_stance.hip.stiffness"].largest)
     with pytest.raises(MessageRefused, match=reason):
         treadmill_panel.set(treadmill_panel.preset, name, value)
+
+
+def test_equilibrium_beyond_the_stops_widens_its_range_and_no_other():
+    settings = ["table.phases.middle_stance.hip.equilibrium_deg=-33.3", "duration_s=1"]
+    panel = Panel(load_experiment("treadmill", settings).experiment)
+    shown = {item.name: item for item in panel.controls(panel.preset)}
+    beyond, other = (shown[f"middle_stance.{joint}.equilibrium"] for joint in ("hip", "knee"))
+    assert beyond.least == beyond.value == pytest.approx(-33.3) and beyond.largest > 90.0
+    assert other.least > -10.0
 
 
 def test_values_of_actions_are_checked_too(treadmill_panel):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from table_builder import phase, transition, two_phase_table
+from table_builder import FIVE_PHASES, phase, transition, two_phase_table
 
 from twin_gait import load_experiment, simulate
 from twin_gait.configuration import load_gait_table
@@ -281,7 +281,7 @@ def test_a_mirrored_leg_is_the_other_leg_of_a_symmetric_walk():
     for joint, values in both.angles[Side.RIGHT].items():
         # Half a stride is a whole number of ticks here, half a tick off at most.
         np.testing.assert_allclose(values, walk.recording.angles[Side.RIGHT][joint][half:], atol=3e-3)
-    assert_walks(replay(both, load_gait_table("treadmill")), walk.cycle_time)
+    assert_walks(replay(both, load_gait_table(FIVE_PHASES)), walk.cycle_time)
 
 
 def test_a_leg_that_does_not_repeat_cannot_be_mirrored_without_a_stride_time():

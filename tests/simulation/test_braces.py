@@ -73,7 +73,7 @@ def bench_run():
 
 @pytest.fixture(scope="module")
 def walk():
-    settings = ["interface=brace", "patient=stroke_left", "duration_s=10"]
+    settings = ["interface=brace", "patient=stroke_left", "duration_s=14"]  # the strides that a verdict needs
     return simulate(load_experiment("treadmill", settings).experiment)
 
 

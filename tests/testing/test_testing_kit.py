@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from random_tables import tables
-from table_builder import JOINTS, guard, phase, transition, two_phase_table
+from table_builder import FIVE_PHASES, JOINTS, guard, phase, transition, two_phase_table
 
 from twin_gait.configuration import load_gait_table
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
@@ -92,7 +92,7 @@ def test_only_what_an_exit_above_shadows_is_undecided() -> None:
 
 
 def test_names_say_transition_and_what_is_shown() -> None:
-    names = {test.name for test in transition_tests(load_gait_table("treadmill"))}
+    names = {test.name for test in transition_tests(load_gait_table(FIVE_PHASES))}
     title = "late_stance→swing_flexion (trailing_limb)::"
     assert title + "holds just below hip.angle_deg < -2.8" in names
     assert title + "fires just past other.hip.angle_deg - hip.angle_deg > 5.7" in names

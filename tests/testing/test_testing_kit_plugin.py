@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from table_builder import FIVE_PHASES
 
 from twin_gait.configuration.table_inheritance import gait_table_path
 
@@ -23,7 +24,7 @@ LOAD = [] if _INSTALLED else ["-p", "twin_gait.testing.plugin"]
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A folder with a gait table and a test of something else."""
-    shutil.copy(gait_table_path("treadmill"), tmp_path / "walk.yaml")
+    shutil.copy(FIVE_PHASES, tmp_path / "walk.yaml")
     (tmp_path / "test_other.py").write_text("def test_of_another_matter():\n    assert True\n")
     return tmp_path
 

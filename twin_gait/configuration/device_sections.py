@@ -135,23 +135,30 @@ class PlantFrictionsEntry(PerJoint):
 
 
 class ActuatorEntry(Section):
-    """Motor and gear."""
+    """Motor and gear of a joint; what is left out is that of TWIN's."""
 
     parameters: ClassVar = ActuatorParameters
-    torque_constant_Nm_per_A: Number
-    resistance_Ohm: Number
-    rotor_inertia_kgm2: Number = ActuatorParameters.rotor_inertia
-    gear_ratio: Number = ActuatorParameters.gear_ratio
-    gear_inertia_kgm2: Number = ActuatorParameters.gear_inertia
-    gear_efficiency: Number = ActuatorParameters.gear_efficiency
-    continuous_torque_Nm: Number = ActuatorParameters.continuous_torque
+    torque_constant_Nm_per_A: Number | None = None
+    resistance_Ohm: Number | None = None
+    rotor_inertia_kgm2: Number | None = None
+    gear_ratio: Number | None = None
+    gear_inertia_kgm2: Number | None = None
+    gear_efficiency: Number | None = None
+    continuous_torque_Nm: Number | None = None
 
 
 class ActuatorsEntry(PerJoint):
     """Motors and gears of hip and knee."""
 
-    hip: ActuatorEntry
-    knee: ActuatorEntry
+    hip: ActuatorEntry = ActuatorEntry()
+    knee: ActuatorEntry = ActuatorEntry()
+
+    def _of(self, joint: JointName) -> ActuatorParameters:
+        default, given = PlantParameters().actuators[joint], getattr(self, joint).values()
+        try:
+            return replace(default, **given)
+        except ParameterError as error:
+            raise ParameterError(f"{joint}.{error}") from error
 
 
 class BatteryEntry(Section):

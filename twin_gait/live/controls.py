@@ -236,19 +236,21 @@ class Panel:
             quantity: A key of ``QUANTITIES``.
 
         Returns:
-            Angles: the stops. Stiffness: the published range, or what the table has if that is more.
-            Damping: critical at that stiffness with the leg's inertia, or twice what the table has if that is
-            more. Gain: 0 to 1. Torque: the limit, both ways.
+            Angles: the stops, or what the table has if that is beyond. Stiffness: the published range, or
+            what the table has if that is more. Damping: critical at that stiffness with the leg's inertia,
+            or twice what the table has if that is more. Gain: 0 to 1. Torque: the limit, both ways.
         """
+        own = [place.read(self.preset.table) for place in self._places if place.joint == joint]
         if quantity == "equilibrium":
             low, high = self._angles[joint]
             # Whole tenths just inside the stops.
-            return math.ceil(10.0 * low / _DEGREE) / 10.0, math.floor(10.0 * high / _DEGREE) / 10.0
+            stops = math.ceil(10.0 * low / _DEGREE) / 10.0, math.floor(10.0 * high / _DEGREE) / 10.0
+            angles = (*stops, *(item.equilibrium_angle / _DEGREE for item in own))
+            return min(angles), max(angles)
         if quantity == "torque":
             return -self._torque, self._torque
         if quantity == "gain":
             return 0.0, 1.0
-        own = [place.read(self.preset.table) for place in self._places if place.joint == joint]
         unit = QUANTITIES["stiffness"].scale
         stiffness = max(STIFFNESS_RANGES[joint].most, *(item.stiffness / unit for item in own))
         if quantity == "stiffness":

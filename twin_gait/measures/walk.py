@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances
+from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances, swings
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_entries
 from twin_gait.measures.strides import (
@@ -94,7 +94,7 @@ class WalkMeasures:
         hip_lowest: Least angle in [rad].
         knee_at_contact: Angle of the mean stride at heel strike in [rad].
         knee_yield: Flexion after it, up to 30 % of the cycle, in [rad].
-        clearance: Least of all swings in their middle half, in [m]; see
+        clearance: Least of its counted swings in their middle half, in [m]; see
             :func:`twin_gait.measures.foot_contact.swing_clearances`.
         slip: Way that the loaded sole slides on the belt in a stride, in [m].
         swing_entry: Share of the stride at which swing flexion begins; NaN for a table without such a phase.
@@ -166,6 +166,7 @@ def walk_measures(
     entries = np.zeros(0, dtype=int) if swing_phase is None else phase_entries(leg.phases, swing_phase)
     fore_aft = log[f"{leg.side}_foot_friction_force_N"].to_numpy()
     load = leg.normal_force / walkway.carried_weight
+    clearances = swing_clearances(leg.clearance, contacts)
     return WalkMeasures(
         strides=len(bounds),
         stride_time=_mean(times),
@@ -176,7 +177,7 @@ def walk_measures(
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
         **_pressure(log, leg, bounds),
         **_joints(log, leg, bounds),
-        clearance=float(min(swing_clearances(leg.clearance, contacts), default=math.nan)),
+        clearance=float(min(clearances[_are_inside(swings(contacts)[:, 0], bounds)], default=math.nan)),
         slip=_slip(leg, fore_aft, bounds, walkway),
         **_swing(leg, _inside(entries, bounds), bounds),
         further_contacts=len(contacts.further_contacts),
@@ -206,9 +207,14 @@ def _mean(values: np.ndarray) -> float:
 
 def _inside(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
     """Ticks in the counted strides, with or without the end of the last one."""
+    return np.asarray(ticks[_are_inside(ticks, bounds, last=last)])
+
+
+def _are_inside(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
+    """Which ticks are in the counted strides."""
     if len(bounds) == 0:
-        return np.zeros(0, dtype=int)
-    return np.asarray(ticks[(ticks >= bounds[0, 0]) & (ticks < bounds[-1, 1] + last)])
+        return np.zeros(len(ticks), dtype=bool)
+    return np.asarray((ticks >= bounds[0, 0]) & (ticks < bounds[-1, 1] + last))
 
 
 def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
