@@ -32,7 +32,7 @@ from twin_gait.report import put_legend, save, style_panel
 
 # %%
 GUIDES = ("vertical", "harness")
-TABLES = ("treadmill", "treadmill_normative")
+TABLES = ("treadmill",)
 NOTHING = Goals()
 GOALS = Goals(1.2, 0.7, 0.4, 5.0, 9.0, 3.0, 0.010)
 DREAMS = Goals(1.1, 0.8, 0.4, 0.0, 4.0, 7.0, 0.015)
