@@ -44,6 +44,8 @@ def unlike_problem(number: int, preset: str, *settings: str) -> Problem:
         f"duration_s={rng.uniform(0.2, 2.0):.3f}",
         f"seed={number}",
         f"plant.battery.internal_resistance_Ohm={rng.uniform(0.1, 0.3)}",
+        f"plant.actuators.knee.gear_efficiency={rng.uniform(0.7, 1.0)}",
+        f"plant.electronics={{constant_power_W: {rng.uniform(0, 20)}, regeneration: {rng.uniform(0, 1)}}}",
     ]
     if on_treadmill or any(item.startswith("patient") for item in settings):
         own += [f"patient.mass_kg={rng.uniform(50, 100)}", f"patient.height_m={rng.uniform(1.6, 1.9)}"]

@@ -170,4 +170,5 @@ def build_plant(
                 plant.spring = Spring(ankle.stiffness, ankle.damping, ankle.stiffness * ankle.rest)
             else:
                 plant.friction = friction[joint].in_plant(actuators[joint].gear_efficiency)
+                plant.armature = actuators[joint].armature
     return result
