@@ -205,6 +205,16 @@ class PlantEntry(Section):
     ankle: AnkleEntry = AnkleEntry()
     gravity_m_per_s2: Number = PlantParameters.gravity
 
+    @model_validator(mode="before")
+    @classmethod
+    def _without_load_friction(cls, data: Any) -> Any:
+        """Runs from before the efficiency of a gear cost torque say that they had no load friction."""
+        if not isinstance(data, Mapping) or "load_friction" not in data:
+            return data
+        if data["load_friction"] not in (None, {"hip": 0.0, "knee": 0.0}):
+            raise ValueError("load_friction is gone; set actuators.hip.gear_efficiency to 1 less it")
+        return {key: value for key, value in data.items() if key != "load_friction"}
+
 
 class AssistanceEntry(Section):
     """Assistance level: the share of the impedance that is applied."""
@@ -289,6 +299,8 @@ class ControlEntry(Section):
     limits: LimitsEntry = LimitsEntry()
     safety: SafetyEntry = SafetyEntry()
     patient: PatientEntry | None = None
+    delay_s: Number | None = None
+    delay_ms: Number | None = None
 
 
 PLACES = ("pelvis", "hip", "knee", "ankle")
