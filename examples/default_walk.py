@@ -19,14 +19,14 @@ from scipy.stats import qmc
 from twin_gait import Experiment, JointName, Run, load_experiment
 from twin_gait.configuration import presets
 from twin_gait.measures.walk import WALK_COLUMNS
+from twin_gait.report.reference import reference_measures
 from twin_gait.runs.leg_summary import joint_saturation, reference_error
 from twin_gait.runs.summary import READ_IN_BRIEF
 from twin_gait.studies import Workers, overridden, run_episodes
 from twin_gait.vocabulary import Outcome
 
-TABLES = [name for name in ("treadmill", "treadmill_pre_swing", "treadmill_normative") if name in presets()]
+TABLES = [name for name in ("treadmill", "treadmill_pre_swing") if name in presets()]
 COLUMNS = (*READ_IN_BRIEF, *WALK_COLUMNS)
-PROPULSION_PEAK = 0.062
 DURATION = 20.0  # [s]
 # Where the combined draws come from: mass [kg], height [m], supported share, belt speed [km/h].
 KEYS = ("patient.mass_kg", "patient.height_m", "scenario.support.share", "scenario.belt_speed_km_per_h")
@@ -94,7 +94,10 @@ def measured(run: Run) -> dict[str, float | str]:
     saturated = [
         joint_saturation(run, leg, joint)["saturated_share"] for leg in records for joint in leg.angles
     ]
-    legs = list(run.walk_measures().values())
+    legs, reference = (
+        list(run.walk_measures().values()),
+        reference_measures(run.experiment)["propulsion_peak"],
+    )
     return found | {
         "hip_rmse_deg": rmse[JointName.HIP],
         "knee_rmse_deg": rmse[JointName.KNEE],
@@ -104,7 +107,7 @@ def measured(run: Run) -> dict[str, float | str]:
         "least_load": min(leg.least_load for leg in legs),
         "fore_aft_force_N": sum(leg.fore_aft_force for leg in legs),
         "belt_power_W": power.belt,
-        "propulsion_share": min(leg.propulsion_peak for leg in legs) / PROPULSION_PEAK,
+        "propulsion_share": min(leg.propulsion_peak for leg in legs) / reference,
         "knee_at_contact_deg": max(math.degrees(leg.knee_at_contact) for leg in legs),
         "knee_yield_deg": min(math.degrees(leg.knee_yield) for leg in legs),
         "clearance_mm": min(1e3 * leg.clearance for leg in legs),

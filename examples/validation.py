@@ -65,6 +65,9 @@ run = simulate(load_experiment("bench_leg", ["duration_s=5", stepping]).experime
 if mujoco:
     error = checks.replay_difference(run)
     check("bench leg, 5 s, torques of the log", "MuJoCo as the plant", error, SAME_MOTION, "rad")
+    run = simulate(load_experiment("bench_leg", ["duration_s=5", stepping, *checks.LOSSY]).experiment)
+    error = checks.replay_difference(run)
+    check("the same with losses of the gears", "MuJoCo as the plant", error, SAME_MOTION, "rad")
 
 # %% [markdown]
 # Energy and passivity on the treadmill. Runge-Kutta errs by (λh)⁴/120, where λ, of friction near rest over

@@ -63,6 +63,8 @@ class MujocoKernel:
         self._guide = None if world.model.pelvis_index is None else self._legs.body(PELVIS_JOINT)
         # Heels and toes are bodies of their own, without mass.
         names = [name for side in world.model.legs for name in world.contact_frames.get(side, ())]
+        slope = world.slope
+        self._belt = np.array([[np.cos(slope), np.sin(slope)], [-np.sin(slope), np.cos(slope)]])
         self._soles = [int(self._legs.model.body(name).id) for name in names]
 
     @property
@@ -97,10 +99,11 @@ class MujocoKernel:
         for body, point in zip(self._soles, points, strict=False):
             place = data.xpos[body]
             mujoco.mj_jac(model, data, jacobian, None, place, body)
-            forward, _, upward = (jacobian @ data.qvel).tolist()
-            point.height = float(place[2])
-            point.forward, point.upward = ground_contact_force(ground, point.height, forward, upward)
-            power += point.forward * forward + point.upward * upward
+            along, away = self._belt @ (jacobian @ data.qvel)[[0, 2]]
+            point.height = float(self._belt[1] @ place[[0, 2]])
+            friction, normal = ground_contact_force(ground, point.height, float(along), float(away))
+            point.forward, point.upward = (self._belt.T @ [friction, normal]).tolist()
+            power += float(friction * along + normal * away)
             force = np.array([point.forward, 0.0, point.upward])
             data.xfrc_applied[body] = [*force, *np.cross(place - data.xipos[body], force)]
         return power

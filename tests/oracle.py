@@ -237,6 +237,7 @@ class Leg:
         self.world, self.model, self.data = world, world.model.model, world.model.data
         self._law, self._efficiency = np.zeros((4, world.model.nv)), np.ones(world.model.nv)
         self._law[2] = 1.0  # where there is no friction, nor a motor
+        self._armature, self._last = self.model.armature, np.zeros(world.model.nv)
         given = problem.experiment.plant
         for item in problem.joints:
             self._law[:, item.coordinate] = _columns([given.true_friction()[item.joint]], LAW)[:, 0]
@@ -254,21 +255,21 @@ class Leg:
         below = hardness * np.maximum(lower - q, 0.0) * np.maximum(1.0 - dissipation * v, 0.0)
         above = hardness * np.maximum(q - upper, 0.0) * np.maximum(1.0 + dissipation * v, 0.0)
         stiffness, damping, force = self._springs
-        lost = friction_torque(v, self._law) + self._gear_loss(v, motor)
+        lost = friction_torque(v, self._law) + self._gear_loss(v, motor - self._armature * self._last)
         return np.asarray(force - stiffness * q - damping * v + below - above - lost)
 
-    def _gear_loss(self, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
-        """Of the motor's torque η arrives driving, all at rest, 1/η driven, and between them a parabola."""
-        drives, eta = np.sign(motor) * np.tanh(v / np.abs(self._law[2] / 10.0)), self._efficiency
+    def _gear_loss(self, v: np.ndarray, load: np.ndarray) -> np.ndarray:
+        """Of a gear's load η arrives driving, all at rest, 1/η driven, and between them a parabola."""
+        drives, eta = np.sign(load) * np.tanh(v / np.abs(self._law[2] / 10.0)), self._efficiency
         ends = 0.5 * drives * ((drives - 1.0) / eta + (drives + 1.0) * eta)
-        return np.asarray(motor * (drives**2 - ends))
+        return np.asarray(load * (drives**2 - ends))
 
     def acceleration(self, q: np.ndarray, v: np.ndarray, motor: np.ndarray) -> np.ndarray:
         """Accelerations under motors, passive torques and contact, shape ``(nv,)``."""
         torque = motor + self.passive_torque(q, v, motor)
-        if not self._frames:
-            return np.asarray(pin.aba(self.model, self.data, q, v, torque))
-        return np.asarray(pin.aba(self.model, self.data, q, v, torque, self._contact_forces(q, v)))
+        forces = (self._contact_forces(q, v),) if self._frames else ()
+        self._last = np.array(pin.aba(self.model, self.data, q, v, torque, *forces))
+        return self._last
 
     def _contact_forces(self, q: np.ndarray, v: np.ndarray) -> Any:
         law = self.world.contact
@@ -340,7 +341,8 @@ def motion(problem: Problem, ticks: int) -> Motion:
 def _require_known(problem: Problem) -> None:
     """Refuse what the loop would leave out."""
     experiment, world, control = problem.experiment, problem.world, problem.experiment.control
-    assert experiment.sensors.ideal
+    assert experiment.sensors.ideal and not experiment.sensors.offset
+    assert control.delay == 0.0
     assert control.mode is ControlMode.IMPEDANCE
     assert control.assistance.is_full
     assert control.inertia_compensation == 0.0
@@ -348,5 +350,6 @@ def _require_known(problem: Problem) -> None:
     assert all(isinstance(law, FrictionParameters) for law in experiment.plant.friction.values())
     assert not problem.wearer.acts
     assert world.braces is None
+    assert world.slope == 0.0
     assert world.imposed_motion is None
     assert world.belt.ramp == 0.0

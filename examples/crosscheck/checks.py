@@ -9,8 +9,9 @@ from crosscheck.closed_forms import pendulum_acceleration, pendulum_motion, pend
 
 from twin_gait import Experiment, Run, load_experiment, simulate
 from twin_gait.measures import energy_balance
-from twin_gait.parameters import FrictionParameters
+from twin_gait.parameters import ActuatorParameters, FrictionParameters
 
+LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")
 N_STATES = 100
 SEED = 20240607
 # A leg without friction, stops and motors, and without the inertia of its drives, let go from high up: it
@@ -119,7 +120,8 @@ def engine_difference(preset: str, duration: float) -> float:
 def replay_difference(run: Run) -> float:
     """Largest difference of an angle in [rad] when MuJoCo is driven by the torques in the log of a bench leg.
 
-    The friction law is typed in a second time; the run is by the semi-implicit Euler method, one step a tick.
+    Friction and losses of the gear are typed in a second time; the run is by the semi-implicit Euler method,
+    one step a tick.
     """
     from crosscheck.mujoco_legs import coordinate_order, legs_of, mujoco
 
@@ -132,12 +134,16 @@ def replay_difference(run: Run) -> float:
         for what in ("angle_rad", "velocity_rad_per_s", "motor_torque_Nm")
     }
     laws = [experiment.plant.true_friction()[joint] for joint in joints]
+    gears = [experiment.plant.actuators[joint] for joint in joints]
+    armature = np.array([gear.armature for gear in gears])
     data.qpos[order], data.qvel[order] = columns["angle_rad"][0], columns["velocity_rad_per_s"][0]
     worst = 0.0
     for angle, motor in zip(columns["angle_rad"], columns["motor_torque_Nm"], strict=True):
         worst = max(worst, float(np.abs(data.qpos[order] - angle).max()))
-        friction = [friction_torque(rate, law) for rate, law in zip(data.qvel[order], laws, strict=True)]
-        data.qfrc_applied[order] = motor - friction
+        loads, rates = motor - armature * data.qacc[order], data.qvel[order]
+        friction = [friction_torque(*given) for given in zip(rates, laws, strict=True)]
+        lost = [gear_loss(*given) for given in zip(rates, loads, laws, gears, strict=True)]
+        data.qfrc_applied[order] = motor - friction - lost
         mujoco.mj_step(legs, data)
     return worst
 
@@ -151,3 +157,10 @@ def friction_torque(velocity: float, law: FrictionParameters) -> float:
         + law.coulomb_friction * np.tanh(10.0 * ratio)
         + law.viscous_friction * velocity
     )
+
+
+def gear_loss(velocity: float, load: float, law: FrictionParameters, gear: ActuatorParameters) -> float:
+    """What a gear loses of its load in [N m]: η arrives driving, 1/η driven, all at rest, by a parabola."""
+    eta = gear.gear_efficiency
+    drives = np.sign(load) * np.tanh(10.0 * velocity / abs(law.breakaway_velocity))
+    return float(load * (drives**2 - 0.5 * drives * ((drives - 1.0) / eta + (drives + 1.0) * eta)))

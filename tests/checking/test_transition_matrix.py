@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -62,6 +63,7 @@ def run_firmware(item: LinearLoop, start: np.ndarray, frames: int) -> np.ndarray
     The first tick that is measured is one of a slow sample, as in the matrix; before it all is still.
     """
     encoders = [new_encoder(0.0, 0.0, item.window) for _ in range(2)]
+    on_the_way = deque([np.zeros(2)] * item.delay)
     q, v = start[:2].copy(), start[2:].copy()
     inverse = np.linalg.inv(MASS)
     seen = []
@@ -86,7 +88,10 @@ def run_firmware(item: LinearLoop, start: np.ndarray, frames: int) -> np.ndarray
                 )
             )
 
-        def slope(_: float, state: np.ndarray, held: np.ndarray = torque) -> np.ndarray:
+        on_the_way.append(torque)
+        arrived = on_the_way.popleft()
+
+        def slope(_: float, state: np.ndarray, held: np.ndarray = arrived) -> np.ndarray:
             pull = held - GRAVITY @ state[:2] - DAMPING * state[2:]
             return np.concatenate([state[2:], inverse @ pull])
 
@@ -96,7 +101,9 @@ def run_firmware(item: LinearLoop, start: np.ndarray, frames: int) -> np.ndarray
     return np.array(seen)
 
 
-@pytest.mark.parametrize("changes", [{}, {"decimation": 4, "window": 3}, {"fast_gain": 1.0}])
+@pytest.mark.parametrize(
+    "changes", [{}, {"decimation": 4, "window": 3}, {"fast_gain": 1.0}, {"delay": 1}, {"delay": 12}]
+)
 def test_the_matrix_moves_the_state_as_the_firmware_and_a_fine_integrator_do(changes):
     item = loop(**changes)
     start = np.array([0.01, -0.02, 0.3, -0.1])
@@ -112,8 +119,9 @@ def test_the_matrix_moves_the_state_as_the_firmware_and_a_fine_integrator_do(cha
     assert np.abs(expected[-1] - expected[0]).max() > 0.01  # it did move
 
 
-def test_states_are_angle_velocity_fast_last_decimated_and_the_ring():
+def test_states_are_angle_velocity_fast_last_decimated_the_ring_and_torques_on_their_way():
     assert transition_matrix(loop()).shape == (2 * (RING + 10), 2 * (RING + 10))
+    assert transition_matrix(loop(delay=3)).shape == (2 * (RING + 13), 2 * (RING + 13))
 
 
 def test_without_a_controller_the_modes_are_those_of_the_pendulum():
@@ -127,12 +135,10 @@ def test_without_a_controller_the_modes_are_those_of_the_pendulum():
     )
 
 
-def test_fast_sampling_gives_the_damping_ratio_of_the_continuous_oscillator():
-    # One joint, hardly any delay: ζ = b / (2 √(k I)) but for half a tick of hold and half of difference.
-    mass, stiffness, ratio = 4.0, 100.0, 0.3
-    damping = 2.0 * ratio * math.sqrt(stiffness * mass)
+def oscillator(mass: float, stiffness: float, damping: float, delay: int = 0) -> LinearLoop:
+    """One joint without a weight under stiffness and damping alone."""
     one = np.ones(1)
-    item = LinearLoop(
+    return LinearLoop(
         motion=leg_motion(mass * np.eye(1), np.zeros((1, 1)), np.zeros(1)),
         stiffness=stiffness * one,
         damping=damping * one,
@@ -142,11 +148,39 @@ def test_fast_sampling_gives_the_damping_ratio_of_the_continuous_oscillator():
         fast_gain=1.0,
         decimation=10,
         window=10,
+        delay=delay,
     )
+
+
+def test_fast_sampling_gives_the_damping_ratio_of_the_continuous_oscillator():
+    # One joint, hardly any delay: ζ = b / (2 √(k I)) but for half a tick of hold and half of difference.
+    mass, stiffness, ratio = 4.0, 100.0, 0.3
+    item = oscillator(mass, stiffness, 2.0 * ratio * math.sqrt(stiffness * mass))
     delayed = ratio - 0.5 * TICK * math.sqrt(stiffness / mass) / 2.0  # the hold costs k T / 2 of damping
     found = effective_damping_ratio(transition_matrix(item), item.frame)
     assert found == pytest.approx(delayed, abs=0.002)
     assert found < ratio
+
+
+@pytest.mark.parametrize("ratio", [0.05, 0.1, 0.2])
+def test_a_delayed_loop_is_stable_as_long_as_its_phase_margin_lasts(ratio):
+    r"""The gain crosses 1 at :math:`I\omega^2 = |k + i b \omega|`; φ there is used up by ω times the delay.
+
+    The hold and the difference of the damper are late by half a tick each; of the latter only the damper's
+    share of the feedback, the square of the sine of φ, is late.
+    """
+    mass, stiffness = 1.0, 400.0
+    damping = 2.0 * ratio * math.sqrt(stiffness * mass)
+    square = damping * damping
+    crossing = math.sqrt((square + math.hypot(square, 2.0 * stiffness * mass)) / (2.0 * mass * mass))
+    margin = math.atan2(damping * crossing, stiffness)
+    lasts = margin / crossing - 0.5 * TICK * (1.0 + math.sin(margin) ** 2)
+    stable = [
+        spectral_radius(transition_matrix(oscillator(mass, stiffness, damping, delay))) < 1.0
+        for delay in range(40)
+    ]
+    assert stable.index(False) == math.ceil(lasts / TICK) > 1
+    assert not any(stable[stable.index(False) :])
 
 
 def test_an_unstable_oscillation_has_a_negative_damping_ratio_and_a_free_joint_none():

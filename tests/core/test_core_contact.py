@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,10 +15,12 @@ from scipy.optimize import brentq
 
 from twin_gait.core.contact import (
     Ground,
+    along_slope,
     contact_friction_force,
     contact_normal_force,
     ground_contact_force,
     mechanical_stop_torque,
+    sloped_contact_force,
 )
 
 stiffnesses = st.floats(1e3, 1e6)
@@ -153,6 +156,95 @@ def test_foot_that_moves_with_the_belt_is_not_dragged(belt: float) -> None:
 def test_belt_carries_a_standing_foot_backwards() -> None:
     forward, _ = ground_contact_force(Ground(0.42, 3e5, 0.5, 0.8, 0.05), -0.01, 0.0, 0.0)
     assert forward < 0.0
+
+
+# ------------------------------------------------------------------ a slope
+
+slopes = st.floats(-0.2, 0.2)
+places = st.floats(-0.5, 0.5)
+
+
+def sloping(slope: float, belt: float = 0.42, friction: float = 0.8) -> Ground:
+    return Ground(belt, 3e5, 0.5, friction, 0.05, math.sin(slope), math.cos(slope))
+
+
+def pressed(ground: Ground, x: float, z: float, vx: float, vz: float) -> tuple[float, float, float]:
+    law = partial(ground_contact_force, ground)
+    return sloped_contact_force(ground.slope_sine, ground.slope_cosine, (x, z), (vx, vz), law)
+
+
+def in_its_axes(ground: Ground, forward: float, upward: float) -> tuple[float, float]:
+    return along_slope(ground.slope_sine, ground.slope_cosine, forward, upward)
+
+
+@given(x=places, z=st.floats(-0.05, 0.05), forward=rates, upward=rates)
+def test_a_slope_of_nought_is_level_ground_bit_for_bit(
+    x: float, z: float, forward: float, upward: float
+) -> None:
+    found = pressed(sloping(0.0), x, z, forward, upward)
+    assert found == (*ground_contact_force(sloping(0.0), z, forward, upward), z)
+
+
+@given(slope=slopes, x=places, depth=st.floats(-0.05, 0.05), forward=rates, upward=rates)
+def test_a_slope_is_level_ground_that_is_turned_about_the_origin(
+    slope: float, x: float, depth: float, forward: float, upward: float
+) -> None:
+    """By a rotation matrix: what level ground does to the turned point, turned back."""
+    turn = np.array([[math.cos(slope), -math.sin(slope)], [math.sin(slope), math.cos(slope)]])
+    level = np.array([x, -depth]), np.array([forward, upward])
+    (px, pz), (vx, vz) = (turn @ item for item in level)
+    ground = sloping(slope)
+    fx, fz, height = pressed(ground, px, pz, vx, vz)
+    expected = np.array(ground_contact_force(ground, -depth, forward, upward))
+    assert_allclose(height, -depth, rtol=0.0, atol=1e-15)
+    tolerance = 1e-6 * (1.0 + np.abs(expected).max())  # roundings of the depth, times the stiffness
+    assert_allclose([fx, fz], turn @ expected, rtol=0.0, atol=tolerance)
+    assert_allclose(in_its_axes(ground, fx, fz), expected, rtol=0.0, atol=tolerance)
+    assert_allclose(fx * vx + fz * vz, expected @ level[1], rtol=0.0, atol=10.0 * tolerance)
+
+
+@given(slope=slopes, belt=st.floats(0.0, 2.0), x=places)
+def test_the_belt_of_a_slope_runs_along_it(slope: float, belt: float, x: float) -> None:
+    """A foot that goes with it, backwards and down an ascent, is pressed at right angles and not dragged."""
+    ground = sloping(slope, belt)
+    z = (x * ground.slope_sine - 0.01) / ground.slope_cosine
+    velocity = -belt * ground.slope_cosine, -belt * ground.slope_sine
+    friction, normal = in_its_axes(ground, *pressed(ground, x, z, *velocity)[:2])
+    assert_allclose(normal, 3e5 * 0.01**1.5, rtol=1e-9)
+    assert_allclose(friction, 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("degrees", [-8.0, 5.0])
+def test_a_mass_on_a_slope_creeps_as_its_weight_is_split(degrees: float) -> None:
+    r"""At rest :math:`F_n = m g \cos\alpha`, and :math:`\mu\tanh(v/v_t) = \tan\alpha` down the slope."""
+    slope, mass, gravity = math.radians(degrees), 30.0, 9.81
+    ground = sloping(slope, belt=0.0)
+
+    def rate(_: float, state: np.ndarray) -> list[float]:
+        x, z, vx, vz = state
+        fx, fz, _ = pressed(ground, x, z, vx, vz)
+        return [vx, vz, fx / mass, fz / mass - gravity]
+
+    # Let down to where it rests, as light dissipation would let it bounce for long.
+    depth = (mass * gravity * math.cos(slope) / ground.stiffness) ** (2.0 / 3.0)
+    start = [depth * math.sin(slope), -depth * math.cos(slope), 0.0, 0.0]
+    end = solve_ivp(rate, (0.0, 1.0), start, method="LSODA", rtol=1e-9, atol=1e-12).y[:, -1]
+    friction, normal = in_its_axes(ground, *pressed(ground, *end)[:2])
+    assert_allclose(normal, mass * gravity * math.cos(slope), rtol=1e-4)
+    assert_allclose(friction, mass * gravity * math.sin(slope), rtol=1e-4)
+    creep = end[2] * math.cos(slope) + end[3] * math.sin(slope)
+    assert_allclose(creep, -0.05 * math.atanh(math.tan(slope) / 0.8), rtol=1e-4)
+
+
+@pytest.mark.parametrize("degrees", [-8.0, 5.0])
+def test_without_friction_a_mass_slides_down_by_the_share_of_gravity(degrees: float) -> None:
+    slope = math.radians(degrees)
+    ground = sloping(slope, friction=0.0)
+    fx, fz, _ = pressed(ground, 0.3, 0.3 * math.tan(slope) - 0.004, 0.0, 0.0)
+    mass = math.hypot(fx, fz) / (9.81 * math.cos(slope))  # that this force carries at right angles
+    along, away = in_its_axes(ground, fx / mass, fz / mass - 9.81)
+    assert_allclose(along, -9.81 * math.sin(slope), rtol=1e-12)
+    assert_allclose(away, 0.0, atol=1e-12)
 
 
 @given(angle=st.floats(-1.5, 3.0), velocity=rates, dissipation=dissipations)

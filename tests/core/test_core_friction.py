@@ -194,7 +194,7 @@ def test_signs_of_a_b_and_c_must_agree() -> None:
         )
 
 
-efficiencies = st.floats(0.35, 1.0)
+efficiencies = st.floats(0.5, 1.0)
 
 
 @given(st.floats(0.5, 60.0), st.floats(0.2, 3.0), efficiencies)

@@ -65,7 +65,12 @@ def test_another_thigh_in_mujoco_is_noticed(preset, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "settings", [["plant.gravity_m_per_s2=9.80999"], ["plant.friction_ratio={hip: 0.5001, knee: 0.5}"]]
+    "settings",
+    [
+        ["plant.gravity_m_per_s2=9.80999"],
+        ["plant.friction_ratio={hip: 0.5001, knee: 0.5}"],
+        ["plant.actuators.hip.gear_efficiency=0.9999"],
+    ],
 )
 def test_another_plant_is_noticed_by_the_replay_in_mujoco(settings, experiment):
     pytest.importorskip("mujoco")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+import math
 import subprocess
 import sys
 from dataclasses import replace
@@ -111,8 +112,19 @@ def read_model(path):
 
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory):
+    return exported_walk(tmp_path_factory, 0.0)
+
+
+@pytest.fixture(scope="module")
+def downhill(tmp_path_factory):
+    return exported_walk(tmp_path_factory, -4.0)
+
+
+def exported_walk(tmp_path_factory, slope):
     folder = tmp_path_factory.mktemp("opensim")
-    run = simulate(load_experiment("treadmill", [f"duration_s={SECONDS}"]).experiment)
+    settings = [f"duration_s={SECONDS}", f"scenario.slope_deg={slope}"]
+    run = simulate(load_experiment("treadmill", settings).experiment)
+    assert run.trip is None
     export_inverse_dynamics(run, folder, OPENSIM_GAIT2392)
     return Folder(folder, run)
 
@@ -148,7 +160,9 @@ def torque_behind_gear(run, side, joint):
     return (motor + others).to_numpy() - rotor * np.gradient(log[f"{name}_velocity_rad_per_s"], TICK)
 
 
-def test_inverse_dynamics_of_the_files_finds_the_torques_of_the_log(walk):
+@pytest.mark.parametrize("way", ["walk", "downhill"])
+def test_inverse_dynamics_of_the_files_finds_the_torques_of_the_log(way, request):
+    walk = request.getfixturevalue(way)
     found = inverse_dynamics(walk)
     for side in Side:
         for joint in (JointName.HIP, JointName.KNEE):
@@ -168,8 +182,10 @@ def test_inverse_dynamics_of_the_files_finds_the_torques_of_the_log(walk):
         assert rms(found[coordinate]) < tolerance
 
 
-def test_loads_and_weight_move_the_centre_of_mass(walk):
+@pytest.mark.parametrize("way", ["walk", "downhill"])
+def test_loads_and_weight_move_the_centre_of_mass(way, request):
     """Newton's second law for the whole body: nothing acts that is not in the files."""
+    walk = request.getfixturevalue(way)
     model, data = walk.model, walk.model.createData()
     q, _, _ = walk.states()
     centre = np.array([pin.centerOfMass(model, data, row).copy() for row in q])
@@ -206,6 +222,18 @@ def test_the_ground_carries_each_foot_within_its_sole(walk):
             assert heel[0] - shift <= x <= toe[0] + shift
             assert z == pytest.approx(-heel[1])  # z to the right, y to the left
         assert np.isfinite(data).all(axis=None)
+
+
+def test_on_a_slope_the_ground_acts_at_points_of_the_belt_and_by_the_columns_of_the_log(downhill):
+    log, data, slope = downhill.run.log, downhill.table("external_loads.mot"), math.radians(-4.0)
+    along, away = np.array([math.cos(slope), math.sin(slope)]), np.array([-math.sin(slope), math.cos(slope)])
+    for side in Side:
+        name = f"ground_{side[0]}"
+        force, point = (data[[f"{name}_{kind}{axis}" for axis in "xy"]].to_numpy() for kind in "vp")
+        assert np.abs(force @ away - log[f"{side}_foot_normal_force_N"]).max() < 1e-6
+        assert np.abs(force @ along - log[f"{side}_foot_friction_force_N"]).max() < 1e-6
+        assert np.abs(point @ away).max() < 1e-9
+        assert np.ptp(point @ along) > 0.1
 
 
 def test_the_harness_is_support_and_guide(walk):

@@ -47,7 +47,7 @@ def test_a_run_is_simulated_checked_and_summed_up_without_scipy() -> None:
         "from twin_gait.simulation import simulate\n"
         "run = simulate(load_experiment('treadmill', ['duration_s=0.1']).experiment)\n"
         "options.check_table(run.experiment)\n"
-        "summarise(run), page_of([shown_run(run)])\n"
+        "page_of([shown_run(run, summarise(run))])\n"
         "print([name for name in ('scipy', 'matplotlib', 'distributed') if name in sys.modules])"
     )
     answer = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

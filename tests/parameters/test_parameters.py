@@ -36,7 +36,7 @@ OUT_OF_RANGE: list[tuple[Callable[..., Any], str, float]] = [
     (ActuatorParameters, "rotor_inertia", -1e-6),
     (ActuatorParameters, "gear_ratio", 0.0),
     (ActuatorParameters, "gear_inertia", -1e-6),
-    (ActuatorParameters, "gear_efficiency", 0.34),
+    (ActuatorParameters, "gear_efficiency", 0.49),
     (ActuatorParameters, "gear_efficiency", 1.01),
     (ActuatorParameters, "continuous_torque", 0.0),
     (BatteryParameters, "voltage", 0.0),

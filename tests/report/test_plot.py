@@ -98,7 +98,7 @@ def test_a_figure_gives_the_same_file_each_time(walk, tmp_path):
 
 
 def test_what_cannot_be_drawn_is_said(walk, bench, tmp_path):
-    with pytest.raises(ParameterError, match="no 'gait'; there are gait_cycle, joint_angles, torques"):
+    with pytest.raises(ParameterError, match="no 'gait'; there are gait_cycle, ground_forces, joint_angles"):
         walk.plot("gait")
     with pytest.raises(ParameterError, match="this run has no feet: it is not on the ground"):
         bench.plot("feet")
@@ -128,7 +128,9 @@ def test_plot_writes_what_was_asked_for(folder, tmp_path, capsys):
 def test_plot_draws_all_that_the_run_has(folder):
     assert main(["plot", str(folder), "--format", "svg"]) == 0
     drawn = {path.name for path in (folder / "figures").glob("*.svg")}
-    assert drawn == {f"{name}-85mm.svg" for name in FIGURES if name not in ("gait_cycle", "feet")}
+    assert drawn == {
+        f"{name}-85mm.svg" for name in FIGURES if name not in ("gait_cycle", "ground_forces", "feet")
+    }
 
 
 @pytest.mark.parametrize(

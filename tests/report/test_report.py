@@ -35,6 +35,7 @@ from twin_gait.report.run_figures import (
     draw_cycle,
     draw_energy,
     draw_feet,
+    draw_ground_forces,
     draw_portrait,
     draw_torques,
 )
@@ -99,12 +100,14 @@ def test_walk_gets_every_picture(walk: Run, tmp_path: Path) -> None:
 
 def test_bench_run_without_strides_gets_time_series(bench_run: Run, tmp_path: Path) -> None:
     names = [path.name for path in write_figures(bench_run, tmp_path)]
-    assert names == [f"{name}.png" for name in FIGURES if name not in ("gait_cycle", "feet")]
-    assert draw_cycle(bench_run) is None and draw_feet(bench_run) is None
+    assert names == [f"{name}.png" for name in FIGURES if name not in ("gait_cycle", "ground_forces", "feet")]
+    assert all(draw(bench_run) is None for draw in (draw_cycle, draw_ground_forces, draw_feet))
 
 
 def test_shortest_log_that_can_be_drawn(walk: Run, tmp_path: Path) -> None:
-    assert len(write_figures(replace(walk, log=walk.log.iloc[:2]), tmp_path)) == len(FIGURES) - 1
+    assert (
+        len(write_figures(replace(walk, log=walk.log.iloc[:2]), tmp_path)) == len(FIGURES) - 2
+    )  # no strides
 
 
 @pytest.mark.parametrize("name", FIGURES)

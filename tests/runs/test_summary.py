@@ -33,6 +33,7 @@ from synthetic_run import (
 import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.gait.table import TICK
+from twin_gait.report.walk_words import carried_by_belt, lines_of, table_of_walk, who_drives
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run, RunStatus
@@ -292,3 +293,91 @@ def test_energy_of_a_simulated_run_balances(bench_run: Run) -> None:
     assert summarise(bench_run)["energy_residual_share"] < 1e-3
     wrong = bench_run.log.assign(friction_work_J=-bench_run.log["friction_work_J"])
     assert summarise(replace(bench_run, log=wrong))["energy_residual_share"] > 0.1
+
+
+# ------------------------------------------------------------------ the walk beside healthy walking
+
+
+def test_walk_is_measured_in_units_that_the_names_say(walk: Run, summary: dict[str, Any]) -> None:
+    left, healthy = summary["sides"]["left"], summary["walk_reference"]
+    carried = 0.4 * walk.body_weight
+    assert left["walk"]["load_peak"] == pytest.approx(400.0 / carried)
+    assert left["walk"]["fore_aft_force_N"] == left["walk"]["belt_power_W"] == 0.0
+    assert left["walk"]["cadence_per_min"] == pytest.approx(120.0 / (STRIDE * TICK))
+    # Swing flexion is the fourth phase, and the first begins before heel strike.
+    assert left["walk"]["swing_entry"] == pytest.approx((sum(PHASE_TICKS[:3]) - LAG) / STRIDE)
+    assert left["walk"]["swing_load_N"] == 400.0
+    # The knee of the walk begins at the reference and goes up in its first half.
+    assert left["walk"]["knee_at_contact_deg"] == pytest.approx(healthy["knee_at_contact_deg"], abs=1e-3)
+    assert left["walk"]["knee_yield_deg"] > healthy["knee_yield_deg"] > 5.0
+    assert left["walk"].keys() >= healthy.keys() - {"stride_time_s"}
+    assert healthy["stride_time_s"] == summary["reference_stride_time_s"]
+    assert healthy["fore_aft_force_N"] == 0.0
+
+
+def test_reference_of_the_ground_force_is_that_of_the_table(summary: dict[str, Any]) -> None:
+    """Winter (1991), slow cadence: 9.81 and 10.01 N/kg about a trough of 8.5 N/kg; 1.59 N/kg at 1 m/s."""
+    healthy = summary["walk_reference"]
+    assert healthy["loading_peak"] == pytest.approx(9.81 / 9.81, abs=1e-3)
+    assert healthy["push_off_peak"] == pytest.approx(10.01 / 9.81, abs=1e-3)
+    assert healthy["trough"] == pytest.approx(8.5 / 9.81, abs=1e-3)
+    assert healthy["propulsion_peak"] == pytest.approx(1.59 / 9.81 * 1.5 / 3.6, abs=1e-3)
+    assert healthy["braking_peak"] == pytest.approx(-1.52 / 9.81 * 1.5 / 3.6, abs=1e-3)
+
+
+def test_errors_of_known_offset_and_wave_are_told_apart(summary: dict[str, Any]) -> None:
+    errors = summary["sides"]["left"]["errors"]
+    hip, knee = errors["hip"], errors["knee"]
+    assert hip["offset_deg"] == pytest.approx(math.degrees(HIP_OFFSET))
+    assert hip["total_deg"] == pytest.approx(summary["sides"]["left"]["rmse_hip_by_contact_deg"])
+    assert (hip["timing_deg"], hip["shape_deg"], hip["shift_percent"]) == pytest.approx((0, 0, 0), abs=1e-3)
+    assert knee["offset_deg"] == pytest.approx(0.0, abs=1e-6)
+    parts = knee["timing_deg"] ** 2 + knee["shape_deg"] ** 2
+    assert parts == pytest.approx(math.degrees(KNEE_AMPLITUDE) ** 2 / 2.0, rel=1e-4)
+
+
+def test_table_stands_beside_healthy_walking(summary: dict[str, Any]) -> None:
+    head, *rows = table_of_walk(summary)
+    assert head == ("", "left", "right", "healthy")
+    cells = {row[0]: row[1:] for row in rows}
+    assert cells["stride time [s]"] == ("1.20", "1.20", "1.75")
+    assert cells["mean fore-aft force [N]"] == ("0.0", "0.0", "0.0")
+    assert cells["slip in a stride [mm]"] == ("0", "0", "–")
+    degrees = math.degrees(HIP_OFFSET)
+    assert cells["hip RMSE: offset, timing, shape [°]"][0] == f"{degrees:.1f}: {degrees:.1f}, 0.0, 0.0"
+    lines = list(lines_of([head, *rows]))
+    assert len(lines) == len(rows) + 1 and lines[0].endswith("healthy")
+    assert len({line.find("1.75") for line in lines if "1.75" in line}) == 1
+
+
+def dragged(walk: Run, force: float) -> dict[str, Any]:
+    """The walk with feet that the belt pulls back so hard in stance."""
+    log = walk.log.copy()
+    for side in ("left", "right"):
+        log[f"{side}_foot_friction_force_N"] = np.where(log[f"{side}_foot_normal_force_N"] > 0.0, -force, 0.0)
+    log["guide_force_N"] = 25.0
+    for name in [name for name in log if name.endswith("motor_torque_Nm")]:
+        log[name] = 0.0
+    return summarise(replace(walk, log=log))
+
+
+def test_belt_that_carries_a_walk_is_said_and_no_other(walk: Run, summary: dict[str, Any]) -> None:
+    assert carried_by_belt(summary) == "" and summary["power"]["carried_by_belt"] is False
+    assert "belt 0.0 W" in who_drives(summary)
+    pulled = dragged(walk, 20.0)
+    mean = 2.0 * 20.0 * (1.0 - SWING / STRIDE)
+    assert pulled["power"]["belt_W"] == pytest.approx(mean * 1.5 / 3.6)
+    assert pulled["power"]["motors_W"] == 0.0
+    assert carried_by_belt(pulled).startswith("The belt carries this walk") and "25 N" in carried_by_belt(
+        pulled
+    )
+    assert carried_by_belt(dragged(walk, 5.0)) == ""  # 6 N are less than 2 % of 352 N
+
+
+def test_leg_on_a_stand_has_no_walk_to_tell_of(bench_run: Run) -> None:
+    summary = summarise(bench_run)
+    assert "power" not in summary and "walk" not in summary["sides"]["right"]
+    assert table_of_walk(summary) == [] and list(lines_of([])) == []
+    assert who_drives(summary) == carried_by_belt(summary) == ""
+    # A summary of an earlier version has none either.
+    assert table_of_walk({"sides": {"left": {"strides": 3}}}) == []

@@ -22,6 +22,7 @@ from twin_gait.parameters import (
     SensorParameters,
 )
 from twin_gait.scenario.bench_joint import (
+    BENCH_ACTUATORS,
     BENCH_INDUCTANCE,
     BenchFriction,
     BenchJoint,
@@ -507,6 +508,29 @@ def test_losses_of_a_cold_gear_slow_a_driven_joint() -> None:
         test = knee(control=control, link=free, gravity=0.0, efficiency=efficiency, duration=0.5)
         reached.append(simulate_bench(test).column("motor_velocity_rad_per_s")[-1])
     assert reached[0] > reached[1] > reached[2] > 0.0
+
+
+@pytest.mark.parametrize(("velocity", "share"), [(0.5, 1.0 / 0.8), (-0.5, 0.8)])
+def test_constant_efficiency_takes_its_share_of_what_the_gear_passes_on(
+    velocity: float, share: float
+) -> None:
+    """A weight slows its rise and falls, the winding open: what the gear passes on turns the rotor alone.
+
+    On the way up the rotor drives and the link gets η of its J a; on the way down the link drives and feels
+    1/η of it.
+    """
+    link, weight = 0.02 + 3.0 * 0.09, 9.81 * 0.9
+    test = knee(
+        actuator=replace(BENCH_ACTUATORS[KNEE], gear_efficiency=0.8),
+        friction=NO_FRICTION,
+        link=LinkParameters(mass=3.0),
+        start_velocity=velocity,
+        duration=0.002,
+    )
+    acceleration = weight / (link + share * ARMATURE)
+    loss = (link + ARMATURE) * acceleration - weight
+    assert_allclose(simulate_bench(test).column("gear_loss_torque_Nm")[0], loss, rtol=1e-9)
+    assert loss * velocity < 0.0
 
 
 def test_friction_that_grows_with_the_load_is_felt_under_load_only() -> None:

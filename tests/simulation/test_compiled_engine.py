@@ -144,6 +144,13 @@ CASES = {
         "plant.actuators.hip.gear_efficiency=0.85",
         "plant.actuators.knee.gear_efficiency=0.9",
     ),
+    "uphill, commands late": (
+        "treadmill",
+        "duration_s=1",
+        EULER,
+        "scenario.slope_deg=4",
+        "control.delay_ms=2",
+    ),
     "inertia compensation and noise": (
         "bench_leg",
         "duration_s=1",
@@ -413,6 +420,9 @@ PLAIN_CASES = {
         "treadmill",
         EULER,
         SENSED,
+        "sensors.offset.left.knee_deg=-2",
+        "control.delay_ms=4",
+        "scenario.slope_deg=3",
         WORN,
         ACTIVE,
         "faults=['encoder_drift:left_knee@0.02s=5deg/s', 'motor_stuck:right_hip@0.15s=20Nm']",

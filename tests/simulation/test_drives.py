@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment
-from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION
+from twin_gait.parameters import HIP_FRICTION, KNEE_ACTUATOR, KNEE_FRICTION
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation import Run, simulate
 
 JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
 LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")
 EFFICIENCY = {"hip": 0.85, "knee": 0.7}
+ARMATURE = KNEE_ACTUATOR.armature
 
 
 def walk(*settings: str) -> Run:
@@ -41,19 +42,27 @@ def table_friction(joint: str, velocity: np.ndarray) -> np.ndarray:
 def test_joint_gets_the_efficiency_of_the_motor_and_the_motor_that_of_the_joint(
     lossy: Run, name: str
 ) -> None:
-    """Behind the gear, friction without load taken off: η of the motor's power, 1/η where it brakes."""
+    """Behind the gear, friction without load taken off: η of what the motor puts in, 1/η where it brakes.
+
+    What the motor puts into the gear is its torque less what turns the rotor, whose acceleration is a
+    difference of velocities here.
+    """
     joint = name.split("_")[1]
     motor, velocity, friction = (
         lossy.log[f"{name}_{column}"].to_numpy()
         for column in ("motor_torque_Nm", "velocity_rad_per_s", "friction_torque_Nm")
     )
-    behind = motor + friction + table_friction(joint, velocity)
-    turning = np.abs(velocity) > 0.3  # tanh 13
-    drives, brakes = turning & (motor * velocity > 0.0), turning & (motor * velocity < 0.0)
-    assert drives.sum() > 500
-    assert brakes.sum() > 500
-    np.testing.assert_allclose(behind[drives], EFFICIENCY[joint] * motor[drives], rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(behind[brakes], motor[brakes] / EFFICIENCY[joint], rtol=1e-9, atol=1e-9)
+    differences = np.diff(velocity, prepend=velocity[:1].repeat(2)) / 1e-3
+    acceleration = 1.5 * differences[1:] - 0.5 * differences[:-1]  # at the end of the tick before
+    load, lost = motor - ARMATURE * acceleration, -friction - table_friction(joint, velocity)
+    # Where all is even: no switch of the torque, contact or reversal in the difference, and tanh 13 or more.
+    even = np.abs(np.gradient(acceleration)) < 0.05
+    turning = even & (np.abs(velocity) > 0.3) & (np.abs(load) > 3.0)
+    drives, brakes = turning & (load * velocity > 0.0), turning & (load * velocity < 0.0)
+    for rows, share in ((drives, 1.0 - EFFICIENCY[joint]), (brakes, 1.0 - 1.0 / EFFICIENCY[joint])):
+        assert rows.sum() > 200
+        assert np.median(lost[rows] / load[rows]) == pytest.approx(share, rel=0.01)
+        np.testing.assert_allclose(lost[rows] / load[rows], share, rtol=0.1)
 
 
 def test_losses_of_the_gear_change_the_walk_and_cost_energy_that_is_accounted_for(
@@ -63,7 +72,7 @@ def test_losses_of_the_gear_change_the_walk_and_cost_energy_that_is_accounted_fo
     for name in JOINTS:
         angle = f"{name}_angle_rad"
         assert np.abs(np.degrees(lossy.log[angle] - free.log[angle])).max() > 1.0
-    assert dear["battery_power_mean_W"] > 1.2 * gentle["battery_power_mean_W"]
+    assert dear["battery_power_mean_W"] > 1.1 * gentle["battery_power_mean_W"]
     assert lossy.log["friction_work_J"].iloc[-1] < 1.5 * free.log["friction_work_J"].iloc[-1] < 0.0
     assert dear["energy_residual_share"] < 1e-9
 

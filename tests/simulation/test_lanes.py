@@ -44,6 +44,8 @@ def unlike_problem(number: int, preset: str, *settings: str) -> Problem:
         f"duration_s={rng.uniform(0.2, 2.0):.3f}",
         f"seed={number}",
         f"plant.battery.internal_resistance_Ohm={rng.uniform(0.1, 0.3)}",
+        f"plant.actuators.knee.gear_efficiency={rng.uniform(0.7, 1.0)}",
+        f"plant.electronics={{constant_power_W: {rng.uniform(0, 20)}, regeneration: {rng.uniform(0, 1)}}}",
     ]
     if on_treadmill or any(item.startswith("patient") for item in settings):
         own += [f"patient.mass_kg={rng.uniform(50, 100)}", f"patient.height_m={rng.uniform(1.6, 1.9)}"]
@@ -56,6 +58,10 @@ def unlike_problem(number: int, preset: str, *settings: str) -> Problem:
         kind = ("encoder_missing", "encoder_drift", "motor_dead", "supply_dip")[number % 4]
         place = "" if kind == "supply_dip" else f":right_{('hip', 'knee')[number % 2]}"
         own.append(f"faults=['{kind}{place}@{rng.uniform(0.001, 0.19):.3f}s']")
+        own.append(f"control.delay_ms={1 + number % 10}")
+        own.append(f"sensors.offset.right.hip_deg={rng.uniform(-3.0, 3.0)}")
+        if on_treadmill:
+            own.append(f"scenario.slope_deg={rng.uniform(-5.0, 5.0)}")
     return build_problem(load_experiment(preset, [*settings, *own]).experiment)
 
 
@@ -165,7 +171,7 @@ STRUCTURES: dict[str, tuple[str, ...]] = {
         *NOISE,
     ),
     "braces": ("treadmill", EULER % 0.1, "interface=brace", *NOISE),
-    "faults, adaptive assistance and inertia compensation": (
+    "faults, commands late, slopes, adaptive assistance and inertia compensation": (
         "treadmill",
         EULER % 0.25,
         "faults=['motor_dead:left_hip@1s']",

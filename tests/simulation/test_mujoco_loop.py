@@ -33,6 +33,16 @@ CASES = {
         "integration.step_ms=0.25",
         "scenario.support.guide=harness",
     ),
+    "treadmill, downhill in a harness, by encoders askew and commands that come late": (
+        "treadmill",
+        "duration_s=0.5",
+        EULER,
+        "integration.step_ms=0.25",
+        "scenario.support.guide=harness",
+        "scenario.slope_deg=-5",
+        "sensors.offset.left={hip_deg: 2, knee_deg: -1}",
+        "control.delay_ms=3",
+    ),
     "treadmill, a short wearer with short feet": (
         "treadmill",
         "duration_s=0.5",

@@ -31,7 +31,7 @@ from twin_gait.gait.table import GaitTable
 from twin_gait.parameters import Patient
 from twin_gait.simulation import RunStatus
 from twin_gait.studies.tune import stages
-from twin_gait.studies.tune.cases import departures, robust_cases, search_cases
+from twin_gait.studies.tune.cases import corner_cases, departures, robust_cases, search_cases
 from twin_gait.studies.tune.outcome import verdict
 from twin_gait.studies.tune.parts import (
     FALL,
@@ -287,6 +287,23 @@ def test_the_robust_set_covers_what_it_promises() -> None:
     assert len({world.scenario.support.share for world in worlds}) == 3  # type: ignore[union-attr]
     assert len({world.scenario.belt_speed for world in worlds}) == 3  # type: ignore[union-attr]
     assert worlds[0] == nominal
+
+
+def test_the_corners_are_other_wearers_whom_the_device_is_told_of() -> None:
+    told = Patient(mass=80.0, height=1.8)
+    nominal = load_experiment("treadmill").experiment
+    nominal = replace(nominal, control=replace(nominal.control, patient=told))
+    worlds = [case.change(nominal) for case in corner_cases()]
+    reached = [
+        (w.patient.mass, w.patient.height, w.scenario.support.share, 3.6 * w.scenario.belt_speed)  # type: ignore[union-attr]
+        for w in worlds
+    ]
+    for values, (least, most) in zip(
+        zip(*reached, strict=True), ((50, 110), (1.5, 1.95), (0.2, 0.8), (0.8, 1.9)), strict=True
+    ):
+        middle = (least + most) / 2
+        assert least <= min(values) < middle < max(values) <= most
+    assert all(world.control.patient is None for world in worlds)
 
 
 def test_every_departure_passes_the_person_tuned_for() -> None:

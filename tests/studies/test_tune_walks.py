@@ -19,7 +19,7 @@ from twin_gait.cli import tune as command
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.experiment import Engine
 from twin_gait.measures.foot_contact import CONTACT_FORCE
-from twin_gait.measures.reference import reference_curve
+from twin_gait.measures.reference import reference_curve, reference_cycle_time
 from twin_gait.measures.strides import symmetry_index
 from twin_gait.report import tune as pictures
 from twin_gait.runs.summary import summarise
@@ -52,11 +52,33 @@ def walk() -> Run:
 
 
 def test_parts_are_the_numbers_of_the_summary(walk: Run) -> None:
-    """Bit for bit, although only what the parts are made of is measured."""
+    """Bit for bit, although only what the parts are made of is measured.
+
+    Those of the ground's forces are made again here from the measures of the walk and the reference.
+    """
     values, sides = part_values(walk), list(summarise(walk)["sides"].values())
     joints = [joint for side in sides for joint in side["joints"].values()]
     pairs = [[side["swing_share"] for side in sides]]
     pairs += [[side["joints"][joint]["range_of_motion_deg"] for side in sides] for joint in ("hip", "knee")]
+    legs = list(walk.walk_measures().values())
+    carried = walk.walkway.carried_weight  # type: ignore[union-attr]
+    healthy = reference_cycle_time(walk.walkway.belt_speed, 1.75)  # type: ignore[union-attr]
+    of_walk = {
+        "knee_at_contact_deg": np.degrees(max(leg.knee_at_contact for leg in legs)),
+        "yield_lack_deg": 7.0 - np.degrees(min(leg.knee_yield for leg in legs)),
+        "stride_time_error_pct": 100.0 * max(abs(leg.stride_time - healthy) for leg in legs) / healthy,
+        "load_peak_pct": 100.0 * max(leg.load_peak for leg in legs) - 100.0,
+        "trough_pct": 100.0 - 100.0 * min(leg.trough for leg in legs),
+        "slow_loading_pct": 100.0 - 100.0 * min(leg.least_load for leg in legs),
+        "fore_aft_pct": 100.0 * abs(sum(leg.fore_aft_force for leg in legs)) / carried,
+        "propulsion_lack_pct": max(0.0, 100.0 - 100.0 * min(leg.propulsion_peak for leg in legs) / 0.16),
+    }
+    assert {name: values.pop(name) for name in of_walk} == pytest.approx(of_walk, abs=1e-9)
+    curves = {name: values.pop(name) for name in ("offset_deg", "ankle_error_deg")}
+    assert curves["offset_deg"] == pytest.approx(
+        max(abs(_mean_distance(walk, side, joint)) for side in Side for joint in ("hip", "knee")), rel=1e-3
+    )
+    assert curves["ankle_error_deg"] == pytest.approx(_error(walk, "ankle"), rel=1e-6)
     assert values == {
         "hip_error_deg": max(side["rmse_hip_by_contact_deg"] for side in sides),
         "knee_error_deg": max(side["rmse_knee_by_contact_deg"] for side in sides),
@@ -98,21 +120,28 @@ def test_a_reference_at_the_speed_of_the_belt_is_that_of_the_summary(walk: Run) 
 
 def test_the_error_is_the_one_that_a_loop_over_strides_finds(walk: Run) -> None:
     """From the force plate's crossings, stride by stride, with numpy's own interpolation."""
+    assert part_values(walk)["knee_error_deg"] == pytest.approx(_error(walk, "knee"), rel=1e-6)
+
+
+def _distances(walk: Run, side: Side, joint: str) -> np.ndarray:
+    """Angle less the reference in [deg] at every percent of each counted stride."""
     speed = walk.experiment.scenario.belt_speed  # type: ignore[union-attr]
-    errors = []
-    for side in Side:
-        loaded = walk.log[f"{side}_foot_normal_force_N"].to_numpy() > CONTACT_FORCE
-        rises = np.flatnonzero(loaded[1:] & ~loaded[:-1]) + 1
-        strikes = [tick for tick in rises if tick > 150 and not loaded[tick - 150 : tick].any()]
-        angle = np.degrees(walk.log[f"{side}_knee_angle_rad"].to_numpy())
-        squares = []
-        for start, end in itertools.pairwise(strikes[2:]):
-            percent = np.arange(100.0)  # 100 % belongs to the next stride
-            place = start + percent / 100.0 * (end - start)
-            reference = np.degrees(reference_curve(JointName.KNEE, percent, speed=speed, height=1.75))
-            squares.append((np.interp(place, np.arange(len(angle)), angle) - reference) ** 2)
-        errors.append(float(np.sqrt(np.mean(squares))))
-    assert part_values(walk)["knee_error_deg"] == pytest.approx(max(errors), rel=1e-6)
+    loaded = walk.log[f"{side}_foot_normal_force_N"].to_numpy() > CONTACT_FORCE
+    rises = np.flatnonzero(loaded[1:] & ~loaded[:-1]) + 1
+    strikes = [tick for tick in rises if tick > 150 and not loaded[tick - 150 : tick].any()]
+    angle = np.degrees(walk.log[f"{side}_{joint}_angle_rad"].to_numpy())
+    percent = np.arange(100.0)  # 100 % belongs to the next stride
+    reference = np.degrees(reference_curve(JointName(joint), percent, speed=speed, height=1.75))
+    places = [start + percent / 100.0 * (end - start) for start, end in itertools.pairwise(strikes[2:])]
+    return np.array([np.interp(place, np.arange(len(angle)), angle) - reference for place in places])
+
+
+def _error(walk: Run, joint: str) -> float:
+    return max(float(np.sqrt(np.mean(_distances(walk, side, joint) ** 2))) for side in Side)
+
+
+def _mean_distance(walk: Run, side: Side, joint: str) -> float:
+    return float(np.mean(_distances(walk, side, joint)))
 
 
 def test_the_quick_rules_find_an_error_of_a_table() -> None:
@@ -148,7 +177,7 @@ def test_deviations_add_up_to_the_errors_over_goals(walk: Run) -> None:
     errors = [
         (side[f"rmse_{joint}_by_contact_deg"] / goal) ** 2
         for side in sides
-        for joint, goal in (("hip", 4.0), ("knee", 8.0))
+        for joint, goal in (("hip", 4.0), ("knee", 6.5))
     ]
     assert np.square(rating.deviations).sum() == pytest.approx(sum(errors) / 2, rel=0.02)
 

@@ -70,6 +70,9 @@ def runs(tmp_path_factory) -> dict[str, Path]:
     return folders
 
 
+MEASURES = (("", "left", "right", "healthy"), ("stride time [s]", "2.08", "2.09", "1.75"))
+
+
 @pytest.fixture(scope="module")
 def pages(runs: dict[str, Path], tmp_path_factory) -> dict[str, Path]:
     shown = {name: read_shown_run(folder) for name, folder in runs.items()}
@@ -79,7 +82,7 @@ def pages(runs: dict[str, Path], tmp_path_factory) -> dict[str, Path]:
     settings = ["duration_s=1.6", "faults=[encoder_freeze:left_knee@1.0s]"]
     tripped = simulate(load_experiment("treadmill", settings).experiment)
     assert tripped.trip is not None
-    held = ShownRun("held", tripped.experiment, tripped.log, (), tripped.events, tripped.status)
+    held = ShownRun("held", tripped.experiment, tripped.log, (), tripped.events, tripped.status, MEASURES)
     (folder / "held.html").write_text(page_of([held]), encoding="utf-8")
     return {path.stem: path for path in folder.iterdir()}
 
@@ -267,6 +270,17 @@ def test_a_motor_changes_its_colour_with_the_phase(walk: OpenPage, runs) -> None
         code = PHASE_COLOURS[GaitPhase(phase)]
         expected = [int(code[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
         np.testing.assert_allclose(shown, expected, atol=1e-4)
+
+
+def test_the_walk_in_numbers_opens_on_demand(opened, pages) -> None:
+    one = opened(pages["held"].as_uri(), size=(1200, 700))
+    read = '[...document.querySelectorAll(".walk tr")].map((row) => row.innerText.split("\\t"))'
+    assert one('document.querySelector(".walk table").checkVisibility()') is False
+    one.page.click(".walk summary")
+    assert one('document.querySelector(".walk table").checkVisibility()') is True
+    assert one(read) == [list(row) for row in MEASURES]
+    plain = opened(pages["one"].as_uri())
+    assert plain('document.querySelectorAll(".walk").length') == 0
 
 
 @pytest.mark.parametrize("shade", ["light", "dark"])

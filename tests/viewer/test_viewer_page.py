@@ -40,7 +40,7 @@ from twin_gait.palette import (
     phase_colour,
 )
 from twin_gait.runs.record import load_run, write_run
-from twin_gait.runs.run_page import ShownRun, page_of
+from twin_gait.runs.run_page import ShownRun, page_of, with_walk
 from twin_gait.runs.shown_run import read_shown_run
 from twin_gait.viewer.body import CLOTH
 from twin_gait.viewer.commands import Recorder
@@ -170,6 +170,26 @@ def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the
     # A run without a trip has neither.
     (calm,) = embedded(page_of([ShownRun("calm", stored.experiment, stored.log.iloc[:900])]))["runs"]
     assert calm["events"] == [] and "Hold" not in [one["label"] for one in calm["phases"]]
+
+
+def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path) -> None:
+    stored = load_run(run_folder)
+    power = {"belt_W": 9.0, "motors_W": 1.0, "wearer_W": 0.0, "guide_W": 0.0, "guide_force_N": 21.6}
+    leg = {"walk": {"trough": 0.5}, "strides_counted": 3, "errors": {}}
+    summary = {
+        "sides": {"left": leg, "right": leg},
+        "walk_reference": {"trough": 0.8},
+        "power": {**power, "carried_by_belt": True},
+    }
+    plain = ShownRun("walk", stored.experiment, stored.log, ("A note.",))
+    (entry,) = embedded(page_of([with_walk(plain, summary)]))["runs"]
+    assert entry["notes"][0] == "A note." and entry["notes"][1].startswith("The belt carries this walk")
+    assert entry["walk"] == [
+        ["", "left", "right", "healthy"],
+        ["trough in midstance [of carried weight]", "0.50", "0.50", "0.80"],
+    ]
+    summary["power"]["carried_by_belt"] = False
+    assert with_walk(plain, summary).notes == ("A note.",)
 
 
 def test_parts_that_a_run_does_not_use_are_left_out(bench: LegModel) -> None:

@@ -171,6 +171,7 @@ class HangingLeg:
             fast_gain=self.problem.fast_gain,
             decimation=experiment.sensors.decimation,
             window=experiment.sensors.window,
+            delay=experiment.control.delay_ticks,
         )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from twin_gait.gait.table import TICK
 
 # Blocks of the state, n joints each: angle, velocity, fast velocity, last angle, angle of the last slow
-# sample; the ring of slow samples follows, newest first.
+# sample; the ring of slow samples follows, and the torques on their way to the motors, newest first both.
 ANGLE, VELOCITY, FAST, LAST, DECIMATED, RING = range(6)
 
 # Poles whose real part is five times that of the slowest hardly show in the response (Ogata, Modern Control
@@ -94,6 +94,7 @@ class LinearLoop:
         fast_gain: Gain of the first-order filter of the fast velocity.
         decimation: Ticks between two slow samples.
         window: Slow samples that are averaged.
+        delay: Ticks from a measurement to the torque that answers it.
     """
 
     motion: LegMotion
@@ -105,6 +106,7 @@ class LinearLoop:
     fast_gain: float
     decimation: int
     window: int
+    delay: int = 0
 
     @property
     def frame(self) -> float:
@@ -116,11 +118,15 @@ def _block(n: int, row: int) -> slice:
     return slice(row * n, (row + 1) * n)
 
 
+def _states(loop: LinearLoop) -> int:
+    return (RING + loop.window + loop.delay) * len(loop.stiffness)
+
+
 def _measurement(loop: LinearLoop, decimates: bool) -> np.ndarray:
     """What the sensors of one tick do to the state; angle and velocity stay."""
     n, eye = len(loop.stiffness), np.eye(len(loop.stiffness))
     angle, fast, last, decimated = (_block(n, row) for row in (ANGLE, FAST, LAST, DECIMATED))
-    measures = np.eye((RING + loop.window) * n)
+    measures = np.eye(_states(loop))
     measures[fast, fast] = (1.0 - loop.fast_gain) * eye
     measures[fast, angle] = loop.fast_gain / TICK * eye
     measures[fast, last] = -loop.fast_gain / TICK * eye
@@ -139,7 +145,7 @@ def _measurement(loop: LinearLoop, decimates: bool) -> np.ndarray:
 def _response(loop: LinearLoop) -> np.ndarray:
     """Torque of the controller on the measured state, shape ``(n, n_states)``."""
     n = len(loop.stiffness)
-    response = np.zeros((n, (RING + loop.window) * n))
+    response = np.zeros((n, _states(loop)))
     response[:, _block(n, LAST)] = loop.feed_forward - np.diag(loop.stiffness)
     response[:, _block(n, FAST)] = -np.diag(loop.damping)
     for sample in range(loop.window):
@@ -156,12 +162,14 @@ def transition_matrix(loop: LinearLoop) -> np.ndarray:
         loop: The loop.
 
     Returns:
-        Shape ``(n_states, n_states)`` with ``(5 + window) n`` states.
+        Shape ``(n_states, n_states)`` with ``(5 + window + delay) n`` states.
     """
-    n = len(loop.stiffness)
-    leg = np.eye((RING + loop.window) * n)
+    n, states = len(loop.stiffness), _states(loop)
+    leg, on_the_way = np.eye(states), RING + loop.window
+    torques = np.vstack((_response(loop), np.eye(states)[on_the_way * n :]))  # newest first
+    leg[on_the_way * n :] = torques[: loop.delay * n]
     leg[: 2 * n, : 2 * n] = loop.motion.free
-    leg[: 2 * n] += loop.motion.driven @ _response(loop)
+    leg[: 2 * n] += loop.motion.driven @ torques[loop.delay * n :]
     plain = leg @ _measurement(loop, decimates=False)
     sampled = leg @ _measurement(loop, decimates=True)
     return np.asarray(np.linalg.matrix_power(plain, loop.decimation - 1) @ sampled)

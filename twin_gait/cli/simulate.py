@@ -151,6 +151,7 @@ def accuracy_line(accuracy: Mapping[str, Any]) -> str:
 def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
     """The figures that a reader wants first."""
     from twin_gait.measures.strides import stride_count
+    from twin_gait.report.walk_words import carried_by_belt, lines_of, table_of_walk, who_drives
 
     for side, values in summary["sides"].items():
         found, counted = values.get("strides"), values.get("strides_counted")
@@ -166,3 +167,9 @@ def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
         if hip is not None:
             line = f"{line}, off the Koopman reference by {hip:.1f}° (hip) and {knee:.1f}° (knee) RMS"
         yield line
+    yield from lines_of(table_of_walk(summary))
+    yield from filter(None, (who_drives(summary), carried_by_belt(summary)))
+    power, life = summary.get("battery_power_mean_W"), summary.get("battery_life_h")
+    if life is not None:
+        lasts = f"{summary['battery_capacity_Wh']:.0f} Wh last {life:.1f} h"
+        yield f"battery: {power:.1f} W, {lasts} (stated: {summary['battery_life_stated_h']:g} h)"

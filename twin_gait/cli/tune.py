@@ -36,6 +36,7 @@ def add_parser(commands: Any) -> None:
     add("--keep-thresholds", action="store_true", help="leave the transitions as they are")
     add("--keep-blending", action="store_true", help="leave the blend as it is")
     add("--per-side", action="store_true", help="give each leg numbers of its own (hemiparesis)")
+    add("--everyone", action="store_true", help="a table for other wearers, supports and belts too")
     options.add_seed(parser)
     options.add_runner(parser)
     options.add_json(parser)
@@ -63,6 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
         thresholds=not arguments.keep_thresholds,
         blending=not arguments.keep_blending,
         per_side=arguments.per_side,
+        everyone=arguments.everyone,
     )
     again = f"the same command with --resume goes on from there: {arguments.out}"
     folder = None

@@ -172,9 +172,12 @@ def _fragment(arguments: argparse.Namespace) -> str:
 def show_run(run: Run) -> int:
     """Show a run in the browser until Ctrl-C; gives the exit status."""
     from twin_gait.runs.run_page import shown_run
+    from twin_gait.runs.summary import summarise
 
     defaults = {"at": None, "play_speed": 1.0, "once": False, "dark": False, "no_browser": False}
-    return _serve_runs([shown_run(run)], argparse.Namespace(port=options.FIRST_PORT, **defaults))
+    return _serve_runs(
+        [shown_run(run, summarise(run))], argparse.Namespace(port=options.FIRST_PORT, **defaults)
+    )
 
 
 def announce(url: str, *, browser: bool = True) -> None:

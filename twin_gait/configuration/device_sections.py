@@ -135,23 +135,30 @@ class PlantFrictionsEntry(PerJoint):
 
 
 class ActuatorEntry(Section):
-    """Motor and gear."""
+    """Motor and gear of a joint; what is left out is that of TWIN's."""
 
     parameters: ClassVar = ActuatorParameters
-    torque_constant_Nm_per_A: Number
-    resistance_Ohm: Number
-    rotor_inertia_kgm2: Number = ActuatorParameters.rotor_inertia
-    gear_ratio: Number = ActuatorParameters.gear_ratio
-    gear_inertia_kgm2: Number = ActuatorParameters.gear_inertia
-    gear_efficiency: Number = ActuatorParameters.gear_efficiency
-    continuous_torque_Nm: Number = ActuatorParameters.continuous_torque
+    torque_constant_Nm_per_A: Number | None = None
+    resistance_Ohm: Number | None = None
+    rotor_inertia_kgm2: Number | None = None
+    gear_ratio: Number | None = None
+    gear_inertia_kgm2: Number | None = None
+    gear_efficiency: Number | None = None
+    continuous_torque_Nm: Number | None = None
 
 
 class ActuatorsEntry(PerJoint):
     """Motors and gears of hip and knee."""
 
-    hip: ActuatorEntry
-    knee: ActuatorEntry
+    hip: ActuatorEntry = ActuatorEntry()
+    knee: ActuatorEntry = ActuatorEntry()
+
+    def _of(self, joint: JointName) -> ActuatorParameters:
+        default, given = PlantParameters().actuators[joint], getattr(self, joint).values()
+        try:
+            return replace(default, **given)
+        except ParameterError as error:
+            raise ParameterError(f"{joint}.{error}") from error
 
 
 class BatteryEntry(Section):
@@ -204,6 +211,16 @@ class PlantEntry(Section):
     stops: StopsEntry = StopsEntry()
     ankle: AnkleEntry = AnkleEntry()
     gravity_m_per_s2: Number = PlantParameters.gravity
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_load_friction(cls, data: Any) -> Any:
+        """Runs from before the efficiency of a gear cost torque say that they had no load friction."""
+        if not isinstance(data, Mapping) or "load_friction" not in data:
+            return data
+        if data["load_friction"] not in (None, {"hip": 0.0, "knee": 0.0}):
+            raise ValueError("load_friction is gone; set actuators.hip.gear_efficiency to 1 less it")
+        return {key: value for key, value in data.items() if key != "load_friction"}
 
 
 class AssistanceEntry(Section):
@@ -289,6 +306,8 @@ class ControlEntry(Section):
     limits: LimitsEntry = LimitsEntry()
     safety: SafetyEntry = SafetyEntry()
     patient: PatientEntry | None = None
+    delay_s: Number | None = None
+    delay_ms: Number | None = None
 
 
 PLACES = ("pelvis", "hip", "knee", "ankle")

@@ -125,6 +125,8 @@ class TreadmillEntry(Section):
     belt_speed_km_per_h: Number | None = None
     belt: BeltEntry | None = None
     stop_ramp_s: Endless = TreadmillScenario.stop_ramp
+    slope_deg: Number | None = None
+    slope_rad: Number | None = None
     support: SupportEntry = SupportEntry()
     contact: ContactEntry = ContactEntry()
     leading: Side = Side.LEFT

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from twin_gait.core.elementary import hyperbolic_tangent
+
+LEAST_FORCE = 1e-6  # [N]; a lighter contact has no centre of pressure
 
 
 def contact_normal_force(
@@ -108,6 +111,8 @@ class Ground:
         dissipation: In [s] / [m].
         friction_coefficient: Coulomb coefficient.
         transition_velocity: Of the regularised friction in [m] / [s].
+        slope_sine: Of the angle by which the plane rises forwards; it contains the origin.
+        slope_cosine: Likewise.
     """
 
     belt_speed: float = 0.0
@@ -115,6 +120,8 @@ class Ground:
     dissipation: float = 0.0
     friction_coefficient: float = 0.0
     transition_velocity: float = 0.0
+    slope_sine: float = 0.0
+    slope_cosine: float = 1.0
 
 
 @dataclass(slots=True)
@@ -122,9 +129,9 @@ class Point:
     """A point of a sole.
 
     Attributes:
-        forward: Force on it in [N].
-        upward: Likewise.
-        height: Above the ground in [m].
+        forward: Force on it in [N], level.
+        upward: Likewise, vertical.
+        height: Above the ground, at right angles to it, in [m].
     """
 
     forward: float = 0.0
@@ -155,3 +162,48 @@ def ground_contact_force(
     normal = contact_normal_force(-height, -vertical_velocity, stiffness, dissipation)
     friction = contact_friction_force(slip_velocity, normal, coefficient, transition_velocity)
     return friction, normal
+
+
+def along_slope(sine: float, cosine: float, forward: float, upward: float) -> tuple[float, float]:
+    r"""Parts of a vector along a plane that rises forwards by α, and at right angles to it.
+
+    .. math::
+
+        x' = x \cos\alpha + z \sin\alpha, \qquad z' = z \cos\alpha - x \sin\alpha
+
+    Args:
+        sine: Of α; with its sign changed this is the way back.
+        cosine: Likewise.
+        forward: Level part x.
+        upward: Vertical part z.
+
+    Returns:
+        Part along the plane, forwards positive, and part away from it, in the unit of the vector.
+    """
+    return forward * cosine + upward * sine, upward * cosine - forward * sine
+
+
+def sloped_contact_force(
+    sine: float,
+    cosine: float,
+    place: tuple[float, float],
+    velocity: tuple[float, float],
+    press: Callable[[float, float, float], tuple[float, float]],
+) -> tuple[float, float, float]:
+    """Force of a plane through the origin, or a belt along it, on a point of the sole.
+
+    In the axes of the plane the law is that of level ground. Numbers or symbols of a kernel.
+
+    Args:
+        sine: Of the angle by which the plane rises forwards.
+        cosine: Likewise.
+        place: Of the point in the world, forwards and upwards, in [m].
+        velocity: Likewise in [m] / [s].
+        press: Law of level ground: :func:`ground_contact_force` from height and velocities on.
+
+    Returns:
+        Forward and upward force on the point in [N], and its height above the plane in [m].
+    """
+    _, height = along_slope(sine, cosine, *place)
+    friction, normal = press(height, *along_slope(sine, cosine, *velocity))
+    return (*along_slope(-sine, cosine, friction, normal), height)

@@ -99,8 +99,8 @@ def rotational_friction_torque(
 def gear_loss_torque(velocity: float, load: float, efficiency: float, transition_velocity: float) -> float:
     r"""Torque that the gear loses under load, with the sign of the velocity.
 
-    Driving, the joint receives :math:`\eta\tau` of the motor's torque; driven backwards, it takes
-    :math:`\tau/\eta` to overcome the motor:
+    Driving, the joint receives :math:`\eta\tau` of what the motor puts into the gear; driven backwards, it
+    takes :math:`\tau/\eta` to overcome the motor:
 
     .. math::
 
@@ -121,8 +121,8 @@ def gear_loss_torque(velocity: float, load: float, efficiency: float, transition
 
     Args:
         velocity: Joint velocity :math:`\omega` in [rad] / [s].
-        load: Torque :math:`\tau` of the motor at the joint in [N m], either sign; the share of it that turns
-            the rotor goes through the gear's teeth no less than the rest here.
+        load: Torque :math:`\tau` that the gear passes on in [N m], either sign: that of the motor less what
+            turns the rotor.
         efficiency: :math:`\eta` in (0, 1].
         transition_velocity: :math:`\omega_t` in [rad] / [s], above 0.
 
@@ -153,7 +153,7 @@ def geared_friction_torque(
     They share their hyperbolic tangent, and a compiler finds it.
 
     Args:
-        load: Torque of the motor at the joint in [N m].
+        load: Torque that the gear passes on in [N m].
         gear_efficiency: In (0, 1].
 
     Returns:

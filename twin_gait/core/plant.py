@@ -61,6 +61,7 @@ class Plant:
         friction: Of motor and gear.
         stop: Mechanical stops.
         spring: Orthosis, or support of the pelvis.
+        armature: Inertia of rotor and wave generator seen at the joint in [kg m²].
         deflection: Of the bristles that some laws of friction have, at the start of the step, in [rad].
         friction_torque: On the coordinate in [N m] or [N].
         stop_torque: Likewise.
@@ -70,6 +71,7 @@ class Plant:
     friction: PlantFriction
     stop: Stop
     spring: Spring
+    armature: float = 0.0
     deflection: float = 0.0
     friction_torque: float = 0.0
     stop_torque: float = 0.0
@@ -79,6 +81,24 @@ class Plant:
 def free_coordinate() -> Plant:
     """A coordinate on which nothing acts."""
     return Plant(PlantFriction(), Stop(0.0, 0.0, 0.0, 0.0), Spring(0.0, 0.0, 0.0))
+
+
+def gear_load(plant: Plant, motor: float, acceleration: float) -> float:
+    r"""Torque that the gear of a joint passes on, :math:`\tau - J\,\ddot q`.
+
+    What turns the rotor never reaches the teeth; in a walk that is half of the knee's torque.
+
+    Args:
+        plant: Of the coordinate.
+        motor: Torque :math:`\tau` of its motor at the joint in [N m].
+        acceleration: :math:`\ddot q` in [rad] / [s²] as it was found last: one evaluation late, since the
+            losses of the gear move the joint themselves. With an efficiency above 0.5 that settles, by a
+            factor of :math:`1/\eta - 1` at least in each evaluation, for no joint has less inertia than J.
+
+    Returns:
+        Torque in [N m].
+    """
+    return motor - plant.armature * acceleration
 
 
 def passive_torque(
@@ -91,7 +111,7 @@ def passive_torque(
         rotational: From :func:`~twin_gait.core.friction.rotational_torque`.
         q: Coordinate in [rad] or [m].
         v: Its velocity.
-        load: Torque of its motor in [N m], which presses the teeth of the gear.
+        load: From :func:`gear_load`.
         displacement: Of the coordinate since the start of the step, in [rad] or [m].
 
     Returns:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 
+from twin_gait.gait.table import TICK
 from twin_gait.parameters import (
     HIP_FRICTION,
     KNEE_FRICTION,
@@ -14,10 +15,13 @@ from twin_gait.parameters import (
     LimitParameters,
     Patient,
     SafetyParameters,
+    require,
     require_non_negative,
     require_share,
 )
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName
+
+LONGEST_DELAY = 0.01  # [s]
 
 
 class ControlMode(StrEnum):
@@ -112,6 +116,9 @@ class ControlParameters:
         limits: Of torque and current.
         safety: The monitor between controller and motor.
         patient: The wearer that gravity compensation assumes; None takes the true one.
+        delay: From a measurement to the current that answers it, in [s], a whole number of ticks; 0 for a
+            firmware that answers within the tick. Nothing is asked of the drives before the first command
+            arrives; what holds a leg after a trip comes as late.
     """
 
     mode: ControlMode = ControlMode.IMPEDANCE
@@ -125,7 +132,19 @@ class ControlParameters:
     limits: LimitParameters = field(default_factory=LimitParameters)
     safety: SafetyParameters = field(default_factory=SafetyParameters)
     patient: Patient | None = None
+    delay: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges."""
         require_share("inertia_compensation", self.inertia_compensation)
+        require(
+            0.0 <= self.delay <= LONGEST_DELAY and abs(self.delay - self.delay_ticks * TICK) < 1e-9,
+            "delay",
+            f"a multiple of {TICK:g} s from 0 to {LONGEST_DELAY:g} s",
+            self.delay,
+        )
+
+    @property
+    def delay_ticks(self) -> int:
+        """Delay in ticks."""
+        return round(self.delay / TICK)

@@ -6,8 +6,9 @@ The ground acts on each foot with one force at its centre of pressure,
 
     x = -M_y / F_z, \qquad y = M_x / F_z
 
-of the moment about a point of the belt; heel and toe are taken apart again by the law of the contact at the
-logged state. Support and guide of the pelvis are a load of their own, so that nothing is left over there.
+in the axes of the belt, of the moment about a point on it; heel and toe are taken apart again by the law of
+the contact at the logged state. Support and guide of the pelvis are a load of their own, so that nothing is
+left over there.
 The moments of hip and knee are what arrives at the leg behind the gear: the torques of the log less what
 accelerates the rotor, :math:`J_{rotor}\,\dot\omega`, which no body of OpenSim has.
 
@@ -28,7 +29,7 @@ import numpy as np
 import pandas as pd
 
 from twin_gait.conventions import DEGREES, Convention
-from twin_gait.core.contact import Ground, Point
+from twin_gait.core.contact import LEAST_FORCE, Point
 from twin_gait.core.friction import rotational_torque
 from twin_gait.core.plant import passive_torque
 from twin_gait.exceptions import ParameterError
@@ -40,14 +41,12 @@ from twin_gait.kernels.pinocchio import GroundContacts
 from twin_gait.leg_model import LegModel
 from twin_gait.scenario import TreadmillScenario, World
 from twin_gait.simulation.log import state_columns
-from twin_gait.simulation.record import taken_from
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 
 MODEL_FILE, MOTION_FILE, MOMENTS_FILE = "model.osim", "motion.mot", "joint_moments.sto"
 LOADS_FILE, FORCES_FILE = "external_loads.xml", "external_loads.mot"
 SETUP_FILE, FOUND_FILE = "inverse_dynamics.xml", "inverse_dynamics.sto"
-LEAST_FORCE = 1e-6  # [N]; a lighter contact has no centre of pressure
 
 
 class ExternalLoad(NamedTuple):
@@ -132,7 +131,7 @@ def external_loads(run: Run, world: World, *, device: bool = False) -> list[Exte
 
 
 def _ground_loads(run: Run, world: World) -> Iterator[ExternalLoad]:
-    turn = to_opensim(world.model.up_axis)
+    turn = to_opensim(world.model.up_axis) @ _belt_axes(world)
     for side, wrench in _ground_wrenches(run, world).items():
         force, moment = wrench[:, :3], wrench[:, 3:]
         point = _centres_of_pressure(force, moment)
@@ -141,8 +140,15 @@ def _ground_loads(run: Run, world: World) -> Iterator[ExternalLoad]:
         yield ExternalLoad(f"ground_{str(side)[0]}", body, force @ turn.T, point @ turn.T, free @ turn.T)
 
 
+def _belt_axes(world: World) -> np.ndarray:
+    """Directions in the world along the belt, to the left and away from the belt, in columns."""
+    ground = world.ground()
+    sine, cosine = ground.slope_sine, ground.slope_cosine
+    return np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])
+
+
 def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
-    """Force and moment about the origin on each foot, shape ``(n, 6)``.
+    """Force and moment about the origin on each foot in the axes of the belt, shape ``(n, 6)``.
 
     A belt takes the speed of a tick at once, as a motor its torque, and the log has the pull of the new one:
     an acceleration at the tick is about that of the mean pull of both speeds. A belt that was changed by hand
@@ -150,7 +156,7 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     """
     scenario, contacts = run.experiment.scenario, GroundContacts(world)
     assert isinstance(scenario, TreadmillScenario)  # the only world whose pelvis moves
-    ground = taken_from(Ground, scenario.contact, belt_speed=0.0)
+    ground = world.ground()
     points = [Point() for foot in contacts.feet.values() for _ in foot.points]
     positions, velocities = state_columns(world.model)
     if world.braces is not None:
@@ -161,20 +167,24 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     found = {side: np.zeros((len(q), 6)) for side in contacts.feet}
     tripped = math.inf if run.trip is None else run.trip.time
     logged = {side: run.log[f"{side}_foot_friction_force_N"].to_numpy() for side in found}
+    axes = _belt_axes(world)
+
+    def pressed(side: Side) -> np.ndarray:
+        return np.concatenate([part @ axes for part in np.split(contacts.wrench(side), 2)])
+
     for tick in range(len(q)):
         ground.belt_speed = scenario.belt_speed_at(tick * TICK, tripped)
         contacts.update(q[tick], v[tick], ground, points)
-        loaded = [side for side in found if contacts.wrench(side).any()]
-        for side in loaded:
-            found[side][tick] = contacts.wrench(side)
+        loaded = {side: pressed(side) for side in found if contacts.wrench(side).any()}
+        for side, wrench in loaded.items():
+            found[side][tick] = wrench
             found[side][tick, 0] = logged[side][tick]
         last, now = scenario.belt_speed_at(max(tick - 1, 0) * TICK, tripped), ground.belt_speed
         if last != now:
-            new = {side: contacts.wrench(side) for side in loaded}
             ground.belt_speed = last
             contacts.update(q[tick], v[tick], ground, points)
-            for side in loaded:
-                found[side][tick] += 0.5 * (contacts.wrench(side) - new[side])
+            for side, new in loaded.items():
+                found[side][tick] += 0.5 * (pressed(side) - new)
     return found
 
 

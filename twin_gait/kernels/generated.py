@@ -15,11 +15,11 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from itertools import chain
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from twin_gait.core.contact import Point, ground_contact_force
+from twin_gait.core.contact import Point, ground_contact_force, sloped_contact_force
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import ModelError
 from twin_gait.kernels import rigid_body
@@ -123,13 +123,22 @@ def _gravity_vector(trace: Trace, up_axis: str) -> Vector:
     return vector([0.0, 0.0, down] if up_axis == "z" else [0.0, down, 0.0])
 
 
-def _ground(trace: Trace, heights: list[Scalar], powers: list[Scalar]) -> rigid_body.ContactLaw:
+def _ground(trace: Trace, heights: list[Scalar], powers: list[Scalar], sloped: bool) -> rigid_body.ContactLaw:
     """Contact law that calls the one in core, and keeps heights and powers."""
+    sine: Any = trace.input("ground.slope_sine")
+    cosine: Any = trace.input("ground.slope_cosine")
+
+    def press(*state: Any) -> Any:
+        return trace.call("ground_contact_force", [trace.input("ground"), *state], 2)
 
     def law(number: int, position: Vector, velocity: Vector) -> list[Scalar]:
-        state = [position[2], velocity[0], velocity[2]]
-        forward, upward = trace.call("ground_contact_force", [trace.input("ground"), *state], 2)
-        heights.append(position[2])
+        place, speed = (position[0], position[2]), (velocity[0], velocity[2])
+        height = place[1]
+        if sloped:
+            forward, upward, height = sloped_contact_force(sine, cosine, place, speed, press)
+        else:
+            forward, upward = press(height, *speed)
+        heights.append(height)
         powers.append(forward * velocity[0] + upward * velocity[2])
         return [forward, upward]
 
@@ -174,7 +183,9 @@ def _point_stores(
     return stores
 
 
-def write_dynamics(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str) -> str:
+def write_dynamics(
+    bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], up_axis: str, sloped: bool = False
+) -> str:
     """Source of ``dynamics``; see :mod:`twin_gait.simulation.interface`."""
     trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
     inputs, places = _as_inputs(trace, bodies, points)
@@ -186,14 +197,16 @@ def write_dynamics(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint],
         _inputs(trace, "torque", n),
         _gravity_vector(trace, up_axis),
         places,
-        _ground(trace, heights, powers),
+        _ground(trace, heights, powers, sloped),
     )
     stores = _stores("a", result.acceleration) + _point_stores(result.contacts, heights)
     signature = "dynamics(q, v, torque, bodies, gravity, ground, a, points)"
     return _function(signature, trace, stores, [_total(powers)])
 
 
-def write_contact_forces(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint]) -> str:
+def write_contact_forces(
+    bodies: Sequence[BodyArrays], points: Sequence[ContactPoint], sloped: bool = False
+) -> str:
     """Source of ``contact_forces``."""
     trace, heights, powers = Trace(), list[Scalar](), list[Scalar]()
     inputs, places = _as_inputs(trace, bodies, points)
@@ -205,7 +218,7 @@ def write_contact_forces(bodies: Sequence[BodyArrays], points: Sequence[ContactP
         [0.0] * n,
         rigid_body.ZERO,
         places,
-        _ground(trace, heights, powers),
+        _ground(trace, heights, powers, sloped),
     )
     stores = _point_stores(result.contacts, heights)
     return _function("contact_forces(q, v, bodies, ground, points)", trace, stores, [_total(powers)])
@@ -267,19 +280,21 @@ def write_kernel(
     control_bodies: Sequence[BodyArrays],
     up_axis: str,
     guides: Sequence[int] = (0,),
+    sloped: bool = False,
 ) -> str:
     """Source of all functions of :mod:`twin_gait.simulation.interface` for one structure.
 
     Args:
         points: Points of the plant that may touch the ground.
         up_axis: ``"z"`` or ``"y"``.
+        sloped: Whether the ground may rise forwards; else it is level and nothing is turned.
 
     Returns:
-        Python source; it needs ``sine_cosine`` and ``ground_contact_force`` of core in its module.
+        Python source; it needs the functions of :data:`SIDE_BY_SIDE` in its module.
     """
     functions = [
-        write_dynamics(bodies, points, up_axis),
-        write_contact_forces(bodies, points),
+        write_dynamics(bodies, points, up_axis, sloped),
+        write_contact_forces(bodies, points, sloped),
         write_observe(bodies, points, up_axis, guides),
         write_control_gravity(control_bodies, up_axis),
         write_control_inertia(control_bodies),
@@ -313,6 +328,7 @@ def kernel_structure(
     control_bodies: Sequence[BodyArrays],
     up_axis: str,
     guides: Sequence[int] = (0,),
+    sloped: bool = False,
 ) -> str:
     """What the text of :func:`write_kernel` depends on; it takes a hundredth of the time to write that.
 
@@ -324,7 +340,7 @@ def kernel_structure(
             f"the model has {len(bodies)} joints, those in braces counted twice, and the compiled engine "
             f"takes at most {STRAIGHT_LINE_LIMIT}; use engine: pinocchio"
         )
-    return repr((_structure(bodies, points), _structure(control_bodies), up_axis, tuple(guides)))
+    return repr((_structure(bodies, points), _structure(control_bodies), up_axis, tuple(guides), sloped))
 
 
 def _structure(bodies: Sequence[BodyArrays], points: Sequence[ContactPoint] = ()) -> str:

@@ -7,12 +7,13 @@ dynamics, and so is what that one is checked against.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from twin_gait.core.contact import Ground, Point, ground_contact_force
+from twin_gait.core.contact import Ground, Point, ground_contact_force, sloped_contact_force
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.joints import PELVIS_JOINT
 from twin_gait.scenario.world import World
@@ -70,16 +71,19 @@ class GroundContacts:
         placement = self.data.oMi[foot.joint]
         # Python numbers are several times faster here than numpy's scalars.
         (r00, r01, r02), _, (r20, r21, r22) = placement.rotation.tolist()
-        height = placement.translation.tolist()[2]
+        ahead, _, height = placement.translation.tolist()
         lx, ly, lz, wx, wy, wz = self.data.v[foot.joint].vector.tolist()
+        press = partial(ground_contact_force, ground)
         power = fx = fy = fz = mx = my = mz = 0.0
         for number, (x, y, z) in enumerate(foot.points, start=foot.first):
             point = points[number]
-            point.height = height + r20 * x + r21 * y + r22 * z
+            place = ahead + r00 * x + r01 * y + r02 * z, height + r20 * x + r21 * y + r22 * z
             ux, uy, uz = lx + wy * z - wz * y, ly + wz * x - wx * z, lz + wx * y - wy * x
             forward = r00 * ux + r01 * uy + r02 * uz
             upward = r20 * ux + r21 * uy + r22 * uz
-            along, up = ground_contact_force(ground, point.height, forward, upward)
+            along, up, point.height = sloped_contact_force(
+                ground.slope_sine, ground.slope_cosine, place, (forward, upward), press
+            )
             point.forward, point.upward = along, up
             power += along * forward + up * upward
             px, py, pz = r00 * along + r20 * up, r01 * along + r21 * up, r02 * along + r22 * up

@@ -11,10 +11,10 @@ the cycle have a timing, an angle, a velocity and an acceleration that depend on
 and quintic Hermite splines join them. The regression counts its instants as samples of a cycle: heel
 contact is sample 1, the next heel contact sample 100, so that sample 1 + 0.99 p is p percent.
 
-Angles at natural cadence and moments at slow cadence are also those of D. A. Winter: The biomechanics and
-motor control of human gait, 2nd edition, University of Waterloo Press, 1991: means over 19 subjects, every
-2 % of the cycle from heel contact to the next. Duration and speed at natural cadence are those that public
-copies of the table carry (105.3 steps a minute).
+Angles at natural cadence, moments and ground forces at slow cadence are also those of D. A. Winter: The
+biomechanics and motor control of human gait, 2nd edition, University of Waterloo Press, 1991: means over 19
+subjects, every 2 % of the cycle from heel contact to the next. Duration and speed at natural cadence are
+those that public copies of the table carry (105.3 steps a minute).
 """
 
 from __future__ import annotations
@@ -250,7 +250,7 @@ WINTER_JOINTS = (JointName.HIP, JointName.KNEE)
 
 @lru_cache(maxsize=1)
 def _table() -> np.ndarray:
-    """Percent, angles of hip and knee in [deg], their extensor moments in [N m] / [kg], shape (51, 5)."""
+    """Percent, two angles in [deg], two extensor moments in [N m] / [kg], two forces in [N] / [kg]."""
     table = np.loadtxt(Path(__file__).with_name("winter1991.csv"), delimiter=",", skiprows=4)
     table.setflags(write=False)
     return table
@@ -290,3 +290,39 @@ def normative_moment(joint: str, percent: np.ndarray) -> np.ndarray:
     """
     moments = -_table()[:, 3 + WINTER_JOINTS.index(JointName(joint))]
     return np.asarray(np.interp(np.mod(percent, CYCLE), _table()[:, 0], moments))
+
+
+WINTER_SLOW_SPEED = 1.0  # [m] / [s], about, at Winter's slow cadence (recalled)
+WINTER_GRAVITY = 9.81  # [m] / [s²]
+
+
+class GroundForce(NamedTuple):
+    """Force of the ground on a foot over body weight, shape of the instants asked for.
+
+    Attributes:
+        vertical: Upwards.
+        forward: Negative where it brakes.
+    """
+
+    vertical: np.ndarray
+    forward: np.ndarray
+
+
+def normative_ground_force(percent: np.ndarray, *, speed: float) -> GroundForce:
+    """Force of the ground in healthy walking, over the weight that is carried.
+
+    Winter's at slow cadence, the slowest that he gives. The forward force is scaled in proportion to the
+    speed: its largest values of 0.162, 0.223 and 0.262 body weights at 1.0, 1.325 and 1.7 m/s are 0.154 to
+    0.168 of the speed in m/s. Below 1 m/s this is extrapolated; and there the vertical force, which is not
+    scaled, is flatter than at 1 m/s.
+
+    Args:
+        percent: Of the gait cycle from foot contact, in [%], any shape; the cycle repeats.
+        speed: Walking speed in [m] / [s].
+
+    Returns:
+        The force.
+    """
+    places, table = np.mod(percent, CYCLE), _table() / WINTER_GRAVITY
+    vertical, forward = (np.interp(places, _table()[:, 0], table[:, column]) for column in (5, 6))
+    return GroundForce(vertical, forward * speed / WINTER_SLOW_SPEED)

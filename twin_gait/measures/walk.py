@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances
+from twin_gait.measures.foot_contact import CONTACT_FORCE, is_loaded, swing_clearances, swings
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_entries
 from twin_gait.measures.strides import (
@@ -94,7 +94,7 @@ class WalkMeasures:
         hip_lowest: Least angle in [rad].
         knee_at_contact: Angle of the mean stride at heel strike in [rad].
         knee_yield: Flexion after it, up to 30 % of the cycle, in [rad].
-        clearance: Least of all swings in their middle half, in [m]; see
+        clearance: Least of its counted swings in their middle half, in [m]; see
             :func:`twin_gait.measures.foot_contact.swing_clearances`.
         slip: Way that the loaded sole slides on the belt in a stride, in [m].
         swing_entry: Share of the stride at which swing flexion begins; NaN for a table without such a phase.
@@ -158,22 +158,26 @@ def walk_measures(
         The measures.
     """
     contacts, others = leg.contacts, other.contacts
-    assert contacts is not None and others is not None and leg.clearance is not None  # there is ground
+    assert contacts is not None and others is not None  # there is ground
+    assert leg.clearance is not None and leg.normal_force is not None
     bounds = leg.strides(skip=skip)
     times = stride_times(bounds, leg.tick)
     steps = step_times(_inside(contacts.heel_strikes, bounds, last=True), others.heel_strikes, leg.tick)
     entries = np.zeros(0, dtype=int) if swing_phase is None else phase_entries(leg.phases, swing_phase)
     fore_aft = log[f"{leg.side}_foot_friction_force_N"].to_numpy()
+    load = leg.normal_force / walkway.carried_weight
+    clearances = swing_clearances(leg.clearance, contacts)
     return WalkMeasures(
         strides=len(bounds),
         stride_time=_mean(times),
         cadence=cadence(times),
         step_length=walkway.belt_speed * _mean(steps),
-        **_vertical(leg, bounds, walkway),
+        load_peak=_mean(stride_extremes(load, bounds)[:, 1]),
+        **load_shape(mean_stride(load, bounds)),
         **_fore_aft(fore_aft, bounds, leg.tick, walkway),
         **_pressure(log, leg, bounds),
         **_joints(log, leg, bounds),
-        clearance=float(min(swing_clearances(leg.clearance, contacts), default=math.nan)),
+        clearance=float(min(clearances[_are_inside(swings(contacts)[:, 0], bounds)], default=math.nan)),
         slip=_slip(leg, fore_aft, bounds, walkway),
         **_swing(leg, _inside(entries, bounds), bounds),
         further_contacts=len(contacts.further_contacts),
@@ -203,9 +207,14 @@ def _mean(values: np.ndarray) -> float:
 
 def _inside(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
     """Ticks in the counted strides, with or without the end of the last one."""
+    return np.asarray(ticks[_are_inside(ticks, bounds, last=last)])
+
+
+def _are_inside(ticks: np.ndarray, bounds: np.ndarray, *, last: bool = False) -> np.ndarray:
+    """Which ticks are in the counted strides."""
     if len(bounds) == 0:
-        return np.zeros(0, dtype=int)
-    return np.asarray(ticks[(ticks >= bounds[0, 0]) & (ticks < bounds[-1, 1] + last)])
+        return np.zeros(len(ticks), dtype=bool)
+    return np.asarray((ticks >= bounds[0, 0]) & (ticks < bounds[-1, 1] + last))
 
 
 def mean_stride(signal: np.ndarray, bounds: np.ndarray) -> np.ndarray:
@@ -236,13 +245,17 @@ def mean_over(signal: np.ndarray, bounds: np.ndarray) -> float:
     return _mean(signal[int(bounds[0, 0]) : int(bounds[-1, 1])]) if len(bounds) else math.nan
 
 
-def _vertical(leg: LegRecord, bounds: np.ndarray, walkway: Walkway) -> dict[str, float]:
-    assert leg.normal_force is not None  # there is ground
-    load = leg.normal_force / walkway.carried_weight
-    cycle = mean_stride(load, bounds)
+def load_shape(cycle: np.ndarray) -> dict[str, float]:
+    """Peaks, trough and least load of a vertical force.
+
+    Args:
+        cycle: Force over carried weight at every percent of the cycle, shape ``(101,)``.
+
+    Returns:
+        Those attributes of :class:`WalkMeasures`.
+    """
     middle = MIDSTANCE.start + int(np.argmin(cycle[MIDSTANCE]))
     return {
-        "load_peak": _mean(stride_extremes(load, bounds)[:, 1]),
         "loading_peak": float(cycle[: middle + 1].max()),
         "trough": float(cycle[middle]),
         "push_off_peak": float(cycle[middle:-1].max()),
@@ -250,15 +263,27 @@ def _vertical(leg: LegRecord, bounds: np.ndarray, walkway: Walkway) -> dict[str,
     }
 
 
+def fore_aft_peaks(cycle: np.ndarray) -> dict[str, float]:
+    """Largest backward and forward force over carried weight; as :func:`load_shape`."""
+    low, high = float(cycle.min()), float(cycle.max())
+    return {"braking_peak": 0.0 if low > 0.0 else low, "propulsion_peak": 0.0 if high < 0.0 else high}
+
+
+def knee_shape(cycle: np.ndarray) -> dict[str, float]:
+    """Knee at contact and its yield after it in [rad]; as :func:`load_shape`."""
+    return {
+        "knee_at_contact": float(cycle[0]),
+        "knee_yield": float(cycle[: YIELD_UNTIL + 1].max() - cycle[0]),
+    }
+
+
 def _fore_aft(force: np.ndarray, bounds: np.ndarray, tick: float, walkway: Walkway) -> dict[str, float]:
-    cycle = mean_stride(force, bounds) / walkway.carried_weight
     time, mean = _mean(stride_times(bounds, tick)), mean_over(force, bounds)
     return {
         "braking_impulse": time * mean_over(np.minimum(force, 0.0), bounds),
         "propulsion_impulse": time * mean_over(np.maximum(force, 0.0), bounds),
         "fore_aft_force": mean,
-        "braking_peak": min(0.0, float(cycle.min())) if len(bounds) else math.nan,
-        "propulsion_peak": max(0.0, float(cycle.max())) if len(bounds) else math.nan,
+        **fore_aft_peaks(mean_stride(force, bounds) / walkway.carried_weight),
         "belt_power": -walkway.belt_speed * mean,
     }
 
@@ -297,8 +322,7 @@ def _pressure(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str
 
 def _joints(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str, float]:
     ankle = wearer_column(log.columns, leg.side, JointName.ANKLE, "angle_rad")
-    lowest, knee = math.nan, mean_stride(leg.angles[JointName.KNEE], bounds)
-    ankle_range = math.nan
+    lowest = ankle_range = math.nan
     if len(bounds):
         lowest = float(stride_extremes(leg.angles[JointName.HIP], bounds)[:, 0].mean())
     if len(bounds) and ankle in log:
@@ -306,8 +330,7 @@ def _joints(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str, 
     return {
         "ankle_range": ankle_range,
         "hip_lowest": lowest,
-        "knee_at_contact": float(knee[0]),
-        "knee_yield": float(knee[: YIELD_UNTIL + 1].max() - knee[0]),
+        **knee_shape(mean_stride(leg.angles[JointName.KNEE], bounds)),
     }
 
 

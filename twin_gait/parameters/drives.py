@@ -15,8 +15,8 @@ from twin_gait.parameters.checks import (
 )
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
 
-# Below 1/3 the parabola of the law has its highest loss before the gear surely turns.
-LEAST_EFFICIENCY = 0.35
+# Below it a gear that is driven backwards locks itself, and its load does not settle (core.plant.gear_load).
+LEAST_EFFICIENCY = 0.5
 # Of the CSD-25-100 under load, without what it loses without one. Its catalogue has 0.78 at 500 1/min, 25 °C
 # and 47 N m: 13.3 N m lost of 60.3, of which equation (3.1) says 4.2 (knee) to 5.2 (hip) at that speed, so
 # that 9 N m are the load's. A geared servo has 0.852 (Duclusaud et al. 2025). Not measured on TWIN.
@@ -34,8 +34,8 @@ class ActuatorParameters:
         gear_ratio: Motor turns per joint turn.
         gear_inertia: Wave generator in [kg m²], at the motor.
         gear_efficiency: η of the gear under load, beside the friction law, which is that of a joint without
-            load: the share of the motor's torque that the joint receives, and of the joint's that the motor
-            feels (:func:`twin_gait.core.friction.gear_loss_torque`). 0.35 to 1, which is no such loss.
+            load: the share that the joint receives of the torque that the motor puts into the gear, and the
+            motor of the joint's (:func:`twin_gait.core.friction.gear_loss_torque`). 0.5 to 1, no such loss.
         continuous_torque: Torque that the motor can hold, before the gear's losses, in [N m].
     """
 

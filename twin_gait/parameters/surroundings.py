@@ -51,7 +51,7 @@ class ContactParameters:
     """
 
     stiffness: float = 3.0e5
-    dissipation: float = 0.5
+    dissipation: float = 2.5
     friction_coefficient: float = 0.8
     transition_velocity: float = 0.05
 
@@ -88,16 +88,16 @@ class AnkleParameters:
     Attributes:
         stiffness: In [N m] / [rad]. Thirteen commercial orthoses of carbon composite have 33 to 210 (0.58 to
             3.66 N m / deg: Shuman and Russell Esposito 2022, J Biomech Eng 144:011004); that of the device is
-            not published, and the default is one of the stiff.
+            not published; the default was found together with the default gait table.
         damping: In [N m s] / [rad] (an assumption: at strides of 1.75 s the default takes a third of what the
             spring stores, and in the air the foot does not swing, with ζ about 1.7).
         rest: Dorsiflexion in [rad] at which the spring is slack, within the stops of ±30°; 0 is a right angle
             of foot and shank.
     """
 
-    stiffness: float = 200.0
+    stiffness: float = 75.0
     damping: float = 6.0
-    rest: float = 0.0
+    rest: float = math.radians(7.0)
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -129,7 +129,7 @@ class SupportParameters:
 
     share: float = 0.6
     damping: float = 90.0
-    guide: PelvisGuide = PelvisGuide.VERTICAL
+    guide: PelvisGuide = PelvisGuide.HARNESS
     forward_stiffness: float = 1500.0
     forward_damping: float = 300.0
     catch_stiffness: float = 20.0e3

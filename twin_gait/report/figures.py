@@ -22,6 +22,7 @@ from twin_gait.report.run_figures import (
     draw_cycle,
     draw_energy,
     draw_feet,
+    draw_ground_forces,
     draw_portrait,
     draw_torques,
 )
@@ -36,6 +37,7 @@ class _Drawing(Protocol):
 
 FIGURES: dict[str, _Drawing] = {
     "gait_cycle": draw_cycle,
+    "ground_forces": draw_ground_forces,
     "joint_angles": draw_angles,
     "torques": draw_torques,
     "currents": draw_currents,
@@ -62,7 +64,11 @@ _PRINT: dict[Any, float] = {
     "legend.handlelength": 1.6,
     "legend.columnspacing": 1.0,
 }
-_LACKS = {"gait_cycle": "a leg made no whole stride", "feet": "it is not on the ground"}
+_LACKS = {
+    "gait_cycle": "a leg made no whole stride",
+    "ground_forces": "no strides on a belt",
+    "feet": "it is not on the ground",
+}
 
 
 def available_figures(run: Run) -> list[str]:

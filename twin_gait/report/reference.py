@@ -7,8 +7,15 @@ from functools import lru_cache
 import numpy as np
 
 from twin_gait.experiment import Experiment
-from twin_gait.measures.reference import reference_covers, reference_curve, reference_cycle_time
-from twin_gait.measures.strides import PERCENT
+from twin_gait.measures.reference import (
+    GroundForce,
+    normative_ground_force,
+    reference_covers,
+    reference_curve,
+    reference_cycle_time,
+)
+from twin_gait.measures.strides import PERCENT, cadence
+from twin_gait.measures.walk import fore_aft_peaks, knee_shape, load_shape
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.vocabulary import JointName
 
@@ -47,3 +54,42 @@ def reference_stride_time(experiment: Experiment) -> float | None:
     """
     walk = _reference_walk(experiment)
     return None if walk is None else reference_cycle_time(*walk)
+
+
+def reference_ground_force(experiment: Experiment) -> GroundForce | None:
+    """Force of the ground on a foot of the reference walk over the weight that it carries, at ``PERCENT``.
+
+    Returns:
+        Shape ``(101,)`` each; None without a reference walk.
+    """
+    walk = _reference_walk(experiment)
+    return None if walk is None else normative_ground_force(PERCENT, speed=walk[0])
+
+
+def reference_measures(experiment: Experiment) -> dict[str, float]:
+    """Measures of the reference walk, by the names of :class:`twin_gait.measures.walk.WalkMeasures`.
+
+    Angles and time are of Koopman et al. (2014), forces of Winter (1991); feet that neither brake nor propel
+    on the mean, and a belt that gives nothing, are what even walking is.
+
+    Returns:
+        Those that are known; none without a reference walk.
+    """
+    walk, force = _reference_walk(experiment), reference_ground_force(experiment)
+    if walk is None or force is None:
+        return {}
+    time = reference_cycle_time(*walk)
+    hip, knee, ankle = (_cycle(joint, *walk) for joint in JointName)
+    return {
+        "stride_time": time,
+        "cadence": cadence(np.array([time])),
+        "step_length": 0.5 * walk[0] * time,
+        "load_peak": float(force.vertical.max()),
+        **load_shape(force.vertical),
+        **fore_aft_peaks(force.forward),
+        "fore_aft_force": 0.0,
+        "belt_power": 0.0,
+        "hip_lowest": float(hip.min()),
+        **knee_shape(knee),
+        "ankle_range": float(np.ptp(ankle)),
+    }

@@ -7,6 +7,7 @@ the figure, or None where it does not apply.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -20,6 +21,7 @@ from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells, usual_phases
 from twin_gait.measures.strides import PERCENT, normalise_strides, root_mean_square_error, stride_count
+from twin_gait.measures.walk import pressure_curve
 from twin_gait.palette import (
     BLACK,
     LIMIT_COLOUR,
@@ -57,13 +59,19 @@ from twin_gait.report.panels import (
     whole_run,
     window_of,
 )
-from twin_gait.report.reference import reference_cycle
+from twin_gait.report.reference import reference_cycle, reference_ground_force
 from twin_gait.simulation.log import work_sources
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName
 
 SHOWN_SECONDS = 30.0  # of angles, on a screen; a narrower picture shows less
 MOST_STRIDES = 10  # of a portrait
+REFERENCE_STYLE: dict[str, Any] = {"color": REFERENCE_COLOUR, "linestyle": (0, (4, 2)), "linewidth": 1.6}
+_FORCE_PANELS = (
+    ("vertical force", "force / carried weight"),
+    ("fore-aft force, forwards positive", "force / carried weight"),
+    ("centre of pressure", "place on the sole"),
+)
 BAR = 0.7  # height of a phase bar, in rows
 
 
@@ -85,27 +93,29 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
 def _draw_mean_cycle(axes: Axes, run: Run, record: LegRecord, joint: JointName) -> list[Artist]:
     bounds, names = shown_strides(record), run.table.phase_names
     cycles = normalise_strides(record.angles[joint], bounds)
-    angles = np.degrees(cycles)
     shade_phases(axes, PERCENT, usual_phases(record.phases, bounds, len(names)), names)
-    low, high = angles.min(axis=0), angles.max(axis=0)
-    label = "range over strides"
-    spread = axes.fill_between(PERCENT, low, high, color=BLACK, alpha=0.25, linewidth=0, label=label)
-    mean = draw_cycle_curve(axes, angles.mean(axis=0), color=BLACK, linewidth=1.8, label="mean over strides")
-    lines: list[Artist] = [*mean, spread]
+    lines = _draw_mean_and_range(axes, np.degrees(cycles))
     title = f"{record.side} {joint}, {stride_count(len(bounds), len(record.strides(skip=0)))}"
     reference = reference_cycle(run.experiment, joint)
     if reference is not None:
         lines += draw_cycle_curve(
             axes,
             np.degrees(reference),
-            color=REFERENCE_COLOUR,
-            linestyle=(0, (4, 2)),
-            linewidth=1.6,
+            **REFERENCE_STYLE,
             label="reference, Koopman et al. (2014)",
         )
         title += f", RMSE {math.degrees(root_mean_square_error(cycles, reference)):.1f}°"
     put_title(axes, title)
     return lines
+
+
+def _draw_mean_and_range(axes: Axes, cycles: np.ndarray) -> list[Artist]:
+    """Draw mean and range over strides."""
+    low, high = cycles.min(axis=0), cycles.max(axis=0)
+    label = "range over strides"
+    spread = axes.fill_between(PERCENT, low, high, color=BLACK, alpha=0.25, linewidth=0, label=label)
+    mean = draw_cycle_curve(axes, cycles.mean(axis=0), color=BLACK, linewidth=1.8, label="mean over strides")
+    return [*mean, spread]
 
 
 def draw_angles(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
@@ -197,6 +207,44 @@ def draw_feet(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     bars.set_xlabel("time [s]")
     bars.set_xlim(window.time[0], window.time[-1])
     put_legend(figure, lines, phase_handles(run.table.phase_names, np.concatenate(phases)))
+    return figure
+
+
+def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
+    """Draw the force of the ground over the mean cycle beside a healthy one; None without strides."""
+    records, walkway = run.leg_records(), run.walkway
+    if walkway is None or any(len(shown_strides(record)) == 0 for record in records):
+        return None
+    names, healthy = run.table.phase_names, reference_ground_force(run.experiment)
+    figure = new_figure(run, "Force of the ground over the gait cycle", height=9.5, width=width)
+    heights = (3.0, 2.0, 1.4)
+    grid = figure.subplots(3, len(records), squeeze=False, sharex=True, sharey="row", height_ratios=heights)
+    label = "healthy slow walking, Winter (1991)"
+    lines: list[Artist] = []
+    for column, record in zip(grid.T, records, strict=True):
+        bounds, phases = shown_strides(record), usual_phases(record.phases, shown_strides(record), len(names))
+        for axes, (title, unit) in zip(column, _FORCE_PANELS, strict=True):
+            style_panel(axes, f"{record.side} {title}", unit if record is records[0] else "")
+            shade_phases(axes, PERCENT, phases, names)
+        load, forward, place = (
+            run.log[f"{record.side}_foot_{end}"].to_numpy()
+            for end in ("normal_force_N", "friction_force_N", "pressure_place")
+        )
+        for number, force in enumerate((load, forward)):
+            column[number].axhline(1.0 - number, color=LIMIT_COLOUR, linestyle=":", linewidth=1.2)
+            lines += _draw_mean_and_range(
+                column[number], normalise_strides(force, bounds) / walkway.carried_weight
+            )
+            if healthy is not None:
+                style = {**REFERENCE_STYLE, "label": label}
+                lines += draw_cycle_curve(column[number], healthy[number], **style)
+        draw_cycle_curve(column[2], pressure_curve(place, load, bounds), color=BLACK, linewidth=1.8)
+        for axes in column:
+            axes.label_outer()
+    grid[0, 0].set_ylim(bottom=0.0)
+    grid[2, 0].set_yticks((0.0, 0.5, 1.0), ("heel", "middle", "toe"))
+    grid[2, 0].set_ylim(-0.1, 1.15)
+    put_legend(figure, lines, phase_handles(names, np.concatenate([item.phases for item in records])))
     return figure
 
 

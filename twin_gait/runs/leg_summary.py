@@ -16,6 +16,7 @@ from twin_gait.measures.phases import entry_lags, phase_durations, phases_in_ord
 from twin_gait.measures.strides import (
     SKIPPED_STRIDES,
     coefficient_of_variation,
+    error_parts,
     normalise_strides,
     root_mean_square_error,
     stride_extremes,
@@ -30,15 +31,26 @@ from twin_gait.measures.switching import (
     switching_energy,
     torque_jumps,
 )
+from twin_gait.measures.walk import WalkMeasures
 from twin_gait.report.reference import reference_cycle
+from twin_gait.report.walk_words import summary_of_errors, summary_of_leg
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 
 SETTLED_AFTER = 3  # strides; a time-out later than that is no longer the start's
 
 
-def summarise_side(run: Run, side: Side, skip: int, record: LegRecord | None = None) -> dict[str, Any]:
+def summarise_side(
+    run: Run,
+    side: Side,
+    skip: int,
+    record: LegRecord | None = None,
+    measures: WalkMeasures | None = None,
+) -> dict[str, Any]:
     """Gait and effort of one leg.
+
+    Args:
+        measures: Of the walk on a belt.
 
     Returns:
         Numbers by name; NaN or None where a number is not defined.
@@ -48,6 +60,8 @@ def summarise_side(run: Run, side: Side, skip: int, record: LegRecord | None = N
     return {
         **by_contact(run, record, skip),
         **_by_phase(run, record, skip),
+        **({} if measures is None else {"walk": summary_of_leg(measures)}),
+        **_errors(run, record, skip),
         "joints": {
             str(joint): {
                 **_effort(run, record, joint, skip),
@@ -58,6 +72,20 @@ def summarise_side(run: Run, side: Side, skip: int, record: LegRecord | None = N
             for joint in record.angles
         },
     }
+
+
+def _errors(run: Run, record: LegRecord, skip: int) -> dict[str, Any]:
+    """Distance of hip, knee and ankle from healthy walking, in parts; nothing without a reference."""
+    ankle = wearer_column(run.log, record.side, JointName.ANKLE, "angle_rad")
+    angles = {**record.angles, **({JointName.ANKLE: run.log[ankle].to_numpy()} if ankle in run.log else {})}
+    known = {joint: reference_cycle(run.experiment, joint) for joint in angles}
+    strides = record.strides(skip=skip)
+    found = {
+        str(joint): summary_of_errors(error_parts(normalise_strides(angles[joint], strides), reference))
+        for joint, reference in known.items()
+        if reference is not None
+    }
+    return {"errors": found} if found else {}
 
 
 def side_in_brief(run: Run, side: Side) -> dict[str, Any]:

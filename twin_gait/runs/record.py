@@ -135,7 +135,7 @@ def write_run(
         from twin_gait.runs.run_page import page_of, shown_run  # takes its time; the figures are under way
 
         tell(ANIMATION_FILE)
-        write_atomically(directory / ANIMATION_FILE, page_of([shown_run(run)]))
+        write_atomically(directory / ANIMATION_FILE, page_of([shown_run(run, summary)]))
         tell(FIGURES_FOLDER)
         drawing.finish()
     return summary

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -15,6 +15,7 @@ from twin_gait.exceptions import ParameterError, ViewerError
 from twin_gait.experiment import Experiment
 from twin_gait.measures.outcome import RunEvent
 from twin_gait.parameters import Patient
+from twin_gait.report.walk_words import carried_by_belt, table_of_walk
 from twin_gait.report.words import wearer_words
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
@@ -37,6 +38,8 @@ class ShownRun:
         notes: What a reader has to know.
         events: Faults, trip, fall and divergence.
         outcome: How it ended, in a word.
+        walk: Its measures beside those of healthy walking, rows of texts; see
+            :func:`twin_gait.report.walk_words.table_of_walk`.
     """
 
     name: str
@@ -45,6 +48,7 @@ class ShownRun:
     notes: tuple[str, ...] = ()
     events: tuple[RunEvent, ...] = ()
     outcome: str = ""
+    walk: Sequence[Sequence[str]] = ()
 
     @property
     def duration(self) -> float:
@@ -52,10 +56,16 @@ class ShownRun:
         return float(self.log["time_s"].iloc[-1] - self.log["time_s"].iloc[0])
 
 
-def shown_run(run: Run) -> ShownRun:
+def shown_run(run: Run, summary: Mapping[str, Any]) -> ShownRun:
     """A run that has just been made, as its page shows it."""
-    name = f"twin_gait · {run.experiment.name}"
-    return ShownRun(name, run.experiment, run.log, (), run.events, run.verdict.outcome or run.status)
+    name, outcome = f"twin_gait · {run.experiment.name}", run.verdict.outcome or run.status
+    return with_walk(ShownRun(name, run.experiment, run.log, (), run.events, outcome), summary)
+
+
+def with_walk(shown: ShownRun, summary: Mapping[str, Any]) -> ShownRun:
+    """A run that shows its measures too, and says who carries it, from its summary."""
+    said = tuple(filter(None, (carried_by_belt(summary),)))
+    return replace(shown, notes=(*shown.notes, *said), walk=table_of_walk(summary))
 
 
 def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
@@ -97,6 +107,7 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
             notes=run.notes,
             events=run.events,
             outcome=run.outcome,
+            walk=run.walk,
         )
     except ViewerError as error:
         raise ViewerError(f"{run.name.split(' · ')[-1]}: {error}") from error

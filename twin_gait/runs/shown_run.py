@@ -9,7 +9,7 @@ from twin_gait.configuration.validation import read_yaml
 from twin_gait.exceptions import ParameterFileError, RunDirectoryError
 from twin_gait.experiment import Experiment
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE, load_run, read_run
-from twin_gait.runs.run_page import ShownRun
+from twin_gait.runs.run_page import ShownRun, with_walk
 
 _URDF_KEY = "provenance.urdf_sha256"
 _URDF_NOTE = "The URDF has changed since this run."
@@ -32,7 +32,7 @@ def read_shown_run(directory: Path) -> ShownRun:
     shown = ShownRun(name, stored.experiment, stored.log, notes, stored.events, stored.outcome)
     if "time_s" not in shown.log.columns or shown.log.empty:
         raise RunDirectoryError(f"{directory / LOG_FILE}: has no rows to show; run the simulation again")
-    return shown
+    return with_walk(shown, stored.summary)
 
 
 def _as_it_is_now(directory: Path) -> Experiment:

@@ -25,7 +25,8 @@ from twin_gait.measures.effort import (
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.measures.switching import blend_windows, torque_jumps
 from twin_gait.parameters import STATED_AUTONOMY
-from twin_gait.report.reference import reference_stride_time
+from twin_gait.report.reference import reference_measures, reference_stride_time
+from twin_gait.report.walk_words import with_units
 from twin_gait.runs.leg_summary import blend_length, reference_error, side_in_brief, summarise_side
 from twin_gait.simulation.log import BRACE_COLUMNS, LOG_SCHEMA_VERSION, PELVIS_BRACE_COLUMNS, work_sources
 from twin_gait.simulation.run import Run, RunStatus
@@ -63,7 +64,10 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
     Returns:
         Plain numbers, texts, mappings and None.
     """
-    sides = {str(side): summarise_side(run, side, skip_strides) for side in run.sides}
+    walk = run.walk_measures(skip=skip_strides)
+    sides = {
+        str(side): summarise_side(run, side, skip_strides, measures=walk.get(side)) for side in run.sides
+    }
     summary = {
         "log_schema_version": LOG_SCHEMA_VERSION,
         "name": run.experiment.name,
@@ -80,6 +84,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         "reference_stride_time_s": reference_stride_time(run.experiment),
         "strides_skipped": skip_strides,
         "sides": sides,
+        **_walk(run, skip_strides),
         "symmetry": _symmetry(sides),
         **_battery(run),
         "largest_torque_jump": _largest_torque_jump(run),
@@ -148,6 +153,24 @@ def _symmetry(sides: Mapping[str, Mapping[str, Any]]) -> dict[str, float] | None
         return None
     left, right = sides[Side.LEFT], sides[Side.RIGHT]
     return {name: symmetry_index(left[name], right[name]) for name in SYMMETRIES if name in left}
+
+
+def _walk(run: Run, skip: int) -> dict[str, Any]:
+    """Who drives a walk on a belt, and the measures of the healthy one; nothing on the bench."""
+    power = run.walk_power(skip=skip)
+    if power is None:
+        return {}
+    return {
+        "walk_reference": with_units(reference_measures(run.experiment)),
+        "power": {
+            "belt_W": power.belt,
+            "motors_W": power.motors,
+            "wearer_W": power.wearer,
+            "guide_W": power.guide,
+            "guide_force_N": power.guide_force,
+            "carried_by_belt": power.carried_by_belt,
+        },
+    }
 
 
 def _battery(run: Run) -> dict[str, float]:

@@ -24,6 +24,7 @@ from twin_gait.scenario.world import World, build_plant
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 _DEGREE = math.pi / 180.0
+STEEPEST = math.radians(10.0)  # [rad]; treadmills rise to 15 % (8.5 deg) as a rule
 # A drop of the pelvis by this share of the leg length (hip to sole) at the start counts as a fall.
 FALL_SHARE = 0.75
 
@@ -41,10 +42,13 @@ class TreadmillScenario:
             evenly under legs that always walk.
         stop_ramp: Time in [s] in which a trip of the monitor or the operator's Stop brings the belt to rest
             (an assumption: device and treadmill share one stop circuit); infinite for a belt that runs on.
+        slope: By which the belt rises forwards in [rad], about the point under the pelvis; negative downhill.
+            Gravity, guide and support stay vertical.
         support: Body-weight support and guide.
         contact: Of heels and toes.
         leading: Leg that starts in front.
-        leading_angles: Hip and knee of the leading leg at the start in [rad].
+        leading_angles: Hip and knee of the leading leg at the start in [rad], on level ground; on a slope
+            both legs are turned with it about the hips, so that they stand as they would there.
         trailing_angles: Hip and knee of the trailing leg in [rad].
         initial_phases: Phases at the start of the leading and the trailing leg.
     """
@@ -52,12 +56,13 @@ class TreadmillScenario:
     belt_speed: float = 1.5 / 3.6
     belt: BeltProfile | None = None
     stop_ramp: float = 0.5
+    slope: float = 0.0
     support: SupportParameters = field(default_factory=SupportParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
     leading: Side = Side.LEFT
     # About the postures of the default walk at heel strike; both feet reach the belt.
-    leading_angles: tuple[float, float] = (20.4 * _DEGREE, 12.5 * _DEGREE)
-    trailing_angles: tuple[float, float] = (-10.0 * _DEGREE, 12.0 * _DEGREE)
+    leading_angles: tuple[float, float] = (18.0 * _DEGREE, 10.0 * _DEGREE)
+    trailing_angles: tuple[float, float] = (-5.0 * _DEGREE, 8.0 * _DEGREE)
     initial_phases: tuple[str, str] = ("early_stance", "late_stance")
 
     def __post_init__(self) -> None:
@@ -69,6 +74,12 @@ class TreadmillScenario:
             self.belt_speed,
         )
         require(self.stop_ramp > 0.0, "stop_ramp", "a time above 0", self.stop_ramp)
+        require(
+            abs(self.slope) <= STEEPEST,
+            "slope",
+            f"{STEEPEST:.4f} rad (10 deg) at most, up or down",
+            self.slope,
+        )
 
     def _belt(self) -> Belt:
         belt = Belt(self.belt_speed, stop_ramp=self.stop_ramp)
@@ -153,12 +164,12 @@ class TreadmillScenario:
         for side in model.sides:
             leads = side is self.leading
             hip, knee = self.leading_angles if leads else self.trailing_angles
-            q[model.index(side, JointName.HIP)] = hip
+            q[model.index(side, JointName.HIP)] = hip + self.slope
             q[model.index(side, JointName.KNEE)] = knee
             if model.legs[side].ankle is not None:
                 q[model.index(side, JointName.ANKLE)] = ankle.rest
             phases[side] = self.initial_phases[0 if leads else 1]
-        q[pelvis] = _stand_on_both_feet(model, q)
+        q[pelvis] = _stand_on_both_feet(model, q, math.tan(self.slope))
         return World(
             model=model,
             plant=rows,
@@ -167,6 +178,7 @@ class TreadmillScenario:
             initial_phases=phases,
             belt=self._belt(),
             contact=self.contact,
+            slope=self.slope,
             support_force=support_force,
             catch_stiffness=self.support.catch_stiffness,
             catch_dissipation=self.support.catch_dissipation,
@@ -176,9 +188,13 @@ class TreadmillScenario:
         )
 
 
-def _stand_on_both_feet(model: LegModel, q: np.ndarray) -> float:
-    """Bend the ankle of the foot that reaches lower until both feet stand on the belt."""
-    reach = {side: _lowest_point(model, side, q) for side in model.sides}
+def _stand_on_both_feet(model: LegModel, q: np.ndarray, rise: float) -> float:
+    """Bend the ankle of the foot that reaches lower until both feet stand on the belt.
+
+    Args:
+        rise: Of the belt, height over way.
+    """
+    reach = {side: _lowest_point(model, side, q, rise) for side in model.sides}
     lower, higher = sorted(model.sides, key=lambda side: reach[side])
     if model.legs[lower].ankle is None:
         return -reach[lower]
@@ -189,11 +205,11 @@ def _stand_on_both_feet(model: LegModel, q: np.ndarray) -> float:
     def gap(angle: float) -> float:
         bent = q.copy()
         bent[ankle] = angle
-        return _lowest_point(model, lower, bent) - reach[higher]
+        return _lowest_point(model, lower, bent, rise) - reach[higher]
 
     # Dorsiflexion lifts the toe; if even the stop does not level the feet, one starts in the air.
     q[ankle] = _bisect(gap, rest, limit) if gap(rest) < 0.0 < gap(limit) else rest
-    return -min(_lowest_point(model, side, q) for side in model.sides)
+    return -min(_lowest_point(model, side, q, rise) for side in model.sides)
 
 
 def _bisect(rising: Callable[[float], float], low: float, high: float) -> float:
@@ -208,5 +224,7 @@ def _bisect(rising: Callable[[float], float], low: float, high: float) -> float:
         low, high = (middle, high) if rising(middle) < 0.0 else (low, middle)
 
 
-def _lowest_point(model: LegModel, side: Side, q: np.ndarray) -> float:
-    return min(float(model.frame_position(q, name)[2]) for name in model.legs[side].contact_frames)
+def _lowest_point(model: LegModel, side: Side, q: np.ndarray, rise: float) -> float:
+    """Least height of a foot over a belt through the origin, vertically."""
+    points = (model.frame_position(q, name) for name in model.legs[side].contact_frames)
+    return min(float(point[2] - rise * point[0]) for point in points)

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from twin_gait.core.belt import Belt
+from twin_gait.core.contact import Ground
+from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.plant import Brace, ImposedMotion, Plant, Spring, free_coordinate
 from twin_gait.leg_model import Bodies, LegJoints, LegModel
 from twin_gait.parameters import (
@@ -64,6 +66,7 @@ class World:
         plant: What acts on each of the n coordinates by itself.
         belt: What sets the speed of the treadmill; one at rest on the bench.
         contact: Contact parameters, or None without ground.
+        slope: By which the ground rises forwards, about the origin, in [rad].
         start_q: Coordinates at time 0, shape ``(n,)``.
         start_v: Velocities at time 0, shape ``(n,)``.
         initial_phases: Phase of each leg at time 0.
@@ -83,6 +86,7 @@ class World:
     initial_phases: Mapping[Side, str | None]
     belt: Belt = field(default_factory=Belt)
     contact: ContactParameters | None = None
+    slope: float = 0.0
     support_force: float = 0.0
     catch_stiffness: float = 0.0
     catch_dissipation: float = 0.0
@@ -96,6 +100,21 @@ class World:
     def chains(self) -> tuple[LegModel, ...]:
         """Models whose coordinates follow one another; feet and support are those of the last."""
         return (self.model,) if self.braces is None else (self.braces.device, self.braces.wearer)
+
+    def ground(self) -> Ground:
+        """The ground under the feet with an even belt; without one it never gives a force."""
+        if self.contact is None:
+            return Ground()
+        sine, cosine = sine_cosine(self.slope)
+        return Ground(
+            belt_speed=self.belt.cruise,
+            stiffness=self.contact.stiffness,
+            dissipation=self.contact.dissipation,
+            friction_coefficient=self.contact.friction_coefficient,
+            transition_velocity=self.contact.transition_velocity,
+            slope_sine=sine,
+            slope_cosine=cosine,
+        )
 
     @property
     def wearer_shift(self) -> int:
@@ -151,4 +170,5 @@ def build_plant(
                 plant.spring = Spring(ankle.stiffness, ankle.damping, ankle.stiffness * ankle.rest)
             else:
                 plant.friction = friction[joint].in_plant(actuators[joint].gear_efficiency)
+                plant.armature = actuators[joint].armature
     return result

@@ -4,4 +4,8 @@ from .bench_joint import BenchVariation as BenchVariation
 from .bench_joint import simulate_bench as simulate_bench
 from .run import Run as Run
 from .run import RunStatus as RunStatus
+from .simulator import engine_of as engine_of
+from .simulator import run_of as run_of
 from .simulator import simulate as simulate
+from .symbolic import Motion as Motion
+from .symbolic import equations_of_motion as equations_of_motion

@@ -9,11 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from twin_gait.control import ControllerFunction, Trip
-from twin_gait.core.contact import ground_contact_force
-from twin_gait.core.elementary import sine_cosine
 from twin_gait.experiment.problem import Problem
 from twin_gait.gait.machine import PhaseSwitch
-from twin_gait.kernels.generated import body_values, kernel_structure, write_kernel
+from twin_gait.kernels.generated import SIDE_BY_SIDE, body_values, kernel_structure, write_kernel
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.bodies import BodyArrays, ContactPoint, contact_points, export_bodies
 from twin_gait.simulation.binding import kernel_functions
@@ -203,6 +201,7 @@ class Bodies(NamedTuple):
     control_bodies: list[BodyArrays]
     up_axis: str
     guides: Sequence[int]
+    sloped: bool
 
 
 def laid_out(problem: Problem, *, record: bool = True) -> tuple[Bodies, Episode, Structure]:
@@ -220,7 +219,7 @@ def laid_out(problem: Problem, *, record: bool = True) -> tuple[Bodies, Episode,
     episode = new_episode(
         problem, body_values(bodies, points), body_values(control_bodies), len(points), record=record
     )
-    kernel = Bodies(bodies, points, control_bodies, world.model.up_axis, guides)
+    kernel = Bodies(bodies, points, control_bodies, world.model.up_axis, guides, world.slope != 0.0)
     return kernel, episode, structure_of(problem, len(points))
 
 
@@ -271,8 +270,7 @@ def _text(dtype: np.dtype[Any]) -> str:
 
 def bound_kernel(bodies: Bodies) -> dict[str, Any]:
     """Functions of the generated kernel of some bodies by name, to be bound."""
-    called = {"sine_cosine": sine_cosine, "ground_contact_force": ground_contact_force}
-    return kernel_functions(write_kernel(*bodies), called)
+    return kernel_functions(write_kernel(*bodies), {item.name: item.function for item in SIDE_BY_SIDE})
 
 
 def compiled_rows(row: np.dtype[Any], joints: int) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from twin_gait.core.assistance import Adaptation
 from twin_gait.core.belt import Belt
 from twin_gait.core.contact import Ground, Point
 from twin_gait.core.control_tick import Encoder, Setpoint
+from twin_gait.core.estimation import DelayLine
 from twin_gait.core.faults import Fault
 from twin_gait.core.guards import GuardProgram
 from twin_gait.core.plant import Brace, ImposedMotion, Plant
@@ -82,8 +83,10 @@ class Joint:
         assistance: Share of the impedance that the joint is given.
         tracking: Sum of the absolute errors of the stride in [rad].
         bounds: Of the safety monitor.
+        line: Commands on their way to the drive in [N m].
         watched: What the monitor remembers.
         command: Of this tick.
+        due: Command that reaches the drive in this tick, where they come late, in [N m].
         drive_off: Whether the drive is cut off.
         hold_angle: Angle at the trip in [rad].
         condition: What the wearer does.
@@ -102,10 +105,12 @@ class Joint:
     target: float
     assistance: float
     bounds: Bounds
+    line: DelayLine
     condition: Condition
     moments: list[list[float]]
     watched: Watched = field(default_factory=Watched)
     command: Command = field(default_factory=Command)
+    due: float = 0.0
     last_reading: float = 0.0
     model_friction: float = 0.0
     push: float = 0.0

@@ -7,8 +7,9 @@ from typing import TypeAlias
 
 from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
-from twin_gait.core.contact import Ground, Point
+from twin_gait.core.contact import Point
 from twin_gait.core.control_tick import COLUMNS_PER_JOINT, Setpoint, new_encoder
+from twin_gait.core.estimation import new_delay_line
 from twin_gait.core.friction import ROTATIONAL
 from twin_gait.core.guards import Comparison, GuardNode, GuardProgram, TransitionRule
 from twin_gait.core.plant import ImposedMotion
@@ -73,6 +74,8 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "FOLLOWS": control.mode is ControlMode.POSITION,
         "ASSISTS": not control.assistance.is_full,
         "ADAPTS": control.assistance.adaptive,
+        "DELAYED": control.delay_ticks > 0,
+        "SLOPED": problem.world.slope != 0.0,
     }
 
 
@@ -118,7 +121,7 @@ def new_episode(
         joints=joints,
         legs=legs,
         plant=[copied(plant) for plant in world.plant],
-        ground=_ground(problem),
+        ground=world.ground(),
         points=[Point() for _ in range(max(n_points, 1))],
         belt=copied(world.belt),
         program=_padded(problem.program),
@@ -163,6 +166,8 @@ def _joint(problem: Problem, number: int, legs: list[Leg]) -> Joint:
         target=experiment.control.target_torque.get(joint.joint, 0.0),
         assistance=experiment.control.assistance.share[joint.joint],
         bounds=watch_bounds(problem, joint),
+        # What is put in at the end of a tick is taken out for the next one.
+        line=new_delay_line(max(0, experiment.control.delay_ticks - 1)),
         condition=problem.wearer.conditions[number],
         moments=problem.wearer.moments[number].tolist() if problem.wearer.acts else [],
     )
@@ -246,11 +251,6 @@ def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
     return ControlModel(
         bodies, q, a, gravity, inertia, inertia_gain=problem.experiment.control.inertia_compensation
     )
-
-
-def _ground(problem: Problem) -> Ground:
-    contact = problem.world.contact
-    return Ground() if contact is None else taken_from(Ground, contact, belt_speed=problem.world.belt.cruise)
 
 
 def _imposed_motion(problem: Problem) -> ImposedMotion:

@@ -17,10 +17,11 @@ from twin_gait.simulation.rows import Switch
 # motion, -1 without; how far behind a coordinate of the device that of the wearer stands, 0 if they are one.
 LEGS, JOINTS_PER_LEG, POINTS_PER_FOOT, PELVIS, FORWARD, SHIFT = 1, 2, 0, -1, -1, 0
 # Whether legs have ankles, the integration is Runge-Kutta's, there are faults, inertia torques are wanted,
-# the wearer acts, the path is followed, the impedance is shared, and the share adapts.
+# the wearer acts, the path is followed, the impedance is shared, the share adapts, commands come late, and
+# the ground rises.
 # Coordinates with friction by equation (3.1).
 WITH_FRICTION: tuple[int, ...] = ()
-ANKLES = RK4 = FAULTY = INERTIA_WANTED = WEARER = FOLLOWS = ASSISTS = ADAPTS = False
+ANKLES = RK4 = FAULTY = INERTIA_WANTED = WEARER = FOLLOWS = ASSISTS = ADAPTS = DELAYED = SLOPED = False
 
 
 def dynamics(

@@ -43,6 +43,7 @@ def recorded_run(
     notes: Sequence[str] = (),
     events: Sequence[RunEvent] = (),
     outcome: str = "",
+    walk: Sequence[Sequence[str]] = (),
 ) -> dict[str, Any]:
     """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
 
@@ -61,6 +62,7 @@ def recorded_run(
         notes: What else a reader has to know.
         events: Events of the run; each has a frame too.
         outcome: How it ended, in a word.
+        walk: A table of measures, a head and rows of texts.
 
     Raises:
         ModelError: If the URDF cannot be read.
@@ -81,6 +83,7 @@ def recorded_run(
         notes=notes,
         events=events,
         outcome=outcome,
+        walk=walk,
         view=scene.view,
         phases=motion.phase_names,
         legs=[_leg(side, leg) for side, leg in motion.legs.items()],

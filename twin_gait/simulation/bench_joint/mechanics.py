@@ -33,7 +33,6 @@ def accelerations(
     stops = link.stops
     load = link_load_torque(q2, e.moment, e.test.gravity, e.horizontal_angle)
     friction = _friction(e, q1, v1, load)
-    loss = _gear_loss(e, torque, v1)
     stop = mechanical_stop_torque(
         q2, v2, link.lower_stop, link.upper_stop, stops.stiffness, stops.dissipation
     )
@@ -42,14 +41,19 @@ def accelerations(
         imposed = imposed_motion_torque(motion, time, q2, v2)
     torques.load = load
     torques.friction = friction
-    torques.gear_loss = loss
     torques.stop = stop
     motion.torque = imposed
-    on_rotor, on_link = torque + friction + loss, load + stop + imposed
+    on_rotor, on_link = torque + friction, load + stop + imposed
     if e.compliant:
         torsion = torsion_torque(q1 - q2, v1 - v2, e.torsion.stiffness, e.torsion.damping)
-        return (on_rotor - torsion) / e.rotor.inertia, (on_link + torsion) / e.link.inertia
-    together = (on_rotor + on_link) / (e.rotor.inertia + e.link.inertia)
+        loss = _gear_loss(e, torsion, v1, 0.0)
+        torques.gear_loss = loss
+        return (on_rotor + loss - torsion) / e.rotor.inertia, (on_link + torsion) / e.link.inertia
+    inertia = e.rotor.inertia + e.link.inertia
+    share = e.rotor.inertia / inertia
+    loss = _gear_loss(e, torque - share * (on_rotor + on_link), v1, share)
+    torques.gear_loss = loss
+    together = (on_rotor + loss + on_link) / inertia
     return together, together
 
 
@@ -76,15 +80,25 @@ def _friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> fl
     return friction
 
 
-def _gear_loss(e: BenchEpisode, torque: float, velocity: float) -> float:
-    """Torque on the rotor that the gear loses under the load of the motor."""
+def _gear_loss(e: BenchEpisode, load: float, velocity: float, share: float) -> float:
+    r"""Torque on the rotor that the gear loses under load.
+
+    A loss :math:`T_l = s\,\tau` slows the rotor, whose inertia gives back the share :math:`c` of it to the
+    load of the gear: :math:`\tau = \tau_0 + c\,T_l = \tau_0 / (1 - c s)`.
+
+    Args:
+        load: :math:`\tau_0`, what the gear would pass on without losses, in [N m].
+        velocity: Of the rotor at the joint in [rad] / [s].
+        share: :math:`c` of the rotor in the inertia that turns with it.
+    """
     gear, efficiency = e.efficiency, e.test.actuator.gear_efficiency
     if e.catalogued:
         speed, fit = e.motor.gear_ratio * velocity, gear.coefficients
         efficiency = drive_efficiency(gear.temperature, speed, fit[0], fit[1], fit[2], fit[3], fit[4], fit[5])
-    if efficiency == 1.0:
+    if efficiency == 1.0 or load == 0.0:
         return 0.0
-    return -gear_loss_torque(velocity, torque, efficiency, gear.transition_velocity)
+    loss = gear_loss_torque(velocity, load, efficiency, gear.transition_velocity)
+    return -loss / (1.0 - share * (loss / load))
 
 
 def mechanical_step(e: BenchEpisode, time: float, step: float) -> None:

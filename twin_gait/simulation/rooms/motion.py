@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from twin_gait.core.friction import OTHER_LAWS, advanced_deflection, geared_friction_torque
-from twin_gait.core.plant import brace_torque, imposed_motion_torque, passive_torque
+from twin_gait.core.plant import brace_torque, gear_load, imposed_motion_torque, passive_torque
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import RK4, SHIFT, WITH_FRICTION, dynamics, lanes, side_by_side
 
@@ -32,7 +32,8 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
     for i in range(len(e.q)):
         for one in lanes(e):
             q, v = _state(one, staged)
-            passive = passive_torque(one.plant[i], one.torque[i], q[i], v[i], one.motor[i], q[i] - one.q[i])
+            plant, load = one.plant[i], gear_load(one.plant[i], one.motor[i], one.a[i])
+            passive = passive_torque(plant, one.torque[i], q[i], v[i], load, q[i] - one.q[i])
             one.torque[i] = one.motor[i] + one.external[i] + passive
     motion = e.imposed_motion
     if motion.place >= 0:
@@ -55,14 +56,15 @@ def acceleration(e: Episode, time: float, staged: bool) -> None:
 def _friction_arguments(one: Episode, place: int, staged: bool) -> tuple[float, ...]:
     """What :func:`~twin_gait.core.friction.geared_friction_torque` is asked for."""
     _, v = _state(one, staged)
-    law = one.plant[place].friction
+    plant = one.plant[place]
+    law = plant.friction
     return (
         v[place],
         law.breakaway_torque,
         law.coulomb_friction,
         law.stribeck_velocity,
         law.viscous_friction_forward,
-        one.motor[place],
+        gear_load(plant, one.motor[place], one.a[place]),
         law.gear_efficiency,
     )
 
@@ -148,8 +150,9 @@ def _move(e: Episode, place: int, displacement: float) -> None:
     e.q[place] += displacement
     if OTHER_LAWS:
         plant = e.plant[place]
+        load = gear_load(plant, e.motor[place], e.a[place])
         plant.deflection = advanced_deflection(
-            plant.friction, displacement, e.v[place], plant.deflection, e.motor[place]
+            plant.friction, displacement, e.v[place], plant.deflection, load
         )
 
 

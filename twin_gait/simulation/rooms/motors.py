@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from twin_gait.core.actuator import battery_power, motor_electrical_power, sagged_bus_voltage
 from twin_gait.core.control_tick import controller_torques, drive_motor
-from twin_gait.core.estimation import first_order_step
+from twin_gait.core.estimation import delayed_sample, first_order_step
 from twin_gait.core.faults import (
     MOTOR_STUCK,
     NO_FAULT,
@@ -24,6 +24,7 @@ from twin_gait.core.safety import (
 from twin_gait.simulation.episode import Episode, Joint
 from twin_gait.simulation.interface import (
     ASSISTS,
+    DELAYED,
     FAULTY,
     FOLLOWS,
     INERTIA_WANTED,
@@ -103,6 +104,10 @@ def control(e: Episode, tick: int) -> None:
             for one in each(e):
                 _drive_faulty(one, number, tick)
                 _note_drive(one, number)
+        if DELAYED:
+            for one in each(e):
+                joint = one.joints[number]
+                joint.due = delayed_sample(joint.line, tick, joint.command.torque)
     for one in lanes(e):
         battery = one.supply
         battery.power = battery_power(battery.power, battery.constant_power, battery.regeneration)
@@ -182,8 +187,9 @@ def drive(e: Episode, number: int, tick: int) -> None:
         walks = asked.cause != NO_TRIP
         support = 0.0 if walks else support_share(tick - e.trip.tick, e.limits.lowering_ticks)
         hold(joint, e.limits.hold_damping, support, weight)
+    command = joint.due if DELAYED else asked.torque
     target_current, current, torque = drive_motor(
-        motor, asked.torque, e.v[place], e.supply.bus_voltage, e.limits.torque, e.limits.current
+        motor, command, e.v[place], e.supply.bus_voltage, e.limits.torque, e.limits.current
     )
     off = joint.drive_off
     asked.target_current = 0.0 if off else target_current

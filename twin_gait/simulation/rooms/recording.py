@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from twin_gait.core.contact import LEAST_FORCE
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import (
     ANKLES,
@@ -15,7 +16,7 @@ from twin_gait.simulation.interface import (
 )
 from twin_gait.simulation.log import JointRow, LogRow
 from twin_gait.simulation.rooms.motion import acceleration
-from twin_gait.simulation.rooms.sensors import normal_force
+from twin_gait.simulation.rooms.sensors import normal_force, point_force
 
 
 def record(e: Episode, tick: int) -> None:
@@ -103,14 +104,15 @@ def _record_leg(e: Episode, number: int, row: LogRow) -> None:
         foot, first = row.feet[number], number * POINTS_PER_FOOT
         friction, pressed, lowest = 0.0, 0.0, e.points[first].height
         for place in range(first, first + POINTS_PER_FOOT):
-            friction += e.points[place].forward
-            pressed += e.points[place].upward * (place - first)
+            along, normal = point_force(e, place)
+            friction += along
+            pressed += normal * (place - first)
             lowest = min(lowest, e.points[place].height)
         foot.normal_force = normal_force(e, number)
         foot.friction_force = friction
         foot.clearance = lowest
-        if foot.normal_force > 0.0 and POINTS_PER_FOOT > 1:
-            foot.pressure_place = pressed / (foot.normal_force * (POINTS_PER_FOOT - 1))
+        loaded = foot.normal_force > LEAST_FORCE and POINTS_PER_FOOT > 1
+        foot.pressure_place = pressed / (foot.normal_force * (POINTS_PER_FOOT - 1)) if loaded else 0.0
 
 
 def _record_braces(e: Episode, row: LogRow) -> None:

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from twin_gait.core.contact import along_slope
 from twin_gait.core.control_tick import measure_angle, sample_slowly
 from twin_gait.core.faults import faulty_angle, faulty_load
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import FAULTY, POINTS_PER_FOOT, contact_forces, each, lanes, noise_row
+from twin_gait.simulation.interface import (
+    FAULTY,
+    POINTS_PER_FOOT,
+    SLOPED,
+    contact_forces,
+    each,
+    lanes,
+    noise_row,
+)
 
 
 def measure(e: Episode, tick: int) -> None:
@@ -80,8 +89,17 @@ def _measure_loads(e: Episode, tick: int) -> None:
 
 
 def normal_force(e: Episode, leg: int) -> float:
-    """Sum of the upward forces on the points of a foot in [N]."""
+    """Sum of the normal forces on the points of a foot in [N]."""
     total = 0.0
     for number in range(leg * POINTS_PER_FOOT, (leg + 1) * POINTS_PER_FOOT):
-        total += e.points[number].upward
+        _, normal = point_force(e, number)
+        total += normal
     return total
+
+
+def point_force(e: Episode, number: int) -> tuple[float, float]:
+    """Force of the ground on a point of a sole along the ground and at right angles to it, in [N]."""
+    point, ground = e.points[number], e.ground
+    if SLOPED:
+        return along_slope(ground.slope_sine, ground.slope_cosine, point.forward, point.upward)
+    return point.forward, point.upward

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
+from twin_gait.measures.reference import KILOMETRES_PER_HOUR
 from twin_gait.parameters import HEAVIEST_WEARER, LOADED_EFFICIENCY, Patient
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.vocabulary import MOTOR_JOINTS
@@ -16,6 +17,18 @@ NOMINAL = "nominal"
 LOW_VOLTAGE, HIGH_VOLTAGE = 23.0, 33.6  # [V], an empty and a full battery
 LOW_FRICTION, HIGH_FRICTION = 0.35, 1.0  # true friction over the model's
 ANGLE_NOISE = 2e-5  # [rad], assumption: a standard deviation of some three counts of the encoder
+
+# Corners of whom and what a table that ships is to carry: 50 to 110 kg, 1.50 to 1.95 m, 20 to 80 % support,
+# 0.8 to 1.9 km/h. Mass in [kg], height in [m], supported share, belt in [km/h].
+CORNERS = (
+    (95.0, 1.60, 0.40, 1.08),
+    (55.0, 1.90, 0.70, 1.50),
+    (90.0, 1.75, 0.30, 1.15),
+    (53.0, 1.57, 0.26, 1.80),
+    (105.0, 1.90, 0.50, 0.85),
+    (60.0, 1.60, 0.75, 0.85),
+    (102.0, 1.62, 0.40, 1.85),
+)
 
 Change = Callable[[Experiment], Experiment]
 
@@ -86,6 +99,17 @@ def robust_cases(experiment: Experiment) -> tuple[Case, ...]:
     )
 
 
+def corner_cases() -> tuple[Case, ...]:
+    """Other wearers, whom the device is told of, with other support on other belts; see ``CORNERS``."""
+    return tuple(
+        Case(
+            f"{mass:g} kg, {height:g} m, {100.0 * share:g} % supported, {speed:g} km/h",
+            _all(_wearer(mass, height), _support(share), _speed(speed / KILOMETRES_PER_HOUR)),
+        )
+        for mass, height, share, speed in CORNERS
+    )
+
+
 def departures(experiment: Experiment) -> tuple[Departure, ...]:
     """How the world may depart from the one that a table is tuned for, one quantity at a time."""
     scenario, patient = check_walker(experiment)
@@ -146,6 +170,16 @@ def _mass(experiment: Experiment, factor: float) -> Change:
         if reference is not None:
             table = replace(table, scaling=replace(table.scaling, carried_mass=reference * ratio))
         return replace(walked, patient=heavier, control=control, table=table)
+
+    return change
+
+
+def _wearer(mass: float, height: float) -> Change:
+    """Another wearer; the device knows."""
+
+    def change(walked: Experiment) -> Experiment:
+        patient = replace(check_walker(walked)[1], mass=mass, height=height)
+        return replace(walked, patient=patient, control=replace(walked.control, patient=None))
 
     return change
 

@@ -18,7 +18,7 @@ from twin_gait.gait.table import GaitTable
 from twin_gait.simulation import RunStatus
 from twin_gait.simulation.together import compile_ahead
 from twin_gait.studies.jobs import Workers
-from twin_gait.studies.tune.cases import Case, robust_cases, search_cases
+from twin_gait.studies.tune.cases import Case, corner_cases, robust_cases, search_cases
 from twin_gait.studies.tune.parts import Rating, nominal_cost, residuals
 from twin_gait.studies.tune.search import Descent, Generation
 from twin_gait.studies.tune.space import (
@@ -91,6 +91,18 @@ class Stages:
         self._origin = editable_document(table)
         self._parameters = parameters_of(table, thresholds=settings.thresholds, blending=settings.blending)
 
+    @property
+    def _search_cases(self) -> tuple[Case, ...]:
+        return (*search_cases(self._experiment), *self._corners)
+
+    @property
+    def _robust_cases(self) -> tuple[Case, ...]:
+        return (*robust_cases(self._experiment), *self._corners)
+
+    @property
+    def _corners(self) -> tuple[Case, ...]:
+        return corner_cases() if self._settings.everyone else ()
+
     def everything(self, on_compile: Callable[[], None] | None) -> Tuning:
         """Run all stages.
 
@@ -135,7 +147,7 @@ class Stages:
 
     def _compile(self, on_compile: Callable[[], None] | None) -> None:
         """Compile here what no worker has to, before all of them would."""
-        cases = robust_cases(self._experiment)
+        cases = self._robust_cases
         for number, case in enumerate(cases):
             self._tell("compiling", number, len(cases))
             for quick in (False, True):
@@ -169,7 +181,7 @@ class Stages:
 
     def _started(self) -> Descent:
         """Walk the table that is to be bettered and all that the search could begin with, or go on."""
-        tables, cases = start_tables(self._experiment.table), search_cases(self._experiment)
+        tables, cases = start_tables(self._experiment.table), self._search_cases
         walks = self._walk(tables, cases)
         rated = [walks[place : place + len(cases)] for place in range(0, len(walks), len(cases))]
         costs = [weighted_cost(item) for item in rated]
@@ -197,7 +209,7 @@ class Stages:
 
     def _generation(self, descent: Descent) -> Generation:
         """Walk one generation and go on from its best candidate."""
-        first, *corners = search_cases(self._experiment)
+        first, *corners = self._search_cases
         points = descent.neighbours()
         tables = [self._table_at(point) for point in points]
         walks = self._walk(tables, [first])
@@ -253,7 +265,7 @@ class Stages:
             table = table_with(self._origin, self._parameters, item.point)
             if all(table != other for _, _, other in chosen):
                 chosen.append((tuple(item.point), item.cost, table))
-        cases = robust_cases(self._experiment)
+        cases = self._robust_cases
         results = self._walk([table_of(table) for _, _, table in chosen], cases, last=True)
         names = [case.name for case in cases]
         return [

@@ -44,6 +44,8 @@ class Settings:
         thresholds: Whether angle thresholds count.
         blending: Whether the duration of the blend counts.
         per_side: Whether each leg gets numbers of its own (hemiparesis).
+        everyone: Whether the table is for other wearers, supports and belts too, as one that ships is: search
+            and robust set then have :func:`twin_gait.studies.tune.cases.corner_cases` in them.
         search_duration: Length of a walk in the search in [s].
         robust_duration: Length of a walk of the robust set in [s].
     """
@@ -55,6 +57,7 @@ class Settings:
     thresholds: bool = True
     blending: bool = True
     per_side: bool = False
+    everyone: bool = False
     search_duration: float = 14.0
     robust_duration: float = 20.0
 

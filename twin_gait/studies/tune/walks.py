@@ -16,11 +16,11 @@ from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMet
 from twin_gait.files import finite_or_none
 from twin_gait.gait.table import GaitTable
 from twin_gait.measures.reference import gait_profile_score
+from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.episodes import run_episodes
 from twin_gait.studies.jobs import JobFailed, Workers
 from twin_gait.studies.tune.parts import ERRORS, Rating, nominal_cost, rate_walk
-from twin_gait.vocabulary import MOTOR_JOINTS
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
 QUICK_RULES: tuple[Rule, ...] = tuple(
@@ -40,16 +40,7 @@ QUICK_RULES: tuple[Rule, ...] = tuple(
     }
 )
 # Ends of the names of the columns of a log that the parts are made of, beside time and phases.
-READ = (
-    *(f"_{joint}_angle_rad" for joint in MOTOR_JOINTS),
-    "_wearer_angle_rad",
-    "_motor_command_torque_Nm",
-    "_motor_torque_Nm",
-    "_target_current_A",
-    "_measured_current_A",
-    "_foot_normal_force_N",
-    "_foot_clearance_m",
-)
+READ = (*WALK_COLUMNS, "_motor_command_torque_Nm", "_target_current_A", "_measured_current_A")
 NOMINAL_WEIGHT = 0.75  # of the nominal case in the cost of a candidate; the other cases share the rest
 # For the search, where a quarter of the time buys four times the candidates: parts of the shipped
 # walk are within 0.01° and 0.1 percentage points of those at the default step, at which all is walked that is

@@ -14,7 +14,8 @@
 //    phases: [{name, label, short, colour, ink}], legs: [{side, label, colour, dark, shows: [key]}],
 //    parts: [{key, label, colour}], arrow: {label, colour} or null,
 //    arcs: [{label, colour}], floor: path, duration: s or null, footnote,
-//    strides: {side, starts: [s]} or null, events: [{kind: fault, trip, fall or divergence, time: s, text}], outcome: word}
+//    strides: {side, starts: [s]} or null, events: [{kind: fault, trip, fall or divergence, time: s, text}], outcome: word,
+//    walk: [[label, left, right, healthy]], a head and rows of texts, or nothing}
 // A recorded RUN also holds `frames` and `scene`, deflated, as base64 text: JSON of
 //   {times: [ms], legs: [{series: {key: {steps: [ms], values: [value]}}, phases: {starts: [s], codes: [n]} or null}]}
 // where times are those of frames, and a series has the frames and what lies between them (steps from point to point),

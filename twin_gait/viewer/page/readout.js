@@ -18,9 +18,25 @@ class Readout {
     this.alarm.setAttribute("role", "status");
     this.card.replaceChildren(title, make("p", "subtitle", page.subtitle), this.clock, this.alarm, this.table,
       make("p", "notes", page.notes.join(" ")));
+    if (page.walk?.length) this.card.append(Readout.measures(page.walk));
     this.cells = page.legs.map(() => ({}));
     this.rows = Readout.rows(page);
     if (page.legs.length) this.fill();
+  }
+
+  // A table of texts that opens on demand.
+  static measures([head, ...rows]) {
+    const box = make("details", "walk"), table = make("table", "read");
+    box.append(make("summary", "", "The walk in numbers"), table);
+    const top = table.createTHead().insertRow(), body = table.createTBody();
+    for (const text of head) top.append(make("th", "", text));
+    for (const [label, ...texts] of rows) {
+      const row = body.insertRow(), name = make("th", "", label);
+      name.scope = "row";
+      row.append(name);
+      for (const text of texts) row.insertCell().textContent = text;
+    }
+    return box;
   }
 
   // What can be read out: [key, label, decimals, unit, colour of a part of the torque].

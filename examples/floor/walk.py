@@ -1,0 +1,390 @@
+"""The best walk that motors, body and belt allow: optimal control of half a symmetric stride.
+
+States are the coordinates of the plant and their velocities, the torques of the motors are linear between the
+ends of the intervals; Radau collocation of three points (order 5) on intervals of equal length. What is
+integrated is the engine's own room over casadi's symbols. Friction, contact and stops are smooth or smoothed
+by :data:`SMOOTH`, so that ipopt has second derivatives.
+"""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from twin_gait import JointName, Run
+from twin_gait.core import (
+    current_to_torque,
+    motor_electrical_power,
+    sagged_bus_voltage,
+    torque_to_current,
+)
+from twin_gait.experiment import Experiment, Problem, build_problem
+from twin_gait.gait import TICK
+from twin_gait.measures import CONTACT_FORCE, leg_record, reference_curve, reference_cycle_time
+from twin_gait.simulation import engine_of, equations_of_motion, run_of
+
+try:
+    import casadi as ca
+except ImportError:
+    ca = None
+
+DEGREES = 180.0 / np.pi
+POINTS = 3  # of an interval
+STRIDES = 6  # of a half stride laid end to end
+OPTIMALITY = 1e-6  # of ipopt: largest error of the scaled optimality conditions
+SMOOTH = 1e-4  # [m], [rad]; half of it is how deep an unloaded sole or joint already feels ground or stop
+LOAD = 0.01  # [N m], over which the losses of the gear under load are rounded
+# Of its cycle the foot is off the belt at the latest from here on, in [%]; stance at 1.5 km/h lasts 67 to 70.
+SWING = 70.0
+
+
+def require_casadi() -> None:
+    """Refuse to go on without the optional dependency."""
+    if ca is None:
+        print("attainable_floor: needs casadi: pip install 'twin-gait[floor]'", file=sys.stderr)
+        raise SystemExit(2)
+
+
+class Goals(NamedTuple):
+    """What the walk is asked for beside its angles; forces in carried weights.
+
+    Attributes:
+        peak: Most vertical force of a foot.
+        trough: Least of it from 18 to 45 % of the cycle.
+        loading: Least of it from 6 to 20 %.
+        forward_N: Most mean fore-aft force of both feet together, either way.
+        contact_deg: Most knee flexion at contact.
+        yield_deg: Least knee flexion after it, at 15 %.
+        clearance_m: Least height of the sole over the middle half of swing.
+    """
+
+    peak: float = np.inf
+    trough: float = -np.inf
+    loading: float = -np.inf
+    forward_N: float = np.inf
+    contact_deg: float = np.inf
+    yield_deg: float = -np.inf
+    clearance_m: float = -np.inf
+
+
+def positive(x: Any, width: float) -> Any:
+    """The positive part of a symbol, rounded over a width."""
+    return 0.5 * (x + ca.sqrt(x * x + width * width))
+
+
+def smooth_ground(ground: Any, height: Any, forward: Any, upward: Any) -> tuple[Any, Any]:
+    """``ground_contact_force`` of core without its branches."""
+    depth = positive(-height, SMOOTH)
+    damping = positive(1.0 - 1.5 * ground.dissipation * upward, 1e-3)
+    normal = ground.stiffness * depth * ca.sqrt(depth) * damping
+    slip = (forward + ground.belt_speed) / ground.transition_velocity
+    return -ground.friction_coefficient * normal * ca.tanh(slip), normal
+
+
+def smooth_stop(q: Any, v: Any, lower: float, upper: float, stiffness: float, dissipation: float) -> Any:
+    """``mechanical_stop_torque`` of core without its branches."""
+    below = positive(lower - q, SMOOTH) * positive(1.0 - dissipation * v, 1e-3)
+    above = positive(q - upper, SMOOTH) * positive(1.0 + dissipation * v, 1e-3)
+    return stiffness * (below - above)
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A periodic walk, half a stride of it from heel contact of the first leg.
+
+    Attributes:
+        problem: Of the plant.
+        times: Of the states in [s], shape ``(m,)``, the first 0.
+        states: Coordinates and velocities, shape ``(2 n, m)``.
+        torques: Of the motors at the ends of the intervals in [N m], shape ``(joints, intervals + 1)``.
+        weight: Of the mean square torque in [N m]² beside the mean square error in [deg]².
+        optimality: Largest error of the scaled conditions of optimality.
+        succeeded: Whether ipopt came to its tolerance.
+        unknowns: All of them, to start another search from.
+    """
+
+    problem: Problem
+    times: np.ndarray
+    states: np.ndarray
+    torques: np.ndarray
+    weight: float
+    optimality: float
+    succeeded: bool
+    unknowns: np.ndarray
+
+    def replayed(self) -> Run:
+        """The half stride in the reference engine: torques of the solution, tick by tick, no feedback."""
+        ticks = round(self.times[-1] / TICK)
+        experiment = replace(self.problem.experiment, duration=ticks * TICK)
+        problem = build_problem(experiment)
+        n = len(problem.world.start_q)
+        state = self.states[:, 0]
+        world = replace(problem.world, start_q=state[:n], start_v=state[n:])
+        rows = problem.phase_rows.copy()
+        rows[..., -1] = 0.0  # a table's gravity compensation would be added
+        ends = np.linspace(0.0, self.times[-1], self.torques.shape[1])
+        middles = (np.arange(ticks) + 0.5) * TICK
+        wanted = iter(np.array([np.interp(middles, ends, row) for row in self.torques]).T.ravel().tolist())
+        engine = engine_of(
+            replace(problem, world=world, phase_rows=rows), None, lambda *seen: (next(wanted), 0.0)
+        )
+        return run_of(engine, engine.run(), 0.0)
+
+    def drift(self, run: Run) -> float:
+        """Largest difference of a motor-driven angle of the whole replay from the solution in [deg]."""
+        states = self.states_at(np.arange(len(run.log)) * TICK)
+        joints = self.problem.joints
+        angles = np.array([run.log[f"{item.side}_{item.joint}_angle_rad"] for item in joints])
+        return float(np.abs(DEGREES * (angles - states[[item.coordinate for item in joints]])).max())
+
+    def walked(self, run: Run) -> Run:
+        """The half stride of a replay and its mirror image in turn, so that all measures of runs apply."""
+        one, other = (f"{side}_" for side in self.problem.sides)
+
+        def exchanged(name: str) -> str:
+            turned = name.replace(one, "@").replace(other, one)
+            return turned.replace("@", other)
+
+        mirrored = run.log.rename(columns=exchanged)[run.log.columns]
+        log = pd.concat([run.log, mirrored] * STRIDES, ignore_index=True)
+        log["time_s"] = np.arange(len(log)) * TICK
+        experiment = replace(run.experiment, duration=len(log) * TICK)
+        return replace(run, log=log, switches=(), experiment=experiment)
+
+    def states_at(self, times: np.ndarray) -> np.ndarray:
+        """States at any times of the half stride, by the polynomials of the collocation."""
+        length = self.times[POINTS]
+        k = np.clip((times / length).astype(int), 0, self.torques.shape[1] - 2)
+        share = times / length - k
+        nodes = np.array([0.0, *ca.collocation_points(POINTS, "radau")])
+        found = 0.0
+        for i in range(POINTS + 1):
+            others = np.delete(nodes, i)
+            basis = np.prod([(share - other) / (nodes[i] - other) for other in others], axis=0)
+            found = found + basis * self.states[:, POINTS * k + i]
+        return found
+
+
+class Search:
+    """The nonlinear programme of one experiment and one set of goals; the weight of effort is left open.
+
+    Attributes:
+        problem: Of the plant.
+        half: Duration of half a stride in [s].
+        times: Of the points of collocation in [s].
+    """
+
+    def __init__(
+        self, experiment: Experiment, goals: Goals, intervals: int, stride_time: float | None = None
+    ) -> None:
+        """Write the programme down.
+
+        Args:
+            intervals: Of half a stride.
+            stride_time: In [s]; the reference's if None.
+        """
+        self.problem, self.goals = build_problem(experiment), goals
+        self.speed, self.height = experiment.scenario.belt_speed, experiment.patient.height
+        self.half = 0.5 * (stride_time or reference_cycle_time(self.speed, self.height))
+        self.nodes = np.array(ca.collocation_points(POINTS, "radau"))
+        self.times = self.half / intervals * np.add.outer(np.arange(intervals), self.nodes).ravel()
+        n, joints, m = len(self.problem.world.start_q), len(self.problem.joints), len(self.times)
+        start, later = ca.MX.sym("start", 2 * n), ca.MX.sym("later", 2 * n, m)
+        ends, weight = ca.MX.sym("torques", joints, intervals + 1), ca.MX.sym("weight")
+        torques = ends @ ca.sparsify(ca.DM(_linear(self.nodes, intervals)))
+        plant = plant_of(self.problem)
+        first, then = (
+            plant(start[:n], start[n:], ends[:, 0]),
+            plant.map(m)(later[:n, :], later[n:, :], torques),
+        )
+        slopes, _, shares = ca.collocation_coeff(self.nodes.tolist())
+        states = [start] if intervals == 1 else [start, later[:, POINTS - 1 : m - 1 : POINTS]]
+        states = [ca.horzcat(*states), *(later[:, i::POINTS] for i in range(POINTS))]
+        rates = ca.vertcat(later[n:, :], then[0])
+        equal = []
+        for j in range(POINTS):
+            change = sum(float(slopes[i, j]) * state for i, state in enumerate(states))
+            gap = change - self.half / intervals * rates[:, j::POINTS]
+            equal += [ca.vec(gap[:n, :]), 0.1 * ca.vec(gap[n:, :])]
+        turned, other = _mirror(self.problem)
+        equal += [later[turned, m - 1] - start, ends[other, intervals] - ends[:, 0]]
+        equal += [first[1][0] / CONTACT_FORCE - 1.0]
+        moments = ca.DM(
+            np.tile(np.array(shares).ravel(), intervals) / intervals
+        )  # weights of a mean over time
+        error = DEGREES * (later[[joint.coordinate for joint in self.problem.joints], :] - self._reference())
+        square, effort = (ca.sum1((item * item) @ moments) / joints for item in (error, torques))
+        limits = self._limits(first, then, start, later, moments)
+        self.unknowns = ca.vertcat(start, ca.vec(later), ca.vec(ends))
+        most = min(experiment.control.limits.torque, *(_most_torque(self.problem, k) for k in range(joints)))
+        self._bound = np.concatenate([np.full(2 * n * (m + 1), np.inf), np.full(ends.numel(), most)])
+        zeros = np.zeros(sum(item.numel() for item in equal))
+        self._least = np.concatenate([zeros, *(np.full(item.numel(), low) for item, low, _ in limits)])
+        self._most = np.concatenate([zeros, *(np.full(item.numel(), high) for item, _, high in limits)])
+        constraints = ca.vertcat(*equal, *(ca.vec(item) for item, *_ in limits))
+        programme = {"x": self.unknowns, "p": weight, "f": square + weight * effort, "g": constraints}
+        ipopt = {"tol": OPTIMALITY, "max_iter": 1000, "print_level": 0, "sb": "yes"}
+        self._solver = ca.nlpsol("walk", "ipopt", programme, {"ipopt": ipopt, "print_time": False})
+        self._parts = ca.Function("parts", [self.unknowns], [ca.horzcat(start, later), ends])
+
+    def _reference(self) -> np.ndarray:
+        """Angles of the joints in [rad]; the second leg is half a stride ahead."""
+        first, percent = self.problem.sides[0], 50.0 * self.times / self.half
+        return np.array(
+            [
+                reference_curve(
+                    item.joint,
+                    percent if item.side is first else percent + 50.0,
+                    speed=self.speed,
+                    height=self.height,
+                )
+                for item in self.problem.joints
+            ]
+        )
+
+    def _limits(
+        self, first: Any, then: Any, start: Any, later: Any, moments: Any
+    ) -> list[tuple[Any, float, float]]:
+        """Constrained expressions with their least and most: voltage, swing, and what is asked for."""
+        _, upward, forward, heights, voltage = then
+        goals, percent = self.goals, 50.0 * self.times / self.half
+
+        def within(low: float, high: float) -> list[int]:
+            return np.flatnonzero((percent > low) & (percent < high)).tolist()
+
+        quarter = 0.25 * (100.0 - SWING)
+        middle = SWING + quarter - 50.0, 50.0 - quarter  # of the second leg's swing
+        carried = self.problem.world.body_weight - self.problem.world.support_force
+        knee = next(item.coordinate for item in self.problem.joints if item.joint is JointName.KNEE)
+        found = [
+            (voltage, -1.0, 1.0),
+            (upward[1, within(SWING - 50.0, percent[-POINTS])] / CONTACT_FORCE, -np.inf, 0.5),
+            (upward / carried, -np.inf, goals.peak),
+            (upward[0, within(18.0, 45.0)] / carried, goals.trough, np.inf),
+            (upward[0, within(6.0, 20.0)] / carried, goals.loading, np.inf),
+            (ca.sum1(forward @ moments), -goals.forward_N, goals.forward_N),
+            (DEGREES * start[knee], -np.inf, goals.contact_deg),
+            (DEGREES * (later[knee, within(15.0, 50.0)[0]] - start[knee]), goals.yield_deg, np.inf),
+            (100.0 * heights[heights.shape[0] // 2 :, within(*middle)], 100.0 * goals.clearance_m, np.inf),
+        ]
+        return [item for item in found if np.isfinite(item[1:]).any()]
+
+    def start_from(self, run: Run) -> np.ndarray:
+        """The last whole half stride of a simulated walk, stretched to the time of this one."""
+        first, second = self.problem.sides
+        strikes = [
+            leg_record(run.log, side, run.table.phase_names, TICK).strides()[:, 0] for side in (first, second)
+        ]
+        end = strikes[1][-1]
+        begin = strikes[0][strikes[0] < end][-1]
+        model = self.problem.world.model
+        names = [("pelvis_height_m", "pelvis_velocity_m_per_s")] * model.nv
+        if model.forward_index is not None:
+            names[model.forward_index] = "pelvis_forward_m", "pelvis_forward_velocity_m_per_s"
+        for side, leg in model.legs.items():
+            for joint, _ in leg.items():
+                stem = f"{side}_{joint}"
+                names[model.index(side, joint)] = f"{stem}_angle_rad", f"{stem}_velocity_rad_per_s"
+        motors = [f"{item.side}_{item.joint}_motor_torque_Nm" for item in self.problem.joints]
+        ends = np.linspace(0.0, 1.0, len(self.times) // POINTS + 1)
+        instants = np.array([0.0, *self.times]) / self.half
+        parts = [
+            np.array(
+                [
+                    np.interp(begin + (end - begin) * at, np.arange(len(run.log)), run.log[name])
+                    for name in group
+                ]
+            )
+            for group, at in ((itertools.chain(*zip(*names, strict=True)), instants), (motors, ends))
+        ]
+        return np.concatenate([part.ravel("F") for part in parts])
+
+    def solve(self, guess: np.ndarray, weight: float) -> Walk:
+        """The walk of least error and weighted effort that a search from a guess ends in."""
+        bounds = {"lbx": -self._bound, "ubx": self._bound, "lbg": self._least, "ubg": self._most}
+        found = self._solver(x0=guess, p=weight, **bounds)
+        states, torques = (np.array(item) for item in self._parts(found["x"]))
+        status = self._solver.stats()
+        last = {name: values[-1] for name, values in status["iterations"].items() if name.startswith("inf_")}
+        return Walk(
+            problem=self.problem,
+            times=np.array([0.0, *self.times]),
+            states=states,
+            torques=torques,
+            weight=weight,
+            optimality=max(last.values()),
+            succeeded=bool(status["success"]),
+            unknowns=np.array(found["x"]).ravel(),
+        )
+
+
+def _linear(nodes: np.ndarray, intervals: int) -> np.ndarray:
+    """Shares of the values at the ends of the intervals in those at the points of collocation."""
+    shares = np.zeros((intervals + 1, len(nodes) * intervals))
+    for k, j in itertools.product(range(intervals), range(len(nodes))):
+        shares[k : k + 2, len(nodes) * k + j] = 1.0 - nodes[j], nodes[j]
+    return shares
+
+
+def _mirror(problem: Problem) -> tuple[list[int], list[int]]:
+    """Places of the states, and of the joints, with left and right exchanged."""
+    model, (one, two) = problem.world.model, problem.sides
+    places = list(range(model.nv))
+    for side, opposite in ((one, two), (two, one)):
+        for joint, _ in model.legs[side].items():
+            places[model.index(side, joint)] = model.index(opposite, joint)
+    joints = [item.coordinate for item in problem.joints]
+    return places + [place + model.nv for place in places], [joints.index(places[item]) for item in joints]
+
+
+def _most_torque(problem: Problem, number: int) -> float:
+    """Torque of a motor at the limit of its current."""
+    motor = problem.actuator(problem.joints[number])
+    return current_to_torque(
+        problem.experiment.control.limits.current, motor.torque_constant, motor.gear_ratio
+    )
+
+
+def plant_of(problem: Problem) -> Any:
+    """The plant as a function of casadi.
+
+    Returns:
+        From coordinates, velocities and motor torques to accelerations, vertical and forward forces of both
+        feet, heights of all points of the soles, and the voltages of the motors over that of the sagging bus.
+    """
+    n, battery = len(problem.world.start_q), problem.experiment.plant.battery
+    q, v, torque = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("torque", len(problem.joints))
+    motor: list[Any] = [0.0] * n
+    electronics = problem.experiment.plant.electronics
+    voltages, power = [], electronics.constant_power
+    for k, joint in enumerate(problem.joints):
+        motor[joint.coordinate], speed = torque[k], v[joint.coordinate]
+        item = problem.actuator(joint)
+        ohms = item.resistance + electronics.inverter_resistance
+        current = torque_to_current(torque[k], item.torque_constant, item.gear_ratio)
+        voltages.append(ohms * current + item.torque_constant * item.gear_ratio * speed)
+        power += motor_electrical_power(current, speed, ohms, item.torque_constant, item.gear_ratio)
+        power += electronics.inverter_power
+    bus = sagged_bus_voltage(battery.voltage, battery.internal_resistance, power, battery.voltage)
+    laws = {
+        "sine_cosine": lambda angle: (ca.sin(angle), ca.cos(angle)),
+        "exponential": ca.exp,
+        "abs": lambda torque: ca.sqrt(torque * torque + LOAD * LOAD),
+        "hyperbolic_tangent": ca.tanh,
+        "ground_contact_force": smooth_ground,
+        "mechanical_stop_torque": smooth_stop,
+    }
+    motion = equations_of_motion(problem, laws)(ca.vertsplit(q), ca.vertsplit(v), motor)
+    feet = np.array_split(np.array(motion.points, dtype=object), len(problem.sides))
+    upward, forward = (
+        ca.vertcat(*(sum(getattr(point, name) for point in foot) for foot in feet))
+        for name in ("upward", "forward")
+    )
+    heights = ca.vertcat(*(point.height for point in motion.points))
+    outputs = [ca.vertcat(*motion.acceleration), upward, forward, heights, ca.vertcat(*voltages) / bus]
+    return ca.Function("plant", [q, v, torque], outputs)

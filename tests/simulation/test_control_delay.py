@@ -1,0 +1,80 @@
+"""Commands that come late: by whole ticks, exactly; and what that costs.
+
+Plain, in lanes and over another kernel they are among the cases of test_compiled_engine.py and test_lanes.py.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.checking import linear_loops, spectral_radius, transition_matrix
+from twin_gait.core.actuator import Motor
+from twin_gait.core.control_tick import target_current
+from twin_gait.exceptions import ParameterFileError
+from twin_gait.experiment import Experiment
+from twin_gait.simulation.record import taken_from
+
+JOINTS = ("hip", "knee")
+
+
+def bench_leg(*settings: str) -> Experiment:
+    return load_experiment("bench_leg", ["integration.method=semi_implicit_euler", *settings]).experiment
+
+
+def assert_late(late: Experiment, log, ticks: int) -> None:
+    """The drives are asked in a tick for what the controller wanted some ticks before, bit for bit."""
+    limits = late.control.limits
+    for joint in JOINTS:
+        motor = taken_from(Motor, late.plant.actuators[joint])
+        wanted = log[f"right_{joint}_motor_command_torque_Nm"].tolist()
+        asked = [target_current(motor, torque, limits.torque, limits.current) for torque in wanted]
+        given = log[f"right_{joint}_target_current_A"].tolist()
+        assert given[:ticks] == [0.0] * ticks
+        assert given[ticks:] == asked[: len(asked) - ticks]
+        assert len(set(given)) > 0.5 * len(given)
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 3, 10])
+def test_the_drives_are_asked_for_what_was_wanted_so_many_ticks_before(ticks):
+    late = bench_leg(f"control.delay_ms={ticks}", "duration_s=0.5")
+    assert_late(late, simulate(late).log, ticks)
+
+
+def test_a_hold_comes_as_late_as_a_walk():
+    settings = ("duration_s=0.6", "control.delay_ms=7", "faults=['encoder_missing:right_knee@0.2s']")
+    late = bench_leg(*settings)
+    run = simulate(late)
+    assert run.trip is not None
+    assert_late(late, run.log, 7)
+
+
+def test_delay_costs_a_swinging_leg_stability_as_the_matrix_of_its_loop_says():
+    """With every millisecond the slowest oscillation decays less, and in the end the loop is unstable."""
+    late = [
+        bench_leg(f"control.delay_ms={ticks}", "table.phases.early_stance.knee.damping_ratio=1")
+        for ticks in (0, 4, 8)
+    ]
+    radii = [max(map(radius, linear_loops(item).values())) for item in late]
+    assert all(sooner < later for sooner, later in pairwise(radii))
+
+
+def radius(loop) -> float:
+    return spectral_radius(transition_matrix(loop))
+
+
+@pytest.mark.parametrize("setting", ["delay_ms=11", "delay_ms=2.5", "delay_s=-0.001", "delay_ms=0.9999"])
+def test_a_delay_of_no_whole_ticks_or_of_too_many_is_refused_in_one_line(setting):
+    with pytest.raises(ParameterFileError, match="control: delay: expected a multiple") as caught:
+        load_experiment("bench_leg", [f"control.{setting}"])
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_both_units_give_the_same_ticks():
+    for ticks in range(11):
+        for setting in (f"delay_ms={ticks}", f"delay_s={ticks / 1000!r}"):
+            control = load_experiment("bench_leg", [f"control.{setting}"]).experiment.control
+            assert control.delay_ticks == ticks
+            assert control.delay == pytest.approx(1e-3 * ticks, abs=1e-15)

@@ -1,0 +1,54 @@
+"""The motion of the plant over any scalars is the engine's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy.testing import assert_allclose
+
+from twin_gait import load_experiment
+from twin_gait.core import mechanical_stop_torque, rotational_friction_torque
+from twin_gait.experiment import build_problem
+from twin_gait.simulation import equations_of_motion
+
+
+@pytest.mark.parametrize("guide", ["vertical", "harness"])
+def test_acceleration_in_the_air_is_pinocchios(guide):
+    """By its articulated-body algorithm, with friction, stops, springs and motors handed to it as torques."""
+    problem = build_problem(load_experiment("treadmill", [f"scenario.support.guide={guide}"]).experiment)
+    world, generator = problem.world, np.random.default_rng(1)
+    model, data = world.model.model, world.model.model.createData()
+    motion = equations_of_motion(problem, {})
+    for _ in range(5):
+        q = world.start_q + 0.3 * generator.standard_normal(len(world.start_q))
+        q[world.model.pelvis_index] = 3.0
+        v, motor = generator.standard_normal((2, len(q)))
+        torque = 20.0 * motor
+        for place, plant in enumerate(world.plant):
+            law, stop, spring = plant.friction, plant.stop, plant.spring
+            torque[place] += spring.force - spring.stiffness * q[place] - spring.damping * v[place]
+            if law.law:
+                torque[place] -= rotational_friction_torque(
+                    v[place],
+                    law.breakaway_torque,
+                    law.coulomb_friction,
+                    law.stribeck_velocity,
+                    law.viscous_friction_forward,
+                )
+            if stop.stiffness:
+                torque[place] += mechanical_stop_torque(
+                    q[place], v[place], stop.lower, stop.upper, stop.stiffness, stop.dissipation
+                )
+        found = motion(q.tolist(), v.tolist(), (20.0 * motor).tolist())
+        assert_allclose(found.acceleration, pin.aba(model, data, q, v, torque), rtol=1e-9, atol=1e-8)
+        assert all(point.upward == 0.0 and point.height > 1.0 for point in found.points)
+
+
+def test_laws_that_are_handed_in_take_the_place_of_those_in_core():
+    problem = build_problem(load_experiment("treadmill").experiment)
+    n = len(problem.world.start_q)
+    laws = {"ground_contact_force": lambda ground, height, forward, upward: (1.0, ground.stiffness)}
+    found = equations_of_motion(problem, laws)(problem.world.start_q.tolist(), [0.0] * n, [0.0] * n)
+    assert [(point.forward, point.upward) for point in found.points] == [(1.0, 3.0e5)] * 4
+    assert found.acceleration[problem.world.model.pelvis_index] > 1e3

@@ -1,0 +1,170 @@
+"""The measures of a walk in a summary, and what people read of them: a table, and who drives the walk."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields
+from typing import Any, NamedTuple
+
+from twin_gait.measures.strides import ErrorParts
+from twin_gait.measures.walk import WalkMeasures
+
+DASH = "–"
+_DEGREE = math.degrees(1.0)
+# Units of the measures in a summary, at the end of their names; all others are shares.
+_UNITS = {
+    "stride_time": "s",
+    "cadence": "per_min",
+    "step_length": "m",
+    "braking_impulse": "Ns",
+    "propulsion_impulse": "Ns",
+    "fore_aft_force": "N",
+    "ankle_range": "deg",
+    "hip_lowest": "deg",
+    "knee_at_contact": "deg",
+    "knee_yield": "deg",
+    "clearance": "m",
+    "slip": "m",
+    "swing_load": "N",
+    "belt_power": "W",
+    "wearer_power": "W",
+}
+# What a summary has under names of its own.
+_ELSEWHERE = {"strides", "stride_time", "clearance", "further_contacts"}
+
+
+class Row(NamedTuple):
+    """A row of the table that people read.
+
+    Attributes:
+        label: What it is.
+        unit: For people.
+        key: Of the leg in a summary, of its ``walk``, or both of its ``errors``.
+        places: Behind the point.
+        factor: From the unit of the summary to that for people.
+    """
+
+    label: str
+    unit: str
+    key: str
+    places: int = 2
+    factor: float = 1.0
+
+
+ROWS = (
+    Row("stride time", "s", "stride_time_mean_s"),
+    Row("step length", "m", "step_length_m"),
+    Row("loading peak", "of carried weight", "loading_peak"),
+    Row("trough in midstance", "of carried weight", "trough"),
+    Row("push-off peak", "of carried weight", "push_off_peak"),
+    Row("least load at 6–20 %", "of carried weight", "least_load"),
+    Row("mean fore-aft force", "N", "fore_aft_force_N", 1),
+    Row("propulsion peak", "of carried weight", "propulsion_peak", 3),
+    Row("midfoot passed at", "% of the cycle", "pressure_crossing", 0, 100.0),
+    Row("knee at contact", "°", "knee_at_contact_deg", 1),
+    Row("knee yield after it", "°", "knee_yield_deg", 1),
+    Row("ankle range", "°", "ankle_range_deg", 1),
+    Row("least clearance", "mm", "toe_clearance_least_m", 1, 1e3),
+    Row("slip in a stride", "mm", "slip_m", 0, 1e3),
+    Row("swing begins at", "% of the cycle", "swing_entry", 0, 100.0),
+    Row("load on the foot then", "N", "swing_load_N", 0),
+    Row("power of the hip motor", "W", "hip_motor_power_W", 1),
+    Row("power of the knee motor", "W", "knee_motor_power_W", 1),
+    Row("power of the belt", "W", "belt_power_W", 1),
+)
+
+
+def summary_of_leg(measures: WalkMeasures) -> dict[str, float]:
+    """Measures of a leg for a summary, but for those that it has already."""
+    names = (item.name for item in fields(measures) if item.name != "motor_power")
+    found = with_units({name: getattr(measures, name) for name in names if name not in _ELSEWHERE})
+    return found | {f"{joint}_motor_power_W": power for joint, power in measures.motor_power.items()}
+
+
+def with_units(measures: Mapping[str, float]) -> dict[str, float]:
+    """Names that end in units, and angles in degrees.
+
+    Args:
+        measures: By the names of :class:`WalkMeasures`.
+    """
+    found = {}
+    for name, value in measures.items():
+        unit = _UNITS.get(name, "")
+        found[f"{name}_{unit}" if unit else name] = value * _DEGREE if unit == "deg" else value
+    return found
+
+
+def summary_of_errors(parts: ErrorParts) -> dict[str, float]:
+    """Parts of the error of an angle for a summary, from [rad]."""
+    lengths = {f"{name}_deg": _DEGREE * getattr(parts, name) for name in ErrorParts._fields[:-1]}
+    return {**lengths, "shift_percent": 100.0 * parts.shift}
+
+
+def table_of_walk(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Measures of the legs beside those of healthy walking.
+
+    Args:
+        summary: Of a run; one of an earlier version has no such measures.
+
+    Returns:
+        A head and a row for each measure: label with unit, legs, healthy walking; nothing without strides on
+        a belt.
+    """
+    legs = {side: leg for side, leg in summary["sides"].items() if leg.get("walk") and leg["strides_counted"]}
+    if not legs:
+        return []
+    healthy = summary["walk_reference"]
+    rows = [("", *legs, "healthy")]
+    for row in ROWS:
+        values = [leg["walk"].get(row.key, leg.get(row.key)) for leg in legs.values()]
+        reference = healthy.get(row.key.replace("_mean", ""))
+        if any(value is not None for value in values):
+            rows.append((f"{row.label} [{row.unit}]", *(_text(value, row) for value in (*values, reference))))
+    first, *_ = legs.values()
+    for joint in first.get("errors", {}):
+        parts = [_parts(leg["errors"][joint]) for leg in legs.values()]
+        rows.append((f"{joint} RMSE: offset, timing, shape [°]", *parts, ""))
+    return rows
+
+
+def _parts(errors: Mapping[str, float | None]) -> str:
+    total, *parts = (
+        _text(errors[f"{name}_deg"], Row("", "", "", 1)) for name in ("total", "offset", "timing", "shape")
+    )
+    return f"{total}: {', '.join(parts)}"
+
+
+def _text(value: float | None, row: Row) -> str:
+    if value is None or not math.isfinite(value):
+        return DASH
+    text = f"{value * row.factor:.{row.places}f}"
+    return (text.lstrip("-") if float(text) == 0.0 else text).replace("-", "−")
+
+
+def who_drives(summary: Mapping[str, Any]) -> str:
+    """Mean powers into a walk in a sentence; empty without strides on a belt."""
+    power = summary.get("power")
+    if not power or power["belt_W"] is None:
+        return ""
+    sources = {"belt_W": "belt", "motors_W": "motors", "wearer_W": "wearer", "guide_W": "harness"}
+    shown = {key: f"{name} {_text(power[key], Row('', '', key, 1))} W" for key, name in sources.items()}
+    parts = [text for key, text in shown.items() if power[key] or key in ("belt_W", "motors_W")]
+    return f"Mean power into the walk: {', '.join(parts)}."
+
+
+def carried_by_belt(summary: Mapping[str, Any]) -> str:
+    """That the belt carries a walk, where it does; else empty."""
+    power = summary.get("power")
+    if not power or not power["carried_by_belt"]:
+        return ""
+    force = _text(power["guide_force_N"], Row("", "", "", 0))
+    return f"The belt carries this walk: it drags the feet back, and {force} N at the pelvis hold against it."
+
+
+def lines_of(table: Sequence[Sequence[str]]) -> Iterator[str]:
+    """A table in lines of text, numbers to the right."""
+    widths = [max(len(row[place]) for row in table) for place in range(len(table[0]))] if table else []
+    for row in table:
+        cells = [text.rjust(width) for text, width in zip(row[1:], widths[1:], strict=True)]
+        yield "  ".join([row[0].ljust(widths[0]), *cells]).rstrip()
