@@ -25,7 +25,7 @@ from twin_gait.runs.summary import READ_IN_BRIEF
 from twin_gait.studies import Workers, overridden, run_episodes
 from twin_gait.vocabulary import Outcome
 
-TABLES = [name for name in ("treadmill", "treadmill_pre_swing", "treadmill_normative") if name in presets()]
+TABLES = [name for name in ("treadmill", "treadmill_pre_swing") if name in presets()]
 COLUMNS = (*READ_IN_BRIEF, *WALK_COLUMNS)
 DURATION = 20.0  # [s]
 # Where the combined draws come from: mass [kg], height [m], supported share, belt speed [km/h].

@@ -60,7 +60,7 @@ class Goals(NamedTuple):
         forward_N: Most mean fore-aft force of both feet together, either way.
         contact_deg: Most knee flexion at contact.
         yield_deg: Least knee flexion after it, at 15 %.
-        clearance_m: Least height of the sole over the middle half of swing.
+        clearance_mm: Least height of the sole over the middle half of swing.
     """
 
     peak: float = np.inf
@@ -69,7 +69,10 @@ class Goals(NamedTuple):
     forward_N: float = np.inf
     contact_deg: float = np.inf
     yield_deg: float = -np.inf
-    clearance_m: float = -np.inf
+    clearance_mm: float = -np.inf
+
+
+NOTHING = Goals()
 
 
 def positive(x: Any, width: float) -> Any:
@@ -171,7 +174,7 @@ class Walk:
 
 
 class Search:
-    """The nonlinear programme of one experiment and one set of goals; the weight of effort is left open.
+    """The nonlinear programme of one experiment; goals and weight of the effort are left open.
 
     Attributes:
         problem: Of the plant.
@@ -179,16 +182,14 @@ class Search:
         times: Of the points of collocation in [s].
     """
 
-    def __init__(
-        self, experiment: Experiment, goals: Goals, intervals: int, stride_time: float | None = None
-    ) -> None:
+    def __init__(self, experiment: Experiment, intervals: int, stride_time: float | None = None) -> None:
         """Write the programme down.
 
         Args:
             intervals: Of half a stride.
             stride_time: In [s]; the reference's if None.
         """
-        self.problem, self.goals = build_problem(experiment), goals
+        self.problem = build_problem(experiment)
         self.speed, self.height = experiment.scenario.belt_speed, experiment.patient.height
         self.half = 0.5 * (stride_time or reference_cycle_time(self.speed, self.height))
         self.nodes = np.array(ca.collocation_points(POINTS, "radau"))
@@ -219,17 +220,17 @@ class Search:
         )  # weights of a mean over time
         error = DEGREES * (later[[joint.coordinate for joint in self.problem.joints], :] - self._reference())
         square, effort = (ca.sum1((item * item) @ moments) / joints for item in (error, torques))
-        limits = self._limits(first, then, start, later, moments)
+        self._limited = self._limits(then, start, later, moments)
         self.unknowns = ca.vertcat(start, ca.vec(later), ca.vec(ends))
         most = min(experiment.control.limits.torque, *(_most_torque(self.problem, k) for k in range(joints)))
         self._bound = np.concatenate([np.full(2 * n * (m + 1), np.inf), np.full(ends.numel(), most)])
-        zeros = np.zeros(sum(item.numel() for item in equal))
-        self._least = np.concatenate([zeros, *(np.full(item.numel(), low) for item, low, _ in limits)])
-        self._most = np.concatenate([zeros, *(np.full(item.numel(), high) for item, _, high in limits)])
-        constraints = ca.vertcat(*equal, *(ca.vec(item) for item, *_ in limits))
+        self._equal = np.zeros(sum(item.numel() for item in equal))
+        constraints = ca.vertcat(*equal, *(ca.vec(item) for item, *_ in self._limited))
         programme = {"x": self.unknowns, "p": weight, "f": square + weight * effort, "g": constraints}
         ipopt = {"tol": OPTIMALITY, "max_iter": 1000, "print_level": 0, "sb": "yes"}
-        self._solver = ca.nlpsol("walk", "ipopt", programme, {"ipopt": ipopt, "print_time": False})
+        self._solver = ca.nlpsol(
+            "walk", "ipopt", programme, {"ipopt": ipopt, "print_time": False, "expand": True}
+        )
         self._parts = ca.Function("parts", [self.unknowns], [ca.horzcat(start, later), ends])
 
     def _reference(self) -> np.ndarray:
@@ -248,31 +249,45 @@ class Search:
         )
 
     def _limits(
-        self, first: Any, then: Any, start: Any, later: Any, moments: Any
-    ) -> list[tuple[Any, float, float]]:
-        """Constrained expressions with their least and most: voltage, swing, and what is asked for."""
+        self, then: Any, start: Any, later: Any, moments: Any
+    ) -> list[tuple[Any, float | str, float | str]]:
+        """What is limited, its least and its most: numbers, or the goals that say them."""
         _, upward, forward, heights, voltage = then
-        goals, percent = self.goals, 50.0 * self.times / self.half
+        percent = 50.0 * self.times / self.half
 
         def within(low: float, high: float) -> list[int]:
             return np.flatnonzero((percent > low) & (percent < high)).tolist()
 
         quarter = 0.25 * (100.0 - SWING)
-        middle = SWING + quarter - 50.0, 50.0 - quarter  # of the second leg's swing
-        carried = self.problem.world.body_weight - self.problem.world.support_force
+        middle = within(SWING + quarter - 50.0, 50.0 - quarter)  # of the second leg's swing
+        swing = upward[1, within(SWING - 50.0, percent[-POINTS])]
+        force = upward / (self.problem.world.body_weight - self.problem.world.support_force)
         knee = next(item.coordinate for item in self.problem.joints if item.joint is JointName.KNEE)
-        found = [
+        return [
             (voltage, -1.0, 1.0),
-            (upward[1, within(SWING - 50.0, percent[-POINTS])] / CONTACT_FORCE, -np.inf, 0.5),
-            (upward / carried, -np.inf, goals.peak),
-            (upward[0, within(18.0, 45.0)] / carried, goals.trough, np.inf),
-            (upward[0, within(6.0, 20.0)] / carried, goals.loading, np.inf),
-            (ca.sum1(forward @ moments), -goals.forward_N, goals.forward_N),
-            (DEGREES * start[knee], -np.inf, goals.contact_deg),
-            (DEGREES * (later[knee, within(15.0, 50.0)[0]] - start[knee]), goals.yield_deg, np.inf),
-            (100.0 * heights[heights.shape[0] // 2 :, within(*middle)], 100.0 * goals.clearance_m, np.inf),
+            (swing / CONTACT_FORCE, -np.inf, 0.5),
+            (force, -np.inf, "peak"),
+            (force[0, within(18.0, 45.0)], "trough", np.inf),
+            (force[0, within(6.0, 20.0)], "loading", np.inf),
+            (ca.sum1(forward @ moments), "-forward_N", "forward_N"),
+            (DEGREES * start[knee], -np.inf, "contact_deg"),
+            (DEGREES * (later[knee, within(15.0, 50.0)[0]] - start[knee]), "yield_deg", np.inf),
+            (1e3 * heights[heights.shape[0] // 2 :, middle], "clearance_mm", np.inf),
         ]
-        return [item for item in found if np.isfinite(item[1:]).any()]
+
+    def _bounds(self, goals: Goals) -> tuple[np.ndarray, np.ndarray]:
+        """Least and most of all that is constrained."""
+
+        def number(bound: float | str) -> float:
+            if not isinstance(bound, str):
+                return bound
+            return -getattr(goals, bound[1:]) if bound[0] == "-" else getattr(goals, bound)
+
+        sides = (
+            [np.full(item[0].numel(), number(item[place])) for item in self._limited] for place in (1, 2)
+        )
+        least, most = (np.concatenate([self._equal, *side]) for side in sides)
+        return least, most
 
     def start_from(self, run: Run) -> np.ndarray:
         """The last whole half stride of a simulated walk, stretched to the time of this one."""
@@ -304,10 +319,10 @@ class Search:
         ]
         return np.concatenate([part.ravel("F") for part in parts])
 
-    def solve(self, guess: np.ndarray, weight: float) -> Walk:
+    def solve(self, guess: np.ndarray, weight: float, goals: Goals = NOTHING) -> Walk:
         """The walk of least error and weighted effort that a search from a guess ends in."""
-        bounds = {"lbx": -self._bound, "ubx": self._bound, "lbg": self._least, "ubg": self._most}
-        found = self._solver(x0=guess, p=weight, **bounds)
+        least, most = self._bounds(goals)
+        found = self._solver(x0=guess, p=weight, lbx=-self._bound, ubx=self._bound, lbg=least, ubg=most)
         states, torques = (np.array(item) for item in self._parts(found["x"]))
         status = self._solver.stats()
         last = {name: values[-1] for name, values in status["iterations"].items() if name.startswith("inf_")}

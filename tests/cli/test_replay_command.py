@@ -82,7 +82,7 @@ def test_a_run_replays_to_its_own_switches_through_an_exported_file(walk, tmp_pa
     to = ["--out", tmp_path / "again", "--no-pictures"]
     if file_format != "csv":
         options += ["--convention", "opensim_gait2392"]
-    assert run("replay", path, "--table", "treadmill", *options, *to) == 0
+    assert run("replay", path, "--table", FIVE_PHASES, *options, *to) == 0
     found, original = (pd.read_csv(folder / "transitions.csv") for folder in (tmp_path / "again", walk))
     columns = ["tick", "side", "from", "to", "cause"]
     pd.testing.assert_frame_equal(found[columns], original[columns])

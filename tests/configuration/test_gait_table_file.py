@@ -790,12 +790,12 @@ def test_nothing_can_be_removed_without_a_table_below(tmp_path: Path) -> None:
 def test_an_inline_table_extends_what_it_names_and_not_the_table_of_the_preset(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(
-        "preset: treadmill\ntable: {extends: treadmill_normative, blending: {duration_ms: 31}}",
+        "preset: treadmill\ntable: {extends: treadmill_start_stop, blending: {duration_ms: 31}}",
         encoding="utf-8",
     )
     table = load_experiment(path).experiment.table
     assert table.blending.duration_ticks == 31
-    assert table.phases == load_gait_table("treadmill_normative").phases
+    assert table.phases == load_gait_table("treadmill_start_stop").phases
 
 
 def test_a_changed_threshold_changes_the_walk(tmp_path: Path) -> None:

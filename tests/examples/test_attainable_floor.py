@@ -23,9 +23,9 @@ def test_an_optimum_is_replayed_and_beats_the_table():
     pytest.importorskip("casadi", reason="needs casadi: pip install 'twin-gait[floor]'")
     settings = page.settings_of("vertical")
     table = simulate(load_experiment("treadmill", settings).experiment)
-    goals = page.NOTHING._replace(peak=1.2)
-    search = page.search_of(settings, goals, page.FEW_INTERVALS)
-    found = search.solve(search.start_from(table), page.WEIGHTS[0])
+    search = page.search_of(settings, page.FEW_INTERVALS)
+    goals = programme.NOTHING._replace(peak=1.2)
+    found = search.solve(search.start_from(table), page.WEIGHTS[0], goals)
     assert found.succeeded and found.optimality < programme.OPTIMALITY
 
     row, walked = page.row_of(found, "peak")

@@ -150,10 +150,9 @@ def test_belt_carries_a_walk_that_it_gives_more_than_the_legs_do() -> None:
     assert power.wearer == pytest.approx(4.0)
     assert power.guide_force == pytest.approx(20.0)
     assert not power.carried_by_belt
-    assert belt_carries(4.0, 3.9, WALKWAY)
-    assert not belt_carries(3.9, 4.0, WALKWAY)
-    # 3 W at 0.4 m/s are a pull of 7.5 N, less than 2 % of the carried 400 N.
-    assert not belt_carries(3.0, -5.0, WALKWAY)
+    assert belt_carries(10.0, 3.9, WALKWAY)  # 4 W
+    assert not belt_carries(10.0, 4.1, WALKWAY)
+    assert not belt_carries(7.5, -5.0, WALKWAY)  # less than 2 % of the carried 400 N
     assert not belt_carries(math.nan, math.nan, WALKWAY)
 
 

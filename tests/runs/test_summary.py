@@ -33,7 +33,7 @@ from synthetic_run import (
 import twin_gait
 from twin_gait import load_experiment, simulate
 from twin_gait.gait.table import TICK
-from twin_gait.report.walk_words import carried_by_belt, lines_of, table_of_walk, who_drives
+from twin_gait.report.walk_words import HEAD, carried_by_belt, lines_of, table_of_walk, who_drives
 from twin_gait.runs.summary import summarise, versions
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run, RunStatus
@@ -338,13 +338,13 @@ def test_errors_of_known_offset_and_wave_are_told_apart(summary: dict[str, Any])
 
 def test_table_stands_beside_healthy_walking(summary: dict[str, Any]) -> None:
     head, *rows = table_of_walk(summary)
-    assert head == ("", "left", "right", "healthy")
+    assert head == (HEAD, "left", "right", "healthy")
     cells = {row[0]: row[1:] for row in rows}
     assert cells["stride time [s]"] == ("1.20", "1.20", "1.75")
     assert cells["mean fore-aft force [N]"] == ("0.0", "0.0", "0.0")
     assert cells["slip in a stride [mm]"] == ("0", "0", "–")
-    degrees = math.degrees(HIP_OFFSET)
-    assert cells["hip RMSE: offset, timing, shape [°]"][0] == f"{degrees:.1f}: {degrees:.1f}, 0.0, 0.0"
+    assert cells["RMSE of the hip, offset [°]"][0] == f"{math.degrees(HIP_OFFSET):.1f}"
+    assert cells["RMSE of the hip, timing [°]"] == ("0.0", "0.0", "")
     lines = list(lines_of([head, *rows]))
     assert len(lines) == len(rows) + 1 and lines[0].endswith("healthy")
     assert len({line.find("1.75") for line in lines if "1.75" in line}) == 1
@@ -355,14 +355,15 @@ def dragged(walk: Run, force: float) -> dict[str, Any]:
     log = walk.log.copy()
     for side in ("left", "right"):
         log[f"{side}_foot_friction_force_N"] = np.where(log[f"{side}_foot_normal_force_N"] > 0.0, -force, 0.0)
-    log["guide_force_N"] = 25.0
+    log["guide_force_N"] = 2.0 * force * (1.0 - SWING / STRIDE)
     for name in [name for name in log if name.endswith("motor_torque_Nm")]:
         log[name] = 0.0
     return summarise(replace(walk, log=log))
 
 
 def test_belt_that_carries_a_walk_is_said_and_no_other(walk: Run, summary: dict[str, Any]) -> None:
-    assert carried_by_belt(summary) == "" and summary["power"]["carried_by_belt"] is False
+    free = dragged(walk, 0.0)
+    assert carried_by_belt(free) == "" and free["power"]["carried_by_belt"] is False
     assert "belt 0.0 W" in who_drives(summary)
     pulled = dragged(walk, 20.0)
     mean = 2.0 * 20.0 * (1.0 - SWING / STRIDE)

@@ -2,58 +2,31 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
 from twin_gait import load_experiment, simulate
-from twin_gait.measures.strides import error_parts, normalise_strides, stride_times
-from twin_gait.report.reference import reference_cycle
+from twin_gait.measures.strides import stride_times
 from twin_gait.simulation.run import Run
-from twin_gait.vocabulary import JointName, Side
+from twin_gait.vocabulary import Side
 
 
 def walk(*settings: str) -> Run:
     return simulate(load_experiment("treadmill", settings).experiment)
 
 
-def test_heel_that_bounces_for_a_fifth_of_the_stride_strikes_once() -> None:
-    """With nine tenths of the weight gone the foot lands, is off for 0.25 s and more, and lands again."""
-    record = walk("scenario.support.share=0.9", "scenario.belt_speed_km_per_h=0.8").leg_record(Side.LEFT)
-    contacts = record.contacts
-    assert contacts is not None and record.loaded is not None
-    times = stride_times(record.strides(), record.tick)
-    assert len(times) >= 3
-    assert times == pytest.approx(times.mean(), rel=0.01)
-    rises = np.flatnonzero(record.loaded[1:] & ~record.loaded[:-1]) + 1
-    for strike in contacts.heel_strikes[1:-1]:
-        bounce = rises[rises > strike][0]
-        assert bounce - strike > 250  # ticks, of which the foot touches in less than 200
-        assert bounce in contacts.further_contacts
-        assert np.mean(record.loaded[strike:bounce]) < 0.5
-
-
-def test_foot_that_lands_late_has_not_touched_before_and_errs_in_time() -> None:
-    """At 75 % of support the foot hangs less than a millimetre over the belt for a tenth of the stride."""
-    run = walk("scenario.support.share=0.75")
-    record = run.leg_record(Side.LEFT)
-    assert record.normal_force is not None and record.clearance is not None
-    strides = record.strides()
-    for strike in strides[:, 0]:
-        before = slice(strike - 900, strike - 50)
-        assert np.all(record.normal_force[before] == 0.0)
-        assert record.clearance[before].min() > 0.0
-    parts = {}
-    for joint in record.angles:
-        reference = reference_cycle(run.experiment, joint)
-        assert reference is not None
-        parts[joint] = error_parts(normalise_strides(record.angles[joint], strides), reference)
-    # Of 15° and 24° most is that the foot lands a fifth of the cycle after the leg has come to rest.
-    hip, knee = parts[JointName.HIP], parts[JointName.KNEE]
-    assert math.degrees(hip.total) > 12.0 and math.degrees(knee.total) > 20.0
-    assert -0.26 < hip.shift < -0.16 and -0.26 < knee.shift < -0.16
-    assert hip.timing > 3.0 * hip.shape and knee.timing > 2.0 * knee.shape
+@pytest.mark.parametrize(("share", "speed"), [(0.6, 1.5), (0.75, 1.5), (0.9, 0.8)])
+def test_foot_strikes_once_a_stride_however_it_bounces(share: float, speed: float) -> None:
+    """With nine tenths of the weight gone a foot may land, be off for 0.25 s and more, and land again."""
+    run = walk(f"scenario.support.share={share}", f"scenario.belt_speed_km_per_h={speed}")
+    for record in run.leg_records():
+        assert record.contacts is not None
+        strikes = record.contacts.heel_strikes
+        assert len(strikes) >= 5
+        assert abs(len(strikes) - len(record.entries)) <= 1
+        assert stride_times(record.strides(), record.tick) == pytest.approx(
+            np.mean(stride_times(record.strides_by_phase(), record.tick)), rel=0.03
+        )
 
 
 def test_belt_pulls_as_much_as_the_guide_pushes_over_whole_strides() -> None:

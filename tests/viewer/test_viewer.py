@@ -30,6 +30,7 @@ from twin_gait.viewer.commands import METRES_PER_NEWTON, Recorder
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.motion import FRAMES_PER_SECOND, read_motion
 from twin_gait.viewer.page import recorded_page
+from twin_gait.viewer.scene import FORCE_ROOT
 from twin_gait.viewer.staging import build_scene, build_urdf_scene
 from twin_gait.viewer.visuals import LinkPart, load_visuals
 from twin_gait.vocabulary import GaitPhase, JointName, PelvisGuide, Side
@@ -376,6 +377,29 @@ def test_ground_force_acts_where_the_foot_presses(worn_twin: LegModel, ankle: fl
     expected = worn_twin.frame_position(motion.q[0], frame)
     assert expected[2] < 0.0
     np.testing.assert_allclose(footing.point[0], [expected[0], expected[1], 0.0], atol=1e-12)
+
+
+def test_on_a_slope_force_and_belt_are_drawn_in_its_axes(worn_twin: LegModel) -> None:
+    """Both have the axes of the slope, and the force acts between heel and toe on the belt."""
+    slope, recorder = 0.1, Recorder()
+    build_scene(recorder, worn_twin, slope=slope)
+    moves = {item["path"]: item["matrix"] for item in recorder.commands() if item["type"] == "set_transform"}
+    for path in (surroundings.TREADMILL, FORCE_ROOT):
+        pose = np.reshape(moves[path], (4, 4)).T  # column by column
+        np.testing.assert_allclose(pose @ [1, 0, 0, 1], [np.cos(slope), 0, np.sin(slope), 1], atol=1e-12)
+        np.testing.assert_allclose(pose @ [0, 0, 1, 1], [-np.sin(slope), 0, np.cos(slope), 1], atol=1e-12)
+    log = synthetic_log(worn_twin, 0.02)
+    log["left_hip_angle_rad"] = 0.5
+    level, sloped = (read_motion(log, worn_twin, slope=angle) for angle in (0.0, slope))
+    feet = level.legs[Side.LEFT].footing, sloped.legs[Side.LEFT].footing
+    assert feet[0] is not None and feet[1] is not None
+    frames = worn_twin.legs[Side.LEFT].contact_frames
+    ends = [worn_twin.frame_position(sloped.q[0], frame) for frame in frames]
+    along = [end[0] * np.cos(slope) + end[2] * np.sin(slope) for end in ends]
+    assert min(along) - 1e-12 <= feet[1].point[0, 0] <= max(along) + 1e-12
+    assert feet[1].point[0, 2] == 0.0
+    assert abs(feet[0].point[0, 0] - feet[1].point[0, 0]) > 1e-3
+    np.testing.assert_array_equal(feet[0].force, feet[1].force)
 
 
 def test_arrow_is_as_long_and_as_tilted_as_the_force(worn_twin: LegModel) -> None:

@@ -185,8 +185,8 @@ def test_page_says_who_carries_the_walk_and_holds_its_measures(run_folder: Path)
     (entry,) = embedded(page_of([with_walk(plain, summary)]))["runs"]
     assert entry["notes"][0] == "A note." and entry["notes"][1].startswith("The belt carries this walk")
     assert entry["walk"] == [
-        ["", "left", "right", "healthy"],
-        ["trough in midstance [of carried weight]", "0.50", "0.50", "0.80"],
+        ["peaks over carried weight", "left", "right", "healthy"],
+        ["trough in midstance", "0.50", "0.50", "0.80"],
     ]
     summary["power"]["carried_by_belt"] = False
     assert with_walk(plain, summary).notes == ("A note.",)

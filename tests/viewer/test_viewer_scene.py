@@ -486,7 +486,7 @@ def test_the_scene_stays_light(worn_twin: LegModel) -> None:
     assert triangles < 30_000
     receive = properties_of(recorder, "receiveShadow")
     shaded = {c["path"] for c in drawn if receive.get(f"{c['path']}/<object>") is not False}
-    ground = ("floor", "frame", "belt_surface", "belt/marks")
+    ground = ("floor", "treadmill/frame", "treadmill/belt_surface", "treadmill/belt/marks")
     assert shaded == {f"{surroundings.ROOT}/{name}" for name in ground}
     assert surface_of(recorder, f"{scene.figure.paths['left_hip']}/wearer_thigh")["opacity"] < 1.0  # type: ignore[operator]
 
@@ -578,7 +578,9 @@ def test_belt_marks_stay_under_the_covers_of_its_ends_and_soles_on_the_belt(
 
     monkeypatch.setattr(surroundings, "set_object", note)
     surroundings.draw_treadmill(Recorder())
-    marks, frame = (drawn[path].vertices[:, 0] for path in (f"{surroundings.BELT}/marks", f"{ROOT}/frame"))
+    marks, frame = (
+        drawn[path].vertices[:, 0] for path in (f"{surroundings.BELT}/marks", f"{ROOT}/treadmill/frame")
+    )
     # From an offset of one spacing backwards to none.
     assert marks.min() - surroundings.BELT_MARK_SPACING > frame.min() and marks.max() < frame.max()
     walked = simulate(load_experiment("treadmill", ["duration_s=5"]).experiment)
@@ -590,4 +592,4 @@ def test_belt_marks_stay_under_the_covers_of_its_ends_and_soles_on_the_belt(
         for contact in leg.contact_frames
     ]
     assert min(heights) < -0.01  # the ground of the model is soft
-    assert min(heights) > drawn[f"{ROOT}/belt_surface"].vertices[:, 2].max() - 5e-4
+    assert min(heights) > drawn[f"{ROOT}/treadmill/belt_surface"].vertices[:, 2].max() - 5e-4

@@ -25,7 +25,7 @@ from twin_gait.live.protocol import (
     read_message,
 )
 from twin_gait.live.session import LiveSession
-from twin_gait.runs.run_page import belt_speed_of, describe
+from twin_gait.runs.run_page import belt_speed_of, describe, slope_of
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.viewer.live.figure import LiveFigure
 from twin_gait.viewer.live.page import panel_page
@@ -66,6 +66,7 @@ class LivePage:
             title=f"twin_gait live · {experiment.name}",
             subtitle=describe(experiment.patient, self._belt_speed),
             patient=experiment.patient,
+            slope=slope_of(experiment),
             phases=experiment.table.phase_names,
         )
         self.server = LiveServer(

@@ -424,6 +424,7 @@ def walk_power(
     )
     motors = sum(sum(leg.motor_power.values()) for leg in legs)
     force, power = log["guide_force_N"].to_numpy(), 0.0
+    holding = mean_over(force, bounds)
     if (forward := "pelvis_forward_velocity_m_per_s") in log:
         power = mean_over(force * log[forward].to_numpy(), bounds)
     return WalkPower(
@@ -431,21 +432,24 @@ def walk_power(
         motors=motors,
         wearer=wearer,
         guide=power,
-        guide_force=mean_over(force, bounds),
-        carried_by_belt=belt_carries(belt, motors + wearer, walkway),
+        guide_force=holding,
+        carried_by_belt=belt_carries(holding, motors + wearer, walkway),
     )
 
 
-def belt_carries(belt: float, legs: float, walkway: Walkway) -> bool:
-    """Whether the belt carries a walk: it gives the legs more than they do themselves, by a pull that counts.
+def belt_carries(holding: float, legs: float, walkway: Walkway) -> bool:
+    """Whether the belt carries a walk: it drags the wearer along, and gives more than the legs do themselves.
+
+    Told by what holds the pelvis against it: on level ground what the feet are dragged with, on a slope
+    without what the weight pulls.
 
     Args:
-        belt: Power of the belt into both feet in [W].
+        holding: Mean forward force of guide or harness on the pelvis in [N].
         legs: Net power of motors and wearer in [W].
         walkway: Belt and support.
 
     Returns:
         False without strides.
     """
-    pull = belt / walkway.belt_speed
-    return bool(belt > legs and pull > LEAST_DRAG * walkway.carried_weight)
+    counts = holding > LEAST_DRAG * walkway.carried_weight
+    return bool(counts and holding * walkway.belt_speed > legs)

@@ -11,6 +11,7 @@ from twin_gait.measures.strides import ErrorParts
 from twin_gait.measures.walk import WalkMeasures
 
 DASH = "–"
+HEAD = "peaks over carried weight"  # of the table
 _DEGREE = math.degrees(1.0)
 # Units of the measures in a summary, at the end of their names; all others are shares.
 _UNITS = {
@@ -39,7 +40,7 @@ class Row(NamedTuple):
 
     Attributes:
         label: What it is.
-        unit: For people.
+        unit: For people; empty for a force over carried weight.
         key: Of the leg in a summary, of its ``walk``, or both of its ``errors``.
         places: Behind the point.
         factor: From the unit of the summary to that for people.
@@ -55,12 +56,12 @@ class Row(NamedTuple):
 ROWS = (
     Row("stride time", "s", "stride_time_mean_s"),
     Row("step length", "m", "step_length_m"),
-    Row("loading peak", "of carried weight", "loading_peak"),
-    Row("trough in midstance", "of carried weight", "trough"),
-    Row("push-off peak", "of carried weight", "push_off_peak"),
-    Row("least load at 6–20 %", "of carried weight", "least_load"),
+    Row("loading peak", "", "loading_peak"),
+    Row("trough in midstance", "", "trough"),
+    Row("push-off peak", "", "push_off_peak"),
+    Row("least load at 6–20 %", "", "least_load"),
     Row("mean fore-aft force", "N", "fore_aft_force_N", 1),
-    Row("propulsion peak", "of carried weight", "propulsion_peak", 3),
+    Row("propulsion peak", "", "propulsion_peak", 3),
     Row("midfoot passed at", "% of the cycle", "pressure_crossing", 0, 100.0),
     Row("knee at contact", "°", "knee_at_contact_deg", 1),
     Row("knee yield after it", "°", "knee_yield_deg", 1),
@@ -115,24 +116,20 @@ def table_of_walk(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     if not legs:
         return []
     healthy = summary["walk_reference"]
-    rows = [("", *legs, "healthy")]
+    rows = [(HEAD, *legs, "healthy")]
     for row in ROWS:
         values = [leg["walk"].get(row.key, leg.get(row.key)) for leg in legs.values()]
         reference = healthy.get(row.key.replace("_mean", ""))
         if any(value is not None for value in values):
-            rows.append((f"{row.label} [{row.unit}]", *(_text(value, row) for value in (*values, reference))))
+            label = f"{row.label} [{row.unit}]" if row.unit else row.label
+            rows.append((label, *(_text(value, row) for value in (*values, reference))))
     first, *_ = legs.values()
     for joint in first.get("errors", {}):
-        parts = [_parts(leg["errors"][joint]) for leg in legs.values()]
-        rows.append((f"{joint} RMSE: offset, timing, shape [°]", *parts, ""))
+        for part in ("offset", "timing", "shape"):
+            row = Row(f"RMSE of the {joint}, {part}", "°", f"{part}_deg", 1)
+            values = [leg["errors"][joint][row.key] for leg in legs.values()]
+            rows.append((f"{row.label} [{row.unit}]", *(_text(value, row) for value in values), ""))
     return rows
-
-
-def _parts(errors: Mapping[str, float | None]) -> str:
-    total, *parts = (
-        _text(errors[f"{name}_deg"], Row("", "", "", 1)) for name in ("total", "offset", "timing", "shape")
-    )
-    return f"{total}: {', '.join(parts)}"
 
 
 def _text(value: float | None, row: Row) -> str:

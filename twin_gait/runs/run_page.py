@@ -101,6 +101,7 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
             title=run.name,
             subtitle=describe(run.experiment.patient, belt),
             belt_speed=belt_motion_of(run.experiment, run.log),
+            slope=slope_of(run.experiment),
             patient=run.experiment.patient,
             frames_per_second=frames_per_second,
             moments=moments,
@@ -117,6 +118,12 @@ def belt_speed_of(experiment: Experiment) -> float:
     """Speed of the belt in [m] / [s], of one that starts and stops in between; 0 on the bench."""
     scenario = experiment.scenario
     return scenario.belt_speed if isinstance(scenario, TreadmillScenario) else 0.0
+
+
+def slope_of(experiment: Experiment) -> float:
+    """By which the ground rises forwards in [rad]; 0 on the bench."""
+    scenario = experiment.scenario
+    return scenario.slope if isinstance(scenario, TreadmillScenario) else 0.0
 
 
 def belt_motion_of(experiment: Experiment, log: pd.DataFrame) -> Belt:

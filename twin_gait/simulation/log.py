@@ -84,9 +84,9 @@ class AnkleRow:
 class FootRow:
     """Columns of a foot on the ground."""
 
-    normal_force: float = column("N", "of the ground")
-    friction_force: float = column("N", "of the ground, forwards positive")
-    clearance: float = column("m", "height of the lowest point of the sole")
+    normal_force: float = column("N", "of the ground, at right angles to it")
+    friction_force: float = column("N", "of the ground, along it, forwards positive")
+    clearance: float = column("m", "height of the lowest point of the sole over the ground")
     pressure_place: float = column(
         "1", "centre of pressure: 0 at the first point of the sole, 1 at the last; 0 in the air"
     )

@@ -125,9 +125,9 @@ class Run:
 
     @cached_property
     def walkway(self) -> Walkway | None:
-        """Belt and support under a walk; None on the bench."""
+        """Belt and support under a walk; None on the bench, and where the support carries all weight."""
         scenario = self.experiment.scenario
-        if not isinstance(scenario, TreadmillScenario):
+        if not isinstance(scenario, TreadmillScenario) or scenario.support.share == 1.0:
             return None
         contact = scenario.contact
         return Walkway(
@@ -144,7 +144,7 @@ class Run:
             skip: So many strides at the start do not count.
 
         Returns:
-            By leg; nothing on the bench.
+            By leg; nothing without a walkway.
         """
         walkway, names = self.walkway, self.table.phase_names
         if walkway is None:
@@ -161,7 +161,7 @@ class Run:
         return [(first, second), (second, first)]
 
     def walk_power(self, *, skip: int = SKIPPED_STRIDES) -> WalkPower | None:
-        """Who drives the walk; None on the bench."""
+        """Who drives the walk; None without a walkway."""
         walkway = self.walkway
         if walkway is None:
             return None

@@ -38,6 +38,7 @@ def recorded_run(
     frames_per_second: float,
     subtitle: str = "",
     belt_speed: Belt = 0.0,
+    slope: float = 0.0,
     patient: Patient | None = None,
     moments: Sequence[float] = (),
     notes: Sequence[str] = (),
@@ -57,6 +58,7 @@ def recorded_run(
         subtitle: Line below the heading; any text.
         belt_speed: Of the treadmill in [m] / [s], or the way that the belt has gone by a time; 0 on the
             bench.
+        slope: By which the belt rises forwards in [rad].
         patient: The wearer to draw, or None.
         moments: Further moments to have a frame of, in [s].
         notes: What else a reader has to know.
@@ -69,9 +71,9 @@ def recorded_run(
         ViewerError: If the log does not fit the model.
     """
     moments = [*moments, *(event.time for event in events)]
-    motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments)
+    motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments, slope=slope)
     recorder = Recorder()
-    scene = build_scene(recorder, model, patient=patient)
+    scene = build_scene(recorder, model, patient=patient, slope=slope)
     scene.draw_trails(motion)
     scene.apply(scene.state_at(motion, 0, belt_speed))
     recorder.send(set_animation(list(_tracks(scene, motion, belt_speed)), frames_per_second))

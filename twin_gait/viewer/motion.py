@@ -15,6 +15,7 @@ from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegModel
 from twin_gait.simulation.log import state_columns
 from twin_gait.viewer.curves import Curve, faithful_curve
+from twin_gait.viewer.surroundings import tilted
 from twin_gait.vocabulary import HOLD, JointName, Side
 
 FRAMES_PER_SECOND = 30.0
@@ -26,11 +27,11 @@ _RARE_PARTS = _PARTS[3:]
 
 
 class Footing(NamedTuple):
-    """Ground force on a foot.
+    """Ground force on a foot, in the axes of the ground.
 
     Attributes:
-        force: Forward and upward in [N], shape ``(n, 2)``.
-        point: Where it acts in the scene in [m], shape ``(n, 3)``.
+        force: Along it, forwards, and away from it in [N], shape ``(n, 2)``.
+        point: Where it acts in [m], shape ``(n, 3)``.
     """
 
     force: np.ndarray
@@ -103,6 +104,7 @@ def read_motion(
     *,
     frames_per_second: float = FRAMES_PER_SECOND,
     moments: Sequence[float] = (),
+    slope: float = 0.0,
 ) -> Motion:
     """Pick the frames to show out of a log.
 
@@ -111,6 +113,7 @@ def read_motion(
         model: The model that the log is about.
         frames_per_second: In the time of the log; fewer if the log is very long.
         moments: Further moments to show in [s] since the first row.
+        slope: By which the ground rises forwards in [rad].
 
     Returns:
         The frames: evenly spaced ones, one at every change of a phase, and the moments asked for. Rows
@@ -142,7 +145,7 @@ def read_motion(
                 name: faithful_curve(clock - clock[0], values[:n_rows], rows)
                 for name, values in leg_values(log, side).items()
             },
-            footing=_footing(log, model, side, rows, q[rows]),
+            footing=_footing(log, model, side, rows, q[rows], slope),
             torques=_torques(log, model, side, rows),
         )
         for side in model.sides
@@ -261,17 +264,19 @@ def _torques(log: pd.DataFrame, model: LegModel, side: Side, rows: np.ndarray) -
 
 
 def _footing(
-    log: pd.DataFrame, model: LegModel, side: Side, rows: np.ndarray, q: np.ndarray
+    log: pd.DataFrame, model: LegModel, side: Side, rows: np.ndarray, q: np.ndarray, slope: float
 ) -> Footing | None:
     names = [f"{side}_foot_friction_force_N", f"{side}_foot_normal_force_N"]
     frames = model.legs[side].contact_frames
     if not frames or any(name not in log.columns for name in names):
         return None
     force = np.nan_to_num(log[names].to_numpy(dtype=float)[rows])
-    return Footing(force, np.array([centre_of_pressure(model, posture, frames) for posture in q]))
+    return Footing(force, np.array([centre_of_pressure(model, posture, frames, slope) for posture in q]))
 
 
-def centre_of_pressure(model: LegModel, q: np.ndarray, frames: Sequence[str]) -> np.ndarray:
+def centre_of_pressure(
+    model: LegModel, q: np.ndarray, frames: Sequence[str], slope: float = 0.0
+) -> np.ndarray:
     """Where the force of the ground acts: heel and toe weighted by the elastic force on each.
 
     The log has the force of the whole foot only; the rest of the contact law, its dissipation, would
@@ -279,13 +284,15 @@ def centre_of_pressure(model: LegModel, q: np.ndarray, frames: Sequence[str]) ->
 
     Args:
         q: Its coordinates, shape ``(nv,)``.
+        slope: By which the ground rises forwards in [rad].
 
     Returns:
-        The point on the ground in the scene in [m], shape ``(3,)``.
+        The point on the ground, in its axes, in [m], shape ``(3,)``.
     """
     points = np.array([model.frame_position(q, frame) for frame in frames])
     if model.up_axis == "y":
         points = points[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
+    points = points @ tilted(slope)[:3, :3]
     weights = np.array([contact_normal_force(-float(point[2]), 0.0, 1.0, 0.0) for point in points])
     if weights.sum() == 0.0:
         weights = np.ones(len(points))

@@ -14,10 +14,10 @@ from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.bench import draw_bench
 from twin_gait.viewer.body import draw_wearer
-from twin_gait.viewer.commands import Window
+from twin_gait.viewer.commands import Window, set_transform
 from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.harness import draw_harness
-from twin_gait.viewer.scene import RIGHT_SIDE, Scene, View
+from twin_gait.viewer.scene import FORCE_ROOT, RIGHT_SIDE, Scene, View
 from twin_gait.viewer.visuals import FIXED_JOINT, Visuals, load_visuals
 from twin_gait.vocabulary import PelvisGuide, Side
 
@@ -25,12 +25,15 @@ _BAR_ABOVE_HEAD = 0.08  # [m]
 _FROM_THE_FRONT = (0.6, -1.0, 0.3)
 
 
-def build_scene(window: Window, model: LegModel, *, patient: Patient | None = None) -> Scene:
+def build_scene(
+    window: Window, model: LegModel, *, patient: Patient | None = None, slope: float = 0.0
+) -> Scene:
     """Draw a leg model with its wearer and its surroundings.
 
     Args:
         model: The model; with a guided pelvis it stands on a treadmill, one leg alone hangs on a bench.
         patient: The wearer to draw, or None.
+        slope: By which the treadmill rises forwards in [rad].
 
     Raises:
         ModelError: If the URDF cannot be read.
@@ -46,7 +49,7 @@ def build_scene(window: Window, model: LegModel, *, patient: Patient | None = No
         scene.draw_arcs(side, leg, visuals)
     top, bottom = _extent(scene.figure, model.legs)
     if model.pelvis is not PelvisGuide.FIXED:
-        _surround_walker(window, scene, model.legs, top - bottom)
+        _surround_walker(window, scene, model.legs, top - bottom, slope)
         if patient is not None and len(model.legs) > 1:
             hooks = draw_harness(scene.figure, patient, trunk)
             scene.draw_ropes(trunk, hooks, _BAR_ABOVE_HEAD + patient.height)
@@ -96,11 +99,14 @@ def _start(
     return scene
 
 
-def _surround_walker(window: Window, scene: Scene, legs: Mapping[Side, LegJoints], height: float) -> None:
+def _surround_walker(
+    window: Window, scene: Scene, legs: Mapping[Side, LegJoints], height: float, slope: float
+) -> None:
+    window.send(set_transform(FORCE_ROOT, surroundings.tilted(slope)))
     for side, leg in legs.items():
         if leg.contact_frames:
             scene.draw_arrow(side)
-    surroundings.draw_treadmill(window)
+    surroundings.draw_treadmill(window, slope)
     scene.view = View((0.0, 0.0, 0.60 * height), width=1.6 * height, height=1.6 * height)
 
 

@@ -15,7 +15,8 @@ Triple = tuple[float, float, float]
 Belt = float | Callable[[float], float]
 
 ROOT = "/meshcat/surroundings"
-BELT = f"{ROOT}/belt"
+TREADMILL = f"{ROOT}/treadmill"
+BELT = f"{TREADMILL}/belt"
 BELT_MARK_SPACING = 0.20  # [m]
 BELT_TOP = -0.014  # [m]: as deep as the soles of the shipped walks press into the soft ground of the model
 
@@ -74,19 +75,33 @@ def draw_floor(window: Window, height: float, radius: float = 2.0) -> None:
     window.send(set_property(f"{ROOT}/floor/<object>", "renderOrder", -1))
 
 
-def draw_treadmill(window: Window) -> None:
-    """Draw a treadmill whose belt runs along x, under the soles that press on it."""
+def tilted(slope: float) -> np.ndarray:
+    """Pose of a belt that rises forwards by an angle in [rad] about the origin, shape ``(4, 4)``."""
+    pose = np.eye(4)
+    pose[0, 0] = pose[2, 2] = np.cos(slope)
+    pose[2, 0] = np.sin(slope)
+    pose[0, 2] = -pose[2, 0]
+    return pose
+
+
+def draw_treadmill(window: Window, slope: float = 0.0) -> None:
+    """Draw a treadmill whose belt runs along x, under the soles that press on it.
+
+    Args:
+        slope: By which it rises forwards in [rad].
+    """
+    window.send(set_transform(TREADMILL, tilted(slope)))
     frame = [_rail(1.0), _rail(-1.0), _end(1.0), _end(-1.0), _hood()]
-    place(window, "frame", shapes.merged(frame), DECK, under_shadows=True)
+    place(window, "treadmill/frame", shapes.merged(frame), DECK, under_shadows=True)
     surface = box((_BELT_LENGTH, _BELT_WIDTH, 0.03), (0.0, 0.0, BELT_TOP - 0.015))
-    place(window, "belt_surface", surface, RUBBER, under_shadows=True)
+    place(window, "treadmill/belt_surface", surface, RUBBER, under_shadows=True)
     inner = _BELT_LENGTH - _END_LENGTH
     # The first is under the cover of the end before and after the jump, and so is the last.
     at = np.arange(-0.5 * inner + 0.085, 0.5 * inner + 0.01, BELT_MARK_SPACING)
     marks = [_mark(float(x)) for x in at]
     window.send(set_object(f"{BELT}/marks", shapes.merged(marks), _MARK))
     window.send(set_property(f"{BELT}/marks/<object>", "castShadow", False))
-    draw_floor(window, -_DECK_HEIGHT)
+    draw_floor(window, -_DECK_HEIGHT - 0.5 * _BELT_LENGTH * abs(np.sin(slope)))
 
 
 def draw_mast(window: Window, hooks: np.ndarray) -> None:

@@ -43,7 +43,7 @@ SEARCH_WALKS = 1000  # or more, for which loops are compiled
 RACED = 6  # candidates of a generation that walk all cases, the best of the nominal walk
 FINALISTS = 5  # of the search, beside the table that is to be bettered
 # Shipped tables for the same walk; a search does not come from the one to the other.
-START_TABLES = ("treadmill", "treadmill_normative")
+START_TABLES = ("treadmill",)
 
 
 class Stopped(Exception):  # not an error: somebody asked for it

@@ -60,20 +60,22 @@ class LiveFigure:
         title: str,
         subtitle: str = "",
         patient: Patient | None = None,
+        slope: float = 0.0,
         phases: Sequence[str] = (),
     ) -> None:
         """Draw.
 
         Args:
             patient: The wearer to draw, or None.
+            slope: By which the belt rises forwards in [rad].
 
         Raises:
             ModelError: If the URDF cannot be read.
             ViewerError: If a mesh cannot be read.
         """
         self.window = LiveWindow()
-        self._model, self._phases = model, (*phases, HOLD)
-        self._scene = build_scene(self.window, model, patient=patient)
+        self._model, self._phases, self._slope = model, (*phases, HOLD), slope
+        self._scene = build_scene(self.window, model, patient=patient, slope=slope)
         self._time, self._travelled = 0.0, 0.0
         self._columns = {side: self._read_out(side) for side in model.sides}
         self._traced = 0
@@ -136,7 +138,7 @@ class LiveFigure:
         footing = None
         if side in self._scene.arrows:
             force = [[row[f"{side}_foot_friction_force_N"], row[f"{side}_foot_normal_force_N"]]]
-            point = centre_of_pressure(self._model, q, self._model.legs[side].contact_frames)
+            point = centre_of_pressure(self._model, q, self._model.legs[side].contact_frames, self._slope)
             footing = Footing(np.array(force), point[None, :])
         phase = PhaseSpells(np.array([time]), np.array([self._phase(side, row)]))
         torques = {joint: np.array([row[f"{side}_{joint}_motor_torque_Nm"]]) for joint in _JOINTS}

@@ -26,8 +26,9 @@ class Readout {
 
   // A table of texts that opens on demand.
   static measures([head, ...rows]) {
-    const box = make("details", "walk"), table = make("table", "read");
-    box.append(make("summary", "", "The walk in numbers"), table);
+    const box = make("details", "walk"), frame = make("div"), table = make("table", "read");
+    frame.append(table);
+    box.append(make("summary", "", "The walk in numbers"), frame);
     const top = table.createTHead().insertRow(), body = table.createTBody();
     for (const text of head) top.append(make("th", "", text));
     for (const [label, ...texts] of rows) {
