@@ -16,17 +16,10 @@ import numpy as np
 from gallery import form_of
 from scipy.stats import qmc
 
-from twin_gait import Experiment, JointName, Run, load_experiment
-from twin_gait.configuration import presets
-from twin_gait.measures.walk import WALK_COLUMNS
-from twin_gait.report.reference import reference_measures
-from twin_gait.runs.leg_summary import joint_saturation, reference_error
-from twin_gait.runs.summary import READ_IN_BRIEF
+from twin_gait import Experiment, Run, load_experiment, summarise
 from twin_gait.studies import Workers, overridden, run_episodes
-from twin_gait.vocabulary import Outcome
 
-TABLES = [name for name in ("treadmill", "treadmill_pre_swing") if name in presets()]
-COLUMNS = (*READ_IN_BRIEF, *WALK_COLUMNS)
+TABLES = ("treadmill", "treadmill_pre_swing")
 DURATION = 20.0  # [s]
 # Where the combined draws come from: mass [kg], height [m], supported share, belt speed [km/h].
 KEYS = ("patient.mass_kg", "patient.height_m", "scenario.support.share", "scenario.belt_speed_km_per_h")
@@ -82,44 +75,37 @@ GOALS = (
 # %%
 def measured(run: Run) -> dict[str, float | str]:
     """A walk in numbers: those of the worse leg, where the legs differ."""
-    found: dict[str, float | str] = {"outcome": str(run.verdict.outcome)}
-    power = run.walk_power()
-    if run.verdict.outcome is not Outcome.WALKED or power is None:
+    summary = summarise(run)
+    found: dict[str, float | str] = {"outcome": summary["outcome"]}
+    if summary["outcome"] != "walked" or not summary["walk_reference"]:
         return found
-    records = [run.leg_record(side) for side in run.sides]
-    rmse = {
-        joint: max(reference_error(run, leg, joint, leg.strides()) for leg in records)
-        for joint in (JointName.HIP, JointName.KNEE)
-    }
-    saturated = [
-        joint_saturation(run, leg, joint)["saturated_share"] for leg in records for joint in leg.angles
-    ]
-    legs, reference = (
-        list(run.walk_measures().values()),
-        reference_measures(run.experiment)["propulsion_peak"],
-    )
+    sides = list(summary["sides"].values())
+    walks = [side["walk"] for side in sides]
+    saturated = [joint["saturated_share"] for side in sides for joint in side["joints"].values()]
+    reference = summary["walk_reference"]["propulsion_peak"]
     return found | {
-        "hip_rmse_deg": rmse[JointName.HIP],
-        "knee_rmse_deg": rmse[JointName.KNEE],
-        "stride_time_s": float(np.mean([leg.stride_time for leg in legs])),
-        "load_peak": max(leg.load_peak for leg in legs),
-        "trough": min(leg.trough for leg in legs),
-        "least_load": min(leg.least_load for leg in legs),
-        "fore_aft_force_N": sum(leg.fore_aft_force for leg in legs),
-        "belt_power_W": power.belt,
-        "propulsion_share": min(leg.propulsion_peak for leg in legs) / reference,
-        "knee_at_contact_deg": max(math.degrees(leg.knee_at_contact) for leg in legs),
-        "knee_yield_deg": min(math.degrees(leg.knee_yield) for leg in legs),
-        "clearance_mm": min(1e3 * leg.clearance for leg in legs),
+        "hip_rmse_deg": max(side["rmse_hip_by_contact_deg"] for side in sides),
+        "knee_rmse_deg": max(side["rmse_knee_by_contact_deg"] for side in sides),
+        "stride_time_s": float(np.mean([side["stride_time_mean_s"] for side in sides])),
+        "load_peak": max(walk["load_peak"] for walk in walks),
+        "trough": min(walk["trough"] for walk in walks),
+        "least_load": min(walk["least_load"] for walk in walks),
+        "fore_aft_force_N": sum(walk["fore_aft_force_N"] for walk in walks),
+        "belt_power_W": summary["power"]["belt_W"],
+        "propulsion_share": min(walk["propulsion_peak"] for walk in walks) / reference,
+        "knee_at_contact_deg": max(walk["knee_at_contact_deg"] for walk in walks),
+        "knee_yield_deg": min(walk["knee_yield_deg"] for walk in walks),
+        "clearance_mm": min(1e3 * walk["clearance_m"] for walk in walks),
         "saturated_percent": 100.0 * max(saturated),
-        "further_contacts": sum(leg.further_contacts for leg in legs),
+        "further_contacts": sum(side["further_contacts"] for side in sides),
     }
 
 
 def walk_of(item: tuple[str, dict[str, float]]) -> Experiment:
     """The experiment of a table and some changes."""
     name, changes = item
-    return overridden(load_experiment(name, [f"duration_s={DURATION}"]).experiment, changes)
+    settings = [f"table={name}", f"duration_s={DURATION}"]
+    return overridden(load_experiment("treadmill", settings).experiment, changes)
 
 
 def draws(count: int) -> list[dict[str, float]]:
@@ -197,13 +183,13 @@ if __name__ == "__main__":
         jobs |= {(name, move): changes for move, changes in moves().items()}
     items = [(name, changes) for (name, _), changes in jobs.items()]
     with Workers(form.workers) as workers:
-        results = run_episodes(walk_of, measured, items, columns=COLUMNS, workers=workers)
+        results = run_episodes(walk_of, measured, items, workers=workers)
     walks = dict(zip(jobs, results, strict=True))
     nominal = {name: walks[name, "nominal"] for name in TABLES}
     summary = []
     for name in TABLES:
-        walked = [walks[name, f"draw {number}"]["outcome"] == Outcome.WALKED for number in range(count)]
-        at_speed = [walks[name, f"{speed} km/h"]["outcome"] == Outcome.WALKED for speed in speeds]
+        walked = [walks[name, f"draw {number}"]["outcome"] == "walked" for number in range(count)]
+        at_speed = [walks[name, f"{speed} km/h"]["outcome"] == "walked" for speed in speeds]
         found = speed_range(speeds.tolist(), at_speed, 1.5)
         text = "none" if found is None else f"{found[0]:.1f} to {found[1]:.1f} km/h"
         summary.append({"table": name, "combined draws that walk": f"{sum(walked)} of {count}", "belt": text})
