@@ -133,7 +133,7 @@ def test_cycle_shows_the_mean_and_the_reference(walk: Run) -> None:
     figure = draw_cycle(walk)
     assert figure is not None
     mean = line(figure, 0, "mean over strides")
-    reference = line(figure, 0, "reference, Koopman et al. (2014)")
+    reference = line(figure, 0, "healthy, Koopman (2014)")
     assert_allclose(mean.get_xdata(), np.arange(101))
     gap = np.asarray(mean.get_ydata()) - np.asarray(reference.get_ydata())
     assert_allclose(gap, np.degrees(HIP_OFFSET), atol=2e-3)

@@ -37,7 +37,7 @@ HELD = -1  # in the place of a phase, after a trip
 # Margins of a figure on a screen in lines of text: the labels of axes and ticks take the first and the third,
 # gaps (across, down) are those of panels that share their axes.
 LEFT, RIGHT, BELOW = 6.0, 1.2, 3.8
-SHARED = 1.2, 2.2
+SHARED = 2.0, 2.2
 STRIP = 0.975  # the top of a panel above this share of its height shows the phases in full colour
 
 

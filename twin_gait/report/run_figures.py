@@ -102,7 +102,7 @@ def _draw_mean_cycle(axes: Axes, run: Run, record: LegRecord, joint: JointName) 
             axes,
             np.degrees(reference),
             **REFERENCE_STYLE,
-            label="reference, Koopman et al. (2014)",
+            label="healthy, Koopman (2014)",
         )
         title += f", RMSE {math.degrees(root_mean_square_error(cycles, reference)):.1f}°"
     put_title(axes, title)
@@ -219,7 +219,7 @@ def draw_ground_forces(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | Non
     figure = new_figure(run, "Force of the ground over the gait cycle", height=9.5, width=width)
     heights = (3.0, 2.0, 1.4)
     grid = figure.subplots(3, len(records), squeeze=False, sharex=True, sharey="row", height_ratios=heights)
-    label = "healthy slow walking, Winter (1991)"
+    label = "healthy, Winter (1991)"
     lines: list[Artist] = []
     for column, record in zip(grid.T, records, strict=True):
         bounds, phases = shown_strides(record), usual_phases(record.phases, shown_strides(record), len(names))
