@@ -70,11 +70,6 @@ def support_rows(walks: pd.DataFrame) -> list[dict]:
     return rows
 
 
-def failure_rows(walks: pd.DataFrame) -> list[dict]:
-    """Everybody who did not walk."""
-    return walks[walks["outcome"] != "walked"].drop(columns="time_outs").to_dict("records")
-
-
 # %%
 if __name__ == "__main__":
     form = form_of("robustness_map")
@@ -93,6 +88,5 @@ if __name__ == "__main__":
             "walked": int((walks["outcome"] == "walked").sum()),
             "share": share,
             "supports": support_rows(walks),
-            "failures": failure_rows(walks),
         }
     )

@@ -14,7 +14,6 @@ import numpy as np
 
 from twin_gait import Experiment, JointName, LegModel, Patient
 from twin_gait.leg_model import FORWARD_JOINT, PELVIS_JOINT, LegJoints, device_sizes
-from twin_gait.vocabulary import PelvisGuide
 
 
 class Segment(NamedTuple):
@@ -69,9 +68,9 @@ def legs_spec(model: LegModel, patient: Patient | None, *, fit_device: bool = Tr
     text = model.urdf_path.read_text(encoding="utf-8")
     spec = mujoco.MjSpec.from_string(text.replace("</robot>", f"{COMPILER}</robot>"))
     slide, pelvis = mujoco.mjtJoint.mjJNT_SLIDE, spec.worldbody.first_body()
-    if model.pelvis is PelvisGuide.HARNESS:
+    if model.pelvis == "harness":
         pelvis.add_joint(name=FORWARD_JOINT, type=slide, axis=[1.0, 0.0, 0.0])
-    if model.pelvis is not PelvisGuide.FIXED:
+    if model.pelvis != "fixed":
         pelvis.add_joint(name=PELVIS_JOINT, type=slide, axis=[0.0, 0.0, 1.0])
     if patient is not None:
         _put_on(spec, model, patient, fit_device=fit_device)
@@ -162,7 +161,7 @@ def _put_on(spec: mujoco.MjSpec, model: LegModel, patient: Patient, *, fit_devic
         if winter:
             start, axis = np.zeros(3), np.array([0.47 * length, 0.0, drop])
         _add_limb(ankle, patient, segments["foot"], start, axis)
-    if model.pelvis is not PelvisGuide.FIXED:
+    if model.pelvis != "fixed":
         # Head, arms and trunk only slide: their mass counts, their inertia does not.
         trunk = patient.mass * (1.0 - 2.0 * sum(item.mass for item in segments.values()))
         up = np.array([0.0, 0.0, 1.0])

@@ -25,8 +25,7 @@ def run(*arguments: object) -> int:
 @pytest.fixture(scope="module")
 def walk(tmp_path_factory):
     out = tmp_path_factory.mktemp("runs") / "walk"
-    table = f"table={FIVE_PHASES}"  # scales with the speed of the belt
-    assert run("simulate", "--set", table, "--duration", 4, "--out", out, "--no-pictures") == 0
+    assert run("simulate", "--duration", 4, "--out", out, "--no-pictures") == 0
     return out
 
 
@@ -82,7 +81,7 @@ def test_a_run_replays_to_its_own_switches_through_an_exported_file(walk, tmp_pa
     to = ["--out", tmp_path / "again", "--no-pictures"]
     if file_format != "csv":
         options += ["--convention", "opensim_gait2392"]
-    assert run("replay", path, "--table", FIVE_PHASES, *options, *to) == 0
+    assert run("replay", path, "--table", "treadmill", *options, *to) == 0
     found, original = (pd.read_csv(folder / "transitions.csv") for folder in (tmp_path / "again", walk))
     columns = ["tick", "side", "from", "to", "cause"]
     pd.testing.assert_frame_equal(found[columns], original[columns])
@@ -108,7 +107,7 @@ def test_one_leg_goes_through_the_table_of_the_bench_and_mirrored_through_that_o
 def test_a_run_at_another_speed_keeps_its_own_table(walk, capsys):
     assert run("replay", walk, "--speed", 0.8) == 0
     printed = capsys.readouterr().out
-    assert "through the table five_phases" in printed
+    assert "through the table treadmill" in printed
     assert printed.count("100.0 % of the ticks equal") == 0
 
 

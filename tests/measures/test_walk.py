@@ -113,6 +113,15 @@ def test_least_load_finds_a_foot_that_bounces_in_weight_acceptance() -> None:
     assert left.trough == pytest.approx(0.8, abs=1e-3)  # from 18 % on
 
 
+def test_clearance_is_that_of_the_strides_that_count() -> None:
+    log = walk_log()
+    first = measured(log)[Side.LEFT]
+    log.loc[log.index < 3 * STRIDE, "left_foot_clearance_m"] = 0.001  # of the first two strides
+    assert measured(log)[Side.LEFT].clearance == first.clearance
+    log.loc[log.index > 4 * STRIDE, "left_foot_clearance_m"] -= 0.004
+    assert measured(log)[Side.LEFT].clearance == pytest.approx(0.016)
+
+
 def test_slip_is_the_speed_that_gives_the_friction() -> None:
     left = measured(walk_log(slip=0.03))[Side.LEFT]
     assert left.slip == pytest.approx(0.03 * STANCE * TICK)

@@ -30,12 +30,12 @@ def test_foot_strikes_once_a_stride_however_it_bounces(share: float, speed: floa
 
 
 def test_belt_pulls_as_much_as_the_guide_pushes_over_whole_strides() -> None:
-    """The momentum of a steady walk is the same at the end of a stride as at its start."""
+    """The momentum of a steady walk is the same at the end of a stride as at its start, but for a trifle."""
     run = walk()
     power, legs, walkway = run.walk_power(), run.walk_measures(), run.walkway
     assert power is not None and walkway is not None
     feet = sum(leg.fore_aft_force for leg in legs.values())
-    assert power.guide_force == pytest.approx(-feet, rel=1e-3)
+    assert power.guide_force == pytest.approx(-feet, abs=2e-4 * walkway.carried_weight)
     assert power.belt == pytest.approx(-feet * walkway.belt_speed)
     load = sum(run.leg_record(side).normal_force for side in run.sides)
     span = slice(*run.leg_record(Side.LEFT).strides()[[0, -1], [0, 1]])

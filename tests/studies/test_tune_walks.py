@@ -19,7 +19,7 @@ from twin_gait.cli import tune as command
 from twin_gait.configuration import load_experiment, load_gait_table
 from twin_gait.experiment import Engine
 from twin_gait.measures.foot_contact import CONTACT_FORCE
-from twin_gait.measures.reference import reference_curve, reference_cycle_time
+from twin_gait.measures.reference import normative_ground_force, reference_curve, reference_cycle_time
 from twin_gait.measures.strides import symmetry_index
 from twin_gait.report import tune as pictures
 from twin_gait.runs.summary import summarise
@@ -62,16 +62,20 @@ def test_parts_are_the_numbers_of_the_summary(walk: Run) -> None:
     pairs += [[side["joints"][joint]["range_of_motion_deg"] for side in sides] for joint in ("hip", "knee")]
     legs = list(walk.walk_measures().values())
     carried = walk.walkway.carried_weight  # type: ignore[union-attr]
-    healthy = reference_cycle_time(walk.walkway.belt_speed, 1.75)  # type: ignore[union-attr]
+    speed = walk.walkway.belt_speed  # type: ignore[union-attr]
+    healthy, percent = reference_cycle_time(speed, 1.75), np.arange(101.0)
+    push = normative_ground_force(percent, speed=speed).forward.max()
+    knee = np.degrees(reference_curve(JointName.KNEE, percent, speed=speed, height=1.75))
+    healthy_yield = knee[:31].max() - knee[0]
     of_walk = {
         "knee_at_contact_deg": np.degrees(max(leg.knee_at_contact for leg in legs)),
-        "yield_lack_deg": 7.0 - np.degrees(min(leg.knee_yield for leg in legs)),
+        "yield_lack_deg": healthy_yield - np.degrees(min(leg.knee_yield for leg in legs)),
         "stride_time_error_pct": 100.0 * max(abs(leg.stride_time - healthy) for leg in legs) / healthy,
         "load_peak_pct": 100.0 * max(leg.load_peak for leg in legs) - 100.0,
         "trough_pct": 100.0 - 100.0 * min(leg.trough for leg in legs),
         "slow_loading_pct": 100.0 - 100.0 * min(leg.least_load for leg in legs),
         "fore_aft_pct": 100.0 * abs(sum(leg.fore_aft_force for leg in legs)) / carried,
-        "propulsion_lack_pct": max(0.0, 100.0 - 100.0 * min(leg.propulsion_peak for leg in legs) / 0.16),
+        "propulsion_lack_pct": max(0.0, 100.0 - 100.0 * min(leg.propulsion_peak for leg in legs) / push),
     }
     assert {name: values.pop(name) for name in of_walk} == pytest.approx(of_walk, abs=1e-9)
     curves = {name: values.pop(name) for name in ("offset_deg", "ankle_error_deg")}

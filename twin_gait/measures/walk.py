@@ -52,7 +52,7 @@ class Walkway:
     """What the measures of a walk need to know of belt and support.
 
     Attributes:
-        carried_weight: Weight of wearer and device less what the support carries, in [N].
+        carried_weight: Weight of wearer and device less what the support carries, in [N]; NaN if that is all.
         belt_speed: Backwards positive, in [m] / [s].
         friction_coefficient: Of soles on the belt.
         transition_velocity: Of the regularised friction in [m] / [s].

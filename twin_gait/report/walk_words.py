@@ -32,7 +32,7 @@ _UNITS = {
     "wearer_power": "W",
 }
 # What a summary has under names of its own.
-_ELSEWHERE = {"strides", "stride_time", "clearance", "further_contacts"}
+_ELSEWHERE = {"strides", "stride_time", "further_contacts"}
 
 
 class Row(NamedTuple):
@@ -66,7 +66,7 @@ ROWS = (
     Row("knee at contact", "°", "knee_at_contact_deg", 1),
     Row("knee yield after it", "°", "knee_yield_deg", 1),
     Row("ankle range", "°", "ankle_range_deg", 1),
-    Row("least clearance", "mm", "toe_clearance_least_m", 1, 1e3),
+    Row("least clearance", "mm", "clearance_m", 1, 1e3),
     Row("slip in a stride", "mm", "slip_m", 0, 1e3),
     Row("swing begins at", "% of the cycle", "swing_entry", 0, 100.0),
     Row("load on the foot then", "N", "swing_load_N", 0),

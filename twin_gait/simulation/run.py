@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -131,7 +132,7 @@ class Run:
             return None
         contact = scenario.contact
         return Walkway(
-            carried_weight=(1.0 - scenario.support.share) * self.body_weight,
+            carried_weight=(1.0 - scenario.support.share) * self.body_weight or math.nan,
             belt_speed=scenario.belt_speed,
             friction_coefficient=contact.friction_coefficient,
             transition_velocity=contact.transition_velocity,

@@ -14,17 +14,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from twin_gait.experiment import Experiment
 from twin_gait.files import finite_or_none
 from twin_gait.measures.effort import root_mean_square
 from twin_gait.measures.leg_record import LegRecord, wearer_column
-from twin_gait.measures.reference import reference_curve, reference_cycle_time
 from twin_gait.measures.strides import (
-    PERCENT,
     SKIPPED_STRIDES,
     error_parts,
     normalise_strides,
@@ -32,8 +31,9 @@ from twin_gait.measures.strides import (
     symmetry_index,
 )
 from twin_gait.measures.walk import WalkMeasures
-from twin_gait.report.reference import reference_cycle, reference_stride_time
+from twin_gait.report.reference import reference_cycle, reference_measures
 from twin_gait.runs.leg_summary import by_contact, joint_motion, joint_saturation, torque_at_switches
+from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.vocabulary import JointName
 
@@ -43,11 +43,6 @@ FALL = 150.0  # cost of a fall at the start
 HELD_TO, EXCESS = 20.0, 6.0  # weights
 AIM = 0.9  # share of a goal beyond which the excess counts: a little better than asked for
 NEEDED_CLEARANCE = 15.0  # [mm]; how far the toe stays below it is a part
-# Of healthy slow walking, which a foot under support can reach as far as it carries: the forward peak of the
-# ground's force over the weight that is carried (Winter 1991, about 1 m/s), and how far the knee yields under
-# load at 1.5 km/h (Koopman et al. 2014: 3.4° at contact, 10.5° at most in stance).
-HEALTHY_PROPULSION = 0.16
-HEALTHY_YIELD = 7.0  # [deg]
 
 
 @dataclass(frozen=True)
@@ -137,23 +132,29 @@ def _of_walk(
 ) -> dict[str, float | None]:
     """Parts of the ground's forces, the knee under them, and cadence; the worse leg."""
     assert run.walkway is not None  # a walk to be tuned is on a belt
+    healthy = reference_measures(_as_referred(run, reference_speed))
 
     def worst(lack: Callable[[WalkMeasures], float]) -> float | None:
-        """Largest lack of a leg, none below zero."""
-        return _largest(_lack(lack(walk)) for walk in walks)
+        """Largest lack of a leg, none below zero; None without a reference."""
+        return _largest(_lack(lack(walk)) for walk in walks) if healthy else None
 
-    healthy = _reference_stride_time(run, reference_speed)
     push = sum(walk.fore_aft_force for walk in walks) / run.walkway.carried_weight
     return {
         "knee_at_contact_deg": worst(lambda walk: math.degrees(walk.knee_at_contact)),
-        "yield_lack_deg": worst(lambda walk: HEALTHY_YIELD - math.degrees(walk.knee_yield)),
-        "stride_time_error_pct": worst(lambda walk: 100.0 * abs(walk.stride_time / healthy - 1.0)),
+        "yield_lack_deg": worst(lambda walk: math.degrees(healthy["knee_yield"] - walk.knee_yield)),
+        "stride_time_error_pct": worst(lambda walk: _off(walk.stride_time, healthy["stride_time"])),
         "load_peak_pct": worst(lambda walk: 100.0 * (walk.load_peak - 1.0)),
         "trough_pct": worst(lambda walk: 100.0 * (1.0 - walk.trough)),
         "slow_loading_pct": worst(lambda walk: 100.0 * (1.0 - walk.least_load)),
         "fore_aft_pct": _lack(100.0 * abs(push)),
-        "propulsion_lack_pct": worst(lambda walk: 100.0 * (1.0 - walk.propulsion_peak / HEALTHY_PROPULSION)),
+        "propulsion_lack_pct": worst(
+            lambda walk: 100.0 * (1.0 - walk.propulsion_peak / healthy["propulsion_peak"])
+        ),
     }
+
+
+def _off(value: float, healthy: float) -> float:
+    return 100.0 * abs(value / healthy - 1.0)
 
 
 def _lack(value: float) -> float | None:
@@ -301,21 +302,18 @@ def _deviations(run: Run, reference_speed: float | None) -> tuple[float, ...]:
     return tuple(found)
 
 
+def _as_referred(run: Run, reference_speed: float | None) -> Experiment:
+    """The experiment, on a belt at the speed of the reference walk if one is given."""
+    experiment = run.experiment
+    if reference_speed is None:
+        return experiment
+    assert isinstance(experiment.scenario, TreadmillScenario)  # a walk to be tuned is on a belt
+    return replace(experiment, scenario=replace(experiment.scenario, belt_speed=reference_speed))
+
+
 def _reference(run: Run, joint: JointName, reference_speed: float | None) -> np.ndarray | None:
     """Reference angles in [rad] at ``PERCENT``; those of the summary unless a speed is given."""
-    if reference_speed is None:
-        return reference_cycle(run.experiment, joint)
-    assert run.experiment.patient is not None  # a walk to be tuned has a wearer
-    height = run.experiment.patient.height
-    return reference_curve(joint, PERCENT, speed=reference_speed, height=height)
-
-
-def _reference_stride_time(run: Run, reference_speed: float | None) -> float:
-    """Duration of a healthy stride in [s]; NaN where the regression does not reach."""
-    if reference_speed is None:
-        return reference_stride_time(run.experiment) or math.nan
-    assert run.experiment.patient is not None  # a walk to be tuned has a wearer
-    return reference_cycle_time(reference_speed, run.experiment.patient.height)
+    return reference_cycle(_as_referred(run, reference_speed), joint)
 
 
 def _offset(run: Run, legs: Sequence[LegRecord], reference_speed: float | None) -> float | None:
