@@ -60,9 +60,9 @@ class TreadmillScenario:
     support: SupportParameters = field(default_factory=SupportParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
     leading: Side = Side.LEFT
-    # About the postures of the default walk at heel strike; both feet reach the belt.
-    leading_angles: tuple[float, float] = (19.0 * _DEGREE, 11.0 * _DEGREE)
-    trailing_angles: tuple[float, float] = (-6.5 * _DEGREE, 9.0 * _DEGREE)
+    # Between two steps of the default walk; both feet reach the belt, and the first swings clear it.
+    leading_angles: tuple[float, float] = (18.0 * _DEGREE, 10.0 * _DEGREE)
+    trailing_angles: tuple[float, float] = (-8.0 * _DEGREE, 11.0 * _DEGREE)
     initial_phases: tuple[str, str] = ("early_stance", "late_stance")
 
     def __post_init__(self) -> None:
