@@ -17,10 +17,9 @@ from gallery import form_of
 from scipy.stats import qmc
 
 from twin_gait import Experiment, Run, load_experiment, simulate, summarise
-from twin_gait.configuration import packaged_gait_tables
 from twin_gait.studies import Workers, overridden, run_episodes
 
-TABLES = [name for name in ("treadmill", "treadmill_pre_swing") if name in packaged_gait_tables()]
+TABLES = ("treadmill", "treadmill_pre_swing")
 DURATION = 20.0  # [s]
 # Where the combined draws come from: mass [kg], height [m], supported share, belt speed [km/h].
 KEYS = ("patient.mass_kg", "patient.height_m", "scenario.support.share", "scenario.belt_speed_km_per_h")
@@ -114,9 +113,8 @@ def measured(run: Run) -> dict[str, float | str]:
 def walk_of(item: tuple[str, dict[str, float]]) -> Experiment:
     """The experiment of a table and some changes."""
     name, changes = item
-    return overridden(
-        load_experiment("treadmill", [f"table={name}", f"duration_s={DURATION}"]).experiment, changes
-    )
+    settings = [f"table={name}", f"duration_s={DURATION}"]
+    return overridden(load_experiment("treadmill", settings).experiment, changes)
 
 
 def draws(count: int) -> list[dict[str, float]]:

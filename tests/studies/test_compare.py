@@ -281,6 +281,9 @@ def test_paragraphs_say_what_the_numbers_say(stroke):
     assert text.startswith("Walked all 3 days: five-phase table and position tracking.")
     seconds = stroke.interval("transparent", "walked_s").mean
     assert f"Friction compensation only did not: on average it ended after {seconds:.1f} s." in text
+    hung = stroke.table.assign(walked_s=stroke.experiment.duration)  # in the harness, to the end
+    text_of_hung = " ".join(conclusions(replace(stroke, table=hung)))
+    assert "Friction compensation only did not: it came to the end, but not walking." in text_of_hung
     walked = {"five-phase table": "table", "position tracking": "position"}
     most = max(walked, key=lambda title: stroke.interval(walked[title], "hip_interaction_rms_Nm").mean)
     assert f"The device does most on the hip with {most}" in text

@@ -121,6 +121,7 @@ def conclusions(comparison: Comparison) -> list[str]:
     content = {
         "controllers": comparison.controllers,
         "seeds": comparison.seeds,
+        "duration": comparison.experiment.duration,
         "walked": {name: count for name, count in walked.items() if count},
         "walked_always": [name for name, count in walked.items() if count == comparison.seeds],
         "uneven": UNEVEN,
