@@ -32,7 +32,7 @@ from twin_gait.report import put_legend, save, style_panel
 
 # %%
 GUIDES = ("vertical", "harness")
-TABLES = ("treadmill",)
+TABLES = ("treadmill", "treadmill_pre_swing")
 GOALS = Goals(1.2, 0.7, 0.4, 5.0, 9.0, 3.0, 10.0)
 DREAMS = Goals(1.1, 0.8, 0.4, 0.0, 4.0, 7.0, 15.0)
 Rows = list[tuple[dict[str, Any], Run]]  # of walks, with what they are measured in
@@ -52,8 +52,14 @@ INTERVALS, FEW_INTERVALS = 50, 30
 CHANGES: tuple[tuple[str, tuple[str, ...], float | None], ...] = (
     ("motors of 90 N m", ("control.limits.torque_Nm=90",), None),
     ("no friction", ("plant.friction_ratio.hip=0", "plant.friction_ratio.knee=0"), None),
-    ("orthosis slack at 5° of dorsiflexion", ("plant.ankle.rest_deg=5",), None),
-    ("stride of 1.95 s", (), 1.95),
+    ("gears without losses", tuple(f"plant.actuators.{j}.gear_efficiency=1" for j in ("hip", "knee")), None),
+    ("orthosis slack at a right angle", ("plant.ankle.rest_deg=0",), None),
+    (
+        "orthosis of 200 N m/rad, slack at a right angle",
+        ("plant.ankle.stiffness_Nm_per_rad=200", "plant.ankle.rest_deg=0"),
+        None,
+    ),
+    ("stride of 1.92 s", (), 1.92),
 )
 
 
@@ -255,7 +261,7 @@ def simulated_tables(quick: bool) -> list[tuple[str, dict[str, Any], Run]]:
     found = []
     for guide in GUIDES[1:] if quick else GUIDES:
         for name in TABLES:
-            run = simulate(load_experiment(name, settings_of(guide)).experiment)
+            run = simulate(load_experiment("treadmill", settings_of(guide, f"table={name}")).experiment)
             found.append((f"{name}, {guide}", numbers_of(run), run))
     return found
 

@@ -12,7 +12,7 @@ from twin_gait import Experiment, Run, RunStatus, load_experiment
 PRESET = "treadmill_start_stop"
 MASSES, HEIGHTS = (55.0, 65.0, 75.0, 85.0, 95.0), (1.60, 1.70, 1.80, 1.90)
 WALKING = 7.0  # [s] between the two commands, at least
-STRIDE = 2.08  # [s], about that of the default walk: the moments are spread over it, no more depends on it
+STRIDE = 2.08  # [s], about that of its walk: the moments are spread over it, no more depends on it
 STANDING = 4.0  # [s] that a wearer has to come to rest
 LEAST_FORCE = 50.0  # [N] under either foot
 MANY, FEW = 10, 5  # moments of the stride
@@ -84,7 +84,8 @@ ROWS = (
     _row("ramp", "scenario.belt.ramp_s", (2.0,), " s"),
     _row("delay of the belt", "scenario.belt.delay_s", (0.0, 0.1, 0.3, 0.4), " s"),
     _row("delay of the belt", "scenario.belt.delay_s", (0.6,), " s"),
-    _row("share of the weight supported", "scenario.support.share", (0.3, 0.4, 0.5, 0.7)),
+    _row("share of the weight supported", "scenario.support.share", (0.4, 0.5, 0.7)),
+    _row("share of the weight supported", "scenario.support.share", (0.3,)),
     Row("friction of the joints over the model", "0.3, 0.8, 1.0", _FRICTIONS, FEW),
 )
 

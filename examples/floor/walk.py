@@ -38,7 +38,7 @@ POINTS = 3  # of an interval
 STRIDES = 6  # of a half stride laid end to end
 OPTIMALITY = 1e-6  # of ipopt: largest error of the scaled optimality conditions
 SMOOTH = 1e-4  # [m], [rad]; half of it is how deep an unloaded sole or joint already feels ground or stop
-LOAD = 0.01  # [N m], over which the losses of the gear under load are rounded
+LOAD = 0.3  # [N m], over which the losses of the gear under load are rounded
 # Of its cycle the foot is off the belt at the latest from here on, in [%]; stance at 1.5 km/h lasts 67 to 70.
 SWING = 70.0
 
@@ -199,19 +199,13 @@ class Search:
         ends, weight = ca.MX.sym("torques", joints, intervals + 1), ca.MX.sym("weight")
         torques = ends @ ca.sparsify(ca.DM(_linear(self.nodes, intervals)))
         plant = plant_of(self.problem)
-        first, then = (
-            plant(start[:n], start[n:], ends[:, 0]),
-            plant.map(m)(later[:n, :], later[n:, :], torques),
-        )
         slopes, _, shares = ca.collocation_coeff(self.nodes.tolist())
-        states = [start] if intervals == 1 else [start, later[:, POINTS - 1 : m - 1 : POINTS]]
-        states = [ca.horzcat(*states), *(later[:, i::POINTS] for i in range(POINTS))]
-        rates = ca.vertcat(later[n:, :], then[0])
-        equal = []
-        for j in range(POINTS):
-            change = sum(float(slopes[i, j]) * state for i, state in enumerate(states))
-            gap = change - self.half / intervals * rates[:, j::POINTS]
-            equal += [ca.vec(gap[:n, :]), 0.1 * ca.vec(gap[n:, :])]
+        change = ca.horzcat(start, later) @ ca.sparsify(ca.DM(_slopes(np.array(slopes), intervals)))
+        found = change[n:, :] * (intervals / self.half)  # accelerations by the polynomials
+        first = plant(start[:n], start[n:], ends[:, 0], found[:, 0])
+        then = plant.map(m)(later[:n, :], later[n:, :], torques, found)
+        gap = change - self.half / intervals * ca.vertcat(later[n:, :], then[0])
+        equal = [ca.vec(gap[:n, :]), 0.1 * ca.vec(gap[n:, :])]
         turned, other = _mirror(self.problem)
         equal += [later[turned, m - 1] - start, ends[other, intervals] - ends[:, 0]]
         equal += [first[1][0] / CONTACT_FORCE - 1.0]
@@ -346,6 +340,14 @@ def _linear(nodes: np.ndarray, intervals: int) -> np.ndarray:
     return shares
 
 
+def _slopes(slopes: np.ndarray, intervals: int) -> np.ndarray:
+    """Shares of all states, the first one included, in the slopes at the points of collocation."""
+    shares = np.zeros((POINTS * intervals + 1, POINTS * intervals))
+    for k in range(0, POINTS * intervals, POINTS):
+        shares[k : k + POINTS + 1, k : k + POINTS] = slopes
+    return shares
+
+
 def _mirror(problem: Problem) -> tuple[list[int], list[int]]:
     """Places of the states, and of the joints, with left and right exchanged."""
     model, (one, two) = problem.world.model, problem.sides
@@ -369,11 +371,12 @@ def plant_of(problem: Problem) -> Any:
     """The plant as a function of casadi.
 
     Returns:
-        From coordinates, velocities and motor torques to accelerations, vertical and forward forces of both
-        feet, heights of all points of the soles, and the voltages of the motors over that of the sagging bus.
+        From coordinates, velocities, motor torques and accelerations, those that the losses of the gears are
+        reckoned with, to accelerations, vertical and forward forces of both feet, heights of all points of
+        the soles, and the voltages of the motors over that of the sagging bus.
     """
     n, battery = len(problem.world.start_q), problem.experiment.plant.battery
-    q, v, torque = ca.SX.sym("q", n), ca.SX.sym("v", n), ca.SX.sym("torque", len(problem.joints))
+    q, v, a, torque = (*(ca.SX.sym(name, n) for name in "qva"), ca.SX.sym("torque", len(problem.joints)))
     motor: list[Any] = [0.0] * n
     electronics = problem.experiment.plant.electronics
     voltages, power = [], electronics.constant_power
@@ -394,7 +397,7 @@ def plant_of(problem: Problem) -> Any:
         "ground_contact_force": smooth_ground,
         "mechanical_stop_torque": smooth_stop,
     }
-    motion = equations_of_motion(problem, laws)(ca.vertsplit(q), ca.vertsplit(v), motor)
+    motion = equations_of_motion(problem, laws)(ca.vertsplit(q), ca.vertsplit(v), motor, ca.vertsplit(a))
     feet = np.array_split(np.array(motion.points, dtype=object), len(problem.sides))
     upward, forward = (
         ca.vertcat(*(sum(getattr(point, name) for point in foot) for foot in feet))
@@ -402,4 +405,4 @@ def plant_of(problem: Problem) -> Any:
     )
     heights = ca.vertcat(*(point.height for point in motion.points))
     outputs = [ca.vertcat(*motion.acceleration), upward, forward, heights, ca.vertcat(*voltages) / bus]
-    return ca.Function("plant", [q, v, torque], outputs)
+    return ca.Function("plant", [q, v, torque, a], outputs)

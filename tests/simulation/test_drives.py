@@ -14,11 +14,17 @@ from twin_gait.simulation import Run, simulate
 JOINTS = ("left_hip", "left_knee", "right_hip", "right_knee")
 LOSSY = ("plant.actuators.hip.gear_efficiency=0.85", "plant.actuators.knee.gear_efficiency=0.7")
 EFFICIENCY = {"hip": 0.85, "knee": 0.7}
+# Nothing costs anything, whatever the preset says.
+FREE = (
+    *(f"plant.actuators.{joint}.gear_efficiency=1" for joint in EFFICIENCY),
+    "plant.electronics={inverter_resistance_Ohm: 0, inverter_power_W: 0}",
+    "plant.electronics={constant_power_W: 0, regeneration: 1}",
+)
 ARMATURE = KNEE_ACTUATOR.armature
 
 
 def walk(*settings: str) -> Run:
-    return simulate(load_experiment("treadmill", ["duration_s=6", *settings]).experiment)
+    return simulate(load_experiment("treadmill", ["duration_s=8", *FREE, *settings]).experiment)
 
 
 @pytest.fixture(scope="module")

@@ -51,7 +51,7 @@ def unlike_problem(number: int, preset: str, *settings: str) -> Problem:
         own += [f"patient.mass_kg={rng.uniform(50, 100)}", f"patient.height_m={rng.uniform(1.6, 1.9)}"]
     if on_treadmill and number % 6 == 4:  # falls
         own += ["scenario.support={share: 0, catch_stiffness_N_per_m: 0}"]
-        own += ["table.phases.early_stance.knee.stiffness_Nm_per_deg=0.01"]
+        own += ["table.phases.middle_stance.knee.stiffness_Nm_per_deg=0.01"]
     if number % 6 == 1:  # trips
         own.append(f"control.safety.phase_time_out_s={rng.uniform(0.05, 0.4):.3f}")
     if faulty:

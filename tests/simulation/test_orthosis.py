@@ -29,8 +29,9 @@ def test_orthosis_pulls_towards_its_rest_and_gives_back_what_it_stored(rest: flo
             "treadmill",
             [
                 "duration_s=0.5",
+                "integration.step_ms=0.05",
                 f"plant.ankle={{stiffness_Nm_per_rad: 150, damping_Nms_per_rad: 0, rest_deg: {rest}}}",
-                "scenario.support={share: 0, damping_Ns_per_m: 0}",
+                "scenario.support={share: 0, damping_Ns_per_m: 0, guide: vertical}",
             ],
         ).experiment
     )
@@ -49,7 +50,11 @@ def test_orthosis_pulls_towards_its_rest_and_gives_back_what_it_stored(rest: flo
 
 @pytest.mark.parametrize("rest", RESTS)
 def test_orthoses_start_slack_but_for_the_one_that_levels_the_feet(rest: float) -> None:
-    world = world_of(f"plant.ankle.rest_deg={rest}")
+    world = world_of(
+        f"plant.ankle.rest_deg={rest}",
+        "scenario.leading_start={hip_deg: 20.4, knee_deg: 12.5}",
+        "scenario.trailing_start={hip_deg: -10, knee_deg: 12}",
+    )
     leading, trailing = (world.start_q[world.model.index(side, JointName.ANKLE)] for side in Side)
     bent = [angle for angle in (leading, trailing) if angle != math.radians(rest)]
     assert len(bent) == 1 and bent[0] > math.radians(rest)

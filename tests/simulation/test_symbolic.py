@@ -8,22 +8,28 @@ import pytest
 from numpy.testing import assert_allclose
 
 from twin_gait import load_experiment
-from twin_gait.core import mechanical_stop_torque, rotational_friction_torque
+from twin_gait.core import gear_loss_torque, mechanical_stop_torque, rotational_friction_torque
 from twin_gait.experiment import build_problem
 from twin_gait.simulation import equations_of_motion
 
 
 @pytest.mark.parametrize("guide", ["vertical", "harness"])
 def test_acceleration_in_the_air_is_pinocchios(guide):
-    """By its articulated-body algorithm, with friction, stops, springs and motors handed to it as torques."""
-    problem = build_problem(load_experiment("treadmill", [f"scenario.support.guide={guide}"]).experiment)
+    """By its articulated-body algorithm, with friction, stops, springs and motors handed to it as torques.
+
+    The losses of the gears are those of the acceleration that is handed in.
+    """
+    # What a gear loses hangs on the acceleration; examples/validation.py has MuJoCo for that.
+    lossless = [f"plant.actuators.{joint}.gear_efficiency=1" for joint in ("hip", "knee")]
+    settings = [f"scenario.support.guide={guide}", *lossless]
+    problem = build_problem(load_experiment("treadmill", settings).experiment)
     world, generator = problem.world, np.random.default_rng(1)
     model, data = world.model.model, world.model.model.createData()
     motion = equations_of_motion(problem, {})
     for _ in range(5):
         q = world.start_q + 0.3 * generator.standard_normal(len(world.start_q))
         q[world.model.pelvis_index] = 3.0
-        v, motor = generator.standard_normal((2, len(q)))
+        v, motor, before = generator.standard_normal((3, len(q)))
         torque = 20.0 * motor
         for place, plant in enumerate(world.plant):
             law, stop, spring = plant.friction, plant.stop, plant.spring
@@ -36,11 +42,15 @@ def test_acceleration_in_the_air_is_pinocchios(guide):
                     law.stribeck_velocity,
                     law.viscous_friction_forward,
                 )
+                load = 20.0 * motor[place] - plant.armature * 9.0 * before[place]
+                torque[place] -= gear_loss_torque(
+                    v[place], load, law.gear_efficiency, 0.1 * law.stribeck_velocity
+                )
             if stop.stiffness:
                 torque[place] += mechanical_stop_torque(
                     q[place], v[place], stop.lower, stop.upper, stop.stiffness, stop.dissipation
                 )
-        found = motion(q.tolist(), v.tolist(), (20.0 * motor).tolist())
+        found = motion(q.tolist(), v.tolist(), (20.0 * motor).tolist(), (9.0 * before).tolist())
         assert_allclose(found.acceleration, pin.aba(model, data, q, v, torque), rtol=1e-9, atol=1e-8)
         assert all(point.upward == 0.0 and point.height > 1.0 for point in found.points)
 
@@ -49,6 +59,6 @@ def test_laws_that_are_handed_in_take_the_place_of_those_in_core():
     problem = build_problem(load_experiment("treadmill").experiment)
     n = len(problem.world.start_q)
     laws = {"ground_contact_force": lambda ground, height, forward, upward: (1.0, ground.stiffness)}
-    found = equations_of_motion(problem, laws)(problem.world.start_q.tolist(), [0.0] * n, [0.0] * n)
+    found = equations_of_motion(problem, laws)(problem.world.start_q.tolist(), *[[0.0] * n] * 3)
     assert [(point.forward, point.upward) for point in found.points] == [(1.0, 3.0e5)] * 4
     assert found.acceleration[problem.world.model.pelvis_index] > 1e3

@@ -31,7 +31,7 @@ class Motion(NamedTuple):
 
 def equations_of_motion(
     problem: Problem, laws: Mapping[str, Callable[..., Any]]
-) -> Callable[[Sequence[Any], Sequence[Any], Sequence[Any]], Motion]:
+) -> Callable[[Sequence[Any], Sequence[Any], Sequence[Any], Sequence[Any]], Motion]:
     """What the engine integrates, with some functions of ``core`` replaced.
 
     Args:
@@ -42,16 +42,18 @@ def equations_of_motion(
             and, for their branches, ``ground_contact_force`` and ``mechanical_stop_torque``.
 
     Returns:
-        From coordinates, velocities and motor torques (n each) to the motion under friction, stops, springs,
-        support, belt and gravity, at the belt's cruising speed and with the harness unlocked.
+        From coordinates, velocities, motor torques and accelerations (n each) to the motion under friction,
+        stops, springs, support, belt and gravity, at the belt's cruising speed and with the harness unlocked.
+        Of the accelerations the losses of the gears take what turns the rotors
+        (:func:`twin_gait.core.plant.gear_load`): the motion is the plant's where it has the same ones.
     """
     kernel, episode, structure = laid_out(problem, record=False)
     called = {item.name: laws.get(item.name, item.function) for item in SIDE_BY_SIDE}
     names = {**structure, **laws, **kernel_functions(write_kernel(*kernel), called)}
     room = bind(acceleration, names)
 
-    def motion(q: Sequence[Any], v: Sequence[Any], motor: Sequence[Any]) -> Motion:
-        episode.q, episode.v, episode.motor = list(q), list(v), list(motor)
+    def motion(q: Sequence[Any], v: Sequence[Any], motor: Sequence[Any], a: Sequence[Any]) -> Motion:
+        episode.q, episode.v, episode.motor, episode.a = list(q), list(v), list(motor), list(a)
         room(episode, 0.0, False)
         points = [Point(item.forward, item.upward, item.height) for item in episode.points]
         return Motion(list(episode.a), points)
