@@ -94,7 +94,8 @@ def test_one_leg_goes_through_the_table_of_the_bench_and_mirrored_through_that_o
     assert "right: 1 stride of" in capsys.readouterr().out
     assert run("replay", bench, "--table", "treadmill") == 2
     error = capsys.readouterr().err
-    assert "other.phase in late_stance → swing_flexion (trailing_limb)" in error and "--mirror" in error
+    assert "other.phase in early_stance → middle_stance (other_swings); " in error
+    assert "late_stance → swing_flexion (trailing_limb), but" in error and "--mirror" in error
     assert run("replay", bench, "--mirror", 2.0) == 0
     printed = capsys.readouterr().out
     # Mirrored, both legs begin in the phase that was recorded then, and go on as recorded.

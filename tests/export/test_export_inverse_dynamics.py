@@ -215,6 +215,7 @@ def test_the_ground_carries_each_foot_within_its_sole(walk):
             for joint in JointName:
                 q[model.index(side, joint)] = log[f"{side}_{joint}_angle_rad"].iloc[row]
             q[model.pelvis_index] = log["pelvis_height_m"].iloc[row]
+            q[model.forward_index] = log["pelvis_forward_m"].iloc[row]
             heel, toe = (model.frame_position(q, frame) for frame in model.legs[side].contact_frames)
             x, z = data[f"{name}_px"].iloc[row], data[f"{name}_pz"].iloc[row]
             # Heel and toe are below the belt, where their friction turns what the belt carries.
