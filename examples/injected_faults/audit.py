@@ -13,7 +13,7 @@ import numpy as np
 
 from twin_gait import JointName, Run, Side
 from twin_gait.control import Trip, TripCause
-from twin_gait.parameters import SafetyParameters
+from twin_gait.parameters import ActuatorParameters, SafetyParameters
 from twin_gait.studies import fault_row
 
 TICK = 1e-3  # [s]
@@ -192,7 +192,7 @@ def _inferred_speed(run: Run, trip: Trip) -> Values:
     joint = trip.joint or JointName.HIP
     motor = run.experiment.plant.actuators[joint]
     current = _column(run, trip.side, joint, "measured_current_A")
-    wrong = motor.resistance * (1.0 - _settings(run).model_resistance_ratio) * current
+    wrong = _resistance(run, motor) * (1.0 - _settings(run).model_resistance_ratio) * current
     speed = _column(run, trip.side, joint, "velocity_rad_per_s")
     inferred = speed + wrong / (motor.torque_constant * motor.gear_ratio)
     return np.concatenate([[0.0], inferred[:-1]])
@@ -217,6 +217,11 @@ def _leaves_range(angles: Values, run: Run, trip: Trip) -> Values:
     lower, upper = run.experiment.build_control_model().position_limits(trip.side, trip.joint)
     mask: Values = (stop < lower) | (stop > upper)
     return mask
+
+
+def _resistance(run: Run, motor: ActuatorParameters) -> float:
+    """Of winding and inverter in [Ω]."""
+    return motor.resistance + run.experiment.plant.electronics.inverter_resistance
 
 
 def _too_fast(velocity: Values, run: Run, trip: Trip) -> Values:
@@ -247,7 +252,8 @@ def _disobeys(current: Values, run: Run, trip: Trip) -> Values:
         motor.torque_constant * motor.gear_ratio * _column(run, trip.side, trip.joint, "velocity_rad_per_s")
     )
     target = _column(run, trip.side, trip.joint, "target_current_A")
-    expected = np.clip(target, (-bus - back_emf) / motor.resistance, (bus - back_emf) / motor.resistance)
+    resistance = _resistance(run, motor)
+    expected = np.clip(target, (-bus - back_emf) / resistance, (bus - back_emf) / resistance)
     mask: Values = np.abs(current - expected) > _settings(run).drive_deviation
     return mask
 

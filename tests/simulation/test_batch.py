@@ -28,7 +28,7 @@ OVERRIDES[FALLING] = {
     "patient.mass_kg": 68.0,
     "scenario.support.share": 0.0,
     "scenario.support.catch_stiffness_N_per_m": 0.0,
-    "table.phases.early_stance.knee.stiffness_Nm_per_deg": 0.01,
+    "table.phases.middle_stance.knee.stiffness_Nm_per_deg": 0.01,  # the leg that carries alone
 }
 
 

@@ -14,6 +14,7 @@ from twin_gait.core.belt import belt_speed, belt_travel, walk_command
 from twin_gait.exceptions import MeasurementError, ParameterFileError
 from twin_gait.experiment.problem import build_problem
 from twin_gait.gait import TICK, GaitStateMachine, LegSignals, Scaling
+from twin_gait.gait.guards import WALK
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.leg_record import leg_record
 from twin_gait.runs.summary import summarise
@@ -130,9 +131,26 @@ def test_a_belt_that_cannot_be_is_refused_in_one_line(setting, words):
 
 
 def test_a_leg_that_is_told_nothing_walks():
-    """The table of stand on a belt without a profile moves the legs as the table that it extends does."""
-    plain = walk("duration_s=3", source="treadmill")
-    table = walk("duration_s=3", "table=treadmill_start_stop", source="treadmill")
+    """The table of stand on a belt without a profile moves the legs as its five walking phases do."""
+    ankle = "plant.ankle={stiffness_Nm_per_rad: 200, rest_deg: 0}"  # as the table was found
+    settings = ["duration_s=3", "table=treadmill_start_stop", "scenario.support.guide=vertical", ankle]
+    asked = load_experiment("treadmill", settings).experiment
+    cycle = asked.table.cycles[0]
+    assert len(cycle) == 5 and STAND not in cycle
+    walking = replace(
+        asked.table,
+        phases={name: asked.table.phases[name] for name in cycle},
+        transitions=tuple(
+            item
+            for item in asked.table.transitions
+            if {item.source, item.target} <= set(cycle) and WALK not in str(item.guard)
+        ),
+        scaling=replace(asked.table.scaling, stance_phases=cycle[:3]),
+        cycles=(cycle,),
+        waivers=(),
+    )
+    plain, table = simulate(replace(asked, table=walking)), simulate(asked)
+    assert len(plain.switches) > len(cycle)
     assert [item[:4] for item in table.switches] == [item[:4] for item in plain.switches]
     numbers = plain.log.select_dtypes("number").columns
     assert table.log[numbers].equals(plain.log[numbers])

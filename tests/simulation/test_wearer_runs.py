@@ -20,6 +20,7 @@ from twin_gait.experiment import Engine, Experiment, Integration, IntegrationMet
 from twin_gait.experiment.problem import build_problem
 from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP, POSTURES, phase_spans
 from twin_gait.gait import GaitTable
+from twin_gait.gait.guards import PhaseMembership, mapped
 from twin_gait.measures.reference import normative_moment
 from twin_gait.simulation import Run
 from twin_gait.simulation.log import WORK_SOURCES
@@ -347,19 +348,23 @@ def with_one_stance_less(table: GaitTable) -> GaitTable:
     """A table of four phases: early stance is left for late stance."""
     merged = {"middle_stance": "early_stance"}
     phases = {name: item for name, item in table.phases.items() if name not in merged}
-    transitions = (
-        dataclasses.replace(item, source=merged.get(item.source, item.source))
-        for item in table.transitions
-        if item.target not in merged
-    )
     known = tuple(phases)
-    lifting = guard("other.phase in [early_stance, late_stance]", known)
+
+    def told(atom):
+        """What is said of middle stance is said of early stance."""
+        if not isinstance(atom, PhaseMembership):
+            return atom
+        return PhaseMembership(phases=tuple({merged.get(name, name): None for name in atom.phases}))
+
     return dataclasses.replace(
         table,
         phases=phases,
         transitions=tuple(
-            dataclasses.replace(item, guard=lifting) if item.source == "late_stance" else item
-            for item in transitions
+            dataclasses.replace(
+                item, source=merged.get(item.source, item.source), guard=mapped(item.guard, told)
+            )
+            for item in table.transitions
+            if item.target not in merged
         ),
         scaling=dataclasses.replace(table.scaling, stance_phases=known[:2]),
         cycles=(known,),

@@ -195,7 +195,7 @@ def test_joints_in_the_page_are_where_pinocchio_puts_them(walk: OpenPage, runs, 
         for side, leg in model.legs.items():
             for joint, _ in leg.items():
                 q[model.index(side, joint)] = row[f"{side}_{joint}_angle_rad"]
-        q[model.pelvis_index] = row["pelvis_height_m"]
+        q[model.pelvis_index], q[model.forward_index] = row["pelvis_height_m"], row["pelvis_forward_m"]
         pin.forwardKinematics(model.model, data, q)
         for name, matrix in zip(paths, matrices, strict=True):
             expected = data.oMi[model.model.getJointId(name)].homogeneous

@@ -166,7 +166,7 @@ def test_a_hold_takes_the_place_of_the_phases_and_the_page_knows_what_befell_the
     assert {1000, trip.tick} <= set(frames["times"])
     for leg in frames["legs"]:
         assert leg["phases"]["codes"][-1] == len(entry["phases"]) - 1
-        assert leg["phases"]["starts"][-1] == trip.time
+        assert leg["phases"]["starts"][-1] == trip.tick / 1000  # the page writes milliseconds
     # A run without a trip has neither.
     (calm,) = embedded(page_of([ShownRun("calm", stored.experiment, stored.log.iloc[:900])]))["runs"]
     assert calm["events"] == [] and "Hold" not in [one["label"] for one in calm["phases"]]

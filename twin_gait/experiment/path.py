@@ -24,7 +24,9 @@ PATH_SAMPLES = 101  # of a cycle, every percent
 _TRAILING_START = 0.5  # of the cycle, where the trailing leg begins
 
 # The path of position tracking. TWIN's own is not published; this one is an assumption: the healthy walk,
-# changed until the default wearer walks on it, each number for the reason beside it.
+# changed until the default wearer walked on it, guided vertically and with an ankle orthosis of 200 Nm/rad
+# that is slack at 0°, each number for the reason beside it. With that orthosis the soft harness does as well;
+# with the preset's the default wearer walks on it only if guided vertically.
 #
 # The knee's motor has to accelerate its own rotor, 3.3 kg m² at the joint, with 60 N m: 18 rad/s² at most.
 # The healthy knee at 1.5 km/h asks for more than 50; two harmonics of it in a tenth more time ask for 12.
