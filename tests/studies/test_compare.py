@@ -279,7 +279,7 @@ def test_predetermined_path_is_walked_where_documentation_says(settings, walks):
         assert 1.5 < run.trip.time < 2.0
 
 
-def test_effort_hardly_changes_what_position_tracking_does():
+def test_effort_changes_little_in_what_position_tracking_does():
     """Day by day: the path is predetermined, and a wearer who works disturbs it by some of the effort."""
     found = [
         compare(
