@@ -192,7 +192,8 @@ def _inferred_speed(run: Run, trip: Trip) -> Values:
     joint = trip.joint or JointName.HIP
     motor = run.experiment.plant.actuators[joint]
     current = _column(run, trip.side, joint, "measured_current_A")
-    wrong = motor.resistance * (1.0 - _settings(run).model_resistance_ratio) * current
+    resistance = motor.resistance + run.experiment.plant.electronics.inverter_resistance
+    wrong = resistance * (1.0 - _settings(run).model_resistance_ratio) * current
     speed = _column(run, trip.side, joint, "velocity_rad_per_s")
     inferred = speed + wrong / (motor.torque_constant * motor.gear_ratio)
     return np.concatenate([[0.0], inferred[:-1]])

@@ -26,7 +26,7 @@ class SafetyParameters:
         frozen_speed: Inferred speed in [rad] / [s] above which a motor turns.
         model_deviation: Angle in [rad] by which an encoder may run away from the motor's model.
         model_time_constant: With which that angle is forgotten, in [s].
-        model_resistance_ratio: Winding resistance that the monitor assumes over the true one.
+        model_resistance_ratio: Resistance of winding and inverter that the monitor assumes over the true one.
         torque_time: For so long in [s] a command may lie above the torque limit.
         highest_command: Largest plausible command in [N m].
         current_share: Measured current over the current limit that trips at once.

@@ -53,6 +53,7 @@ def watch_bounds(problem: Problem, joint: ActuatedJoint) -> Bounds:
     lower, upper = model.position_limits(joint.side, joint.joint)
     continuous = motor.continuous_torque / (motor.torque_constant * motor.gear_ratio)
     cooling = min(1.0, TICK / settings.thermal_time_constant)
+    resistance = motor.resistance + problem.experiment.plant.electronics.inverter_resistance
     return Bounds(
         lower=lower,
         upper=upper,
@@ -72,7 +73,7 @@ def watch_bounds(problem: Problem, joint: ActuatedJoint) -> Bounds:
         drive_deviation=settings.drive_deviation,
         drive_ticks=ticks(settings.drive_time),
         emf_constant=motor.torque_constant * motor.gear_ratio,
-        model_resistance=settings.model_resistance_ratio * motor.resistance,
+        model_resistance=settings.model_resistance_ratio * resistance,
     )
 
 
