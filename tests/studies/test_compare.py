@@ -19,6 +19,7 @@ from numpy.testing import assert_allclose
 from twin_gait import load_experiment, simulate
 from twin_gait.cli import compare as command
 from twin_gait.cli.terminal import DONE
+from twin_gait.control import TripCause
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
 from twin_gait.experiment import AssistanceParameters, ControlMode, Experiment
@@ -255,6 +256,27 @@ def test_more_effort_less_assistance_under_assist_as_needed():
         assert full.mean + full.half_width < none.mean - none.half_width
     work = [item.interval("assist_as_needed", "wearer_work_share") for item in found]
     assert work[0].mean == pytest.approx(0.0, abs=1e-9) and work[1].mean - work[1].half_width > 0.2
+
+
+@pytest.mark.parametrize(
+    ("settings", "walks"),
+    [
+        ((), False),
+        (("patient=healthy",), True),
+        ((GUIDED,), True),
+        (("plant.ankle={stiffness_Nm_per_rad: 200, rest_deg: 0}",), True),
+    ],
+    ids=["default", "with effort", "guided", "stiff orthosis"],
+)
+def test_predetermined_path_is_walked_where_documentation_says(settings, walks):
+    run = simulate(
+        load_experiment("treadmill", ["control.mode=position", "duration_s=20", *settings]).experiment
+    )
+    if walks:
+        assert run.trip is None and run_measures(run)["walked"] == 1.0
+    else:
+        assert (run.trip.cause, run.trip.joint) == (TripCause.TORQUE, JointName.HIP)
+        assert 1.5 < run.trip.time < 2.0
 
 
 def test_effort_hardly_changes_what_position_tracking_does():
