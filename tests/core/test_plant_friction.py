@@ -70,7 +70,7 @@ def dragged(law: LuGreFriction, path: np.ndarray, time: np.ndarray, start: float
     torques = []
     before = path[0]
     for angle, speed in zip(path.tolist(), velocity.tolist(), strict=True):
-        z = advanced_deflection(friction, angle - before, speed, z, 0.0)
+        z = advanced_deflection(friction, angle - before, speed, z)
         before = angle
         torques.append(friction_torque(friction, speed, z, 0.0))
     return np.array(torques)
@@ -83,7 +83,7 @@ def dragged(law: LuGreFriction, path: np.ndarray, time: np.ndarray, start: float
 def test_a_joint_that_sticks_is_a_spring(law: LuGreFriction) -> None:
     """σ0 about rest: over a thousandth of the way until it slides, to a thousandth."""
     way = 1e-3 * law.coulomb_friction / law.bristle_stiffness
-    z = advanced_deflection(law.in_plant(), way, 1e-9, 0.0, 0.0)
+    z = advanced_deflection(law.in_plant(), way, 1e-9, 0.0)
     torque = friction_torque(law.in_plant(), 0.0, z, 0.0)
     assert torque / way == pytest.approx(law.bristle_stiffness, rel=1e-3)
 
@@ -91,9 +91,7 @@ def test_a_joint_that_sticks_is_a_spring(law: LuGreFriction) -> None:
 @given(speeds, st.booleans())
 def test_steady_sliding_is_the_stribeck_curve(speed: float, forward: bool) -> None:
     velocity = speed if forward else -speed
-    torque = friction_torque(
-        SKEWED.in_plant(), velocity, steady_deflection(SKEWED.in_plant(), velocity, 0.0), 0.0
-    )
+    torque = friction_torque(SKEWED.in_plant(), velocity, steady_deflection(SKEWED.in_plant(), velocity), 0.0)
     viscous = 2.0 * speed**0.7 if forward else -1.2 * speed**0.7
     assert torque == pytest.approx(0.5 + math.copysign(level(SKEWED, speed), velocity) + viscous, rel=1e-12)
 
@@ -102,8 +100,8 @@ def test_steady_sliding_is_the_stribeck_curve(speed: float, forward: bool) -> No
 def test_every_start_slides_into_the_steady_deflection(speed: float, start: float) -> None:
     friction = LUGRE.in_plant()
     far = 40.0 * level(LUGRE, speed) / LUGRE.bristle_stiffness
-    z = advanced_deflection(friction, far, speed, start, 0.0)
-    assert z == pytest.approx(steady_deflection(friction, speed, 0.0), rel=1e-12)
+    z = advanced_deflection(friction, far, speed, start)
+    assert z == pytest.approx(steady_deflection(friction, speed), rel=1e-12)
 
 
 def test_a_slow_pull_breaks_away_at_the_breakaway_torque() -> None:
@@ -119,7 +117,7 @@ def test_a_slow_pull_breaks_away_at_the_breakaway_torque() -> None:
 def test_the_torque_of_a_harder_pull_is_less_until_it_is_viscous() -> None:
     """The Stribeck effect, which lets a joint stick and slip: less friction at 0.1 than at 0.001 rad/s."""
     slow, medium, fast = (
-        friction_torque(LUGRE.in_plant(), speed, steady_deflection(LUGRE.in_plant(), speed, 0.0), 0.0)
+        friction_torque(LUGRE.in_plant(), speed, steady_deflection(LUGRE.in_plant(), speed), 0.0)
         for speed in (0.001, 0.15, 2.0)
     )
     assert medium < slow < fast
@@ -130,7 +128,7 @@ def test_dahls_torque_is_exponential_in_the_way_however_it_is_gone(ways: list[fl
     """F = F_c (1 - exp(-σ0 x / F_c)) along any way in one direction, in any steps and at any speed."""
     friction, z = DAHL.in_plant(), 0.0
     for way in ways:
-        z = advanced_deflection(friction, way, speed, z, 0.0)
+        z = advanced_deflection(friction, way, speed, z)
     expected = 3.0 * -math.expm1(-600.0 * math.fsum(ways) / 3.0)
     assert friction_torque(friction, speed, z, 0.0) == pytest.approx(expected, rel=1e-12)
 
@@ -192,7 +190,7 @@ def stepped(law: LuGreFriction, velocity, path, end: float, steps: int) -> float
     friction, z = law.in_plant(), 0.0
     for step in range(steps):
         t0, t1 = end * step / steps, end * (step + 1) / steps
-        z = advanced_deflection(friction, float(path(t1) - path(t0)), float(velocity(t1)), z, 0.0)
+        z = advanced_deflection(friction, float(path(t1) - path(t0)), float(velocity(t1)), z)
     return z
 
 
@@ -217,12 +215,12 @@ def test_steps_come_to_what_an_ode_solver_finds(amplitude: float, end: float) ->
 def test_a_step_with_a_level_that_stays_is_exact() -> None:
     """One step through a whole swing of Dahl's model, in one direction."""
     exact = solved(DAHL, lambda t: 0.3 * math.sin(t), math.pi)
-    assert advanced_deflection(DAHL.in_plant(), 0.6, 0.0, 0.0, 0.0) == pytest.approx(exact, rel=1e-8)
+    assert advanced_deflection(DAHL.in_plant(), 0.6, 0.0, 0.0) == pytest.approx(exact, rel=1e-8)
 
 
 @given(st.floats(-2.0, 2.0), st.floats(-0.5, 0.5), st.floats(-0.0015, 0.0015))
 def test_bristles_never_bend_farther_than_their_level(speed: float, way: float, start: float) -> None:
-    z = advanced_deflection(LUGRE.in_plant(), way, speed, start, 0.0)
+    z = advanced_deflection(LUGRE.in_plant(), way, speed, start)
     assert abs(z) <= max(abs(start), level(LUGRE, speed) / LUGRE.bristle_stiffness) * (1 + 1e-12)
 
 
@@ -250,7 +248,7 @@ def test_the_rotational_law_in_the_plant_is_bit_for_bit_equation_3_1(velocity: f
 @pytest.mark.parametrize("law", [HIP_FRICTION, STATIC], ids=["rotational", "asymmetric"])
 def test_laws_without_bristles_have_no_state(law: FrictionLaw) -> None:
     friction = law.in_plant()
-    assert advanced_deflection(friction, 0.3, 1.0, 0.0, 0.0) == 0.0 == steady_deflection(friction, 1.0, 0.0)
+    assert advanced_deflection(friction, 0.3, 1.0, 0.0) == 0.0 == steady_deflection(friction, 1.0)
     assert friction_torque(friction, 1.0, 7.0, 0.0) == friction_torque(friction, 1.0, 0.0, 0.0)
 
 
@@ -260,7 +258,7 @@ def test_load_raises_the_level_that_holds_the_joint(law: FrictionLaw) -> None:
     light, loaded = law.in_plant(), law.in_plant(0.8)
     for velocity, lost in ((0.8, 10.0), (-0.8, -8.0)):
         more = [
-            friction_torque(item, velocity, steady_deflection(item, velocity, -40.0), -40.0)
+            friction_torque(item, velocity, steady_deflection(item, velocity), -40.0)
             for item in (light, loaded)
         ]
         assert more[1] - more[0] == pytest.approx(lost, rel=1e-12)
@@ -271,8 +269,7 @@ def test_a_ratio_scales_every_law_and_none_is_left_of_nought(law: FrictionLaw) -
     whole, half = law.in_plant(), law.scaled(0.5).in_plant()
     for velocity in (-1.0, -0.02, 0.05, 2.0):
         torques = [
-            friction_torque(item, velocity, steady_deflection(item, velocity, 0.0), 0.0)
-            for item in (whole, half)
+            friction_torque(item, velocity, steady_deflection(item, velocity), 0.0) for item in (whole, half)
         ]
         assert torques[1] == pytest.approx(0.5 * torques[0], rel=1e-12)
         assert friction_torque(law.scaled(0.0).in_plant(), velocity, 0.0, 5.0) == 0.0

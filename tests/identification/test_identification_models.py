@@ -245,6 +245,6 @@ def test_a_plant_with_an_identified_law_has_the_torque_that_was_identified(name)
     clean = replace(rows, torque=np.full(len(rows), rest + friction.offset))
     z, torques = 0.0, []
     for velocity, period, fresh in zip(rows.velocity, rows.period, rows.fresh, strict=True):
-        z = 0.0 if fresh else advanced_deflection(friction, velocity * period, velocity, z, 0.0)
+        z = 0.0 if fresh else advanced_deflection(friction, velocity * period, velocity, z)
         torques.append(friction_torque(friction, velocity, z, 0.0))
     assert_allclose(torques, model.predict(x, clean), rtol=1e-9, atol=1e-12)

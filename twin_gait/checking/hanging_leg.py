@@ -28,7 +28,7 @@ _ANGLE_STEP = 1e-4  # [rad]
 def friction_torque(law: FrictionLaw, velocity: float) -> float:
     """Friction torque of a law in [N m] at a steady velocity in [rad] / [s], with its sign."""
     friction = law.in_plant()
-    return core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity, 0.0), 0.0)
+    return core.friction_torque(friction, velocity, core.steady_deflection(friction, velocity), 0.0)
 
 
 def friction_slope(law: FrictionLaw, velocity: float) -> float:
@@ -39,7 +39,7 @@ def friction_slope(law: FrictionLaw, velocity: float) -> float:
     friction = law.in_plant()
 
     def torque(speed: float) -> float:
-        deflection = core.steady_deflection(friction, speed if velocity else 0.0, 0.0)
+        deflection = core.steady_deflection(friction, speed if velocity else 0.0)
         return core.friction_torque(friction, speed, deflection, 0.0)
 
     return min(

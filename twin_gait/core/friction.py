@@ -238,7 +238,7 @@ def _directional_torque(friction: PlantFriction, velocity: float, deflection: fl
             friction.viscous_exponent,
         )
     stiffness = friction.bristle_stiffness
-    rate = bristle_rate(velocity, deflection, _level(friction, velocity, load), stiffness)
+    rate = bristle_rate(velocity, deflection, _level(friction, velocity), stiffness)
     viscous = directional_viscous_torque(
         velocity,
         friction.viscous_friction_forward,
@@ -246,11 +246,13 @@ def _directional_torque(friction: PlantFriction, velocity: float, deflection: fl
         friction.viscous_exponent,
     )
     bristles = lugre_torque(velocity, deflection, rate, stiffness, friction.bristle_damping, 0.0)
-    return bristles + friction.offset + viscous
+    # Beside the bristles, not in their level: their damper would multiply a load that comes a little late.
+    loss = gear_loss_torque(velocity, load, friction.gear_efficiency, 0.1 * friction.stribeck_velocity)
+    return loss + bristles + friction.offset + viscous
 
 
 def advanced_deflection(
-    friction: PlantFriction, displacement: float, velocity: float, deflection: float, load: float
+    friction: PlantFriction, displacement: float, velocity: float, deflection: float
 ) -> float:
     """Deflection of the bristles after a small displacement of the joint.
 
@@ -264,36 +266,34 @@ def advanced_deflection(
         displacement: Of the joint in [rad].
         velocity: At the end of the displacement in [rad] / [s].
         deflection: z before in [rad].
-        load: Torque that the gear passes on in [N m].
 
     Returns:
         z after, in [rad].
     """
     if friction.law != BRISTLE:
         return deflection
-    level = _level(friction, velocity, load)
+    level = _level(friction, velocity)
     return bristle_step(displacement, deflection, level, friction.bristle_stiffness, 1.0)
 
 
-def steady_deflection(friction: PlantFriction, velocity: float, load: float) -> float:
+def steady_deflection(friction: PlantFriction, velocity: float) -> float:
     """Deflection of bristles that slide at a constant velocity: g sgn ω / σ0, and none at rest.
 
     Args:
         friction: Law and parameters.
         velocity: In [rad] / [s].
-        load: Torque that the gear passes on in [N m].
 
     Returns:
         z in [rad]; 0 for laws without bristles.
     """
     if friction.law != BRISTLE:
         return 0.0
-    return sign_of(velocity) * _level(friction, velocity, load) / friction.bristle_stiffness
+    return sign_of(velocity) * _level(friction, velocity) / friction.bristle_stiffness
 
 
-def _level(friction: PlantFriction, velocity: float, load: float) -> float:
-    """Torque that sliding bristles hold: the Stribeck curve, raised by what the gear loses."""
-    return abs(_gear_loss(sign_of(velocity), load, friction.gear_efficiency)) + stribeck_level(
+def _level(friction: PlantFriction, velocity: float) -> float:
+    """Torque that sliding bristles hold: the Stribeck curve."""
+    return stribeck_level(
         velocity,
         friction.coulomb_friction,
         friction.breakaway_torque,

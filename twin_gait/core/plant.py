@@ -122,7 +122,7 @@ def passive_torque(
     if law.law != FRICTIONLESS:
         deflection = plant.deflection
         if OTHER_LAWS:
-            deflection = advanced_deflection(law, displacement, v, deflection, load)
+            deflection = advanced_deflection(law, displacement, v, deflection)
         friction = -whole_friction_torque(law, rotational, v, deflection, load)
     if limits.stiffness != 0.0:
         stop = mechanical_stop_torque(q, v, limits.lower, limits.upper, limits.stiffness, limits.dissipation)

@@ -58,7 +58,7 @@ class Bounds:
         drive_deviation: Largest difference of current and target in [A].
         drive_ticks: How long it may be larger.
         emf_constant: Back-EMF at the joint in [V s] / [rad].
-        model_resistance: Of the winding as the monitor assumes it in [Ω].
+        model_resistance: Of winding and inverter as the monitor assumes it in [Ω].
     """
 
     lower: float

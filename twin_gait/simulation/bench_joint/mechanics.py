@@ -61,7 +61,7 @@ def _friction(e: BenchEpisode, angle: float, velocity: float, load: float) -> fl
     """Torque of the friction of motor and gear on the rotor in [N m]."""
     law, more, deflection = e.friction, e.test.friction, e.deflection
     if OTHER_LAWS:
-        deflection = advanced_deflection(law, angle - e.rotor.angle, velocity, deflection, load)
+        deflection = advanced_deflection(law, angle - e.rotor.angle, velocity, deflection)
     friction = -friction_torque(law, velocity, deflection, load)
     if more.coulomb_per_load != 0.0 or more.coulomb_per_kelvin != 0.0 or more.viscous_per_kelvin != 0.0:
         friction -= conditioned_torque(
@@ -120,4 +120,4 @@ def mechanical_step(e: BenchEpisode, time: float, step: float) -> None:
     link.angle = q2 + sixth * (v2 + 2.0 * v2b + 2.0 * v2c + v2d)
     if OTHER_LAWS:
         moved = rotor.angle - q1
-        e.deflection = advanced_deflection(e.friction, moved, rotor.velocity, e.deflection, e.torques.load)
+        e.deflection = advanced_deflection(e.friction, moved, rotor.velocity, e.deflection)

@@ -150,10 +150,7 @@ def _move(e: Episode, place: int, displacement: float) -> None:
     e.q[place] += displacement
     if OTHER_LAWS:
         plant = e.plant[place]
-        load = gear_load(plant, e.motor[place], e.a[place])
-        plant.deflection = advanced_deflection(
-            plant.friction, displacement, e.v[place], plant.deflection, load
-        )
+        plant.deflection = advanced_deflection(plant.friction, displacement, e.v[place], plant.deflection)
 
 
 def _add_work(e: Episode, duration: float) -> None:
