@@ -26,6 +26,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.live.finishing import CHANGES_FILE
 from twin_gait.live.stepping import FADE_TICKS
 from twin_gait.runs.record import LOG_FILE, load_run
+from twin_gait.simulation.log import state_columns
 from twin_gait.viewer.commands import Recorder
 from twin_gait.viewer.curves import EXTREMES_TICKS
 from twin_gait.viewer.figure import Figure
@@ -637,12 +638,7 @@ def test_joints_on_the_page_are_where_pinocchio_puts_them(session, joint_paths: 
     for one in session["seen"]:
         row = session["log"].iloc[round(1000.0 * one["time"])]
         assert row["time_s"] == pytest.approx(one["time"], abs=1e-9)
-        q = np.zeros(model.nv)
-        for side, leg in model.legs.items():
-            for joint, _ in leg.items():
-                q[model.index(side, joint)] = row[f"{side}_{joint}_angle_rad"]
-        q[model.pelvis_index] = row["pelvis_height_m"]
-        pin.forwardKinematics(model.model, data, q)
+        pin.forwardKinematics(model.model, data, posture(model, row))
         for name, matrix in zip(joint_paths, one["matrices"], strict=True):
             expected = data.oMi[model.model.getJointId(name)].homogeneous
             worst = max(worst, float(np.abs(np.array(matrix).reshape(4, 4).T - expected).max()))
@@ -726,11 +722,14 @@ def test_belt_speed_is_read_back_from_a_foot_that_stands_on_it(session) -> None:
 
 def foot(model: Any, row: pd.Series) -> float:
     """How far forward the sole of the left foot is, in [m]."""
-    q = np.zeros(model.nv)
-    for joint, _ in model.legs[Side.LEFT].items():
-        q[model.index(Side.LEFT, joint)] = row[f"left_{joint}_angle_rad"]
     frames = model.legs[Side.LEFT].contact_frames
-    return float(np.mean([model.frame_position(q, frame)[0] for frame in frames]))
+    return float(np.mean([model.frame_position(posture(model, row), frame)[0] for frame in frames]))
+
+
+def posture(model: Any, row: pd.Series) -> np.ndarray:
+    """Coordinates of the model in a row of the log."""
+    positions, _ = state_columns(model)
+    return row[positions].to_numpy(dtype=float)
 
 
 def test_push_is_read_back_from_the_torque_of_the_wearer(session) -> None:
