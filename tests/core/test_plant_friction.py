@@ -253,7 +253,7 @@ def test_laws_without_bristles_have_no_state(law: FrictionLaw) -> None:
 
 
 @pytest.mark.parametrize("law", [STATIC, SKEWED], ids=["asymmetric", "lugre"])
-def test_load_raises_the_level_that_holds_the_joint(law: FrictionLaw) -> None:
+def test_gear_takes_its_loss_from_a_joint_that_slides(law: FrictionLaw) -> None:
     """η 0.8 of -40 N m is 8 N m more where the motor drives, 10 where it brakes, once the joint slides."""
     light, loaded = law.in_plant(), law.in_plant(0.8)
     for velocity, lost in ((0.8, 10.0), (-0.8, -8.0)):
