@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from twin_gait.control.gait_controller import GaitController
-from twin_gait.control.joint_board import JointBoard, Limits, Rates
+from twin_gait.control.gait_controller import ControllerState
+from twin_gait.control.joint_board import BoardState, Limits, Rates
 from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
 from twin_gait.core.belt import Belt
@@ -45,7 +45,7 @@ class Joint:
     """
 
     place: int
-    board: JointBoard
+    board: BoardState
     motor: Motor
     condition: Condition
     moments: list[list[float]]
@@ -186,7 +186,7 @@ class Episode:
     supply: Supply
     limits: Limits
     ends: Ends
-    controller: GaitController
+    controller: ControllerState
     joints: list[Joint]
     soles: list[Sole]
     ankles: list[int]

@@ -8,11 +8,11 @@ from typing import TypeAlias
 from twin_gait.control.gait_controller import (
     ControlledJoint,
     ControlledLeg,
+    ControllerState,
     ControlModel,
-    GaitController,
     WatchedSupply,
 )
-from twin_gait.control.joint_board import JointBoard, Limits, Rates
+from twin_gait.control.joint_board import BoardState, Limits, Rates
 from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
 from twin_gait.core.contact import Point
@@ -163,7 +163,7 @@ def _joint(problem: Problem, number: int) -> Joint:
     angle = float(problem.world.start_q[joint.coordinate] + problem.offset[number])
     return Joint(
         place=joint.coordinate,
-        board=JointBoard(
+        board=BoardState(
             encoder=new_encoder(float(problem.resolution[number]), angle, experiment.sensors.window),
             motor=copied(motor),
             friction_model=experiment.control.friction_model[joint.joint],
@@ -178,11 +178,11 @@ def _joint(problem: Problem, number: int) -> Joint:
     )
 
 
-def _controller(problem: Problem, bodies: list[float]) -> GaitController:
+def _controller(problem: Problem, bodies: list[float]) -> ControllerState:
     supply = problem.experiment.plant.battery.voltage
     settings = problem.experiment.control.safety
     legs = [_leg(problem, number) for number in range(len(problem.sides))]
-    return GaitController(
+    return ControllerState(
         joints=[
             _controlled_joint(problem, number, legs[number // problem.joints_per_leg].phase)
             for number in range(len(problem.joints))
@@ -273,6 +273,7 @@ def _limits(problem: Problem) -> Limits:
         current=control.limits.current,
         phase_ticks=phase_time_out_ticks(problem),
         frozen_load_ticks=ticks(control.safety.frozen_load_time),
+        silent_ticks=NEVER,
         lowering_ticks=ticks(control.safety.lowering_time),
         hold_damping=control.safety.hold_damping,
     )

@@ -11,7 +11,7 @@ from twin_gait.control.gait_controller import (
     trip,
     wants_gravity,
 )
-from twin_gait.control.joint_board import ask, check, hear, note_drive, set_current, sum_up
+from twin_gait.control.joint_board import ask, check, copy_demand, note_drive, set_current, sum_up
 from twin_gait.core.actuator import battery_power, motor_electrical_power, sagged_bus_voltage, winding_voltage
 from twin_gait.core.control_tick import driven_motor, target_current
 from twin_gait.core.estimation import delayed_sample
@@ -58,7 +58,7 @@ def control(e: Episode, tick: int) -> None:
         implausible = False
         for one in lanes(e):
             demand(one.controller, one.limits, number, tick)
-            hear(one.joints[number].board, one.controller.joints[number].demand)
+            copy_demand(one.controller.joints[number].demand, one.joints[number].board.demand)
             ask(one.joints[number].board)
             if not FAULTY:
                 check(one.joints[number].board, one.watching)
@@ -100,7 +100,7 @@ def _drive(e: Episode, number: int, tick: int) -> None:
     board, place = joint.board, joint.place
     if board.command.cause != NO_TRIP:  # what was asked was a walk, whose weight is not carried in this tick
         demand_hold(e.controller.joints[number], e.limits, 0.0, 0.0)
-        hear(board, e.controller.joints[number].demand)
+        copy_demand(e.controller.joints[number].demand, board.demand)
         ask(board)
         sum_up(board)
     set_current(board, e.limits, joint.due if DELAYED else board.command.torque)
