@@ -190,6 +190,19 @@ def test_inputs_of_another_size_are_refused(program):
         host.exchange(np.zeros(2, "f4"))
 
 
+def test_a_stack_that_is_full_is_told(tmp_path):
+    require_tools(*TARGET_TOOLS)
+    fill = "volatile int32_t room[1200]; for (int32_t i = 0; i < in->words; i++) { room[1199 - i] = i; }"
+    unit = write_unit(
+        tmp_path / "unit", inputs="int32_t words;", outputs="int32_t y;", state="int32_t none;",
+        step=f"{fill} out->y = room[1199]; (void)unit;",
+    )  # fmt: skip
+    with Emulator(build_image(unit, tmp_path / "image.elf")) as target:
+        target.exchange(np.array([900], "i4"))
+        with pytest.raises(FirmwareError, match="4 kB of stack are full"):
+            target.exchange(np.array([1200], "i4"))
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError])
 def test_nothing_is_left_when_the_block_is_left(image, error):
     with pytest.raises(error), Emulator(image) as target:
@@ -221,7 +234,9 @@ def test_undefined_behaviour_stops_the_unit(probe, tmp_path, compiler):
     require_tools(compiler)
     rows = inputs_of(CONVERT, CONVERT)
     rows["a"] = [1.5, 3e9]
-    with HostUnit(build_host(probe, tmp_path / "probe", compiler=compiler, sanitize=True)) as host:
+    with HostUnit(
+        build_host(probe, tmp_path / "probe", compiler=compiler, sanitize=True, flags=["-Werror"])
+    ) as host:
         host.exchange(rows[0])
         with pytest.raises(FirmwareError, match="outside the range of representable values"):
             host.exchange(rows[1])

@@ -28,7 +28,11 @@ _CALIBRATION = np.array([1, 1_002, 100_002])  # instructions, clock.S
 _GREETING = 3 + len(_CALIBRATION)  # words: sizes of inputs, outputs and record, then the calibration
 _COST = 2  # words behind the outputs: counts of the clock, bytes of stack
 _PIPE = 4096  # bytes that any pipe holds
-_FAULT = 70  # exit status of cortex_m4.c
+# Exit status of cortex_m4.c.
+_STATUS = {
+    70: "the processor stopped at a fault, such as an address without memory",
+    71: "4 kB of stack are full",
+}
 
 
 class UnitProcess:
@@ -143,8 +147,8 @@ class UnitProcess:
         said = process.stderr.read().decode(errors="replace").splitlines()
         status = process.wait()
         self._end()
-        if status == _FAULT:
-            return "the processor stopped at a fault, such as an address without memory"
+        if status in _STATUS:
+            return _STATUS[status]
         return [*(line for line in said if "error" in line.lower()), *said[-1:], f"exit status {status}"][0]
 
     def _calibrate(self, counts: np.ndarray) -> None:

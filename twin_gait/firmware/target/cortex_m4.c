@@ -4,7 +4,7 @@
 #include "loop.h"
 
 enum { SYS_OPEN = 0x01, SYS_WRITE = 0x05, SYS_READ = 0x06, SYS_EXIT_EXTENDED = 0x20 };
-enum { OPEN_READ_BINARY = 1, OPEN_WRITE_BINARY = 5, APPLICATION_EXIT = 0x20026, FAULT = 70 };
+enum { OPEN_READ_BINARY = 1, OPEN_WRITE_BINARY = 5, APPLICATION_EXIT = 0x20026, FAULT = 70, OVERFLOW = 71 };
 
 #define REGISTER(address) (*(volatile uint32_t *)(address))
 #define TIMER_CONTROL REGISTER(0x40000000) /* CMSDK APB timer 0, counts down at 25 MHz */
@@ -100,6 +100,9 @@ uint32_t stack_bytes(void) {
     uint32_t unused = 0;
     while (unused < words && stack_start[unused] == MARK) {
         unused++;
+    }
+    if (unused == 0) {
+        leave(OVERFLOW);
     }
     return 4 * (words - unused);
 }
