@@ -31,18 +31,16 @@ _WORD = 0xFFFFFFFF
 
 
 @dataclass(slots=True)
-class Message:
-    """What a frame says.
+class Payload:
+    """What a frame carries.
 
     Attributes:
-        low: Bytes 0 to 3 of the data, the first in the lowest bits.
-        high: Bytes 4 to 7 likewise.
-        tick: In which it was said.
-        event: When it was due in [ps].
+        halves: Bytes 0 to 3 of the data and bytes 4 to 7, the first of them in the lowest bits.
+        tick: In which it was queued.
+        event: For which it was queued, in [ps].
     """
 
-    low: int = 0
-    high: int = 0
+    halves: list[int] = field(default_factory=lambda: [0, 0])
     tick: int = 0
     event: int = 0
 
@@ -60,7 +58,7 @@ class Frame:
         key: Of its draws, 32 bits.
         event: Next one in [ps].
         release: Next one in [ps].
-        message: What the sender says if the frame is released in this tick; its data are written before.
+        outgoing: What the sender queues when the frame is released; its halves are written before.
         mailbox: What waits, or was sent last.
         waiting: Whether something waits.
         received: What arrived last.
@@ -69,7 +67,7 @@ class Frame:
         worst_response: Longest time from event to arrival in [ps].
         sent: Frames that the sender believes it has sent.
         lost: Of these, those that did not arrive.
-        replaced: Messages that a newer one took the place of before they were sent.
+        replaced: Payloads that a newer one took the place of before they were sent.
         destroyed: Transmissions that ended in an error frame.
     """
 
@@ -81,10 +79,10 @@ class Frame:
     key: int
     event: int
     release: int
-    message: Message = field(default_factory=Message)
-    mailbox: Message = field(default_factory=Message)
+    outgoing: Payload = field(default_factory=Payload)
+    mailbox: Payload = field(default_factory=Payload)
     waiting: bool = False
-    received: Message = field(default_factory=Message)
+    received: Payload = field(default_factory=Payload)
     arrived: int = 0
     drawn: int = 0
     worst_response: int = 0
@@ -146,7 +144,7 @@ class Bus:
         free: From when in [ps] another frame may begin.
         idle_since: When in [ps] the last one ended, or runs of recessive bits were counted.
         on_wire: The frame that is being sent, or ``NOBODY``.
-        wire: What it says.
+        wire: What it carries.
         broken: Whether an error destroys it.
         bus_off: How many nodes are recovering.
         busy: Time in [ps] in which the bus was in use.
@@ -164,7 +162,7 @@ class Bus:
     free: int = 0
     idle_since: int = 0
     on_wire: int = NOBODY
-    wire: Message = field(default_factory=Message)
+    wire: Payload = field(default_factory=Payload)
     broken: bool = False
     bus_off: int = 0
     busy: int = 0
@@ -192,7 +190,7 @@ def draw(frame: Frame) -> int:
 
 
 def is_due(bus: Bus, frame: Frame, tick: int) -> bool:
-    """Whether a frame is released in a tick, so that its message is to be written before."""
+    """Whether a frame is released in a tick, so that what it carries is to be written before."""
     return frame.release < (tick + 1) * bus.tick
 
 
@@ -205,7 +203,7 @@ def advance(bus: Bus, tick: int) -> None:
     """All that happens on the bus from the start of a tick to the start of the next one.
 
     Args:
-        bus: Changed in place. The messages of all frames that are due have been written.
+        bus: Changed in place. What the frames carry that are due has been written.
         tick: Present tick.
     """
     end, now = (tick + 1) * bus.tick, NOBODY
@@ -259,13 +257,13 @@ def _queue(frame: Frame, tick: int) -> None:
     if frame.waiting:
         frame.replaced += 1
     frame.waiting = True
-    _copy(frame.message, frame.mailbox)
+    _copy(frame.outgoing, frame.mailbox)
     frame.mailbox.tick, frame.mailbox.event = tick, frame.event
     _schedule(frame, frame.event + frame.period)
 
 
-def _copy(source: Message, target: Message) -> None:
-    target.low, target.high = source.low, source.high
+def _copy(source: Payload, target: Payload) -> None:
+    target.halves[0], target.halves[1] = source.halves[0], source.halves[1]
     target.tick, target.event = source.tick, source.event
 
 
@@ -281,7 +279,7 @@ def _send(bus: Bus, number: int) -> None:
     frame = bus.frames[number]
     bus.on_wire, frame.waiting, bus.broken = number, False, False
     _copy(frame.mailbox, bus.wire)
-    bits = frame_bits(frame.header, bus.wire.low, bus.wire.high)
+    bits = frame_bits(frame.header, bus.wire.halves)
     if bus.error_share > 0:
         drawn = draw(frame)
         if drawn < bus.error_share:  # at a bit that is as likely as any other

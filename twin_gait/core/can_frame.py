@@ -7,7 +7,7 @@ significant bit comes first.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,42 +99,40 @@ def new_header(identifier: int, length: int) -> Header:
     return Header(length, crc, run, stuffed)
 
 
-def frame_crc(header: Header, low: int, high: int) -> int:
+def frame_crc(header: Header, halves: Sequence[int]) -> int:
     """CRC of a frame.
 
     Args:
         header: Of the frame.
-        low: Its bytes 0 to 3, the first in the lowest bits.
-        high: Its bytes 4 to 7 likewise.
+        halves: Bytes 0 to 3 of its data and bytes 4 to 7, the first of them in the lowest bits.
 
     Returns:
         Of 15 bits.
     """
-    crc, rest = header.crc, low
+    crc, rest = header.crc, halves[0]
     for number in range(header.length):
         if number == _HALF_BYTES:
-            rest = high
+            rest = halves[1]
         crc = ((crc << 8) & 0x7FFF) ^ int(_CRC[((crc >> 7) ^ rest) & 0xFF])
         rest >>= 8
     return crc
 
 
-def frame_bits(header: Header, low: int, high: int) -> int:
+def frame_bits(header: Header, halves: Sequence[int]) -> int:
     """Length of a frame on the wire, with its stuff bits and the interframe space.
 
     Args:
         header: Of the frame.
-        low: Its bytes 0 to 3, the first in the lowest bits.
-        high: Its bytes 4 to 7 likewise.
+        halves: Bytes 0 to 3 of its data and bytes 4 to 7, the first of them in the lowest bits.
 
     Returns:
         In bits: :math:`8n + 47` and one for each stuff bit, of which there are at most
         :func:`most_stuff_bits`.
     """
-    crc, run, stuffed, rest = header.crc, header.run, header.stuffed, low
+    crc, run, stuffed, rest = header.crc, header.run, header.stuffed, halves[0]
     for number in range(header.length):
         if number == _HALF_BYTES:
-            rest = high
+            rest = halves[1]
         byte = rest & 0xFF
         rest >>= 8
         crc = ((crc << 8) & 0x7FFF) ^ int(_CRC[(crc >> 7) ^ byte])
