@@ -20,7 +20,7 @@ from twin_gait.parameters import NetworkParameters
 
 MS = 10**9  # [ps]
 BIT = 10**6
-# Messages A, B and C of Davis et al. (2007), section 3.2: 125 bits at 125 kbit/s.
+# Messages A, B and C of Davis et al. (2007): 125 bits at 125 kbit/s.
 EXAMPLE = [CyclicFrame(MS, 5 * MS // 2), CyclicFrame(MS, 7 * MS // 2), CyclicFrame(MS, 7 * MS // 2)]
 
 
