@@ -50,6 +50,8 @@ class NetworkEntry(Section):
     clock_drift: BoardNumbers | None = None
     jitter_us: Number | None = None
     jitter_s: Number | None = None
+    delay_ms: Number | None = None
+    delay_s: Number | None = None
     loss: Number = NetworkParameters.loss
     error_share: Number = NetworkParameters.error_share
     bus_off_recovery: bool = NetworkParameters.bus_off_recovery

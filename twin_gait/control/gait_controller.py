@@ -15,7 +15,14 @@ from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import Setpoint, blend_setpoint, copy_setpoint, joint_signals, leg_signals
 from twin_gait.core.estimation import first_order_step
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram
-from twin_gait.core.safety import LOAD_TRIP, NO_TRIP, PHASE_TIME_OUT_TRIP, SUPPLY_TRIP, support_share
+from twin_gait.core.safety import (
+    BUS_TRIP,
+    LOAD_TRIP,
+    NO_TRIP,
+    PHASE_TIME_OUT_TRIP,
+    SUPPLY_TRIP,
+    support_share,
+)
 
 # What a loop is bound to, and a firmware printed with: legs, actuated joints of a leg, whether inertia
 # torques are wanted, the equilibrium follows a path, and the impedance is shared with the wearer.
@@ -40,6 +47,7 @@ class ControlledJoint:
         lead: Torque that lets the damper follow the path, in [N m].
         tracking: Sum of the absolute errors of the stride in [rad].
         hold_angle: Angle at the trip in [rad].
+        silent_ticks: Since its board was heard.
     """
 
     control_place: int
@@ -54,6 +62,7 @@ class ControlledJoint:
     lead: float = 0.0
     tracking: float = 0.0
     hold_angle: float = 0.0
+    silent_ticks: int = 0
 
 
 @dataclass(slots=True)
@@ -193,6 +202,18 @@ def hear_load(controller: ControllerState, number: int, load: float) -> None:
     leg = controller.legs[number]
     leg.last_load = leg.load
     leg.load = load
+
+
+def hear_board(controller: ControllerState, limits: Limits, number: int, heard: bool) -> None:
+    """Note over a bus whether a board has been silent for too long.
+
+    Args:
+        heard: Whether its measurement came since the tick before.
+    """
+    joint = controller.joints[number]
+    joint.silent_ticks = 0 if heard else joint.silent_ticks + 1
+    if joint.silent_ticks > limits.board_silence and joint.measurement.cause == NO_TRIP:
+        joint.measurement.cause = BUS_TRIP
 
 
 def hear_command(controller: ControllerState, walk: float, tick: int) -> None:

@@ -59,7 +59,8 @@ class Limits:
         current: Of the drives in [A].
         phase_ticks: Longest time in a phase.
         frozen_load_ticks: Longest time for which a load may stand still.
-        silent_ticks: Longest time for which a board or the gait controller may not be heard.
+        controller_silence: Longest time in ticks for which a board bears not to hear the gait controller.
+        board_silence: For which the gait controller bears not to hear a board.
         lowering_ticks: In which a held leg is lowered.
         hold_damping: Of a held joint in [N m s] / [rad].
     """
@@ -68,7 +69,8 @@ class Limits:
     current: float
     phase_ticks: int
     frozen_load_ticks: int
-    silent_ticks: int
+    controller_silence: int
+    board_silence: int
     lowering_ticks: int
     hold_damping: float
 
@@ -322,7 +324,7 @@ def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None
         heard: Whether it came since the tick before.
     """
     board.silent_ticks = 0 if heard else board.silent_ticks + 1
-    if board.silent_ticks > limits.silent_ticks or board.cause != NO_TRIP:
+    if board.silent_ticks > limits.controller_silence or board.cause != NO_TRIP:
         stand_alone(board)
     if board.alone:
         let_down(board, limits)
@@ -339,11 +341,16 @@ def obey(board: BoardState, limits: Limits, watching: bool) -> None:
     ask(board)
     check(board, watching)
     if board.command.cause != NO_TRIP:
-        board.cause = board.command.cause
-        stand_alone(board)
-        let_down(board, limits)
-        ask(board)
-        sum_up(board)
+        refuse(board, limits)
+
+
+def refuse(board: BoardState, limits: Limits) -> None:
+    """Hold the joint alone instead of commanding what is wild."""
+    board.cause = board.command.cause
+    stand_alone(board)
+    let_down(board, limits)
+    ask(board)
+    sum_up(board)
 
 
 def stand_alone(board: BoardState) -> None:

@@ -21,6 +21,7 @@ from twin_gait.control.gait_controller import (
     estimate_acceleration,
     fade,
     has_cause,
+    hear_board,
     hear_command,
     hear_load,
     pose,
@@ -196,10 +197,12 @@ class GaitControllerInputs:
     Attributes:
         surroundings: Read by itself.
         measurements: Last heard from each board.
+        heard: Which of them came since the tick before.
     """
 
     surroundings: Surroundings
     measurements: list[Measurement]
+    heard: list[bool]
 
 
 @dataclass(slots=True)
@@ -310,7 +313,9 @@ def gait_controller_step(
     """
     controller, settings = unit.state, unit.settings
     for number in range(len(controller.joints)):
-        copy_measurement(inputs.measurements[number], controller.joints[number].measurement)
+        if inputs.heard[number]:
+            copy_measurement(inputs.measurements[number], controller.joints[number].measurement)
+        hear_board(controller, settings.limits, number, inputs.heard[number])
     decide(controller, settings, inputs.surroundings, unit.tick)
     for number in range(len(controller.joints)):
         demand(controller, settings.limits, number, unit.tick)

@@ -20,6 +20,7 @@ NODES = (CCU, *BOARDS)
 BIT_RATES = (10e3, 20e3, 50e3, 125e3, 250e3, 500e3, 800e3, 1e6)  # [bit] / [s]
 SHORTEST_CYCLE, LONGEST_CYCLE = 1e-3, 0.1  # [s]; the shortest one is a tick of the boards
 LARGEST_DRIFT = 0.01
+LONGEST_DELAY = 0.1  # [s]
 _SHAPE = re.compile(r"([a-z_]+)(?::([a-z_]+))?@([^=@\s]+?)s(?:=([^=@\s]+?)(m?)s)?")
 
 
@@ -120,6 +121,8 @@ class NetworkParameters:
         clock_drift: By how much the clock of a board is fast, by its name; 1e-6 is a millionth.
         jitter: Longest time from the instant at which a frame is due until its node queues it, in [s]; evenly
             spread.
+        delay: By how much later than over this bus alone every frame is used, in [s], whole milliseconds: of
+            gateways and drivers on its way.
         loss: Share of the frames that are sent and do not arrive, as in a buffer that overruns.
         error_share: Share of the transmissions that an error destroys; they are repeated by themselves.
         bus_off_recovery: Whether a node that went bus-off comes back after 128 times 11 recessive bits.
@@ -135,6 +138,7 @@ class NetworkParameters:
     phase: Mapping[str, float] = field(default_factory=dict)
     clock_drift: Mapping[str, float] = field(default_factory=dict)
     jitter: float = 0.0
+    delay: float = 0.0
     loss: float = 0.0
     error_share: float = 0.0
     bus_off_recovery: bool = True
@@ -163,6 +167,9 @@ class NetworkParameters:
         require(
             0.0 <= self.jitter <= self.cycle, "jitter", f"0 s to the cycle, {self.cycle:g} s", self.jitter
         )
+        whole = abs(self.delay * 1e3 - round(self.delay * 1e3)) < 1e-9
+        in_range = 0.0 <= self.delay <= LONGEST_DELAY and whole
+        require(in_range, "delay", f"0 s to {LONGEST_DELAY:g} s in whole milliseconds", self.delay)
         require_share("loss", self.loss)
         require_share("error_share", self.error_share)
         require_positive("board_silence", self.board_silence)
