@@ -53,12 +53,12 @@ class RunDirectoryError(TwinGaitError):
     """A run directory cannot be made, read or written."""
 
 
-class FirmwareError(TwinGaitError):
-    """Something has no place in the C firmware, or cannot be printed as C."""
-
-
 class ViewerError(TwinGaitError):
     """The viewer or its server could not be started."""
+
+
+class FirmwareError(TwinGaitError):
+    """The controller as C cannot be printed, built or run."""
 
 
 class MissingOptionalDependency(TwinGaitError, ImportError):
