@@ -12,7 +12,9 @@ from twin_gait.firmware.kinds import BOOL, INT, REAL, Kind, ListKind, RecordKind
 from twin_gait.firmware.layout import TAKEN, identifier
 
 # How strongly operators bind in C; what is stronger needs no brackets.
-PRIMARY, UNARY, PRODUCT, SUM, SHIFT, RELATION, EQUALITY, BIT_AND, BIT_XOR, BIT_OR, AND, OR, CHOICE = range(13, 0, -1)
+PRIMARY, UNARY, PRODUCT, SUM, SHIFT, RELATION, EQUALITY, BIT_AND, BIT_XOR, BIT_OR, AND, OR, CHOICE = range(
+    13, 0, -1
+)
 BINARY: dict[type[ast.operator], tuple[str, int]] = {
     ast.Add: ("+", SUM),
     ast.Sub: ("-", SUM),
@@ -61,9 +63,7 @@ class Naming:
         for function in functions:
             name = identifier(function.source.name)
             if name in self.functions.values():
-                raise function.source.refused(
-                    function.source.tree.args, "another function has the same name"
-                )
+                raise function.source.refused(function.source.tree.args, "another function has the same name")
             self.functions[function] = name
         self.taken = TAKEN | set(self.functions.values())
 
@@ -197,7 +197,9 @@ class Expressions:
         for left, op, right in zip(items, node.ops, items[1:], strict=False):
             kind = REAL if REAL in (self.function.kinds[left], self.function.kinds[right]) else INT
             sign, binds = RELATIONS[type(op)]
-            parts.append(f"{self.text(left, kind).inside(SHIFT)} {sign} {self.text(right, kind).inside(SHIFT)}")
+            parts.append(
+                f"{self.text(left, kind).inside(SHIFT)} {sign} {self.text(right, kind).inside(SHIFT)}"
+            )
         return Text(parts[0], binds) if len(parts) == 1 else Text(" && ".join(parts), AND)
 
     def call(self, node: ast.Call, kind: Kind) -> str:
@@ -218,5 +220,3 @@ class Expressions:
             return f"({kind.name})({self.value(node.args[0], kind)})"  # type: ignore[union-attr]
         prefix = "real" if kind is REAL else "int"
         return f"{prefix}_{name}({', '.join(self.value(item, kind) for item in node.args)})"
-
-

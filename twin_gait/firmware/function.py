@@ -327,7 +327,9 @@ class Inference:
             reads = isinstance(item, (ast.Attribute, ast.Subscript)) and isinstance(item.ctx, ast.Load)
             reads = reads and isinstance(self.function.kinds.get(item), Scalar)
             if item not in inside and (reads or isinstance(item, ast.Call)):
-                raise self.source.refused(writing[0], "changes records beside what else is read; name its result")
+                raise self.source.refused(
+                    writing[0], "changes records beside what else is read; name its result"
+                )
 
     # ------------------------------------------------------------------ expressions
 
@@ -410,7 +412,10 @@ class Inference:
         return self.literal(node, value)
 
     def attribute(self, node: ast.Attribute) -> Kind:
-        if isinstance(node.value, ast.Name) and node.value.id not in {*self.function.params, *self.function.locals}:
+        if isinstance(node.value, ast.Name) and node.value.id not in {
+            *self.function.params,
+            *self.function.locals,
+        }:
             module = self.functions.sources.found(node.value.id, self.source.scope)
             value = constant_in(module, node.attr)
             if value is None:

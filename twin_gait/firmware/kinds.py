@@ -98,7 +98,9 @@ class Shapes:
         for name, entry in kinds_of(kind):
             value = getattr(record, name)
             if value is not ABSENT and value != [] and value != ():
-                known[name] = self._joined(known.get(name), self._kind(value, entry), f"{kind.__name__}.{name}")
+                known[name] = self._joined(
+                    known.get(name), self._kind(value, entry), f"{kind.__name__}.{name}"
+                )
 
     def _kind(self, value: Any, entry: type) -> Kind:
         if isinstance(value, (list, tuple)):

@@ -24,9 +24,6 @@ from twin_gait.firmware.records import Records, Tables
 from twin_gait.firmware.source import Sources
 from twin_gait.firmware.statements import Printed, result_struct
 
-# Every function is rounded as Python rounds: no product and sum in one.
-FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
-
 
 class TranslationUnit(NamedTuple):
     """What one file of C is for.
@@ -62,7 +59,10 @@ class Program(NamedTuple):
 
 
 def print_units(
-    units: Sequence[TranslationUnit], names: Mapping[str, Any] | None = None, text: str = "", shapes: Sequence[Any] = ()
+    units: Sequence[TranslationUnit],
+    names: Mapping[str, Any] | None = None,
+    text: str = "",
+    shapes: Sequence[Any] = (),
 ) -> Program:
     """Print units of firmware.
 
@@ -81,7 +81,9 @@ def print_units(
     """
     sources, samples = Sources(names or {}, text), [item for unit in units for item in unit.samples.values()]
     functions = Functions(sources, Shapes([*samples, *shapes]))
-    entries = {unit.name: [functions.entry(sources.of(_function(item))) for item in unit.entries] for unit in units}
+    entries = {
+        unit.name: [functions.entry(sources.of(_function(item))) for item in unit.entries] for unit in units
+    }
     every = [item for found in entries.values() for item in found]
     records = Records(functions, every, samples)
     parts = {unit.name: _Unit(unit, entries[unit.name], records, every) for unit in units}
@@ -104,7 +106,9 @@ def print_units(
 class _Unit:
     """Prints one unit."""
 
-    def __init__(self, unit: TranslationUnit, entries: Sequence[Function], records: Records, every: Sequence[Function]) -> None:
+    def __init__(
+        self, unit: TranslationUnit, entries: Sequence[Function], records: Records, every: Sequence[Function]
+    ) -> None:
         self.unit, self.entries, self.records = unit, entries, records
         reached = set(_reached(entries, {*every} - {*entries}))
         self.order = [item for item in records.functions.order if item in reached]

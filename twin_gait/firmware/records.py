@@ -16,7 +16,6 @@ from twin_gait.firmware.kinds import INT, INT_LIMIT, LARGEST_SINGLE, REAL, Kind,
 from twin_gait.firmware.layout import INDENT, WIDTH, attributes_of, comment, docstring_of, identifier, wrapped
 
 
-
 class Records:
     """Layout of all records of a program."""
 
@@ -173,7 +172,9 @@ class Tables:
     def _value(self, value: Any, kind: Kind, name: str, where: str) -> str:
         if isinstance(kind, ListKind):
             numbered = enumerate(value)
-            return f"{{{', '.join(self._value(item, kind.item, f'{name}_{k}', where) for k, item in numbered)}}}"
+            return (
+                f"{{{', '.join(self._value(item, kind.item, f'{name}_{k}', where) for k, item in numbered)}}}"
+            )
         if isinstance(kind, RecordKind):
             return self.initialiser(value, name)
         assert isinstance(kind, Scalar)

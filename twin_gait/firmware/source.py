@@ -59,9 +59,7 @@ class Sources:
             text: Source of more functions, likewise; what they call is found in ``names``.
         """
         self.names = names
-        self._texts = {
-            item.name: item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef)
-        }
+        self._texts = {item.name: item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef)}
         self._lines = text.splitlines()
         self._read: dict[Any, Source] = {}
 

@@ -105,7 +105,10 @@ class Printed:
             fresh: Names that it declares if it assigns them.
         """
         match node:
-            case ast.Assign(targets=[target], value=value) | ast.AnnAssign(target=target, value=ast.expr() as value):
+            case (
+                ast.Assign(targets=[target], value=value)
+                | ast.AnnAssign(target=target, value=ast.expr() as value)
+            ):
                 self.assign(target, value, fresh)
             case ast.If():
                 self.condition(node, "if")
@@ -152,7 +155,10 @@ class Printed:
         if isinstance(value, ast.BinOp) and type(value.op) in BINARY and text.startswith(left):
             inner = self.expressions.text(value.right, kind)
             sign, binds = BINARY[type(value.op)]
-            if text in (f"{left}{sign} {inner.inside(b)}" for b in (binds, binds + 1, 12)) and kind is not BOOL:
+            if (
+                text in (f"{left}{sign} {inner.inside(b)}" for b in (binds, binds + 1, 12))
+                and kind is not BOOL
+            ):
                 self.emit(f"{place} {sign}= {inner.text};")
                 return
         self.emit(f"{place} = {text};")
@@ -226,8 +232,14 @@ class Printed:
 
     def is_steady(self, node: ast.expr, body: Sequence[ast.stmt]) -> bool:
         inside = [item for statement in body for item in ast.walk(statement)]
-        stored = {item.id for item in inside if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store)}
-        fields = {item.attr for item in inside if isinstance(item, ast.Attribute) and isinstance(item.ctx, ast.Store)}
+        stored = {
+            item.id for item in inside if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store)
+        }
+        fields = {
+            item.attr
+            for item in inside
+            if isinstance(item, ast.Attribute) and isinstance(item.ctx, ast.Store)
+        }
         calls = any(item in self.function.calls and self.function.calls[item].writes for item in inside)  # type: ignore[index]
         for item in ast.walk(node):
             if isinstance(item, ast.Name) and item.id in stored:
