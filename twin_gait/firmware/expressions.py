@@ -163,15 +163,15 @@ class Expressions:
                 return self.binary(node, kind)
             case ast.BoolOp(op=op, values=values):
                 sign, binds = ("&&", AND) if isinstance(op, ast.And) else ("||", OR)
-                inner = [self.text(item, BOOL) for item in values]
+                parts = [self.text(item, BOOL) for item in values]
                 # What binds less strongly, and an "and" within an "or", where compilers warn.
-                return Text(f" {sign} ".join(item.inside(BIT_OR) for item in inner), binds)
+                return Text(f" {sign} ".join(item.inside(BIT_OR) for item in parts), binds)
             case ast.Compare():
                 return self.comparison(node)
             case ast.IfExp(test=test, body=body, orelse=other):
-                parts = self.text(test, BOOL), self.text(body, kind), self.text(other, kind)
-                yes, no = parts[1].inside(CHOICE + 1), parts[2].inside(CHOICE + 1)
-                return Text(f"{parts[0].inside(CHOICE + 1)} ? {yes} : {no}", CHOICE)
+                texts = (self.text(test, BOOL), self.text(body, kind), self.text(other, kind))
+                given, yes, no = (item.inside(CHOICE + 1) for item in texts)
+                return Text(f"{given} ? {yes} : {no}", CHOICE)
             case ast.Call():
                 return Text(self.call(node, kind), PRIMARY)
         raise self.function.source.refused(node, "an expression that is not printed")
@@ -184,6 +184,7 @@ class Expressions:
         return identifier(node.attr) if value is None else number(value, REAL)
 
     def binary(self, node: ast.BinOp, kind: Scalar) -> Text:
+        """Arithmetic."""
         left, right = (self.text(item, kind) for item in (node.left, node.right))
         if type(node.op) in WHOLE:
             return Text(f"{WHOLE[type(node.op)]}({left.text}, {right.text})", PRIMARY)
@@ -193,6 +194,7 @@ class Expressions:
         return Text(f"{left.inside(binds)} {sign} {right.inside(binds + 1)}", binds)
 
     def comparison(self, node: ast.Compare) -> Text:
+        """Comparisons, in a chain too."""
         parts, items = [], [node.left, *node.comparators]
         for left, op, right in zip(items, node.ops, items[1:], strict=False):
             kind = REAL if REAL in (self.function.kinds[left], self.function.kinds[right]) else INT

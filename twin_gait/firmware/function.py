@@ -89,7 +89,7 @@ class Functions:
         self._open: list[Source] = []
 
     def entry(self, source: Source) -> Function:
-        """Understand a function that is called from outside; its annotations say of what kind its arguments are."""
+        """Understand a function that is called from outside; its annotations say what its arguments are."""
         kinds = []
         for item in source.tree.args.args:
             try:
@@ -114,7 +114,7 @@ class Functions:
             if (source.module, source.name) in BY_HAND:
                 known.returns = kind_of_hint(source.hints["return"])
             else:
-                Inference(self, known).run()
+                _Inference(self, known).run()
                 self.order.append(known)
             self._open.pop()
         self._agree(known, params)
@@ -122,20 +122,19 @@ class Functions:
 
     @staticmethod
     def _agree(function: Function, params: dict[str, Kind]) -> None:
-        """All calls have to give arguments of the same kinds; lists may differ in length where it does not matter."""
+        """Refuse arguments of other kinds than in the calls before; of a list's length where it matters."""
         for name, kind in params.items():
             known = function.params[name]
             if kind == known:
                 continue
-            alike = isinstance(known, ListKind) and isinstance(kind, ListKind) and known.item == kind.item
-            if not alike or name in function.lengths:
-                raise function.source.refused(
-                    function.source.tree.args, f"{name} is of two kinds in two calls"
-                )
-            function.params[name] = ListKind(known.item, None)  # type: ignore[union-attr]
+            if isinstance(known, ListKind) and isinstance(kind, ListKind) and known.item == kind.item:
+                if name not in function.lengths:
+                    function.params[name] = ListKind(known.item, None)
+                    continue
+            raise function.source.refused(function.source.tree.args, f"{name} is of two kinds in two calls")
 
 
-class Inference:
+class _Inference:
     """Finds the kinds in one function."""
 
     def __init__(self, functions: Functions, function: Function) -> None:
@@ -266,8 +265,8 @@ class Inference:
         for name in (name for item in node.body for name in ast.walk(item)):
             if isinstance(name, ast.Name) and isinstance(name.ctx, ast.Store) and name.id in counters:
                 raise self.source.refused(name, "is counted by the loop")
-        for name in counters & before:
-            raise self.source.refused(target, f"{name} has another meaning before the loop")
+        if counters & before:
+            raise self.source.refused(target, "has another meaning before the loop")
         self.block(node.body)
         self.assigned = before
 
@@ -318,7 +317,7 @@ class Inference:
     def in_order(self, value: ast.expr, target: ast.expr | None = None) -> None:
         """Refuse an expression whose value depends on what C evaluates first."""
         writing = [item for item in ast.walk(value) if item in self.function.calls]
-        writing = [item for item in writing if self.function.calls[item].writes]  # type: ignore[index]
+        writing = [item for item in writing if self.function.calls[item].writes]
         if not writing:
             return
         inside = set(ast.walk(writing[0]))

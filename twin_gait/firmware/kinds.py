@@ -74,6 +74,14 @@ def scalar_of(value: Any) -> Scalar | None:
     return SCALARS.get(type(value))
 
 
+def type_name(kind: Kind) -> str:
+    """Type of a number or a record in C, and of the entries of a list."""
+    while isinstance(kind, ListKind):
+        kind = kind.item
+    assert isinstance(kind, (Scalar, RecordKind))
+    return kind.name if isinstance(kind, Scalar) else kind.record.__name__
+
+
 class Shapes:
     """Kinds of the fields of all records that samples hold, and every instance of them.
 

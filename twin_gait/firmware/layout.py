@@ -9,9 +9,9 @@ WIDTH = 100
 INDENT = 4
 # Words of C99, of its headers and of ours that a name may not be.
 TAKEN = frozenset(
-    "auto break case char const continue default do double else enum extern float for goto if inline int long "
-    "register restrict return short signed sizeof static struct switch typedef union unsigned void volatile "
-    "while asm bool true false real NULL INFINITY NAN main".split()
+    "auto break case char const continue default do double else enum extern float for goto if inline int "
+    "long register restrict return short signed sizeof static struct switch typedef union unsigned void "
+    "volatile while asm bool true false real NULL INFINITY NAN main".split()
 )
 
 

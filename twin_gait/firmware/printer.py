@@ -122,7 +122,13 @@ class _Unit:
         prototypes = [*(head for head, _ in inits), *map(self._prototype, self.entries)]
         structs = [line for item in self.entries for line in result_struct(item, self.naming)]
         header = [*structs, *(line for text in prototypes for line in (*text, ""))]
-        lines = [f'#include "{name}.h"', "", *self._constants(), *tables.lines, ""]
+        lines = [
+            f'#include "{name}.h"',
+            "",
+            *self._constants(),
+            *tables.lines,
+            *([""] if tables.lines else []),
+        ]
         lines += [line for _, text in inits for line in text]
         own = [item for item in self.order if item not in self.foreign]
         for item in own:
@@ -163,8 +169,7 @@ def _constant(function: Function, name: str, value: bool | int | float) -> str:
     assert kind is not None
     text = number(value, kind)
     if kind is REAL and function.source.module == ELEMENTARY and name in SINGLE:
-        sign = "-" if text[0] == "-" else ""
-        text = f"{sign}REAL_OR({abs(value)!r}, {abs(SINGLE[name])!r})"
+        return f"REAL_OR({value!r}, {SINGLE[name]!r})"
     return f"({text})" if text[0] == "-" else text
 
 

@@ -12,7 +12,17 @@ from typing import Any
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware.expressions import number
 from twin_gait.firmware.function import Function, Functions
-from twin_gait.firmware.kinds import INT, INT_LIMIT, LARGEST_SINGLE, REAL, Kind, ListKind, RecordKind, Scalar
+from twin_gait.firmware.kinds import (
+    INT,
+    INT_LIMIT,
+    LARGEST_SINGLE,
+    REAL,
+    Kind,
+    ListKind,
+    RecordKind,
+    Scalar,
+    type_name,
+)
 from twin_gait.firmware.layout import INDENT, WIDTH, attributes_of, comment, docstring_of, identifier, wrapped
 
 
@@ -63,7 +73,7 @@ class Records:
         return not isinstance(kind, Scalar) and (record, name) not in self.functions.mutable
 
     def type_of(self, record: type, name: str) -> str:
-        """Type of a number in a record; whole numbers of what is in flash alone take the room that they need."""
+        """Type of a number in a record; in flash alone whole numbers take the room that they need."""
         kind = self.fields[record][name]
         assert isinstance(kind, Scalar)
         if kind is INT and record not in self._handed:
@@ -108,10 +118,9 @@ class Records:
         kind, place = self.fields[record][name], identifier(name)
         if isinstance(kind, Scalar):
             return f"{self.type_of(record, name)} {place}"
-        item = kind.item if isinstance(kind, ListKind) else kind
-        if isinstance(item, ListKind):
+        if isinstance(kind, ListKind) and isinstance(kind.item, ListKind):
             raise FirmwareError(f"{record.__name__}.{name}: lists of lists are not printed")
-        text = item.name if isinstance(item, Scalar) else item.record.__name__  # type: ignore[union-attr]
+        text = type_name(kind)
         if self.is_table(record, name):
             return f"const {text} *{place}"
         if not isinstance(kind, ListKind):
@@ -159,8 +168,7 @@ class Tables:
             self.lines.append("};")
 
     def _table(self, value: Any, kind: Kind, name: str) -> str:
-        item = kind.item if isinstance(kind, ListKind) else kind
-        text = item.name if isinstance(item, Scalar) else item.record.__name__  # type: ignore[union-attr]
+        text = type_name(kind)
         contents = self._value(value, kind, name, name)
         known = self._names.get((text, contents))
         if known is None:

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 from twin_gait.firmware.expressions import BINARY, Expressions, Naming
 from twin_gait.firmware.function import Function, Functions
-from twin_gait.firmware.kinds import BOOL, INT, Kind, ListKind, RecordKind, Scalar, TupleKind
+from twin_gait.firmware.kinds import BOOL, INT, Kind, ListKind, Scalar, TupleKind, type_name
 from twin_gait.firmware.layout import INDENT, comment, identifier, wrapped
 
 
@@ -16,9 +16,7 @@ def declared(kind: Kind, name: str, is_written: bool) -> str:
     """Declaration of a name, of records and lists as an address."""
     if isinstance(kind, Scalar):
         return f"{kind.name} {name}"
-    item = kind.item if isinstance(kind, ListKind) else kind
-    text = item.name if isinstance(item, Scalar) else item.record.__name__  # type: ignore[union-attr]
-    return f"{'' if is_written else 'const '}{text} *{name}"
+    return f"{'' if is_written else 'const '}{type_name(kind)} *{name}"
 
 
 class Printed:
@@ -55,17 +53,17 @@ class Printed:
         self.depth = 1
         for name in self.function.params:
             if name not in self.read:
-                self.emit(f"(void){self.expressions.local(name)};")
-        self.block(self.tree.body)
+                self._emit(f"(void){self.expressions.local(name)};")
+        self._block(self.tree.body)
         return [*self.lines, "}"]
 
-    def emit(self, line: str) -> None:
+    def _emit(self, line: str) -> None:
         """A line at the present depth."""
         self.lines += wrapped(line, self.depth * INDENT)
 
     # ------------------------------------------------------------------ blocks and names
 
-    def block(self, statements: Sequence[ast.stmt]) -> None:
+    def _block(self, statements: Sequence[ast.stmt]) -> None:
         """Statements, with the names that are of no narrower block."""
         first = {}
         for name in sorted(set(self.function.locals) - self.known):
@@ -76,18 +74,18 @@ class Printed:
         for number, item in enumerate(statements):
             fresh = {name for name, place in first.items() if place == number}
             for name in sorted(fresh - _assigned_by(item)):
-                self.emit(f"{self.declaration(name)};")
-            self.statement(item, fresh)
+                self._emit(f"{self._declaration(name)};")
+            self._statement(item, fresh)
         self.known -= first.keys()
 
-    def declaration(self, name: str, *, once: bool = False) -> str:
+    def _declaration(self, name: str, *, once: bool = False) -> str:
         """Of a local name."""
         kind = self.function.locals[name]
         text = declared(kind, self.expressions.local(name), name in self.function.written)
         constant = once and isinstance(kind, Scalar) and self.stores[name] == 1
         return f"const {text}" if constant else text
 
-    def free(self, wanted: str) -> str:
+    def _free(self, wanted: str) -> str:
         """A name that the function does not have yet."""
         used = {self.expressions.local(name) for name in (*self.function.locals, *self.function.params)}
         used |= {word for line in self.lines for word in line.replace("(", " ").replace(";", " ").split()}
@@ -98,7 +96,7 @@ class Printed:
 
     # ------------------------------------------------------------------ statements
 
-    def statement(self, node: ast.stmt, fresh: set[str]) -> None:
+    def _statement(self, node: ast.stmt, fresh: set[str]) -> None:
         """One statement.
 
         Args:
@@ -109,49 +107,49 @@ class Printed:
                 ast.Assign(targets=[target], value=value)
                 | ast.AnnAssign(target=target, value=ast.expr() as value)
             ):
-                self.assign(target, value, fresh)
+                self._assign(target, value, fresh)
             case ast.If():
-                self.condition(node, "if")
+                self._condition(node, "if")
             case ast.For():
-                self.loop(node)
+                self._loop(node)
             case ast.Return(value=value):
-                self.returns(value)
+                self._returns(value)
             case ast.Expr(value=ast.Call() as call):
-                self.emit(f"{self.expressions.call(call, None)};")
+                self._emit(f"{self.expressions.call(call, None)};")
             case ast.Continue():
-                self.emit("continue;")
+                self._emit("continue;")
             case ast.Break():
-                self.emit("break;")
+                self._emit("break;")
 
-    def assign(self, target: ast.expr, value: ast.expr, fresh: set[str]) -> None:
+    def _assign(self, target: ast.expr, value: ast.expr, fresh: set[str]) -> None:
         if not isinstance(target, ast.Tuple):
-            wanted = self.kind_of(target)
-            self.store(target, self.expressions.value(value, wanted), fresh, value)
+            wanted = self._kind_of(target)
+            self._store(target, self.expressions.value(value, wanted), fresh, value)
             return
         assert isinstance(value, ast.Call)
-        result, called = self.free("result"), self.function.calls[value]
+        result, called = self._free("result"), self.function.calls[value]
         text = self.expressions.call(value, None)
         kept = [item for item in target.elts if not (isinstance(item, ast.Name) and item.id not in self.read)]
         if not kept:
-            self.emit(f"(void){text};")
+            self._emit(f"(void){text};")
             return
-        self.emit(f"const {self.naming.result(called)} {result} = {text};")
+        self._emit(f"const {self.naming.result(called)} {result} = {text};")
         for number, item in enumerate(target.elts):
             if item in kept:
-                self.store(item, f"{result}.{result_name(number)}", fresh)
+                self._store(item, f"{result}.{result_name(number)}", fresh)
 
-    def kind_of(self, target: ast.expr) -> Kind:
+    def _kind_of(self, target: ast.expr) -> Kind:
         return self.function.kinds[target]
 
-    def store(self, target: ast.expr, text: str, fresh: set[str], value: ast.expr | None = None) -> None:
+    def _store(self, target: ast.expr, text: str, fresh: set[str], value: ast.expr | None = None) -> None:
         if isinstance(target, ast.Name) and target.id in fresh:
-            self.emit(f"{self.declaration(target.id, once=True)} = {text};")
+            self._emit(f"{self._declaration(target.id, once=True)} = {text};")
             return
         if isinstance(target, ast.Name):
             place = self.expressions.local(target.id)
         else:
-            place = self.expressions.plain(target, self.kind_of(target)).text  # type: ignore[arg-type]
-        left, kind = f"{place} ", self.kind_of(target)
+            place = self.expressions.plain(target, self._kind_of(target)).text  # type: ignore[arg-type]
+        left, kind = f"{place} ", self._kind_of(target)
         if isinstance(value, ast.BinOp) and type(value.op) in BINARY and text.startswith(left):
             inner = self.expressions.text(value.right, kind)
             sign, binds = BINARY[type(value.op)]
@@ -159,78 +157,78 @@ class Printed:
                 text in (f"{left}{sign} {inner.inside(b)}" for b in (binds, binds + 1, 12))
                 and kind is not BOOL
             ):
-                self.emit(f"{place} {sign}= {inner.text};")
+                self._emit(f"{place} {sign}= {inner.text};")
                 return
-        self.emit(f"{place} = {text};")
+        self._emit(f"{place} = {text};")
 
-    def condition(self, node: ast.If, word: str) -> None:
-        self.emit(f"{word} ({self.expressions.value(node.test, BOOL)}) {{")
-        self.inner(node.body)
+    def _condition(self, node: ast.If, word: str) -> None:
+        self._emit(f"{word} ({self.expressions.value(node.test, BOOL)}) {{")
+        self._inner(node.body)
         match node.orelse:
             case [ast.If() as other]:
-                self.condition(other, "} else if")
+                self._condition(other, "} else if")
                 return
             case [_, *_]:
-                self.emit("} else {")
-                self.inner(node.orelse)
-        self.emit("}")
+                self._emit("} else {")
+                self._inner(node.orelse)
+        self._emit("}")
 
-    def inner(self, statements: Sequence[ast.stmt], before: Sequence[str] = ()) -> None:
+    def _inner(self, statements: Sequence[ast.stmt], before: Sequence[str] = ()) -> None:
         self.depth += 1
         for line in before:
-            self.emit(line)
-        self.block(statements)
+            self._emit(line)
+        self._block(statements)
         self.depth -= 1
 
-    def loop(self, node: ast.For) -> None:
+    def _loop(self, node: ast.For) -> None:
         first, before, target = "0", [], node.target
         match node.iter:
             case ast.Call(func=ast.Name(id="range"), args=args):
                 first = self.expressions.value(args[0], INT) if len(args) == 2 else "0"
-                end = self.end(args[-1], node.body)
-                counter = self.counter(target)
+                end = self._end(args[-1], node.body)
+                counter = self._counter(target)
             case ast.Call(func=ast.Name(id="enumerate"), args=[items]):
                 assert isinstance(target, ast.Tuple)
-                counter = self.counter(target.elts[0])
-                end = self.over(items)
-                before = [self.entry(target.elts[1], items, counter)]
+                counter = self._counter(target.elts[0])
+                end = self._over(items)
+                before = [self._entry(target.elts[1], items, counter)]
             case items:
-                counter = self.free("number")
-                end = self.over(items)
-                before = [self.entry(target, items, counter)]
-        self.emit(f"for (int32_t {counter} = {first}; {counter} < {end}; {counter}++) {{")
+                counter = self._free("number")
+                end = self._over(items)
+                before = [self._entry(target, items, counter)]
+        self._emit(f"for (int32_t {counter} = {first}; {counter} < {end}; {counter}++) {{")
         loops = {item.id for item in ast.walk(target) if isinstance(item, ast.Name)}
         added = loops - self.known
         self.known |= added
-        self.inner(node.body, before)
+        self._inner(node.body, before)
         self.known -= added
-        self.emit("}")
+        self._emit("}")
 
-    def counter(self, target: ast.expr) -> str:
+    def _counter(self, target: ast.expr) -> str:
         assert isinstance(target, ast.Name)
         return self.expressions.local(target.id)
 
-    def over(self, items: ast.expr) -> str:
+    def _over(self, items: ast.expr) -> str:
         kind = self.function.kinds[items]
         assert isinstance(kind, ListKind)
         return str(kind.length)
 
-    def entry(self, target: ast.expr, items: ast.expr, counter: str) -> str:
+    def _entry(self, target: ast.expr, items: ast.expr, counter: str) -> str:
         assert isinstance(target, ast.Name)
         text = f"{self.expressions.place(items)[0]}[{counter}]"
         text = text if isinstance(self.function.locals[target.id], Scalar) else f"&{text}"
-        return f"{self.declaration(target.id, once=True)} = {text};"
+        return f"{self._declaration(target.id, once=True)} = {text};"
 
-    def end(self, node: ast.expr, body: Sequence[ast.stmt]) -> str:
+    def _end(self, node: ast.expr, body: Sequence[ast.stmt]) -> str:
         """Where a loop ends; named before it if the loop may change what it is computed from."""
         text = self.expressions.value(node, INT)
-        if self.is_steady(node, body):
+        if self._is_steady(node, body):
             return text
-        name = self.free("end")
-        self.emit(f"const int32_t {name} = {text};")
+        name = self._free("end")
+        self._emit(f"const int32_t {name} = {text};")
         return name
 
-    def is_steady(self, node: ast.expr, body: Sequence[ast.stmt]) -> bool:
+    def _is_steady(self, node: ast.expr, body: Sequence[ast.stmt]) -> bool:
         inside = [item for statement in body for item in ast.walk(statement)]
         stored = {
             item.id for item in inside if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store)
@@ -240,7 +238,7 @@ class Printed:
             for item in inside
             if isinstance(item, ast.Attribute) and isinstance(item.ctx, ast.Store)
         }
-        calls = any(item in self.function.calls and self.function.calls[item].writes for item in inside)  # type: ignore[index]
+        calls = any(item in self.function.calls and self.function.calls[item].writes for item in inside)
         for item in ast.walk(node):
             if isinstance(item, ast.Name) and item.id in stored:
                 return False
@@ -250,26 +248,26 @@ class Printed:
                 return False
         return True
 
-    def returns(self, value: ast.expr | None) -> None:
+    def _returns(self, value: ast.expr | None) -> None:
         kind = self.function.returns
         if value is None:
-            self.emit("return;")
+            self._emit("return;")
         elif isinstance(value, ast.Tuple) and isinstance(kind, TupleKind):
             parts = zip(value.elts, kind.items, strict=True)
             texts = ", ".join(self.expressions.value(item, part) for item, part in parts)
-            self.emit(f"return ({self.naming.result(self.function)}){{{texts}}};")
+            self._emit(f"return ({self.naming.result(self.function)}){{{texts}}};")
         elif isinstance(kind, TupleKind):
             assert isinstance(value, ast.Call)
-            result, called = self.free("result"), self.function.calls[value]
+            result, called = self._free("result"), self.function.calls[value]
             text = self.expressions.call(value, None)
             if self.naming.result(called) == self.naming.result(self.function):
-                self.emit(f"return {text};")
+                self._emit(f"return {text};")
                 return
-            self.emit(f"const {self.naming.result(called)} {result} = {text};")
+            self._emit(f"const {self.naming.result(called)} {result} = {text};")
             texts = ", ".join(f"{result}.{result_name(number)}" for number in range(len(kind.items)))
-            self.emit(f"return ({self.naming.result(self.function)}){{{texts}}};")
+            self._emit(f"return ({self.naming.result(self.function)}){{{texts}}};")
         else:
-            self.emit(f"return {self.expressions.value(value, kind)};")
+            self._emit(f"return {self.expressions.value(value, kind)};")
 
 
 def result_name(number: int) -> str:

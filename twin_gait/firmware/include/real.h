@@ -17,7 +17,7 @@ typedef double real;
 typedef int64_t real_whole;
 typedef uint64_t real_bits;
 #define REAL(x) x
-#define REAL_OR(wide, single) wide
+#define REAL_OR(wide, single) (wide)
 #define REAL_LARGEST DBL_MAX
 #define REAL_WHOLE 4503599627370496.0 /* 2^52: from here on every number is a whole one */
 #define REAL_MANTISSA 52
@@ -27,7 +27,7 @@ typedef float real;
 typedef int32_t real_whole;
 typedef uint32_t real_bits;
 #define REAL(x) x##f
-#define REAL_OR(wide, single) single##f /* a constant that depends on the type */
+#define REAL_OR(wide, single) (single##f) /* a constant that depends on the type */
 #define REAL_LARGEST FLT_MAX
 #define REAL_WHOLE 8388608.0f /* 2^23 */
 #define REAL_MANTISSA 23
