@@ -192,7 +192,6 @@ class _Inference:
 
     def assign(self, node: ast.stmt, target: ast.expr, value: ast.expr) -> None:
         kind = self.kind(value)
-        self.in_order(value, target)
         if isinstance(target, ast.Tuple):
             if not isinstance(kind, TupleKind) or len(kind.items) != len(target.elts):
                 raise self.source.refused(node, "as many names as values are expected")
@@ -200,6 +199,7 @@ class _Inference:
                 self.store(item, part, value)
         else:
             self.store(target, kind, value)
+        self.in_order(value, target)
 
     def store(self, target: ast.expr, kind: Kind, value: ast.expr) -> None:
         if isinstance(target, ast.Name):
