@@ -1,4 +1,4 @@
-"""Elementary functions of 32-bit numbers, printed and compiled, against mpmath; where their constants come from."""
+"""Elementary functions of 32-bit numbers, compiled, against mpmath; where their constants come from."""
 
 from __future__ import annotations
 
