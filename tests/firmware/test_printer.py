@@ -258,6 +258,7 @@ def test_functions_of_board_and_gait_controller(device, device_library, function
         "rates": episode.rates,
         "limits": episode.limits,
         "measurement": episode.controller.joints[0].measurement,
+        "command": episode.joints[0].board.command,
         "demand": episode.controller.joints[0].demand,
     }
 
