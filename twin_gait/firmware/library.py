@@ -82,6 +82,10 @@ class Library:
         made: ctypes.Structure = self._taken(RecordKind(type(record)), record)
         return made
 
+    def read_back(self, structure: ctypes.Structure, record: Any) -> None:
+        """Bring what C has changed in a structure back into the record that it was made of."""
+        self._give_back(RecordKind(type(record)), structure, record)
+
     # ------------------------------------------------------------------ kinds
 
     def _scalar(self, name: str) -> Any:
