@@ -50,7 +50,7 @@ def add_parser(commands: Any) -> None:
 
     parser = commands.add_parser(
         "export",
-        help="write the log of a run as CSV, for OpenSim or CAN tools",
+        help="write the log of a run: CSV, for OpenSim or CAN tools",
         description=(
             "Write the log of a run directory as CSV (every column), its joint angles as a motion of "
             "OpenSim (.mot in degrees, .sto in radians), all that OpenSim's inverse dynamics needs: a "
