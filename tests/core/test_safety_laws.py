@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from twin_gait.control import TripCause
 from twin_gait.core import faults, safety
+from twin_gait.core.actuator import winding_voltage
 from twin_gait.core.control_tick import new_encoder
 from twin_gait.core.estimation import quantise
 from twin_gait.exceptions import ParameterError
@@ -36,9 +37,11 @@ def test_stopping_angle_is_where_a_braked_joint_comes_to_rest(angle, velocity, d
 def test_a_drive_with_the_right_resistance_infers_the_true_speed(current, velocity):
     constant = KNEE_ACTUATOR.torque_constant * KNEE_ACTUATOR.gear_ratio
     resistance = KNEE_ACTUATOR.resistance
-    inferred = safety.motor_speed(current, velocity, resistance, constant, resistance)
+    voltage = winding_voltage(current, velocity, resistance, constant)
+    inferred = safety.motor_speed(voltage, current, constant, resistance)
     assert inferred == pytest.approx(velocity, abs=1e-12)
-    warm = safety.motor_speed(current, velocity, 1.39 * resistance, constant, resistance)
+    voltage = winding_voltage(current, velocity, 1.39 * resistance, constant)
+    warm = safety.motor_speed(voltage, current, constant, resistance)
     assert warm - velocity == pytest.approx(0.39 * resistance * current / constant, abs=1e-12)
 
 

@@ -109,6 +109,21 @@ def voltage_limited_current(
     return current
 
 
+def winding_voltage(current: float, joint_velocity: float, resistance: float, emf_constant: float) -> float:
+    r"""Voltage on a winding that carries a steady current: :math:`U = R I + K_e\,\tau\,\omega`.
+
+    Args:
+        current: :math:`I` in [A].
+        joint_velocity: :math:`\omega` at the joint in [rad] / [s].
+        resistance: :math:`R`, line to line, in [Ω].
+        emf_constant: :math:`K_e\,\tau` at the joint in [V s] / [rad].
+
+    Returns:
+        Voltage in [V].
+    """
+    return resistance * current + emf_constant * joint_velocity
+
+
 def motor_electrical_power(
     current: float,
     joint_velocity: float,

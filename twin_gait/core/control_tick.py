@@ -125,15 +125,17 @@ def sample_slowly(encoder: Encoder, number: int, interval: float) -> None:
     encoder.velocity_slow = total / window
 
 
-def joint_signals(encoder: Encoder, signals: list[float], place: int) -> None:
+def joint_signals(angle: float, velocity: float, signals: list[float], place: int) -> None:
     """Write the signals of a joint in the order in which guards read them: angle, fast velocity.
 
     Args:
+        angle: Measured in [rad].
+        velocity: Fast estimate in [rad] / [s].
         signals: Changed in place.
         place: Of the first one.
     """
-    signals[place] = encoder.angle
-    signals[place + 1] = encoder.velocity_fast
+    signals[place] = angle
+    signals[place + 1] = velocity
 
 
 def leg_signals(load: float, ticks_in_phase: int, period: float, signals: list[float], place: int) -> None:
@@ -244,34 +246,23 @@ def target_current(motor: Motor, command: float, torque_limit: float, current_li
     return saturate(wanted, current_limit)
 
 
-def drive_motor(
-    motor: Motor,
-    command: float,
-    joint_velocity: float,
-    bus_voltage: float,
-    torque_limit: float,
-    current_limit: float,
-) -> tuple[float, float, float]:
-    """From the commanded torque to the torque that the motor gives.
+def driven_motor(
+    motor: Motor, current: float, joint_velocity: float, bus_voltage: float
+) -> tuple[float, float]:
+    """What a motor gives when its drive is asked for a current: what the bus voltage allows at this speed.
 
-    Torque limit, conversion to current, current limit, then what the bus voltage allows at the
-    present speed. The current loop (20 kHz) is ideal within the tick.
+    The current loop (20 kHz) is ideal within the tick.
 
     Args:
         motor: Motor and gear.
-        command: Sum of the controller's torques in [N m].
+        current: Asked for, from :func:`target_current`, in [A].
         joint_velocity: True joint velocity in [rad] / [s], for the back-EMF.
         bus_voltage: In [V].
-        torque_limit: In [N m].
-        current_limit: In [A].
 
     Returns:
-        Target current in [A], measured current in [A], motor torque at the joint before the losses of the
-        gear in [N m].
+        Measured current in [A], motor torque at the joint before the losses of the gear in [N m].
     """
-    target = target_current(motor, command, torque_limit, current_limit)
-    current = voltage_limited_current(
-        target, joint_velocity, bus_voltage, motor.resistance, motor.torque_constant, motor.gear_ratio
+    measured = voltage_limited_current(
+        current, joint_velocity, bus_voltage, motor.resistance, motor.torque_constant, motor.gear_ratio
     )
-    torque = current_to_torque(current, motor.torque_constant, motor.gear_ratio)
-    return target, current, torque
+    return measured, current_to_torque(measured, motor.torque_constant, motor.gear_ratio)

@@ -10,6 +10,7 @@ hold brakes on it, so that no broken encoder can drive the leg.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from twin_gait.core.control_tick import Encoder
@@ -111,29 +112,25 @@ class Watched:
     cause: int = NO_TRIP
 
 
-def motor_speed(
-    current: float, velocity: float, resistance: float, emf_constant: float, model_resistance: float
-) -> float:
+def motor_speed(voltage: float, current: float, emf_constant: float, model_resistance: float) -> float:
     r"""Joint speed that a drive infers from the voltage and the current of its winding.
 
     .. math::
 
-        U = R I + K_e\,\tau\,\omega, \qquad \hat\omega = \frac{U - \hat R I}{K_e\,\tau}
+        \hat\omega = \frac{U - \hat R I}{K_e\,\tau}
 
-    The true voltage drop of the winding differs from the model's when copper is warm: :math:`R` rises by
-    39 % in 100 K.
+    The true voltage drop of the winding (:func:`twin_gait.core.actuator.winding_voltage`) differs from the
+    model's when copper is warm: :math:`R` rises by 39 % in 100 K.
 
     Args:
+        voltage: :math:`U` in [V].
         current: :math:`I` in [A].
-        velocity: True joint velocity :math:`\omega` in [rad] / [s].
-        resistance: True resistance :math:`R` in [Ω].
         emf_constant: :math:`K_e \tau` at the joint in [V s] / [rad].
         model_resistance: :math:`\hat R` that the monitor assumes in [Ω].
 
     Returns:
         Inferred joint velocity in [rad] / [s].
     """
-    voltage = resistance * current + emf_constant * velocity
     return (voltage - model_resistance * current) / emf_constant
 
 
@@ -225,7 +222,7 @@ def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: floa
     watched.drive_streak = watched.drive_streak + 1 if deviates else 0
     cause = NO_TRIP
     if not abs(change) <= bounds.angle_step:
-        cause = JUMP_TRIP if abs(angle) <= 1e300 else MISSING_TRIP
+        cause = JUMP_TRIP if math.isfinite(angle) else MISSING_TRIP
     elif watched.frozen_streak >= bounds.frozen_ticks:
         cause = FROZEN_TRIP
     elif not abs(residual) <= bounds.model_deviation:

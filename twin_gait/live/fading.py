@@ -36,8 +36,9 @@ class Fade(NamedTuple):
 
 def arrive(episode: np.void, chosen: np.ndarray) -> None:
     """Give the chosen legs the parameters of their phases; ``episode`` is changed in place."""
-    joints = episode["joints"].reshape(len(chosen), -1)
-    for leg, own, wanted in zip(episode["legs"], joints, chosen, strict=True):
+    controller = episode["controller"]
+    joints = controller["joints"].reshape(len(chosen), -1)
+    for leg, own, wanted in zip(controller["legs"], joints, chosen, strict=True):
         if wanted:
             own["blended"] = own["setpoints"][:, leg["phase"]]
             leg["gravity"] = leg["gravity_shares"][leg["phase"]]
@@ -45,5 +46,5 @@ def arrive(episode: np.void, chosen: np.ndarray) -> None:
 
 def fade_anew(episode: np.void) -> None:
     """Let every leg fade from its present parameters; ``episode`` is changed in place."""
-    joints, legs = episode["joints"], episode["legs"]
+    joints, legs = episode["controller"]["joints"], episode["controller"]["legs"]
     joints["blend_start"], legs["gravity_start"] = joints["blended"], legs["gravity"]

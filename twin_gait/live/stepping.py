@@ -79,13 +79,14 @@ class SteppedRun:
 
     def _changeable(self) -> dict[str, np.ndarray]:
         """What a caller may give other values for good, by name: what a restart keeps."""
-        joints, model = self._episode["joints"], self.problem.world.model
+        controller, model = self._episode["controller"], self.problem.world.model
+        joints = controller["joints"]
         found = {
             "setpoints": joints["setpoints"].view(float).reshape(len(joints), -1, COLUMNS_PER_JOINT),
-            "gravity_shares": self._episode["legs"]["gravity_shares"],
+            "gravity_shares": controller["legs"]["gravity_shares"],
             "target_torque": joints["target"],
             "belt_speed": self._engine.parts[0]["belt"]["cruise"],
-            "comparisons": self._episode["program"]["comparisons"],
+            "comparisons": controller["program"]["comparisons"],
         }
         if model.pelvis_index is not None:  # the wearer's hangs in the support
             hung = model.pelvis_index + self.problem.world.wearer_shift
@@ -142,7 +143,7 @@ class SteppedRun:
             name: fade for name, fade in self._fades.items() if fade.write(self.tick, self._values[name])
         }
         if "setpoints" in self._fades:
-            since = self.tick - self._episode["legs"]["entry_tick"]
+            since = self.tick - self._episode["controller"]["legs"]["entry_tick"]
             # A leg whose own fade is over no longer reads the parameters of its phase.
             arrive(self._episode, since > self._episode["rates"]["blend_ticks"])
         self._fades = going
@@ -251,7 +252,7 @@ class SteppedRun:
         As long as a phase is held the monitor does not watch how long a leg stays.
         """
         self.held_phase, self._released_at = phase, None
-        minimum = self._episode["program"]["minimum_ticks"]
+        minimum = self._episode["controller"]["program"]["minimum_ticks"]
         minimum[:] = self.problem.program.minimum_ticks
         if phase is not None:
             minimum[phase] = NEVER
@@ -261,7 +262,8 @@ class SteppedRun:
         """Legs that stand in the held phase with an exit open."""
         if self.held_phase is None or self._released_at is not None:
             return ()
-        legs, rules = self._episode["legs"], self._episode["program"]["transitions"]
+        controller = self._episode["controller"]
+        legs, rules = controller["legs"], controller["program"]["transitions"]
         due = (rules["source"] == self.held_phase) & (legs["debounce"] >= rules["debounce_ticks"])
         return tuple(np.flatnonzero((legs["phase"] == self.held_phase) & due.any(axis=1)).tolist())
 
@@ -269,7 +271,7 @@ class SteppedRun:
         """Let one leg leave the held phase, now or as soon as an exit opens."""
         if self.held_phase is not None:
             minimum = self.problem.program.minimum_ticks[self.held_phase]
-            self._episode["program"]["minimum_ticks"][self.held_phase] = minimum
+            self._episode["controller"]["program"]["minimum_ticks"][self.held_phase] = minimum
             self._released_at = int(self._episode["recording"]["n_switches"])
 
     def _hold_again(self) -> None:
@@ -291,7 +293,7 @@ class SteppedRun:
         limit = phase_time_out_ticks(self.problem) if self._watching and self.held_phase is None else NEVER
         limits["phase_ticks"] = limit
         if before == NEVER and limit < NEVER:  # the present phase of every leg begins anew
-            self._episode["legs"]["entry_tick"] = self.tick
+            self._episode["controller"]["legs"]["entry_tick"] = self.tick
             fade_anew(self._episode)
 
     def stop(self) -> None:
@@ -301,8 +303,9 @@ class SteppedRun:
         """
         if self.trip is not None:
             return
-        joints, trip = self._episode["joints"], self._episode["trip"]
-        joints["hold_angle"] = joints["encoder"]["angle"]
+        controller, boards = self._episode["controller"], self._episode["joints"]["board"]
+        controller["joints"]["hold_angle"] = boards["encoder"]["angle"]
+        trip = controller["trip"]
         trip["tick"], trip["cause"], trip["part"] = self.tick, OPERATOR_TRIP, -1
 
     def restart(self) -> None:

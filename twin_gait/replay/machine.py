@@ -140,7 +140,7 @@ class _Loop:
     def _write_signals(self, leg: int, tick: int, ticks: Sequence[int], place: int) -> None:
         joints = len(self._table.joints)
         for number, encoder in enumerate(self._encoders[leg * joints : (leg + 1) * joints]):
-            joint_signals(encoder, self._signals, place + 2 * number)
+            joint_signals(encoder.angle, encoder.velocity_fast, self._signals, place + 2 * number)
         load = float(self._loads[tick, leg])
         leg_signals(load, ticks[leg], TICK, self._signals, place + 2 * joints)
 

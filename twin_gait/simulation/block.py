@@ -20,7 +20,7 @@ SHARED = frozenset(
         *("episode.step", "episode.substeps", "episode.watching"),
         *("rates.period", "rates.decimation", "rates.blend_law", "rates.blend_ticks"),
         *("recording.on", "recording.log", "recording.first_row", "efforts.n_ring"),
-        *("joints.place", "joints.control_place", "legs.ankle", "encoder.window", "friction.law"),
+        *("joints.place", "joints.control_place", "episode.ankles", "encoder.window", "friction.law"),
         *("imposed_motion.place", "program.n_transitions", "program.minimum_ticks"),
         *("nodes.operation", "nodes.operand", "comparisons.signal_a", "comparisons.signal_b"),
         *(f"transitions.{name}" for name in ("source", "target", "first_node", "end_node")),

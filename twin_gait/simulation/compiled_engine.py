@@ -158,7 +158,7 @@ class CompiledEngine:
 
     def trip(self) -> Trip | None:
         """What the safety monitor has tripped on, or None."""
-        trip = self.episode["trip"]
+        trip = self.episode["controller"]["trip"]
         return trip_of(self.problem, int(trip["tick"]), int(trip["cause"]), int(trip["part"]))
 
     def ending(self, done: int) -> tuple[RunStatus, str]:

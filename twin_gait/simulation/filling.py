@@ -5,6 +5,14 @@ from __future__ import annotations
 import math
 from typing import TypeAlias
 
+from twin_gait.control.gait_controller import (
+    ControlledJoint,
+    ControlledLeg,
+    ControlModel,
+    GaitController,
+    WatchedSupply,
+)
+from twin_gait.control.joint_board import JointBoard, Limits, Rates
 from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
 from twin_gait.core.contact import Point
@@ -19,13 +27,11 @@ from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.gait.table import TICK
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import (
-    ControlModel,
+    Ends,
     Episode,
     Joint,
-    Leg,
-    Limits,
     Path,
-    Rates,
+    Sole,
     Stages,
     Supply,
 )
@@ -38,7 +44,7 @@ from twin_gait.simulation.watching import (
     ticks,
     watch_bounds,
 )
-from twin_gait.vocabulary import JointName
+from twin_gait.vocabulary import JointName, Side
 
 MOST_SWITCHES_PER_SECOND = 200
 # Tables of any size up to the next multiple share one loop.
@@ -94,8 +100,7 @@ def new_episode(
     n, stepping = len(world.start_q), experiment.stepping
     faults = fault_records(problem)
     pelvis = [] if world.model.pelvis_index is None else [world.model.pelvis_index]
-    legs = [_leg(problem, number) for number in range(len(problem.sides))]
-    joints = [_joint(problem, number, legs) for number in range(len(problem.joints))]
+    ankles = [world.model.index(side, JointName.ANKLE) for side in problem.sides if _has_ankle(problem, side)]
     return Episode(
         step=stepping.step,
         substeps=stepping.substeps,
@@ -113,21 +118,21 @@ def new_episode(
         torque=[0.0] * n,
         stages=Stages(*([0.0] * n for _ in range(4))),
         bodies=bodies,
-        signals=problem.first_signals(),
         rates=_rates(problem),
         supply=_supply(problem),
         limits=_limits(problem),
-        control=_control_model(problem, control_bodies),
-        joints=joints,
-        legs=legs,
+        ends=_ends(problem),
+        controller=_controller(problem, control_bodies),
+        joints=[_joint(problem, number) for number in range(len(problem.joints))],
+        soles=[Sole() for _ in problem.sides],
+        ankles=ankles,
         plant=[copied(plant) for plant in world.plant],
         ground=world.ground(),
         points=[Point() for _ in range(max(n_points, 1))],
         belt=copied(world.belt),
-        program=_padded(problem.program),
         imposed_motion=_imposed_motion(problem),
         braces=[] if world.braces is None else [copied(brace) for brace in world.braces.braces],
-        braced=[*(joint.place for joint in joints), *(leg.ankle for leg in legs if leg.ankle >= 0), *pelvis],
+        braced=[*(joint.coordinate for joint in problem.joints), *ankles, *pelvis],
         faults=faults,
         path=_path(problem),
         efforts=Efforts(
@@ -147,44 +152,76 @@ def setpoints_of(problem: Problem, number: int) -> list[Setpoint]:
     return [Setpoint(*row) for row in rows]
 
 
-def _joint(problem: Problem, number: int, legs: list[Leg]) -> Joint:
+def _has_ankle(problem: Problem, side: Side) -> bool:
+    return problem.world.model.legs[side].ankle is not None
+
+
+def _joint(problem: Problem, number: int) -> Joint:
     joint, experiment = problem.joints[number], problem.experiment
     actuator, inverter = problem.actuator(joint), experiment.plant.electronics.inverter_resistance
+    motor = taken_from(Motor, actuator, resistance=actuator.resistance + inverter)
     angle = float(problem.world.start_q[joint.coordinate] + problem.offset[number])
-    setpoints = setpoints_of(problem, number)
-    first = setpoints[legs[number // problem.joints_per_leg].phase]
     return Joint(
         place=joint.coordinate,
-        control_place=joint.control_coordinate,
-        encoder=new_encoder(float(problem.resolution[number]), angle, experiment.sensors.window),
-        reading=angle,
-        motor=taken_from(Motor, actuator, resistance=actuator.resistance + inverter),
-        friction_model=experiment.control.friction_model[joint.joint],
-        setpoints=setpoints,
-        blend_start=copied(first),
-        blended=copied(first),
-        target=experiment.control.target_torque.get(joint.joint, 0.0),
-        assistance=experiment.control.assistance.share[joint.joint],
-        bounds=watch_bounds(problem, joint),
-        # What is put in at the end of a tick is taken out for the next one.
-        line=new_delay_line(max(0, experiment.control.delay_ticks - 1)),
+        board=JointBoard(
+            encoder=new_encoder(float(problem.resolution[number]), angle, experiment.sensors.window),
+            motor=copied(motor),
+            friction_model=experiment.control.friction_model[joint.joint],
+            bounds=watch_bounds(problem, joint),
+        ),
+        motor=motor,
         condition=problem.wearer.conditions[number],
         moments=problem.wearer.moments[number].tolist() if problem.wearer.acts else [],
+        # What is put in at the end of a tick is taken out for the next one.
+        line=new_delay_line(max(0, experiment.control.delay_ticks - 1)),
+        reading=angle,
     )
 
 
-def _leg(problem: Problem, number: int) -> Leg:
-    side, model, path = problem.sides[number], problem.world.model, problem.path
+def _controller(problem: Problem, bodies: list[float]) -> GaitController:
+    supply = problem.experiment.plant.battery.voltage
+    settings = problem.experiment.control.safety
+    legs = [_leg(problem, number) for number in range(len(problem.sides))]
+    return GaitController(
+        joints=[
+            _controlled_joint(problem, number, legs[number // problem.joints_per_leg].phase)
+            for number in range(len(problem.joints))
+        ],
+        legs=legs,
+        program=_padded(problem.program),
+        signals=problem.first_signals(),
+        supply=WatchedSupply(
+            supply, settings.least_voltage_share * supply, low_ticks=ticks(settings.voltage_time)
+        ),
+        model=_control_model(problem, bodies),
+    )
+
+
+def _controlled_joint(problem: Problem, number: int, phase: int) -> ControlledJoint:
+    joint, control = problem.joints[number], problem.experiment.control
+    setpoints = setpoints_of(problem, number)
+    return ControlledJoint(
+        control_place=joint.control_coordinate,
+        setpoints=setpoints,
+        blend_start=copied(setpoints[phase]),
+        blended=copied(setpoints[phase]),
+        target=control.target_torque.get(joint.joint, 0.0),
+        assistance=control.assistance.share[joint.joint],
+    )
+
+
+def _leg(problem: Problem, number: int) -> ControlledLeg:
+    side, path = problem.sides[number], problem.path
     name = problem.world.initial_phases[side]
     phase = 0 if name is None else problem.table.phase_index(name)
     shares = problem.phase_rows[number, :, -1].tolist()
-    return Leg(
-        ankle=-1 if model.legs[side].ankle is None else model.index(side, JointName.ANKLE),
+    return ControlledLeg(
         phase=phase,
         debounce=[0] * _capacity(problem.program.n_transitions),
         gravity_shares=shares,
         gravity_start=shares[phase],
         gravity=shares[phase],
+        frozen_speed=problem.experiment.control.safety.frozen_speed,
         path_start=0.0 if path is None else float(path.starts[number]),
         stride_ticks=1 if path is None else path.cycle_ticks,
     )
@@ -219,26 +256,21 @@ def _rates(problem: Problem) -> Rates:
 
 
 def _supply(problem: Problem) -> Supply:
-    plant, settings = problem.experiment.plant, problem.experiment.control.safety
-    battery, electronics = plant.battery, plant.electronics
+    battery, electronics = problem.experiment.plant.battery, problem.experiment.plant.electronics
     return Supply(
         voltage=battery.voltage,
         resistance=battery.internal_resistance,
         constant_power=electronics.constant_power + len(problem.joints) * electronics.inverter_power,
         regeneration=electronics.regeneration,
         bus_voltage=battery.voltage,
-        least_voltage=settings.least_voltage_share * battery.voltage,
-        low_ticks=ticks(settings.voltage_time),
     )
 
 
 def _limits(problem: Problem) -> Limits:
-    control, height = problem.experiment.control, problem.world.fall_height
+    control = problem.experiment.control
     return Limits(
         torque=control.limits.torque,
         current=control.limits.current,
-        fall_height=-math.inf if height is None else float(height),
-        diverged_velocity=DIVERGED_VELOCITY,
         phase_ticks=phase_time_out_ticks(problem),
         frozen_load_ticks=ticks(control.safety.frozen_load_time),
         lowering_ticks=ticks(control.safety.lowering_time),
@@ -246,10 +278,21 @@ def _limits(problem: Problem) -> Limits:
     )
 
 
+def _ends(problem: Problem) -> Ends:
+    height = problem.world.fall_height
+    return Ends(-math.inf if height is None else float(height), DIVERGED_VELOCITY)
+
+
 def _control_model(problem: Problem, bodies: list[float]) -> ControlModel:
     q, a, gravity, inertia = ([0.0] * problem.control_model.nv for _ in range(4))
     return ControlModel(
-        bodies, q, a, gravity, inertia, inertia_gain=problem.experiment.control.inertia_compensation
+        bodies,
+        problem.experiment.plant.gravity,
+        q,
+        a,
+        gravity,
+        inertia,
+        inertia_gain=problem.experiment.control.inertia_compensation,
     )
 
 

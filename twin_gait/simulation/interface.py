@@ -13,15 +13,15 @@ from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.log import LogRow
 from twin_gait.simulation.rows import Switch
 
-# Legs, actuated joints of a leg, contact points of a foot; place of the pelvis' height and of its fore-aft
-# motion, -1 without; how far behind a coordinate of the device that of the wearer stands, 0 if they are one.
-LEGS, JOINTS_PER_LEG, POINTS_PER_FOOT, PELVIS, FORWARD, SHIFT = 1, 2, 0, -1, -1, 0
-# Whether legs have ankles, the integration is Runge-Kutta's, there are faults, inertia torques are wanted,
-# the wearer acts, the path is followed, the impedance is shared, the share adapts, commands come late, and
-# the ground rises.
+# Beside what the gait controller is bound to (twin_gait.control.gait_controller): contact points of a foot;
+# place of the pelvis' height and of its fore-aft motion, -1 without; how far behind a coordinate of the
+# device that of the wearer stands, 0 if they are one.
+POINTS_PER_FOOT, PELVIS, FORWARD, SHIFT = 0, -1, -1, 0
 # Coordinates with friction by equation (3.1).
 WITH_FRICTION: tuple[int, ...] = ()
-ANKLES = RK4 = FAULTY = INERTIA_WANTED = WEARER = FOLLOWS = ASSISTS = ADAPTS = DELAYED = SLOPED = False
+# Whether legs have ankles, the integration is Runge-Kutta's, there are faults, the wearer acts, the share of
+# the impedance adapts, commands come late, and the ground rises.
+ANKLES = RK4 = FAULTY = WEARER = ADAPTS = DELAYED = SLOPED = False
 
 
 def dynamics(

@@ -25,7 +25,19 @@ from llvmlite import binding
 CACHE_VARIABLE = "TWIN_GAIT_CACHE"
 SECRET_BYTES = 32
 # What a compiled loop is made of or made by, in this package; folders stand for all their modules.
-SOURCES = ("../core", "rooms", "binding", "compiling", "episode", "interface", "log", "record", "rows")
+SOURCES = (
+    "../core",
+    "../control/gait_controller",
+    "../control/joint_board",
+    "rooms",
+    "binding",
+    "compiling",
+    "episode",
+    "interface",
+    "log",
+    "record",
+    "rows",
+)
 
 
 def cache_folder() -> Path | None:

@@ -86,7 +86,7 @@ class ReferenceEngine:
             return self.run_ticks(first, end, rows), self.episode.status
 
         done, status, reason = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
-        trip = self.episode.trip
+        trip = self.episode.controller.trip
         switches = [
             (item.tick, item.leg, item.source, item.target, item.transition) for item in self.switches
         ]
@@ -121,9 +121,10 @@ class ReferenceEngine:
 
     def advance(self, e: Episode, number: int, tick: int) -> None:
         """Note the transition that the machine of a leg takes in this tick, or ``NO_TRANSITION``."""
-        other = e.legs[1 - number].before if len(e.legs) == 2 else -1
-        switch = self.machines[number].advance(tick, e.signals, other)
-        e.legs[number].chosen = NO_TRANSITION if switch is None else switch.transition
+        legs = e.controller.legs
+        other = legs[1 - number].before if len(legs) == 2 else -1
+        switch = self.machines[number].advance(tick, e.controller.signals, other)
+        legs[number].chosen = NO_TRANSITION if switch is None else switch.transition
 
     def log_row(self, e: Episode, tick: int) -> LogRow:
         """The row of this tick."""

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from twin_gait.control.gait_controller import JOINTS_PER_LEG
 from twin_gait.core.assistance import adapted_assistance, cycle_place
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import JOINTS_PER_LEG
 
 
 def follow(e: Episode, tick: int) -> None:
     """Move the equilibrium angles along the path, and let the dampers move with it."""
     angles, cycle = e.path.angles, e.path.cycle_ticks
     spacing = cycle * e.rates.period / (len(angles) - 1)
-    for number, leg in enumerate(e.legs):
+    for number, leg in enumerate(e.controller.legs):
         before, share = cycle_place(leg.path_start + tick / cycle, len(angles))
         for position in range(JOINTS_PER_LEG):
-            joint = e.joints[number * JOINTS_PER_LEG + position]
+            joint = e.controller.joints[number * JOINTS_PER_LEG + position]
             start = angles[before][position]
             change = angles[before + 1][position] - start
             joint.blended.equilibrium = start + share * change
@@ -24,7 +24,7 @@ def follow(e: Episode, tick: int) -> None:
 def track(e: Episode, tick: int) -> None:
     """Sum up the tracking error, and adapt the assistance level at the end of a stride."""
     angles = e.path.angles
-    for number, leg in enumerate(e.legs):
+    for number, leg in enumerate(e.controller.legs):
         if tick > 0 and leg.phase == 0 and leg.entry_tick == tick:
             _end_stride(e, number, tick)
         progress = (tick - leg.stride_start) / leg.stride_ticks
@@ -32,18 +32,18 @@ def track(e: Episode, tick: int) -> None:
             progress += leg.path_start
         before, share = cycle_place(progress, len(angles))
         for position in range(JOINTS_PER_LEG):
-            joint = e.joints[number * JOINTS_PER_LEG + position]
+            joint = e.controller.joints[number * JOINTS_PER_LEG + position]
             start = angles[before][position]
             wanted = start + share * (angles[before + 1][position] - start)
-            joint.tracking += abs(joint.encoder.angle - wanted)
+            joint.tracking += abs(joint.measurement.angle - wanted)
 
 
 def _end_stride(e: Episode, number: int, tick: int) -> None:
     """Adapt the assistance level of one leg to the errors of the stride that has ended."""
-    leg = e.legs[number]
+    leg = e.controller.legs[number]
     duration = tick - leg.stride_start
     for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
-        joint = e.joints[place]
+        joint = e.controller.joints[place]
         joint.assistance = adapted_assistance(e.path.adaptation, joint.assistance, joint.tracking / duration)
         joint.tracking = 0.0
     if leg.stride_start > 0:  # the first stride may have begun half-way

@@ -25,7 +25,7 @@ def record(e: Episode, tick: int) -> None:
     for number in range(len(e.joints)):
         for one in lanes(e):
             _record_joint(one, number, log_row(one, tick).joints[number])
-    for number in range(len(e.legs)):
+    for number in range(len(e.controller.legs)):
         for one in lanes(e):
             _record_leg(one, number, log_row(one, tick))
     for one in lanes(e):
@@ -55,8 +55,8 @@ def _record_whole(e: Episode, row: LogRow) -> None:
     row.works.spring_work = e.works.spring_work
     row.works.contact_work = e.works.contact_work
     row.works.patient_work = e.works.patient_work
-    row.safety_state = 1.0 if e.trip.tick >= 0 else 0.0
-    row.trip_cause = float(e.trip.cause)
+    row.safety_state = 1.0 if e.controller.trip.tick >= 0 else 0.0
+    row.trip_cause = float(e.controller.trip.cause)
     if SHIFT > 0:
         _record_braces(e, row)
 
@@ -64,7 +64,7 @@ def _record_whole(e: Episode, row: LogRow) -> None:
 def _record_joint(e: Episode, number: int, out: JointRow) -> None:
     """Write motion, torques, currents and setpoint of a joint."""
     joint = e.joints[number]
-    place, encoder, asked = joint.place, joint.encoder, joint.command
+    place, encoder, asked = joint.place, joint.board.encoder, joint.board.command
     out.angle = e.q[place]
     out.velocity = e.v[place]
     out.measured_angle = encoder.angle
@@ -84,7 +84,7 @@ def _record_joint(e: Episode, number: int, out: JointRow) -> None:
     if SHIFT > 0:
         out.patient_torque += e.external[place + SHIFT]
     out.target_current = asked.target_current
-    out.measured_current = joint.watched.motor_current
+    out.measured_current = joint.current
     out.stiffness = asked.stiffness
     out.damping = asked.damping
     out.equilibrium = asked.equilibrium
@@ -93,13 +93,12 @@ def _record_joint(e: Episode, number: int, out: JointRow) -> None:
 
 def _record_leg(e: Episode, number: int, row: LogRow) -> None:
     """Write phase, ankle and foot."""
-    leg = e.legs[number]
-    row.phases[number] = float(leg.phase)
+    row.phases[number] = float(e.controller.legs[number].phase)
     if ANKLES:
-        ankle = row.ankles[number]
-        ankle.angle = e.q[leg.ankle]
-        ankle.velocity = e.v[leg.ankle]
-        ankle.orthosis_torque = e.plant[leg.ankle].spring_torque
+        ankle, place = row.ankles[number], e.ankles[number]
+        ankle.angle = e.q[place]
+        ankle.velocity = e.v[place]
+        ankle.orthosis_torque = e.plant[place].spring_torque
     if POINTS_PER_FOOT > 0:
         foot, first = row.feet[number], number * POINTS_PER_FOOT
         friction, pressed, lowest = 0.0, 0.0, e.points[first].height

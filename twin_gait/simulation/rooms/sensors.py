@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from twin_gait.control.joint_board import model_friction, read_encoder, sample_velocity
 from twin_gait.core.contact import along_slope
-from twin_gait.core.control_tick import measure_angle, sample_slowly
 from twin_gait.core.faults import faulty_angle, faulty_load
-from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import (
     FAULTY,
@@ -28,7 +27,7 @@ def measure(e: Episode, tick: int) -> None:
                 _read_faulty(one, number, tick)
         for one in lanes(e):
             rates, joint = one.rates, one.joints[number]
-            measure_angle(joint.encoder, tick == 0, joint.reading, rates.period, rates.fast_gain)
+            read_encoder(joint.board, rates, tick == 0, joint.reading)
     if tick % e.rates.decimation == 0:
         _measure_slowly(e, tick)
     if POINTS_PER_FOOT > 0:
@@ -54,38 +53,28 @@ def _read_faulty(one: Episode, number: int, tick: int) -> None:
 
 def _measure_slowly(e: Episode, tick: int) -> None:
     """The slow velocity estimate, and the friction of the compensator's model, which changes only with it."""
-    decimation = e.rates.decimation
     for number in range(len(e.joints)):
         if tick > 0:
             for one in each(e):
-                encoder = one.joints[number].encoder
-                sample_slowly(encoder, tick // decimation, decimation * one.rates.period)
+                sample_velocity(one.joints[number].board, one.rates, tick)
         for one in lanes(e):
-            joint = one.joints[number]
-            law = joint.friction_model
-            joint.model_friction = rotational_friction_torque(
-                joint.encoder.velocity_slow,
-                law.breakaway_torque,
-                law.coulomb_friction,
-                law.breakaway_velocity,
-                law.viscous_friction,
-            )
+            model_friction(one.joints[number].board)
 
 
 def _measure_loads(e: Episode, tick: int) -> None:
     """Loads of the feet over body weight."""
     for one in lanes(e):
         contact_forces(one.q, one.v, one.bodies, one.ground, one.points)
-    for number in range(len(e.legs)):
+    for number in range(len(e.soles)):
         for one in lanes(e):
-            leg = one.legs[number]
-            leg.last_load = leg.load
-            leg.load = normal_force(one, number) / one.body_weight
+            sole = one.soles[number]
+            sole.last_load = sole.load
+            sole.load = normal_force(one, number) / one.body_weight
         if FAULTY:
             for one in each(e):
-                leg = one.legs[number]
+                sole = one.soles[number]
                 if tick >= one.first_fault:
-                    leg.load = faulty_load(number, tick, one.faults, leg.load, leg.last_load)
+                    sole.load = faulty_load(number, tick, one.faults, sole.load, sole.last_load)
 
 
 def normal_force(e: Episode, leg: int) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from twin_gait.control.gait_controller import hear_command
 from twin_gait.core.belt import treadmill_speed, walk_command
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import PELVIS, SHIFT
@@ -12,19 +13,16 @@ from twin_gait.simulation.interface import PELVIS, SHIFT
 def command(e: Episode, tick: int) -> None:
     """Let the belt follow its profile or come to rest after a trip; tell the legs to walk or to stand."""
     time = tick * e.rates.period
-    trip_time = e.trip.tick * e.rates.period if e.trip.tick >= 0 else math.inf
+    trip_time = e.controller.trip.tick * e.rates.period if e.controller.trip.tick >= 0 else math.inf
     e.ground.belt_speed = treadmill_speed(e.belt, time, trip_time)
     if e.belt.ramp > 0.0:
-        walk = walk_command(time, e.belt.start, e.belt.stop)
-        e.signals[len(e.signals) - 1] = walk
-        if walk == 0.0:
-            e.last_rest = tick
+        hear_command(e.controller, walk_command(time, e.belt.start, e.belt.stop), tick)
 
 
 def catch(e: Episode, tick: int) -> None:
     """In the tick of a trip the harness locks at the height of the wearer's pelvis, a stop from below."""
     if PELVIS >= 0:
-        if e.trip.tick == tick:
+        if e.controller.trip.tick == tick:
             stop = e.plant[PELVIS + SHIFT].stop
             stop.lower = e.q[PELVIS + SHIFT]
             stop.upper = math.inf

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 
+from twin_gait.control.gait_controller import FOLLOWS
 from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, Episode
-from twin_gait.simulation.interface import ADAPTS, FOLLOWS, PELVIS, SHIFT, each, lanes
-from twin_gait.simulation.rooms.monitor import watch
+from twin_gait.simulation.interface import ADAPTS, PELVIS, SHIFT, each, lanes
+from twin_gait.simulation.rooms.monitor import watch, watch_drives
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.simulation.rooms.motors import control, feed_forward, supply
+from twin_gait.simulation.rooms.network import tell
 from twin_gait.simulation.rooms.path import follow, track
 from twin_gait.simulation.rooms.phases import decide
 from twin_gait.simulation.rooms.recording import record
@@ -31,19 +33,22 @@ def run_ticks(e: Episode, first: int, end: int) -> int:
             command(one, tick)
         measure(e, tick)
         if e.watching:
+            watch_drives(e)
+        tell(e)
+        if e.watching:
             watch(e, tick)
         walking = False
         for one in lanes(e):
-            walking |= one.trip.tick < 0
+            walking |= one.controller.trip.tick < 0
         if walking:
             decide(e, tick)
             if FOLLOWS:
                 for one in each(e):
-                    if one.trip.tick < 0:
+                    if one.controller.trip.tick < 0:
                         follow(one, tick)
             if ADAPTS:
                 for one in each(e):
-                    if one.trip.tick < 0:
+                    if one.controller.trip.tick < 0:
                         track(one, tick)
         feed_forward(e)
         control(e, tick)
@@ -68,9 +73,9 @@ def status_of(e: Episode) -> int:
     """Whether the run goes on."""
     status = COMPLETED
     if PELVIS >= 0:
-        if e.q[PELVIS + SHIFT] < e.limits.fall_height:
+        if e.q[PELVIS + SHIFT] < e.ends.fall_height:
             status = FELL
     for i in range(len(e.q)):
-        if not (math.isfinite(e.q[i]) and abs(e.v[i]) < e.limits.diverged_velocity):
+        if not (math.isfinite(e.q[i]) and abs(e.v[i]) < e.ends.diverged_velocity):
             status = DIVERGED
     return status

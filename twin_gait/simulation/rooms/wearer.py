@@ -2,17 +2,10 @@
 
 from __future__ import annotations
 
+from twin_gait.control.gait_controller import JOINTS_PER_LEG
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import (
-    ANKLES,
-    JOINTS_PER_LEG,
-    SHIFT,
-    WEARER,
-    effort_noise_row,
-    effort_row,
-    lanes,
-)
+from twin_gait.simulation.interface import ANKLES, SHIFT, WEARER, effort_noise_row, effort_row, lanes
 
 
 def push(e: Episode, tick: int) -> None:
@@ -24,7 +17,7 @@ def push(e: Episode, tick: int) -> None:
             if SHIFT > 0:
                 one.external[place + SHIFT] = 0.0
     if WEARER:
-        for number in range(len(e.legs)):
+        for number in range(len(e.controller.legs)):
             for one in lanes(e):
                 _push_leg(one, number, tick)
 
@@ -35,7 +28,7 @@ def _push_leg(e: Episode, number: int, tick: int) -> None:
     hip_joint, knee_joint = e.joints[first], e.joints[first + 1]
     hip, knee, ankle = e.q[hip_joint.place + SHIFT], e.q[knee_joint.place + SHIFT], 0.0
     if ANKLES:
-        ankle = e.q[e.legs[number].ankle + SHIFT]
+        ankle = e.q[e.ankles[number] + SHIFT]
     bent_hip = hip - hip_joint.condition.contracture
     bent_knee = knee - knee_joint.condition.contracture
     _wear(e, tick, first, passive_hip_torque(bent_hip, bent_knee), hip)
@@ -44,7 +37,7 @@ def _push_leg(e: Episode, number: int, tick: int) -> None:
 
 def _wear(e: Episode, tick: int, number: int, passive: float, hip: float) -> None:
     """Add the wearer's torque on one joint; the effort comes with a delay."""
-    joint, phase = e.joints[number], e.legs[number // JOINTS_PER_LEG].phase
+    joint, phase = e.joints[number], e.controller.legs[number // JOINTS_PER_LEG].phase
     condition, place = joint.condition, joint.place + SHIFT
     moments = joint.moments[phase]
     below, share = posture_place(hip, e.efforts.lowest_posture, e.efforts.posture_step, len(moments))

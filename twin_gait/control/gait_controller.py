@@ -1,0 +1,372 @@
+"""The gait controller: the device's central unit, which decides on the phases of both legs and all demands.
+
+In a tick of 1 ms it takes what the boards of the joints (:mod:`twin_gait.control.joint_board`) and the soles
+report, watches it, runs the state machine of each leg, fades into the parameters of a new phase, computes the
+weight of the legs, and tells every board what it wants. The rooms of the simulation's tick call these
+functions, and the C firmware is printed from them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from twin_gait.control.joint_board import Demand, Limits, Measurement, Rates
+from twin_gait.core.blending import blend, blend_share
+from twin_gait.core.control_tick import Setpoint, blend_setpoint, copy_setpoint, joint_signals, leg_signals
+from twin_gait.core.estimation import first_order_step
+from twin_gait.core.guards import NO_TRANSITION, GuardProgram
+from twin_gait.core.safety import LOAD_TRIP, NO_TRIP, PHASE_TIME_OUT_TRIP, SUPPLY_TRIP, support_share
+
+# What a loop is bound to, and a firmware printed with: legs, actuated joints of a leg, whether inertia
+# torques are wanted, the equilibrium follows a path, and the impedance is shared with the wearer.
+LEGS, JOINTS_PER_LEG = 1, 2
+INERTIA_WANTED = FOLLOWS = ASSISTS = False
+
+
+@dataclass(slots=True)
+class ControlledJoint:
+    """A joint as the gait controller has it.
+
+    Attributes:
+        control_place: In the coordinates of the controller's model.
+        setpoints: Of every phase.
+        blend_start: Setpoint at the last switch.
+        blended: Present setpoint.
+        target: Torque that is added to the command, in [N m].
+        assistance: Share of the impedance that the joint is given.
+        measurement: Last heard from its board.
+        demand: What its board is asked for.
+        rate: Estimate of the acceleration in [rad] / [s²].
+        lead: Torque that lets the damper follow the path, in [N m].
+        tracking: Sum of the absolute errors of the stride in [rad].
+        hold_angle: Angle at the trip in [rad].
+    """
+
+    control_place: int
+    setpoints: list[Setpoint]
+    blend_start: Setpoint
+    blended: Setpoint
+    target: float
+    assistance: float
+    measurement: Measurement = field(default_factory=Measurement)
+    demand: Demand = field(default_factory=Demand)
+    rate: float = 0.0
+    lead: float = 0.0
+    tracking: float = 0.0
+    hold_angle: float = 0.0
+
+
+@dataclass(slots=True)
+class ControlledLeg:
+    """A leg as the gait controller has it.
+
+    Attributes:
+        phase: Present phase.
+        debounce: Consecutive ticks with an open guard, by transition.
+        gravity_shares: Of the gravity compensation, by phase.
+        gravity_start: Share at the last switch.
+        gravity: Present share.
+        frozen_speed: Speed of the hip at which a load that stands still is broken in [rad] / [s].
+        path_start: Share of the cycle at which the leg begins.
+        stride_ticks: Length of the last stride.
+        before: Phase at the start of the tick.
+        entry_tick: Tick in which the phase was entered.
+        ticks: Since then.
+        chosen: Transition that it takes in this tick, -1 for none.
+        results: Of the guard that is being evaluated, a bit each.
+        load: Of the foot over body weight.
+        last_load: Of the tick before.
+        load_streak: Consecutive ticks in which the load stood still while the hip turned.
+        phase_cause: Of a trip in this tick: the phase has timed out.
+        load_cause: Of a trip in this tick: the load stands still.
+        stride_start: Tick in which its stride began.
+    """
+
+    phase: int
+    debounce: list[int]
+    gravity_shares: list[float]
+    gravity_start: float
+    gravity: float
+    frozen_speed: float
+    path_start: float
+    stride_ticks: int
+    before: int = 0
+    entry_tick: int = 0
+    ticks: int = 0
+    chosen: int = NO_TRANSITION
+    results: int = 0
+    load: float = 0.0
+    last_load: float = 0.0
+    load_streak: int = 0
+    phase_cause: int = NO_TRIP
+    load_cause: int = NO_TRIP
+    stride_start: int = 0
+
+
+@dataclass(slots=True)
+class WatchedSupply:
+    """The bus voltage as the gait controller sees it.
+
+    Attributes:
+        voltage: Measured in [V].
+        least_voltage: That it bears, in [V].
+        low_ticks: How long it bears less.
+        low_streak: Consecutive ticks with less.
+        cause: Of a trip in this tick: less for too long.
+    """
+
+    voltage: float
+    least_voltage: float
+    low_ticks: int
+    low_streak: int = 0
+    cause: int = NO_TRIP
+
+
+@dataclass(slots=True)
+class Trip:
+    """What the safety monitor has tripped on.
+
+    Attributes:
+        tick: Of the trip, -1 before it.
+        cause: As :mod:`twin_gait.core.safety` numbers them.
+        part: A joint, or the number of joints plus a leg, or -1 for the supply.
+    """
+
+    tick: int = -1
+    cause: int = NO_TRIP
+    part: int = 0
+
+
+@dataclass(slots=True)
+class ControlModel:
+    """The controller's rigid-body model.
+
+    Attributes:
+        bodies: Run-time values of its kernel.
+        gravity: In [m] / [s²].
+        q: Coordinates at which it is evaluated in [rad].
+        a: Accelerations in [rad] / [s²].
+        gravity_torque: In [N m].
+        inertia_torque: In [N m].
+        inertia_gain: Share of the inertia torques that is compensated.
+    """
+
+    bodies: list[float]
+    gravity: float
+    q: list[float]
+    a: list[float]
+    gravity_torque: list[float]
+    inertia_torque: list[float]
+    inertia_gain: float
+
+
+@dataclass(slots=True)
+class GaitController:
+    """Everything that the gait controller keeps.
+
+    Attributes:
+        joints: Leg by leg: left hip, left knee, right hip, …
+        legs: Left, right.
+        program: Transitions of the gait table with their guards.
+        signals: What the guards read: of this leg, of the other, then the command to walk.
+        supply: The bus voltage.
+        model: For gravity and inertia torques.
+        trip: Of the monitor.
+        last_rest: Last tick in which the legs were told to stand.
+    """
+
+    joints: list[ControlledJoint]
+    legs: list[ControlledLeg]
+    program: GuardProgram
+    signals: list[float]
+    supply: WatchedSupply
+    model: ControlModel
+    trip: Trip = field(default_factory=Trip)
+    last_rest: int = 0
+
+
+# ------------------------------------------------------------------ what is heard
+
+
+def hear_load(controller: GaitController, number: int, load: float) -> None:
+    """Take the load of a foot over body weight."""
+    leg = controller.legs[number]
+    leg.last_load = leg.load
+    leg.load = load
+
+
+def hear_command(controller: GaitController, walk: float, tick: int) -> None:
+    """Take the command to walk, 1, or to stand, 0."""
+    controller.signals[len(controller.signals) - 1] = walk
+    if walk == 0.0:
+        controller.last_rest = tick
+
+
+# ------------------------------------------------------------------ the monitor
+
+
+def watch_phase(controller: GaitController, limits: Limits, number: int, tick: int) -> None:
+    """Note whether a leg stays in its phase for too long."""
+    leg = controller.legs[number]
+    late = tick - max(leg.entry_tick, controller.last_rest) > limits.phase_ticks
+    leg.phase_cause = PHASE_TIME_OUT_TRIP if late else NO_TRIP
+
+
+def watch_foot(controller: GaitController, limits: Limits, number: int) -> None:
+    """Note whether the load of a foot stands still while the hip above it turns."""
+    leg, hip = controller.legs[number], controller.joints[number * JOINTS_PER_LEG]
+    still = leg.load == leg.last_load and leg.load > 0.0
+    turning = abs(hip.measurement.motor_speed) > leg.frozen_speed
+    leg.load_streak = leg.load_streak + 1 if still and turning else 0
+    leg.load_cause = LOAD_TRIP if leg.load_streak >= limits.frozen_load_ticks else NO_TRIP
+
+
+def watch_supply(controller: GaitController) -> None:
+    """Note whether the bus voltage has been too low for too long."""
+    supply = controller.supply
+    supply.low_streak = supply.low_streak + 1 if supply.voltage < supply.least_voltage else 0
+    supply.cause = SUPPLY_TRIP if supply.low_streak >= supply.low_ticks else NO_TRIP
+
+
+def has_cause(controller: GaitController) -> bool:
+    """Whether anything has been noted on which the monitor has to trip."""
+    causes = controller.supply.cause
+    for joint in controller.joints:
+        causes |= joint.measurement.cause
+    for leg in controller.legs:
+        causes |= leg.phase_cause | leg.load_cause
+    return causes != NO_TRIP
+
+
+def trip_on_causes(controller: GaitController, tick: int) -> None:
+    """Trip on the first cause that was noted: joints, then phases, feet and supply."""
+    for number, joint in enumerate(controller.joints):
+        trip(controller, tick, joint.measurement.cause, number)
+    for number, leg in enumerate(controller.legs):
+        trip(controller, tick, leg.phase_cause, len(controller.joints) + number)
+    for number, leg in enumerate(controller.legs):
+        trip(controller, tick, leg.load_cause, len(controller.joints) + number)
+    trip(controller, tick, controller.supply.cause, -1)
+
+
+def trip(controller: GaitController, tick: int, cause: int, part: int) -> None:
+    """Go to the safe hold if there is a cause; the first one is kept."""
+    if cause != NO_TRIP and controller.trip.tick < 0:
+        controller.trip.tick = tick
+        controller.trip.cause = cause
+        controller.trip.part = part
+        for joint in controller.joints:
+            # The angles of this tick may be what the monitor tripped on.
+            joint.hold_angle = joint.measurement.last_angle
+
+
+# ------------------------------------------------------------------ the state machine of a leg
+
+
+def begin_tick(controller: GaitController, number: int, tick: int) -> None:
+    """Keep the phase of a leg as it is now, which both legs' guards read."""
+    leg = controller.legs[number]
+    leg.ticks = tick - leg.entry_tick
+    leg.before = leg.phase
+
+
+def write_signals(controller: GaitController, rates: Rates, number: int, place: int) -> None:
+    """Write what is measured on a leg where the guards read it.
+
+    Args:
+        place: Of the first signal: 0 for the leg itself, half of all signals for the other.
+    """
+    signals = controller.signals
+    for position in range(JOINTS_PER_LEG):
+        measured = controller.joints[number * JOINTS_PER_LEG + position].measurement
+        joint_signals(measured.angle, measured.velocity, signals, place + 2 * position)
+    leg = controller.legs[number]
+    leg_signals(leg.load, leg.ticks, rates.period, signals, place + 2 * JOINTS_PER_LEG)
+
+
+def enter_phase(controller: GaitController, number: int, tick: int) -> None:
+    """Take the transition that was chosen for a leg."""
+    leg = controller.legs[number]
+    leg.phase = controller.program.transitions[leg.chosen].target
+    leg.entry_tick = tick
+    for index in range(len(leg.debounce)):
+        leg.debounce[index] = 0
+    for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
+        copy_setpoint(controller.joints[place].blended, controller.joints[place].blend_start)
+    leg.gravity_start = leg.gravity
+
+
+def fade(controller: GaitController, rates: Rates, number: int, tick: int) -> None:
+    """Fade the parameters of a leg towards those of its phase, unless they have arrived."""
+    leg, ticks = controller.legs[number], rates.blend_ticks
+    since = tick - leg.entry_tick
+    if since <= ticks and controller.trip.tick < 0:
+        share = blend_share(1.0 if ticks <= 0 else since / ticks, rates.blend_law)
+        for place in range(number * JOINTS_PER_LEG, (number + 1) * JOINTS_PER_LEG):
+            joint = controller.joints[place]
+            blend_setpoint(joint.blend_start, joint.setpoints[leg.phase], share, joint.blended)
+        leg.gravity = blend(leg.gravity_start, leg.gravity_shares[leg.phase], share)
+
+
+# ------------------------------------------------------------------ what is demanded
+
+
+def wants_gravity(controller: GaitController) -> bool:
+    """Whether the weight of a leg is compensated, or carried in the hold."""
+    wanted = INERTIA_WANTED or controller.trip.tick >= 0
+    for leg in controller.legs:
+        wanted = wanted or leg.gravity != 0.0
+    return wanted
+
+
+def pose(controller: GaitController, number: int) -> None:
+    """Bring a joint of the model to where it is measured, or was when the monitor tripped."""
+    joint = controller.joints[number]
+    angle = joint.hold_angle if controller.trip.tick >= 0 else joint.measurement.angle
+    controller.model.q[joint.control_place] = angle
+
+
+def estimate_acceleration(controller: GaitController, rates: Rates, number: int) -> None:
+    """Acceleration of a joint, from the change of its fast velocity."""
+    joint = controller.joints[number]
+    rate = (joint.measurement.velocity - joint.measurement.last_velocity) / rates.period
+    joint.rate = first_order_step(joint.rate, rate, rates.fast_gain)
+    controller.model.a[joint.control_place] = joint.rate
+
+
+def demand(controller: GaitController, limits: Limits, number: int, tick: int) -> None:
+    """Ask a board for the present setpoint and what is fed forward, or to hold its joint after a trip."""
+    joint, leg = controller.joints[number], controller.legs[number // JOINTS_PER_LEG]
+    asked, setpoint, place = joint.demand, joint.blended, joint.control_place
+    weight, inertia = controller.model.gravity_torque[place], controller.model.inertia_torque[place]
+    if controller.trip.tick >= 0:
+        share = support_share(tick - controller.trip.tick, limits.lowering_ticks)
+        demand_hold(joint, limits, share, weight)
+    else:
+        stiffness, damping = setpoint.stiffness, setpoint.damping
+        if ASSISTS:
+            stiffness *= joint.assistance
+            damping *= joint.assistance
+        asked.stiffness, asked.damping = stiffness, damping
+        asked.equilibrium, asked.gain = setpoint.equilibrium, setpoint.gain
+        asked.gravity = leg.gravity * weight if leg.gravity != 0.0 else 0.0
+        asked.inertia = controller.model.inertia_gain * inertia
+        asked.target = joint.target
+        if FOLLOWS:
+            asked.target += joint.lead
+
+
+def demand_hold(joint: ControlledJoint, limits: Limits, support: float, weight: float) -> None:
+    """Ask a board to brake its joint and let it down slowly.
+
+    Args:
+        joint: Its demand is changed in place.
+        support: Share of the weight that is still carried.
+        weight: Gravity torque in [N m].
+    """
+    asked = joint.demand
+    asked.stiffness, asked.damping, asked.gain = 0.0, limits.hold_damping, 0.0
+    asked.equilibrium = joint.hold_angle
+    asked.inertia, asked.target = 0.0, 0.0
+    asked.gravity = support * weight if support != 0.0 else 0.0
+    asked.held = True

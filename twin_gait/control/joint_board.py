@@ -1,0 +1,295 @@
+"""The board of a joint: what its firmware does in a tick of 1 ms, between encoder, gait controller and drive.
+
+The device has one for each joint, and one gait controller (:mod:`twin_gait.control.gait_controller`) for all
+of them. The rooms of the simulation's tick call these functions, and the C firmware is printed from them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from twin_gait.core.actuator import Motor
+from twin_gait.core.control_tick import (
+    Encoder,
+    controller_torques,
+    measure_angle,
+    sample_slowly,
+    target_current,
+)
+from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.core.safety import (
+    COMMAND_TRIP,
+    NO_TRIP,
+    Bounds,
+    Watched,
+    command_is_plausible,
+    hold_torque,
+    motor_speed,
+    watch_joint,
+)
+from twin_gait.parameters import FrictionParameters
+
+
+@dataclass(slots=True)
+class Rates:
+    """How the firmware samples.
+
+    Attributes:
+        period: Length of a tick in [s].
+        fast_gain: Of the fast velocity filter.
+        decimation: Ticks between two slow samples.
+        blend_law: Of the setpoints, see :mod:`twin_gait.core.blending`.
+        blend_ticks: How long they fade.
+    """
+
+    period: float
+    fast_gain: float
+    decimation: int
+    blend_law: int
+    blend_ticks: int
+
+
+@dataclass(slots=True)
+class Limits:
+    """What bounds the command, and how long the gait controller bears something.
+
+    Attributes:
+        torque: Of the command in [N m].
+        current: Of the drives in [A].
+        phase_ticks: Longest time in a phase.
+        frozen_load_ticks: Longest time for which a load may stand still.
+        lowering_ticks: In which a held leg is lowered.
+        hold_damping: Of a held joint in [N m s] / [rad].
+    """
+
+    torque: float
+    current: float
+    phase_ticks: int
+    frozen_load_ticks: int
+    lowering_ticks: int
+    hold_damping: float
+
+
+@dataclass(slots=True)
+class Measurement:
+    """What a board tells the gait controller in a tick.
+
+    Attributes:
+        angle: Measured in [rad].
+        last_angle: Of the tick before.
+        velocity: Fast estimate in [rad] / [s].
+        last_velocity: Of the tick before.
+        motor_speed: Joint speed that the drive infers in [rad] / [s].
+        cause: Of a trip that the board has found, see :mod:`twin_gait.core.safety`.
+    """
+
+    angle: float = 0.0
+    last_angle: float = 0.0
+    velocity: float = 0.0
+    last_velocity: float = 0.0
+    motor_speed: float = 0.0
+    cause: int = NO_TRIP
+
+
+@dataclass(slots=True)
+class Demand:
+    """What the gait controller asks of a board.
+
+    Attributes:
+        stiffness: k in [N m] / [rad].
+        damping: b in [N m s] / [rad].
+        equilibrium: θ0 in [rad].
+        gain: G, of the friction compensation.
+        gravity: Compensation in [N m]; of a held joint what is still carried.
+        inertia: Compensation in [N m].
+        target: Torque that is added in [N m].
+        held: Whether the joint is braked and let down instead.
+    """
+
+    stiffness: float = 0.0
+    damping: float = 0.0
+    equilibrium: float = 0.0
+    gain: float = 0.0
+    gravity: float = 0.0
+    inertia: float = 0.0
+    target: float = 0.0
+    held: bool = False
+
+
+@dataclass(slots=True)
+class Command:
+    """What a board asks of its drive in a tick, in the walk or in the hold.
+
+    Attributes:
+        stiffness: k in [N m] / [rad].
+        damping: b in [N m s] / [rad].
+        equilibrium: θ0 in [rad].
+        gain: G, of the friction compensation.
+        impedance: Torque in [N m], as all of them.
+        friction: Compensation.
+        gravity: Compensation.
+        inertia: Compensation.
+        target: That is added.
+        torque: Sum of these, before limits.
+        target_current: That the drive is asked for in [A].
+        cause: Of a trip, if no drive may be asked for what is demanded.
+    """
+
+    stiffness: float = 0.0
+    damping: float = 0.0
+    equilibrium: float = 0.0
+    gain: float = 0.0
+    impedance: float = 0.0
+    friction: float = 0.0
+    gravity: float = 0.0
+    inertia: float = 0.0
+    target: float = 0.0
+    torque: float = 0.0
+    target_current: float = 0.0
+    cause: int = NO_TRIP
+
+
+@dataclass(slots=True)
+class JointBoard:
+    """Everything that a board keeps.
+
+    Attributes:
+        encoder: With its velocity estimates.
+        motor: Motor and gear as the board knows them.
+        friction_model: Of the compensator.
+        bounds: Of the monitor.
+        watched: What the monitor remembers.
+        demand: Last heard from the gait controller.
+        command: Of this tick.
+        model_friction: Torque of the compensator's model at the slow velocity in [N m].
+        drive_off: Whether the drive is cut off.
+    """
+
+    encoder: Encoder
+    motor: Motor
+    friction_model: FrictionParameters
+    bounds: Bounds
+    watched: Watched = field(default_factory=Watched)
+    demand: Demand = field(default_factory=Demand)
+    command: Command = field(default_factory=Command)
+    model_friction: float = 0.0
+    drive_off: bool = False
+
+
+def read_encoder(board: JointBoard, rates: Rates, first: bool, reading: float) -> None:
+    """Angle and fast velocity of this tick.
+
+    Args:
+        first: Whether only the angle is read, for want of one before.
+        reading: Of the encoder in [rad].
+    """
+    measure_angle(board.encoder, first, reading, rates.period, rates.fast_gain)
+
+
+def sample_velocity(board: JointBoard, rates: Rates, tick: int) -> None:
+    """Take a sample of the slow velocity; due every ``decimation`` ticks, but not in tick 0."""
+    sample_slowly(board.encoder, tick // rates.decimation, rates.decimation * rates.period)
+
+
+def model_friction(board: JointBoard) -> None:
+    """Friction of the compensator's model, which changes only with the slow velocity."""
+    law = board.friction_model
+    board.model_friction = rotational_friction_torque(
+        board.encoder.velocity_slow,
+        law.breakaway_torque,
+        law.coulomb_friction,
+        law.breakaway_velocity,
+        law.viscous_friction,
+    )
+
+
+def watch_drive(board: JointBoard, rates: Rates) -> None:
+    """Note the cause of a trip that is found on joint and drive; cut off a drive that does not obey."""
+    board.watched.cause = watch_joint(board.bounds, board.watched, board.encoder, rates.period)
+    # Whatever else was found first.
+    board.drive_off = board.drive_off or board.watched.drive_streak >= board.bounds.drive_ticks
+
+
+def report(board: JointBoard, measurement: Measurement) -> None:
+    """Tell what was measured and found; ``measurement`` is changed in place."""
+    encoder = board.encoder
+    measurement.angle = encoder.angle
+    measurement.last_angle = encoder.last_angle
+    measurement.velocity = encoder.velocity_fast
+    measurement.last_velocity = encoder.last_fast
+    measurement.motor_speed = board.watched.motor_speed
+    measurement.cause = board.watched.cause
+
+
+def hear(board: JointBoard, demand: Demand) -> None:
+    """Take what the gait controller demands."""
+    heard = board.demand
+    heard.stiffness = demand.stiffness
+    heard.damping = demand.damping
+    heard.equilibrium = demand.equilibrium
+    heard.gain = demand.gain
+    heard.gravity = demand.gravity
+    heard.inertia = demand.inertia
+    heard.target = demand.target
+    heard.held = demand.held
+
+
+def ask(board: JointBoard) -> None:
+    """Impedance on friction compensation and what is fed forward, or the brake of a held joint."""
+    asked, demand, encoder = board.command, board.demand, board.encoder
+    asked.stiffness, asked.damping = demand.stiffness, demand.damping
+    asked.equilibrium, asked.gain = demand.equilibrium, demand.gain
+    asked.gravity, asked.inertia, asked.target = demand.gravity, demand.inertia, demand.target
+    if demand.held:
+        asked.impedance, asked.friction = hold_torque(board.watched.motor_speed, demand.damping), 0.0
+    else:
+        asked.impedance, asked.friction = controller_torques(
+            encoder.angle,
+            encoder.velocity_fast,
+            encoder.velocity_slow,
+            demand.stiffness,
+            demand.damping,
+            demand.equilibrium,
+            demand.gain,
+            board.model_friction,
+        )
+
+
+def sum_up(board: JointBoard) -> None:
+    """Sum the torques of the command up."""
+    asked = board.command
+    asked.torque = asked.impedance + asked.friction + asked.gravity + asked.inertia + asked.target
+
+
+def check(board: JointBoard, watching: bool) -> None:
+    """Sum the command up, and note the cause of a trip if the drive may not be asked for it.
+
+    Args:
+        watching: Whether the monitor is on.
+    """
+    sum_up(board)
+    asked = board.command
+    wild = watching and not board.demand.held
+    wild = wild and not command_is_plausible(asked.torque, board.bounds.highest_command)
+    asked.cause = COMMAND_TRIP if wild else NO_TRIP
+
+
+def set_current(board: JointBoard, limits: Limits, torque: float) -> None:
+    """Ask the drive for the current of a torque in [N m], within the limits."""
+    current = target_current(board.motor, torque, limits.torque, limits.current)
+    board.command.target_current = 0.0 if board.drive_off else current
+
+
+def note_drive(board: JointBoard, voltage: float, current: float, deviation: float) -> None:
+    """Keep for the monitor what the drive did in this tick.
+
+    Args:
+        voltage: On the winding in [V].
+        current: Measured in [A].
+        deviation: Of the current from what the drive should give, in [A].
+    """
+    watched, bounds = board.watched, board.bounds
+    watched.commanded = board.command.torque
+    watched.motor_current = current
+    watched.current_deviation = deviation
+    watched.motor_speed = motor_speed(voltage, current, bounds.emf_constant, bounds.model_resistance)
