@@ -166,9 +166,7 @@ class GaitStateMachine:
             MeasurementError: If a signal of this leg, of a present other leg, or the command is not finite.
         """
         self._refuse_non_finite(signals, other_phase)
-        index = next_transition(
-            self.program, self._index, tick - self.entry_tick, signals, other_phase, self._debounce
-        )
+        index = self._choose(tick - self.entry_tick, signals, other_phase)
         if index == NO_TRANSITION:
             return None
         source = self.phase
@@ -177,6 +175,12 @@ class GaitStateMachine:
         self.entry_tick = tick
         item = self.table.transitions[index]
         return PhaseSwitch(tick, self.side, source, self.phase, item.cause, index)
+
+    def _choose(self, ticks_in_phase: int, signals: Sequence[float], other_phase: int) -> int:
+        """Index of the transition that is due, or ``NO_TRANSITION``; debounce is counted."""
+        return next_transition(
+            self.program, self._index, ticks_in_phase, signals, other_phase, self._debounce
+        )
 
     def _refuse_non_finite(self, signals: Sequence[float], other_phase: int) -> None:
         names = self._names
