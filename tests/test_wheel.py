@@ -44,7 +44,7 @@ def test_the_wheel_holds_the_package_and_nothing_else(wheel):
         if path.is_file() and "__pycache__" not in path.parts
     ]
     assert {path.as_posix() for path in kept} <= shipped
-    assert "twin_gait/urdf/twin.urdf" in shipped
+    assert {"twin_gait/urdf/twin.urdf", "twin_gait/urdf/twin.dbc"} <= shipped
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ import math
 import os
 import tempfile
 from collections.abc import Iterable, Iterator
+from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,20 @@ if TYPE_CHECKING:
 # The longest run, an hour, has 3.6 million rows; with braces some 600 million numbers, 5 GB.
 MOST_ROWS, MOST_CELLS = 10_000_000, 700_000_000
 MOST_TEXT, LONGEST_LINE = 2**30, 65_536  # [bytes] of a log that is text; characters
+
+
+def shipped_file(name: str) -> Path | None:
+    """Path of a file of the folder ``urdf``, which stands in the wheel, or beside the package in a checkout.
+
+    Args:
+        name: For example ``twin.urdf``.
+
+    Returns:
+        The path, or None if there is no such file.
+    """
+    package = Path(str(files("twin_gait")))
+    paths = (package / "urdf" / name, package.parent / "urdf" / name)
+    return next((path for path in paths if path.is_file()), None)
 
 
 def finite_or_none(value: float) -> float | None:

@@ -33,7 +33,8 @@ from twin_gait.core.control_tick import Encoder
     LOAD_TRIP,
     SUPPLY_TRIP,
     OPERATOR_TRIP,
-) = range(16)
+    BUS_TRIP,
+) = range(17)
 
 
 @dataclass(slots=True)

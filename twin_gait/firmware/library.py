@@ -22,6 +22,7 @@ class Library:
 
     Attributes:
         program: What was printed.
+        handle: Of the library.
     """
 
     def __init__(
@@ -47,7 +48,7 @@ class Library:
                 Path(folder, name).write_text(text)
             more = ["-DREAL_DOUBLE", *flags] if double else flags
             path = compile_library(sorted(Path(folder).glob("*.c")), compiler=compiler, flags=more)
-            self._library = ctypes.CDLL(str(path))
+            self.handle = ctypes.CDLL(str(path))
 
     def call(self, name: str, *given: Any) -> Any:
         """Call an entry.
@@ -61,7 +62,7 @@ class Library:
             What the function returns in Python.
         """
         function = self._functions[name]
-        called = self._library[identifier(name)]
+        called = self.handle[identifier(name)]
         called.restype = self._result_type(function.returns)
         kinds, taken = list(function.params.values()), []
         for kind, item in zip(kinds, given, strict=True):
@@ -150,7 +151,6 @@ class Library:
         assert isinstance(kind, RecordKind)
         for name, inner in self._records.used(kind.record):
             if isinstance(inner, Scalar):
-                if getattr(value, name) != getattr(made, name):
-                    setattr(value, name, getattr(made, name))
+                setattr(value, name, getattr(made, name))
             elif not self._records.is_table(kind.record, name):
                 self._give_back(inner, getattr(made, name), getattr(value, name))

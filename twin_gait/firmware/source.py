@@ -73,7 +73,10 @@ class Sources:
         return self.of(value) if isinstance(value, FunctionType) else value
 
     def of(self, function: FunctionType) -> Source:
-        """A function of a module."""
+        """A function, or what takes its place."""
+        if function.__name__ in self._texts:
+            found: Source = self.found(function.__name__, {function.__name__: function})
+            return found
         if function not in self._read:
             lines, first = inspect.getsourcelines(function)
             text = textwrap.dedent("".join(lines))

@@ -12,12 +12,12 @@ import threading
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterator, Sequence
 from functools import lru_cache
-from importlib.resources import files
 from pathlib import Path
 
 import pinocchio as pin
 
 from twin_gait.exceptions import ModelError
+from twin_gait.files import shipped_file
 
 _SILENCE = threading.Lock()
 # Drawing programs export a zero inertia as -5e-20 (iCub's hip); this much below zero is such a zero.
@@ -37,12 +37,10 @@ def packaged_urdf(name: str) -> Path:
     Raises:
         ModelError: If there is no such file.
     """
-    installed = Path(str(files("twin_gait"))) / "urdf" / name
-    checkout = Path(str(files("twin_gait"))).parent / "urdf" / name
-    for path in (installed, checkout):
-        if path.is_file():
-            return path
-    raise ModelError(f"no URDF {name!r} ships with twin_gait; there are {', '.join(PACKAGED_URDFS)}")
+    path = shipped_file(name)
+    if path is None:
+        raise ModelError(f"no URDF {name!r} ships with twin_gait; there are {', '.join(PACKAGED_URDFS)}")
+    return path
 
 
 def find_urdf(path_or_name: str | Path) -> Path:

@@ -1,0 +1,217 @@
+"""The packaged DBC file: against cantools, against what it has to hold, and what is refused."""
+
+from __future__ import annotations
+
+import math
+import struct
+import sys
+
+import cantools
+import numpy as np
+import pytest
+
+from twin_gait.configuration import load_experiment, presets
+from twin_gait.control import TripCause
+from twin_gait.control.safety import SafetyState
+from twin_gait.core.can_codec import pack_frame, unpack_frame
+from twin_gait.core.control_tick import COLUMNS_PER_JOINT
+from twin_gait.exceptions import MissingOptionalDependency, ParameterFileError
+from twin_gait.experiment.problem import build_problem
+from twin_gait.files import shipped_file
+from twin_gait.network.dbc import PACKAGED_DBC, load_messages
+from twin_gait.network.messages import BOARDS, CYCLE
+from twin_gait.vocabulary import GaitPhase
+
+PATH = shipped_file(PACKAGED_DBC)
+MESSAGES = load_messages()
+DATABASE = cantools.database.load_file(PATH)
+
+
+def bounds(message: str, signal: str) -> tuple[float, float]:
+    item = MESSAGES[message].signals[signal]
+    return item.lowest * item.scale + item.offset, item.highest * item.scale + item.offset
+
+
+# ------------------------------------------------------------------------------- against cantools
+
+
+@pytest.mark.parametrize("count", [1_000, pytest.param(70_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", MESSAGES)
+def test_the_codec_and_cantools_read_and_write_the_same_frames(name, count):
+    """15 messages of 70 000 random frames each: 1.05 million."""
+    message, other = MESSAGES[name], DATABASE.get_message_by_name(name)
+    draw = np.random.default_rng(message.identifier)
+    frames = draw.integers(0, 256, (count, 8), np.uint8)
+    frames[:, message.length :] = 0
+    layout, values, halves = message.layout, [0.0] * len(message.signals), [0, 0]
+    for frame in frames:
+        data = frame.tobytes()
+        unpack_frame(layout, struct.unpack("<2I", data), values)
+        theirs = other.decode(data[: message.length], decode_choices=False)
+        for signal, number, value in zip(
+            message.signals, values, (theirs[k] for k in message.signals), strict=True
+        ):
+            low, high = bounds(name, signal)
+            if math.isnan(number):
+                assert not low <= value <= high
+                theirs[signal] = low
+            else:
+                assert number == value  # to the last bit
+        pack_frame(layout, [theirs[k] for k in message.signals], halves)
+        assert struct.pack("<2I", *halves)[: message.length] == other.encode(theirs, strict=True)
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_random_numbers_get_the_bits_that_cantools_gives_them(name):
+    message, other = MESSAGES[name], DATABASE.get_message_by_name(name)
+    draw = np.random.default_rng(message.identifier)
+    halves = [0, 0]
+    ranges = [bounds(name, signal) for signal in message.signals]
+    for _ in range(1_000):
+        values = [
+            float(draw.integers(low, high + 1)) if signal.scale == 1.0 else float(draw.uniform(low, high))
+            for (low, high), signal in zip(ranges, message.signals.values(), strict=True)
+        ]
+        pack_frame(message.layout, values, halves)
+        theirs = other.encode(dict(zip(message.signals, values, strict=True)))
+        assert struct.pack("<2I", *halves)[: message.length] == theirs
+
+
+# ------------------------------------------------------------------------------- what it has to hold
+
+
+def test_every_number_has_a_code_for_there_is_none():
+    for message in MESSAGES.values():
+        for name, signal in message.signals.items():
+            plain = signal.scale == 1.0  # counters and codes
+            assert plain or not signal.lowest <= signal.missing <= signal.highest, f"{message.name}.{name}"
+
+
+def test_set_points_come_before_measurements_and_those_before_all_else():
+    kinds = ("setpoint", "measurement", "battery", "imu", "gait_state", "command")
+    order = [
+        item.name.rpartition("_")[2] for item in sorted(MESSAGES.values(), key=lambda item: item.identifier)
+    ]
+    order = ["gait_state" if kind == "state" else kind for kind in order]
+    assert list(dict.fromkeys(order)) == list(kinds)
+    assert len({item.identifier for item in MESSAGES.values()}) == len(MESSAGES)
+    for board in BOARDS:
+        assert MESSAGES[f"{board}_setpoint"].sender == "ccu"
+        assert MESSAGES[f"{board}_measurement"].sender == board
+        assert MESSAGES[f"{board}_setpoint"].cycle == MESSAGES[f"{board}_measurement"].cycle == CYCLE
+
+
+def test_a_step_of_the_angle_is_finer_than_a_count_of_the_encoder():
+    assert MESSAGES["left_hip_measurement"].signals["angle"].scale < 2.0 * math.pi / 8192 / 100
+
+
+def test_a_step_of_the_torque_divides_that_of_the_monitor():
+    for kind in ("setpoint", "command"):
+        ratio = 0.05 / MESSAGES[f"left_knee_{kind}"].signals["torque"].scale
+        assert ratio == pytest.approx(round(ratio))
+
+
+@pytest.mark.parametrize("preset", presets())
+def test_the_ranges_hold_the_shipped_experiments_by_half(preset):
+    experiment = load_experiment(preset).experiment
+    problem = build_problem(experiment)
+    safety, limits = experiment.control.safety, experiment.control.limits
+    rows = problem.phase_rows[:, :, :-1].reshape(-1, COLUMNS_PER_JOINT)
+    held = {
+        "stiffness": 1.5 * rows[:, 0].max(),
+        "damping": 1.5 * rows[:, 1].max(),
+        "gain": 1.0,
+        "torque": 1.5 * limits.torque,
+    }
+    for name, value in held.items():
+        assert bounds("left_hip_setpoint", name)[1] >= value
+    low, high = bounds("left_hip_setpoint", "equilibrium")
+    assert low <= rows[:, 2].min() - 0.3 and high >= rows[:, 2].max() + 0.3
+    assert bounds("left_hip_measurement", "current")[1] > safety.current_share * limits.current
+
+
+def test_the_ranges_hold_the_joints_of_the_device():
+    """With ten degrees for an encoder that is calibrated badly, and twice the no-load speed."""
+    import xml.etree.ElementTree as ElementTree
+
+    ends = [
+        {name: float(item.get(name, "0")) for name in ("lower", "upper", "velocity", "effort")}
+        for item in ElementTree.parse(shipped_file("twin.urdf")).getroot().iter("limit")
+    ]
+    motors = [item for item in ends if item["effort"] > 0.0]
+    assert len(motors) == len(BOARDS)
+    for item in motors:
+        low, high = bounds("left_hip_measurement", "angle")
+        assert low <= item["lower"] - math.radians(10.0) and high >= item["upper"] + math.radians(10.0)
+        assert bounds("left_hip_measurement", "velocity")[1] >= 2.0 * item["velocity"]
+
+
+def test_codes_are_those_of_the_program():
+    causes = {str(item): item.code for item in TripCause}
+    assert MESSAGES["left_hip_measurement"].codes["trip_cause"] == causes
+    state = MESSAGES["gait_state"].codes
+    assert state["trip_cause"] == causes
+    assert state["safety_state"] == {str(item): item.code for item in SafetyState}
+    assert [state["left_phase"][phase] for phase in GaitPhase] == list(range(5))
+    tables = {phase for preset in presets() for phase in load_experiment(preset).experiment.table.phases}
+    assert tables <= set(state["left_phase"]) and state["left_phase"] == state["right_phase"]
+
+
+# ------------------------------------------------------------------------------- what is refused
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("imu: 4 imu", "gyro: 4 imu", "imu: no such message"),
+        (
+            'SG_ pitch : 0|15@1- (0.0002,0) [-3.2766|3.2766] "rad"',
+            'SG_ p : 0|15@1- (1,0) [0|0] "rad"',
+            "imu.pitch: no such",
+        ),
+        (
+            '(0.0002,0) [-3.2766|3.2766] "rad"',
+            '(0.0002,0) [-3.2766|3.2766] "deg"',
+            "expected the unit 'rad', got 'deg'",
+        ),
+        (
+            "SG_ power : 13|14@1-",
+            "SG_ power : 18|14@1-",
+            "battery.power: expected to end before bit 31 of bytes 0 to 3",
+        ),
+        ("SG_ time : 32|31@1+", "SG_ time : 24|31@1+", "gait_state.time: expected to end before bit 31"),
+        (
+            "SG_ power : 13|14@1-",
+            "SG_ power : 23|14@0-",
+            "battery.power: expected a plain integer in Intel",
+        ),
+        (
+            '0 "off" 1 "hold" 2 "run"',
+            '0 "run" 1 "hold" 2 "off"',
+            "left_hip_setpoint.state: expected 0 to mean off",
+        ),
+        ("BO_ 513 battery", "BO_ 2147484161 battery", "battery: expected an identifier of 11 bits"),
+        ("SG_ voltage : 0|13@1+", "SG_ voltage : 1|13@1+", "is no DBC file"),
+        ("BU_: ccu", "BU_ ccu", "is no DBC file"),
+    ],
+)
+def test_what_the_codec_cannot_hold_is_refused_in_one_line(tmp_path, old, new, said):
+    text = PATH.read_text(encoding="ascii")
+    assert old in text
+    path = tmp_path / "other.dbc"
+    path.write_text(text.replace(old, new), encoding="ascii")
+    with pytest.raises(ParameterFileError) as caught:
+        load_messages(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ") and said in message and "\n" not in message
+
+
+def test_a_file_that_is_not_there_is_named():
+    with pytest.raises(ParameterFileError, match=r"none\.dbc: no such DBC file; give a path, or twin\.dbc"):
+        load_messages("none.dbc")
+
+
+def test_without_cantools_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cantools", None)
+    with pytest.raises(MissingOptionalDependency, match=r"pip install 'twin-gait\[can\]'"):
+        load_messages()

@@ -1,0 +1,100 @@
+"""Signals of a CAN frame: from numbers to bits and back.
+
+The eight bytes of a frame are two halves, bytes 0 to 3 and 4 to 7, each an integer in Intel's byte order.
+No signal crosses from one half to the other and the highest bit of a half stays 0, so that a half is a
+non-negative number of 32 bits, in Python, in machine code and in C alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+HALF_BITS = 31  # that signals may use
+
+
+@dataclass(slots=True)
+class SignalLayout:
+    """Where a signal stands in its frame, and what a step of its code means.
+
+    Attributes:
+        half: 0 for bytes 0 to 3 of the frame, 1 for bytes 4 to 7.
+        start: Place of its lowest bit in the half.
+        mask: All of its bits, as if it started at bit 0.
+        sign: Its highest bit if it is signed, as two's complement, otherwise 0.
+        missing: Code that says that there is no number.
+        scale: A step of the code in the unit of the signal.
+        offset: What code 0 means, in the unit of the signal.
+        lowest: Least code of a number, a whole number.
+        highest: Largest code of a number, a whole number.
+    """
+
+    half: int
+    start: int
+    mask: int
+    sign: int
+    missing: int
+    scale: float
+    offset: float
+    lowest: float
+    highest: float
+
+
+def signal_code(signal: SignalLayout, value: float) -> int:
+    r"""Code of a number, the nearest one within the range of the signal.
+
+    .. math::
+
+        c = \left\lfloor \frac{x - x_0}{s} + \frac{1}{2} \right\rfloor
+
+    Args:
+        value: x in the unit of the signal; NaN for none.
+
+    Returns:
+        c, negative only if the signal is signed.
+    """
+    steps = (value - signal.offset) / signal.scale
+    if steps != steps:
+        return signal.missing
+    if steps < signal.lowest:
+        steps = signal.lowest
+    elif steps > signal.highest:
+        steps = signal.highest
+    return int(math.floor(steps + 0.5))  # noqa: RUF046  # in C the floor is no integer
+
+
+def signal_value(signal: SignalLayout, code: int) -> float:
+    r"""Number that a code stands for, :math:`x = s c + x_0`.
+
+    Returns:
+        x in the unit of the signal; NaN for a code outside its range.
+    """
+    if code < signal.lowest or code > signal.highest:
+        return math.nan
+    return code * signal.scale + signal.offset
+
+
+def pack_frame(signals: Sequence[SignalLayout], values: Sequence[float], halves: list[int]) -> None:
+    """Write numbers into the bits of a frame; bits of no signal become 0.
+
+    Args:
+        values: One for each signal, in its unit.
+        halves: Of the frame; changed in place.
+    """
+    halves[0] = 0
+    halves[1] = 0
+    for index, signal in enumerate(signals):
+        halves[signal.half] += (signal_code(signal, values[index]) & signal.mask) << signal.start
+
+
+def unpack_frame(signals: Sequence[SignalLayout], halves: Sequence[int], values: list[float]) -> None:
+    """Read numbers from the bits of a frame.
+
+    Args:
+        halves: Of the frame.
+        values: One for each signal, in its unit; changed in place.
+    """
+    for index, signal in enumerate(signals):
+        bits = (halves[signal.half] >> signal.start) & signal.mask
+        values[index] = signal_value(signal, (bits ^ signal.sign) - signal.sign)

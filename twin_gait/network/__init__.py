@@ -1,0 +1,1 @@
+"""The CAN network of the device: its DBC file, and frames of what a walk does."""

@@ -1,0 +1,158 @@
+"""Read the layout of all messages from a DBC file, with cantools."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin_gait.core.can_codec import HALF_BITS, SignalLayout
+from twin_gait.exceptions import MissingOptionalDependency, ParameterFileError
+from twin_gait.files import shipped_file
+from twin_gait.network.messages import CODES, MESSAGES
+
+if TYPE_CHECKING:
+    from cantools.database.can import Message as DbcMessage
+    from cantools.database.can.signal import Signal as DbcSignal
+
+PACKAGED_DBC = "twin.dbc"
+_WORD = 32  # bits of a half of a frame
+
+
+@dataclass(frozen=True, kw_only=True)
+class Message:
+    """A frame of the network and its layout.
+
+    Attributes:
+        name: For example ``left_hip_setpoint``.
+        identifier: Of 11 bits; the lowest one pending is sent first.
+        length: In bytes.
+        cycle: In [s]; 0 for one that is sent when there is something to say.
+        sender: Node that sends it.
+        signals: Layouts by name, in the order of :data:`~twin_gait.network.messages.MESSAGES`.
+        codes: Of signals with a table of values, the code of each value by its name.
+    """
+
+    name: str
+    identifier: int
+    length: int
+    cycle: float
+    sender: str
+    signals: Mapping[str, SignalLayout]
+    codes: Mapping[str, Mapping[str, int]]
+
+    @property
+    def layout(self) -> list[SignalLayout]:
+        """Layouts as :func:`twin_gait.core.can_codec.pack_frame` takes them."""
+        return list(self.signals.values())
+
+
+def find_dbc(path_or_name: str | Path) -> Path:
+    """Resolve a path, or the bare name of the packaged file.
+
+    Raises:
+        ParameterFileError: If there is no such file.
+    """
+    path = Path(path_or_name).expanduser()
+    if path.is_file():
+        return path
+    shipped = shipped_file(PACKAGED_DBC) if str(path_or_name) == PACKAGED_DBC else None
+    if shipped is None:
+        raise ParameterFileError(path, "", f"no such DBC file; give a path, or {PACKAGED_DBC}, which ships")
+    return shipped
+
+
+def load_messages(path_or_name: str | Path = PACKAGED_DBC) -> dict[str, Message]:
+    """Read all messages of the device from a DBC file.
+
+    Args:
+        path_or_name: Of a file, or the name of the one that ships.
+
+    Returns:
+        Messages by name, all of :data:`~twin_gait.network.messages.MESSAGES`; what else is in the file is
+        left alone.
+
+    Raises:
+        ParameterFileError: If a message or a signal is missing, or laid out so that the codec cannot hold it.
+        MissingOptionalDependency: If cantools is not installed.
+    """
+    path = find_dbc(path_or_name)
+    found = {item.name: item for item in _messages_of(path)}
+    for name in MESSAGES:
+        _require(name in found, path, name, "no such message; the packaged file has them all")
+    return {name: _message(path, found[name], units) for name, units in MESSAGES.items()}
+
+
+def _messages_of(path: Path) -> Iterable[DbcMessage]:
+    try:
+        import cantools
+    except ImportError as error:
+        raise MissingOptionalDependency("cantools", "can", "the CAN network") from error
+    try:
+        database = cantools.database.load_file(path, database_format="dbc")
+    except (OSError, UnicodeDecodeError, cantools.Error) as error:
+        raise ParameterFileError(path, "", f"is no DBC file ({error})") from error
+    return database.messages  # type: ignore[union-attr]  # a DBC file has no diagnostics
+
+
+def _message(path: Path, item: DbcMessage, units: Mapping[str, str]) -> Message:
+    _require(not item.is_extended_frame, path, item.name, "expected an identifier of 11 bits")
+    _require(item.length <= 8 and not item.is_fd, path, item.name, "expected 8 bytes at most")
+    known = {signal.name: signal for signal in item.signals}
+    for name, unit in units.items():
+        key = f"{item.name}.{name}"
+        _require(name in known, path, key, f"no such signal; it has {', '.join(known)}")
+        has = known[name].unit or ""
+        _require(has == unit, path, key, f"expected the unit {unit!r}, got {has!r}")
+    return Message(
+        name=item.name,
+        identifier=item.frame_id,
+        length=item.length,
+        cycle=(item.cycle_time or 0) * 1e-3,
+        sender=item.senders[0] if item.senders else "",
+        signals={name: _signal(path, item.name, known[name]) for name in units},
+        codes={name: _codes(path, item.name, known[name]) for name in units if known[name].choices},
+    )
+
+
+def _signal(path: Path, message: str, item: DbcSignal) -> SignalLayout:
+    key = f"{message}.{item.name}"
+    half, start = divmod(item.start, _WORD)
+    plain = item.byte_order == "little_endian" and not item.is_float and not item.is_multiplexer
+    _require(plain and not item.multiplexer_ids, path, key, "expected a plain integer in Intel's byte order")
+    wide = f"expected to end before bit {HALF_BITS} of bytes {4 * half} to {4 * half + 3}"
+    _require(start + item.length <= HALF_BITS, path, key, wide)
+    top = 1 << (item.length - 1)
+    least, most = (-top, top - 1) if item.is_signed else (0, 2 * top - 1)
+    lowest = least if item.minimum is None else max(least, _code(item, item.minimum))
+    highest = most if item.maximum is None else min(most, _code(item, item.maximum))
+    spare = least if item.is_signed else most
+    return SignalLayout(
+        half=half,
+        start=start,
+        mask=2 * top - 1,
+        sign=top if item.is_signed else 0,
+        missing=0 if lowest <= spare <= highest else spare,  # 0: no torque, off
+        scale=float(item.scale),
+        offset=float(item.offset),
+        lowest=float(lowest),
+        highest=float(highest),
+    )
+
+
+def _code(item: DbcSignal, bound: float) -> int:
+    """The code of an end of the declared range."""
+    return round((bound - item.offset) / item.scale)
+
+
+def _codes(path: Path, message: str, item: DbcSignal) -> dict[str, int]:
+    codes = {str(name): int(code) for code, name in (item.choices or {}).items()}
+    for code, name in enumerate(CODES.get(item.name, ())):
+        _require(codes.get(name) == code, path, f"{message}.{item.name}", f"expected {code} to mean {name}")
+    return codes
+
+
+def _require(condition: Any, path: Path, key: str, problem: str) -> None:
+    if not condition:
+        raise ParameterFileError(path, key, problem)

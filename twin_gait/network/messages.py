@@ -1,0 +1,45 @@
+"""What the nodes of the device tell each other: the messages and the signals that a DBC file lays out.
+
+The star of the thesis (2.1.2): central control unit, a board at each of the four motors, battery and inertial
+unit, and the monitor (2.4) of whoever watches. It prints neither bit rate nor layout.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import product
+
+from twin_gait.vocabulary import MOTOR_JOINTS, Side
+
+CYCLE = 0.002  # [s] of set points and measurements, thesis 2.1.2
+BOARDS = tuple(f"{side}_{joint}" for side, joint in product(Side, MOTOR_JOINTS))
+
+# Signals with their units, in the order in which numbers are handed to the codec.
+MEASUREMENT = {
+    "angle": "rad",
+    "velocity": "rad/s",  # the fast estimate
+    "current": "A",
+    "foot_load": "bw",  # body weights; 0 from the board of a hip
+    "trip_cause": "",
+    "counter": "",
+}
+_IMPEDANCE = {"stiffness": "Nm/rad", "damping": "Nms/rad", "equilibrium": "rad", "gain": "", "torque": "Nm"}
+SETPOINT = _IMPEDANCE | {"state": "", "counter": ""}
+COMMAND = _IMPEDANCE | {"control": "", "counter": ""}
+BATTERY = {"voltage": "V", "power": "W"}
+IMU = {"pitch": "rad", "pitch_rate": "rad/s"}
+GAIT_STATE = {"left_phase": "", "right_phase": "", "safety_state": "", "trip_cause": "", "time": "s"}
+
+MESSAGES: Mapping[str, Mapping[str, str]] = {
+    **{f"{board}_setpoint": SETPOINT for board in BOARDS},
+    **{f"{board}_measurement": MEASUREMENT for board in BOARDS},
+    "battery": BATTERY,
+    "imu": IMU,
+    "gait_state": GAIT_STATE,
+    **{f"{board}_command": COMMAND for board in BOARDS},
+}
+# Codes that programs on both ends of the bus go by.
+CODES: Mapping[str, tuple[str, ...]] = {
+    "state": ("off", "hold", "run"),
+    "control": ("walk", "friction_control", "torque_control", "impedance_control"),
+}
