@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 from transitions import Machine
@@ -99,19 +100,23 @@ class GaitStateMachine:
         self._own_places = [place for place, name in enumerate(self._names) if not name.startswith(OTHER)]
         initial = table.phase_names[0] if initial_phase is None else initial_phase
         table.phase_index(initial)
-        self.machine = Machine(
+        self.phase: str = initial
+        self._index = table.phase_index(initial)
+
+    @cached_property
+    def machine(self) -> Machine:
+        """States and triggers in `transitions`; made at the first switch: it takes as long as 15 ticks."""
+        return Machine(
             model=self,
-            states=list(table.phase_names),
-            initial=initial,
+            states=list(self.table.phase_names),
+            initial=self.phase,
             transitions=[
                 {"trigger": f"take_{index}", "source": item.source, "dest": item.target}
-                for index, item in enumerate(table.transitions)
+                for index, item in enumerate(self.table.transitions)
             ],
             auto_transitions=False,
             model_attribute="phase",
         )
-        self.phase: str = initial
-        self._index = table.phase_index(initial)
 
     @property
     def phase_index(self) -> int:
@@ -170,7 +175,7 @@ class GaitStateMachine:
         if index == NO_TRANSITION:
             return None
         source = self.phase
-        self.trigger(f"take_{index}")  # type: ignore[attr-defined]  # added by transitions
+        self.machine.events[f"take_{index}"].trigger(self)
         self._index = self.table.phase_index(self.phase)
         self.entry_tick = tick
         item = self.table.transitions[index]
