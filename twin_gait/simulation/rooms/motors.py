@@ -43,7 +43,7 @@ from twin_gait.simulation.interface import (
     each,
     lanes,
 )
-from twin_gait.simulation.rooms.network import exchange, hear_setpoint, reboot
+from twin_gait.simulation.rooms.network import exchange, hear_setpoint
 
 
 def feed_forward(e: Episode) -> None:
@@ -77,7 +77,6 @@ def control(e: Episode, tick: int) -> None:
         for one in lanes(e):
             demand(one.controller, one.limits, number, tick)
             if NETWORKED:
-                reboot(one, number, tick)
                 heard = hear_setpoint(one, number, tick)
                 hear(one.joints[number].board, one.limits, one.joints[number].heard, heard)
             else:
@@ -134,6 +133,8 @@ def _drive(e: Episode, number: int, tick: int) -> None:
         ask(board)
         sum_up(board)
     set_current(board, e.limits, joint.due if DELAYED else board.command.torque)
+    if NETWORKED and joint.off:
+        board.command.target_current = 0.0
     current, torque = driven_motor(
         joint.motor, board.command.target_current, e.v[place], e.supply.bus_voltage
     )
