@@ -43,7 +43,7 @@ from twin_gait.simulation.interface import (
     each,
     lanes,
 )
-from twin_gait.simulation.rooms.network import exchange, hear_setpoint, reboot
+from twin_gait.simulation.rooms.network import exchange, hear_setpoint
 
 
 def feed_forward(e: Episode) -> None:
@@ -112,7 +112,6 @@ def _hear(e: Episode, number: int, tick: int) -> None:
     """Let a board hear what is demanded."""
     board = e.joints[number].board
     if NETWORKED:
-        reboot(e, number, tick)
         hear(board, e.limits, e.joints[number].heard, hear_setpoint(e, number, tick))
     else:
         copy_demand(e.controller.joints[number].demand, board.demand)
@@ -145,6 +144,8 @@ def _drive(e: Episode, number: int, tick: int) -> None:
         ask(board)
         sum_up(board)
     set_current(board, e.limits, joint.due if DELAYED else board.command.torque)
+    if NETWORKED and joint.off:
+        board.command.target_current = 0.0
     current, torque = driven_motor(
         joint.motor, board.command.target_current, e.v[place], e.supply.bus_voltage
     )
