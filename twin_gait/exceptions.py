@@ -58,7 +58,7 @@ class ViewerError(TwinGaitError):
 
 
 class FirmwareError(TwinGaitError):
-    """The controller as C cannot be built or run."""
+    """The controller as C cannot be printed, built or run."""
 
 
 class MissingOptionalDependency(TwinGaitError, ImportError):

@@ -117,6 +117,17 @@ def build_host(
     return path
 
 
+def compile_library(sources: Sequence[Path], *, compiler: str = "gcc", flags: Sequence[str] = ()) -> Path:
+    """Compile sources into a shared library of this machine, beside the first of them.
+
+    Raises:
+        FirmwareError: No such compiler, or it refuses a source.
+    """
+    path = sources[0].with_suffix(".so")
+    _run(compiler, [*FLAGS, "-shared", "-fPIC", *flags, *sources, "-o", path])
+    return path
+
+
 def sizes(objects: Sequence[Path]) -> Sizes:
     """Flash and RAM of object files, as ``arm-none-eabi-size`` counts them."""
     lines = _run("arm-none-eabi-size", objects).splitlines()[1:]
