@@ -225,7 +225,7 @@ def test_completion_is_printed_for_every_shell(shell, capsys):
         (["twin-gait", "ide"], {"identify"}),
         (["twin-gait", "bench", ""], {"campaign", "run"}),
         (["twin-gait", "simulate", "--fail"], {"--fail-on-fall"}),
-        (["twin-gait", "export", "run", "--format", ""], {"csv", "mot", "sto", "opensim"}),
+        (["twin-gait", "export", "run", "--format", ""], {"csv", "mot", "sto", "opensim", "candump", "asc"}),
     ],
 )
 def test_bash_completes(typed, expected, tmp_path):

@@ -10,7 +10,7 @@ import subprocess
 from collections.abc import Sequence
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 from firmware_tools import require_tools
@@ -33,7 +33,7 @@ from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.guards import guard_holds, next_transition
 from twin_gait.core.safety import Bounds, Watched, watch_joint
 from twin_gait.experiment import build_problem
-from twin_gait.firmware import Library, Program, TranslationUnit, print_units
+from twin_gait.firmware import Library, Program, TranslationUnit, print_units, units
 from twin_gait.gait.program import compile_guards
 from twin_gait.kernels.generated import write_control_gravity, write_side_by_side
 from twin_gait.simulation import interface
@@ -216,30 +216,38 @@ def scrambled(record: Any, draw: random.Random) -> Any:
     return scramble(made)
 
 
+class Device(NamedTuple):
+    """An episode, what its structure binds, its gravity kernel as text and in Python, and what is printed."""
+
+    episode: Any
+    structure: dict[str, Any]
+    text: str
+    kernel: dict[str, Any]
+    program: Program
+
+
+CALLED = {"sine_cosine": elementary.sine_cosine}
+
+
 @pytest.fixture(scope="module")
-def device() -> tuple[Any, dict[str, Any], Program, dict[str, Any]]:
-    """Episode, constants, what is printed, and the kernel in Python."""
+def device() -> Device:
     problem = build_problem(load_experiment("treadmill").experiment)
     kernel, episode, structure = laid_out(problem, record=False)
     text = write_control_gravity(kernel[2], kernel[3])
     text = "\n\n".join([*write_side_by_side(text), text])
-    called = {"sine_cosine": elementary.sine_cosine}
-    units = [
+    controlling = [*functions_of(gait_controller), interface.control_gravity]
+    parts = [
         TranslationUnit("joint_board", functions_of(joint_board), {"left_hip": episode.joints[0].board}),
-        TranslationUnit(
-            "gait_controller",
-            [*functions_of(gait_controller), interface.control_gravity],
-            {"controller": episode.controller},
-        ),
+        TranslationUnit("gait_controller", controlling, {"controller": episode.controller}),
     ]
-    program = print_units(units, {**structure, **called}, text, [episode.rates, episode.limits])
-    return episode, structure, program, kernel_functions(text, called)
+    program = print_units(parts, {**structure, **CALLED}, text, [episode.rates, episode.limits])
+    return Device(episode, structure, text, kernel_functions(text, CALLED), program)
 
 
 @pytest.fixture(scope="module")
 def device_library(device) -> Library:
     require_tools("gcc")
-    return Library(device[2])
+    return Library(device.program)
 
 
 @pytest.mark.parametrize(
@@ -248,7 +256,7 @@ def device_library(device) -> Library:
     ids=lambda function: function.__name__,
 )
 def test_functions_of_board_and_gait_controller(device, device_library, function):
-    episode, structure, _, _ = device
+    episode, structure = device.episode, device.structure
     draw, names = random.Random(function.__name__), function.__code__.co_varnames
     bound = bind(function, structure)
     samples = {
@@ -258,6 +266,7 @@ def test_functions_of_board_and_gait_controller(device, device_library, function
         "rates": episode.rates,
         "limits": episode.limits,
         "measurement": episode.controller.joints[0].measurement,
+        "command": episode.joints[0].board.command,
         "demand": episode.controller.joints[0].demand,
     }
 
@@ -285,7 +294,7 @@ def test_functions_of_board_and_gait_controller(device, device_library, function
 
 
 def test_the_gravity_kernel(device, device_library):
-    episode, _, _, kernel = device
+    episode, kernel = device.episode, device.kernel
     draw, model = random.Random(5), episode.controller.model
     for _ in range(500):
         q = [draw.uniform(-3.0, 3.0) for _ in model.q]
@@ -295,17 +304,56 @@ def test_the_gravity_kernel(device, device_library):
         assert bits(ours) == bits(theirs)
 
 
+def test_the_whole_unit_tick_by_tick(device):
+    """Wild inputs, until and after the monitor has tripped; state and outputs at every tick."""
+    require_tools("gcc")
+    episode, structure, kernel = device.episode, device.structure, device.kernel
+    settings = units.Settings(episode.rates, episode.limits, True)
+    boards = [copy.deepcopy(joint.board) for joint in episode.joints]
+    ours = units.Exoskeleton(settings, boards, copy.deepcopy(episode.controller))
+    inputs = units.ExoskeletonInputs(
+        [units.JointBoardInputs() for _ in boards], units.Surroundings([0.0, 0.0])
+    )
+    outputs = units.ExoskeletonOutputs([units.Command() for _ in boards], units.Decision([0, 0]))
+    unit = TranslationUnit("exoskeleton", [units.exoskeleton_step], {"exoskeleton": ours})
+    program = print_units([unit], {**structure, **CALLED}, device.text, [inputs, outputs])
+    library, step = Library(program), bind(units.exoskeleton_step, {**structure, **kernel})
+    draw = random.Random(6)
+    for _ in range(4):
+        theirs, found = copy.deepcopy(ours), copy.deepcopy(ours)
+        state = library.structure(theirs)
+        expected, given = copy.deepcopy(outputs), copy.deepcopy(outputs)
+        angle, trips = [board.encoder.angle for board in boards], set()
+        for tick in range(1500):
+            wild = 0.02 if tick > 700 else 0.0
+            angle = [x + draw.uniform(-2e-3, 2e-3) for x in angle]
+            for x, board in zip(angle, inputs.boards, strict=True):
+                board.angle = math.nan if draw.random() < 0.1 * wild else x
+                board.current = draw.uniform(-5.0, 5.0)
+                board.voltage = 0.6 * board.current
+                board.current_deviation = 3.0 * (draw.random() < wild)
+            inputs.surroundings.loads = [draw.uniform(0.0, 1.0), draw.uniform(0.0, 1.0)]
+            inputs.surroundings.bus_voltage = draw.uniform(45.0, 50.0)
+            step(theirs, inputs, expected)
+            library.call("exoskeleton_step", state, inputs, given)
+            assert bits(given) == bits(expected), tick
+            trips.add(expected.decision.trip_cause)
+        library.read_back(state, found)
+        assert bits(found) == bits(theirs)
+        assert len(trips) > 1
+
+
 def test_what_nobody_writes_to_is_a_table_in_flash(device):
-    text = device[2].files["types.h"]
+    text = device.program.files["types.h"]
     assert "const Setpoint *setpoints;" in text and "Setpoint blended;" in text
     assert "const TransitionRule *transitions;" in text and "    int8_t target;" in text
 
 
 def test_what_a_constant_rules_out_is_not_printed(device):
-    assert "lead" not in device[2].files["gait_controller.c"]
-    _, structure, _, _ = device
-    unit = TranslationUnit("demand", [gait_controller.demand], {"controller": device[0].controller})
-    follows = print_units([unit], {**structure, "FOLLOWS": True}, shapes=[device[0].limits])
+    assert "lead" not in device.program.files["gait_controller.c"]
+    structure = device.structure
+    unit = TranslationUnit("demand", [gait_controller.demand], {"controller": device.episode.controller})
+    follows = print_units([unit], {**structure, "FOLLOWS": True}, shapes=[device.episode.limits])
     assert "joint->lead" in follows.files["demand.c"]
 
 
@@ -328,7 +376,7 @@ def run(*words: Any) -> str:
 @pytest.mark.parametrize("more", [[], ["-DREAL_DOUBLE"]])
 def test_compilers_have_nothing_to_say(device, laws, compiler, more, tmp_path):
     require_tools(compiler)
-    for number, program in enumerate((device[2], laws)):
+    for number, program in enumerate((device.program, laws)):
         folder = tmp_path / str(number)
         folder.mkdir()
         for source in written(program, folder):
@@ -337,7 +385,7 @@ def test_compilers_have_nothing_to_say(device, laws, compiler, more, tmp_path):
 
 def test_cppcheck_has_nothing_to_say(device, tmp_path):
     require_tools("cppcheck")
-    sources = written(device[2], tmp_path)
+    sources = written(device.program, tmp_path)
     checks = "--enable=warning,style,performance,portability"
     assert run("cppcheck", "--std=c99", "--error-exitcode=1", "-q", checks, *sources) == ""
 

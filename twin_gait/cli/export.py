@@ -18,7 +18,8 @@ RESOLUTION = 600  # [dots per inch], what journals ask of pictures with lines an
 DEFAULT_CONVENTION = "opensim_gait2392"
 MODELS = (DEFAULT_CONVENTION, "rajagopal")
 CSV, FOLDER = "csv", "opensim"
-FORMATS = (CSV, "mot", "sto", FOLDER)
+CAN_FILES = {"candump": "can.log", "asc": "can.asc"}
+FORMATS = (CSV, "mot", "sto", FOLDER, *CAN_FILES)
 
 
 def add_parser(commands: Any) -> None:
@@ -49,11 +50,12 @@ def add_parser(commands: Any) -> None:
 
     parser = commands.add_parser(
         "export",
-        help="write the log of a run as CSV or for OpenSim",
+        help="write the log of a run: CSV, for OpenSim or CAN tools",
         description=(
             "Write the log of a run directory as CSV (every column), its joint angles as a motion of "
-            "OpenSim (.mot in degrees, .sto in radians), or all that OpenSim's inverse dynamics needs: a "
-            "folder with model, motion, external loads, set-up, and the joint moments to compare with."
+            "OpenSim (.mot in degrees, .sto in radians), all that OpenSim's inverse dynamics needs: a "
+            "folder with model, motion, external loads, set-up, and the joint moments to compare with; or "
+            "the frames of its CAN network (candump's .log, Vector's .asc), which twin.dbc decodes."
         ),
     )
     add = parser.add_argument
@@ -74,7 +76,7 @@ def add_parser(commands: Any) -> None:
         default="wearer",
         help="whose angles a motion has where braces let the two move apart (the wearer's)",
     )
-    options.add_out(parser, "PATH", "file or folder to write (RUN/log.FORMAT, or RUN/opensim)")
+    options.add_out(parser, "PATH", "file or folder to write (RUN/log.FORMAT, RUN/can.log, RUN/opensim)")
     parser.set_defaults(run=export)
 
 
@@ -111,21 +113,25 @@ def export(arguments: argparse.Namespace) -> int:
     from twin_gait.runs.record import load_run
 
     kind = arguments.format or _format_of(arguments.out, arguments.convention)
-    if kind == CSV and arguments.convention is not None:
-        raise ParameterError("--convention: CSV keeps this package's own names and signs; leave it out")
+    if kind in (CSV, *CAN_FILES) and arguments.convention is not None:
+        raise ParameterError(f"--convention: {kind} keeps this package's own names and signs; leave it out")
     stored = load_run(arguments.directory)
     convention = find_convention(arguments.convention or DEFAULT_CONVENTION)
     device = arguments.of == "device"
-    path = arguments.out or arguments.directory / (FOLDER if kind == FOLDER else f"log.{kind}")
+    names = {FOLDER: FOLDER, **CAN_FILES}
+    path = arguments.out or arguments.directory / names.get(kind, f"log.{kind}")
     if kind == FOLDER:
         return _write_folder(stored, path, convention, device=device, force=arguments.force)
     options.check_file("--out", path, force=arguments.force)
+    if kind in CAN_FILES:
+        return _write_frames(stored, path, kind)
     return _write_file(stored, path, kind, convention, device=device)
 
 
 def _format_of(path: Path | None, convention: str | None) -> str:
     """The format that a file's name says; a convention asks for a motion, anything else is CSV."""
     suffix = "" if path is None else path.suffix.removeprefix(".").lower()
+    suffix = {Path(name).suffix[1:]: kind for kind, name in CAN_FILES.items()}.get(suffix, suffix)
     return suffix if suffix in FORMATS else CSV if convention is None else "mot"
 
 
@@ -140,6 +146,15 @@ def _write_file(stored: StoredRun, path: Path, kind: str, convention: Convention
         unit = DEGREES if kind == "mot" else RADIANS
         columns = export_motion(stored.log, path, convention, unit=unit, device=device)
     print(f"{len(stored.log)} rows, {len(columns)} columns: {path}")
+    return DONE
+
+
+def _write_frames(stored: StoredRun, path: Path, kind: str) -> int:
+    from twin_gait.export.can import export_can, run_frames
+    from twin_gait.network.dbc import PACKAGED_DBC, find_dbc, load_messages
+
+    written = export_can(run_frames(stored.run, load_messages()), path, kind)
+    print(f"{written} frames, for {find_dbc(PACKAGED_DBC)}: {path}")
     return DONE
 
 

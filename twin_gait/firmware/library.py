@@ -9,10 +9,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from twin_gait.firmware.cross import compile_library
-from twin_gait.firmware.kinds import BOOL, REAL, Kind, ListKind, RecordKind, Scalar, TupleKind
+from twin_gait.firmware.kinds import BOOL, INT, INT_LIMIT, REAL, Kind, ListKind, RecordKind, Scalar, TupleKind
 from twin_gait.firmware.layout import identifier
 from twin_gait.firmware.printer import Program
 from twin_gait.firmware.statements import result_name
+from twin_gait.simulation.watching import NEVER
 
 _WHOLE = {"int8_t": ctypes.c_int8, "int16_t": ctypes.c_int16, "int32_t": ctypes.c_int32}
 
@@ -81,6 +82,10 @@ class Library:
         made: ctypes.Structure = self._taken(RecordKind(type(record)), record)
         return made
 
+    def read_back(self, structure: ctypes.Structure, record: Any) -> None:
+        """Bring what C has changed in a structure back into the record that it was made of."""
+        self._give_back(RecordKind(type(record)), structure, record)
+
     # ------------------------------------------------------------------ kinds
 
     def _scalar(self, name: str) -> Any:
@@ -137,6 +142,8 @@ class Library:
         return made
 
     def _entry(self, kind: Kind, value: Any) -> Any:
+        if kind is INT and value == NEVER:
+            return INT_LIMIT - 1
         return value if isinstance(kind, Scalar) else self._taken(kind, value)
 
     def _give_back(self, kind: Kind, made: Any, value: Any) -> None:

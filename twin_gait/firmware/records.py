@@ -24,6 +24,7 @@ from twin_gait.firmware.kinds import (
     type_name,
 )
 from twin_gait.firmware.layout import INDENT, WIDTH, attributes_of, comment, docstring_of, identifier, wrapped
+from twin_gait.simulation.watching import NEVER
 
 
 class Records:
@@ -186,6 +187,8 @@ class Tables:
         if isinstance(kind, RecordKind):
             return self.initialiser(value, name)
         assert isinstance(kind, Scalar)
+        if kind is INT and value == NEVER:
+            return "INT32_MAX"
         largest = LARGEST_SINGLE if kind is REAL else INT_LIMIT - 1
         if abs(value) > largest and value == value and abs(value) != float("inf"):
             raise FirmwareError(f"{where}: {value} does not fit into 32 bits")

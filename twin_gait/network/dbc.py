@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from twin_gait.core.can_codec import HALF_BITS, SignalLayout
 from twin_gait.exceptions import MissingOptionalDependency, ParameterFileError
 from twin_gait.files import shipped_file
-from twin_gait.network.messages import CODES, MESSAGES
+from twin_gait.network.messages import CODES, MESSAGES, ON_DEMAND
 
 if TYPE_CHECKING:
     from cantools.database.can import Message as DbcMessage
@@ -46,6 +46,11 @@ class Message:
     def layout(self) -> list[SignalLayout]:
         """Layouts as :func:`twin_gait.core.can_codec.pack_frame` takes them."""
         return list(self.signals.values())
+
+    def bounds(self, signal: str) -> tuple[float, float]:
+        """Least and largest number that a signal can say, in its unit."""
+        item = self.signals[signal]
+        return item.lowest * item.scale + item.offset, item.highest * item.scale + item.offset
 
 
 def find_dbc(path_or_name: str | Path) -> Path:
@@ -99,6 +104,7 @@ def _messages_of(path: Path) -> Iterable[DbcMessage]:
 def _message(path: Path, item: DbcMessage, units: Mapping[str, str]) -> Message:
     _require(not item.is_extended_frame, path, item.name, "expected an identifier of 11 bits")
     _require(item.length <= 8 and not item.is_fd, path, item.name, "expected 8 bytes at most")
+    _require(item.cycle_time or item.name.endswith(ON_DEMAND), path, item.name, "expected a GenMsgCycleTime")
     known = {signal.name: signal for signal in item.signals}
     for name, unit in units.items():
         key = f"{item.name}.{name}"

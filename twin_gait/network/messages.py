@@ -38,6 +38,7 @@ MESSAGES: Mapping[str, Mapping[str, str]] = {
     "gait_state": GAIT_STATE,
     **{f"{board}_command": COMMAND for board in BOARDS},
 }
+ON_DEMAND = "_command"  # how the names of messages end that have no cycle
 # Codes that programs on both ends of the bus go by.
 CODES: Mapping[str, tuple[str, ...]] = {
     "state": ("off", "hold", "run"),

@@ -76,12 +76,7 @@ def control(e: Episode, tick: int) -> None:
         implausible = False
         for one in lanes(e):
             demand(one.controller, one.limits, number, tick)
-            if NETWORKED:
-                reboot(one, number, tick)
-                heard = hear_setpoint(one, number, tick)
-                hear(one.joints[number].board, one.limits, one.joints[number].heard, heard)
-            else:
-                copy_demand(one.controller.joints[number].demand, one.joints[number].board.demand)
+            _hear(one, number, tick)
             ask(one.joints[number].board)
             if not FAULTY:
                 check(one.joints[number].board, one.watching)
@@ -93,10 +88,7 @@ def control(e: Episode, tick: int) -> None:
             implausible |= one.joints[number].board.command.cause != NO_TRIP
         if implausible:
             for one in each(e):
-                if NETWORKED:
-                    refuse(one.joints[number].board, one.limits)
-                else:
-                    trip(one.controller, tick, one.joints[number].board.command.cause, number)
+                _refuse(one, number, tick)
         for one in lanes(e):
             _drive(one, number, tick)
             if not FAULTY:
@@ -114,6 +106,25 @@ def control(e: Episode, tick: int) -> None:
     for one in lanes(e):
         battery = one.supply
         battery.power = battery_power(battery.power, battery.constant_power, battery.regeneration)
+
+
+def _hear(e: Episode, number: int, tick: int) -> None:
+    """Let a board hear what is demanded."""
+    board = e.joints[number].board
+    if NETWORKED:
+        reboot(e, number, tick)
+        hear(board, e.limits, e.joints[number].heard, hear_setpoint(e, number, tick))
+    else:
+        copy_demand(e.controller.joints[number].demand, board.demand)
+
+
+def _refuse(e: Episode, number: int, tick: int) -> None:
+    """Hold instead of commanding what is wild: the joint alone over a bus, which is slow, otherwise all."""
+    board = e.joints[number].board
+    if not NETWORKED:
+        trip(e.controller, tick, board.command.cause, number)
+    elif board.command.cause != NO_TRIP:
+        refuse(board, e.limits)
 
 
 def _run_away(e: Episode, number: int, tick: int) -> None:

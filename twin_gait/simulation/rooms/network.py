@@ -27,16 +27,21 @@ def tell(e: Episode, tick: int) -> None:
     """Let the gait controller hear of joints, feet and supply."""
     for number in range(len(e.joints)):
         for one in lanes(e):
-            if NETWORKED:
-                _hear_measurement(one, number, tick)
-            else:
-                report(one.joints[number].board, one.controller.joints[number].measurement)
+            _tell(one, number, tick)
     if POINTS_PER_FOOT > 0 and not NETWORKED:
         for number in range(len(e.soles)):
             for one in lanes(e):
                 hear_load(one.controller, number, one.soles[number].load)
     for one in lanes(e):
         one.controller.supply.voltage = one.supply.bus_voltage
+
+
+def _tell(e: Episode, number: int, tick: int) -> None:
+    """Let the gait controller hear of a joint."""
+    if NETWORKED:
+        _hear_measurement(e, number, tick)
+    else:
+        report(e.joints[number].board, e.controller.joints[number].measurement)
 
 
 def _heard(e: Episode, wire: Wire, tick: int) -> int:

@@ -1,0 +1,194 @@
+"""Frames of a run: what cantools and python-can read is what the log has."""
+
+from __future__ import annotations
+
+import sys
+
+import can
+import cantools
+import numpy as np
+import pytest
+
+from twin_gait.cli import main
+from twin_gait.configuration import load_experiment
+from twin_gait.control import TripCause
+from twin_gait.exceptions import MissingOptionalDependency
+from twin_gait.export.can import bus_frames, export_can, run_frames
+from twin_gait.files import shipped_file
+from twin_gait.network.dbc import PACKAGED_DBC, load_messages
+from twin_gait.network.messages import BOARDS
+from twin_gait.runs.record import write_run
+from twin_gait.simulation import simulate
+
+MESSAGES = load_messages()
+DATABASE = cantools.database.load_file(shipped_file(PACKAGED_DBC))
+READERS = {"candump": can.CanutilsLogReader, "asc": can.ASCReader}
+# Signal, column behind the board's name, and what the column is to be divided by.
+CARRIED = {
+    "setpoint": {
+        "stiffness": "stiffness_Nm_per_rad",
+        "damping": "damping_Nms_per_rad",
+        "equilibrium": "equilibrium_rad",
+        "gain": "friction_compensation_gain",
+    },
+    "measurement": {
+        "angle": "measured_angle_rad",
+        "velocity": "velocity_fast_rad_per_s",
+        "current": "measured_current_A",
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def tripped():
+    """A walk whose left knee freezes."""
+    settings = [
+        "duration_s=3",
+        "faults=[encoder_freeze:left_knee@1.5s]",
+        "control.target_torque_Nm.hip=3",
+        "sensors.ideal=false",
+    ]
+    run = simulate(load_experiment("treadmill", settings).experiment)
+    assert run.trip is not None and str(run.trip.cause) == "encoder_frozen"
+    return run
+
+
+@pytest.fixture(scope="module", params=READERS)
+def read(request, tripped, tmp_path_factory):
+    """All frames of the walk's file, with the numbers that cantools finds in them."""
+    path = tmp_path_factory.mktemp("frames") / f"walk.{request.param}"
+    written = export_can(run_frames(tripped, MESSAGES), path, request.param)
+    with READERS[request.param](path) as reader:
+        frames = list(reader)
+    assert len(frames) == written
+    return [
+        (item.timestamp, DATABASE.get_message_by_frame_id(item.arbitration_id).name,
+         DATABASE.decode_message(item.arbitration_id, item.data, decode_choices=False))
+        for item in frames
+    ]  # fmt: skip
+
+
+def named(read, name):
+    ticks = [round(1000 * time) for time, message, _ in read if message == name]
+    return ticks, [values for _, message, values in read if message == name]
+
+
+def test_every_message_comes_at_its_cycle_in_the_order_of_its_priority(read, tripped):
+    for message in MESSAGES.values():
+        ticks, _ = named(read, message.name)
+        cycle = round(1000 * message.cycle)
+        assert ticks == (list(range(0, len(tripped.log), cycle)) if cycle else [])
+    order = [(time, DATABASE.get_message_by_name(name).frame_id) for time, name, _ in read]
+    assert order == sorted(order)
+
+
+@pytest.mark.parametrize("kind", CARRIED)
+def test_decoded_numbers_are_within_half_a_step_of_the_log(read, tripped, kind):
+    for board in BOARDS:
+        ticks, values = named(read, f"{board}_{kind}")
+        for signal, column in CARRIED[kind].items():
+            decoded = np.array([item[signal] for item in values])
+            logged = tripped.log[f"{board}_{column}"].to_numpy()[ticks]
+            step = MESSAGES[f"{board}_{kind}"].signals[signal].scale
+            assert np.abs(decoded - logged).max() <= (0.5 + 1e-9) * step, (board, signal)
+            assert signal in ("gain", "damping") or np.ptp(decoded) > 10.0 * step
+
+
+def test_what_is_fed_forward_comes_as_one_torque(read, tripped):
+    for board in BOARDS:
+        ticks, values = named(read, f"{board}_setpoint")
+        rest = ("impedance_torque_Nm", "friction_compensation_torque_Nm")
+        logged = tripped.log[f"{board}_motor_command_torque_Nm"] - sum(
+            tripped.log[f"{board}_{name}"] for name in rest
+        )
+        decoded = np.array([item["torque"] for item in values])
+        assert np.abs(decoded - logged.to_numpy()[ticks]).max() <= 0.0125 + 1e-9
+        assert ("hip" in board) == (decoded[0] == 3.0)
+
+
+def test_a_sole_reports_through_the_board_of_its_knee(read, tripped):
+    for board in BOARDS:
+        side, _, joint = board.partition("_")
+        ticks, values = named(read, f"{board}_measurement")
+        load = tripped.log[f"{side}_foot_normal_force_N"].to_numpy()[ticks] / tripped.body_weight
+        decoded = np.array([item["foot_load"] for item in values])
+        expected = load if joint == "knee" else 0.0
+        assert np.abs(decoded - expected).max() <= 0.00125 + 1e-9
+        assert (decoded.max() > 0.3) == (joint == "knee")
+
+
+def test_a_trip_is_told_by_the_board_that_found_it_and_every_set_point_is_a_hold(read, tripped):
+    begin = tripped.trip.tick
+    for board in BOARDS:
+        ticks, values = named(read, f"{board}_setpoint")
+        states = [(tick >= begin) + 0 for tick in ticks]
+        assert [item["state"] for item in values] == [1 if held else 2 for held in states]
+        ticks, values = named(read, f"{board}_measurement")
+        cause = TripCause.ENCODER_FROZEN.code if board == "left_knee" else 0
+        assert [item["trip_cause"] for item in values] == [cause * (tick >= begin) for tick in ticks]
+    ticks, values = named(read, "gait_state")
+    names = MESSAGES["gait_state"].codes["left_phase"]
+    phases = tripped.log["left_phase"].to_numpy()[ticks]
+    assert [item["left_phase"] for item in values] == [
+        names["hold"] if tick >= begin else names[phase] for tick, phase in zip(ticks, phases, strict=True)
+    ]
+    assert [item["safety_state"] for item in values] == [int(tick >= begin) for tick in ticks]
+    assert [item["time"] for item in values] == pytest.approx([1e-3 * tick for tick in ticks])
+
+
+def test_counters_count_every_frame_of_their_message(read):
+    for name in ("right_hip_setpoint", "right_hip_measurement"):
+        counts = [item["counter"] for item in named(read, name)[1]]
+        assert counts == [k % 4 for k in range(len(counts))]
+
+
+def test_frames_of_pieces_are_those_of_the_whole(tripped):
+    columns = {name: tripped.log[name].to_numpy()[:100] for name in tripped.log.columns}
+    whole = bus_frames(columns, MESSAGES, first=0, body_weight=tripped.body_weight)
+    pieces = []
+    for first, end in ((0, 7), (7, 10), (10, 100)):
+        rows = {name: column[first:end] for name, column in columns.items()}
+        pieces += bus_frames(rows, MESSAGES, first=first, body_weight=tripped.body_weight)
+    assert pieces == whole
+
+
+def test_a_bench_leg_has_two_boards_and_no_sole():
+    run = simulate(load_experiment("bench_leg", ["duration_s=0.5"]).experiment)
+    identifiers = {item.identifier for item in run_frames(run, MESSAGES)}
+    names = {message.name for message in MESSAGES.values() if message.identifier in identifiers}
+    boards = {f"right_{joint}_{kind}" for joint in ("hip", "knee") for kind in CARRIED}
+    assert names == boards | {"battery", "imu", "gait_state"}
+
+
+# ------------------------------------------------------------------------------- the command
+
+
+@pytest.fixture(scope="module")
+def stored(tripped, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stored")
+    write_run(tripped, folder, pictures=False)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("arguments", "name"),
+    [(["--format", "candump"], "can.log"), (["--format", "asc"], "can.asc"), (["--out", "x.log"], "x.log")],
+)
+def test_the_command_writes_frames_and_names_the_dbc(stored, arguments, name, capsys, monkeypatch):
+    monkeypatch.chdir(stored)
+    assert main(["export", str(stored), *arguments]) == 0
+    said = capsys.readouterr().out
+    frames = list((READERS["asc"] if name.endswith("asc") else READERS["candump"])(stored / name))
+    assert said.startswith(f"{len(frames)} frames, for ") and "twin.dbc: " in said and len(frames) > 10_000
+
+
+def test_a_convention_is_refused_and_nothing_written(stored, capsys, tmp_path):
+    out = tmp_path / "x.asc"
+    assert main(["export", str(stored), "--out", str(out), "--convention", "rajagopal"]) == 2
+    assert "--convention: asc keeps" in capsys.readouterr().err and not out.exists()
+
+
+def test_without_python_can_the_extra_is_named(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "can", None)
+    with pytest.raises(MissingOptionalDependency, match=r"pip install 'twin-gait\[can\]'"):
+        export_can([], tmp_path / "x.log", "candump")

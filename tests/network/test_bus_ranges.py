@@ -1,0 +1,51 @@
+"""Which values of an experiment the DBC file has no room for."""
+
+from __future__ import annotations
+
+import pytest
+
+from twin_gait.configuration import load_experiment, presets
+from twin_gait.experiment.bus_ranges import values_out_of_range
+from twin_gait.experiment.problem import build_problem
+from twin_gait.files import shipped_file
+from twin_gait.network.dbc import load_messages
+
+
+@pytest.mark.parametrize("preset", presets())
+def test_the_shipped_file_carries_what_ships(preset):
+    assert values_out_of_range(build_problem(load_experiment(preset).experiment), load_messages()) == []
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("control.limits.current_A=20", "control.limits.current_A times control.safety.current_share: 24 A"),
+        ("control.safety.hold_damping_Nms_per_rad=300", "hold_damping_Nms_per_rad: 300 Nms/rad is outside 0"),
+        ("control.target_torque_Nm.hip=-110", "control.target_torque_Nm.hip: -110 Nm is outside -102.375 to"),
+        (
+            "table.phases.early_stance.knee.stiffness_Nm_per_deg=20",
+            "table.phases.early_stance.knee: stiffness: 1145.92 Nm/rad is outside 0 to 1023.75 Nm/rad",
+        ),
+        (
+            "table.phases.late_stance.hip.equilibrium_deg=-50",
+            "table.phases.late_stance.hip: equilibrium: -0.872665 rad is outside -0.8 to 2.4764 rad",
+        ),
+    ],
+)
+def test_a_value_without_room_is_said_once_with_range_and_way_out(setting, said):
+    experiment = load_experiment("bench_leg", [setting]).experiment
+    (line,) = values_out_of_range(build_problem(experiment), load_messages())
+    assert said in line and "the range of right_" in line and line.endswith("or a DBC file with a wider one")
+
+
+def test_narrower_files_have_less_room(tmp_path):
+    text = shipped_file("twin.dbc").read_text(encoding="ascii")
+    path = tmp_path / "narrow.dbc"
+    wide, narrow = "(0.000006,-0.8) [-0.8|2.345716]", "(0.000001,-0.2) [-0.2|0.32]"
+    torque, small = "(0.025,0) [-102.375|102.375]", "(0.01,0) [-40.95|40.95]"
+    path.write_text(text.replace(wide, narrow).replace(torque, small), encoding="ascii")
+    lines = values_out_of_range(build_problem(load_experiment("treadmill").experiment), load_messages(path))
+    keys = {line.partition(": ")[0] for line in lines}
+    ends = [("lower", "hip"), ("upper", "hip"), ("upper", "knee")]
+    urdf = {f"URDF, {end} limit of the {side} {joint}" for end, joint in ends for side in ("left", "right")}
+    assert keys == {"control.limits.torque_Nm", *urdf}

@@ -1,0 +1,215 @@
+"""Frames that a walk puts on the CAN network, from the rows of its log, and files of them for other tools."""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from twin_gait.control import TripCause
+from twin_gait.control.safety import SafetyState
+from twin_gait.core.can_codec import pack_frame
+from twin_gait.exceptions import MissingOptionalDependency
+from twin_gait.files import write_atomically
+from twin_gait.gait.table import TICK
+from twin_gait.network.dbc import Message
+from twin_gait.network.messages import BOARDS, CODES
+from twin_gait.simulation.run import Run
+from twin_gait.vocabulary import JointName, Side
+
+CANDUMP, ASC = "candump", "asc"
+CHANNEL = 0  # can0 in a candump file, 1 in an ASC file
+_CHUNK = 10_000  # ticks that become frames at once
+_COUNTS = 4  # of the counter of two bits
+
+Rows = Mapping[str, np.ndarray]
+
+
+class BusFrame(NamedTuple):
+    """A frame as it goes onto the bus.
+
+    Attributes:
+        time: Of its tick in [s] since the start of the walk.
+        identifier: Of 11 bits.
+        data: Its bytes.
+    """
+
+    time: float
+    identifier: int
+    data: bytes
+
+
+def run_frames(run: Run, messages: Mapping[str, Message]) -> Iterator[BusFrame]:
+    """All frames of a run, in the order of their times and identifiers.
+
+    Args:
+        run: Of legs; a joint bench has no network.
+        messages: From :func:`twin_gait.network.dbc.load_messages`.
+    """
+    trip = run.trip
+    tripped = "" if trip is None or trip.joint is None else f"{trip.side}_{trip.joint}"
+    columns = {name: run.log[name].to_numpy() for name in run.log.columns}
+    for first in range(0, len(run.log), _CHUNK):
+        rows = {name: column[first : first + _CHUNK] for name, column in columns.items()}
+        yield from bus_frames(rows, messages, first=first, body_weight=run.body_weight, tripped=tripped)
+
+
+def bus_frames(
+    rows: Rows, messages: Mapping[str, Message], *, first: int, body_weight: float, tripped: str = ""
+) -> list[BusFrame]:
+    """Frames of some ticks: every message at its own cycle, as if the bus took no time.
+
+    Args:
+        rows: Columns of the log by name, with the names of the phases.
+        first: Tick of the first row.
+        body_weight: Of wearer and device in [N].
+        tripped: Board that the monitor tripped on, such as ``left_knee``; empty for none.
+
+    Returns:
+        The frames in the order of their times and identifiers; boards that the log does not have send none.
+    """
+    ticks = first + np.arange(len(rows["safety_state"]))
+    found: list[BusFrame] = []
+    for message in messages.values():
+        values = _values_of(message, rows, body_weight, tripped)
+        if not values:
+            continue
+        period = round(message.cycle / TICK)
+        values["counter"], values["time"] = ticks // period % _COUNTS, ticks * TICK
+        due = np.flatnonzero(ticks % period == 0)
+        table = np.array([np.broadcast_to(values[name], ticks.shape)[due] for name in message.signals]).T
+        for tick, row in zip(ticks[due].tolist(), table.tolist(), strict=True):
+            found.append(BusFrame(tick * TICK, message.identifier, encoded(message, row)))
+    return sorted(found, key=lambda frame: frame[:2])
+
+
+def encoded(message: Message, values: list[float]) -> bytes:
+    """The bytes of a message.
+
+    Args:
+        values: Of all its signals in their order, in their units; NaN for none.
+    """
+    halves = [0, 0]
+    pack_frame(message.layout, values, halves)
+    return struct.pack("<2I", *halves)[: message.length]
+
+
+def _values_of(message: Message, rows: Rows, body_weight: float, tripped: str) -> dict[str, Any]:
+    """Values of the signals by name, but for counter and time; empty if nobody sends the message."""
+    board, _, kind = message.name.rpartition("_")
+    if board in BOARDS and (kind == "command" or f"{board}_measured_angle_rad" not in rows):
+        return {}
+    if kind == "setpoint":
+        return _setpoint(rows, board)
+    if kind == "measurement":
+        return _measurement(message, rows, board, body_weight, board == tripped)
+    if message.name == "battery":
+        return {"voltage": rows["bus_voltage_V"], "power": rows["battery_power_W"]}
+    if message.name == "imu":  # neither guide nor harness lets the trunk pitch
+        return {"pitch": 0.0, "pitch_rate": 0.0}
+    return _gait_state(message, rows)
+
+
+def _setpoint(rows: Rows, board: str) -> dict[str, Any]:
+    fed = [rows[f"{board}_{name}_torque_Nm"] for name in _FED_FORWARD]
+    states = np.array([CODES["state"].index(name) for name in ("run", "hold")])
+    return {
+        "stiffness": rows[f"{board}_stiffness_Nm_per_rad"],
+        "damping": rows[f"{board}_damping_Nms_per_rad"],
+        "equilibrium": rows[f"{board}_equilibrium_rad"],
+        "gain": rows[f"{board}_friction_compensation_gain"],
+        "torque": sum(fed),
+        "state": states[rows["safety_state"].astype(int)],
+    }
+
+
+_FED_FORWARD = ("gravity_compensation", "inertia_compensation", "target")
+
+
+def _measurement(
+    message: Message, rows: Rows, board: str, body_weight: float, tripped: bool
+) -> dict[str, Any]:
+    side, _, joint = board.partition("_")
+    force = rows.get(f"{side}_foot_normal_force_N") if joint == JointName.KNEE else None
+    return {
+        "angle": rows[f"{board}_measured_angle_rad"],
+        "velocity": rows[f"{board}_velocity_fast_rad_per_s"],
+        "current": rows[f"{board}_measured_current_A"],
+        "foot_load": 0.0 if force is None else force / body_weight,
+        "trip_cause": _trip_causes(message, rows) if tripped else 0.0,
+    }
+
+
+def _gait_state(message: Message, rows: Rows) -> dict[str, Any]:
+    held = rows["safety_state"] == SafetyState.HOLD.code
+    found: dict[str, Any] = {
+        "safety_state": rows["safety_state"],
+        "trip_cause": _trip_causes(message, rows),
+    }
+    for side in Side:
+        name = f"{side}_phase"
+        codes = message.codes.get(name, {})
+        other = codes.get("other", message.signals[name].highest)
+        phases = rows.get(name, np.full(held.shape, "other"))
+        walked = np.array([codes.get(phase, other) for phase in phases])
+        found[name] = np.where(held, codes.get("hold", other), walked)
+    return found
+
+
+def _trip_causes(message: Message, rows: Rows) -> np.ndarray:
+    codes = message.codes.get("trip_cause", {})
+    own = [codes.get(str(cause), cause.code) for cause in TripCause]
+    return np.take(own, rows["trip_cause"].astype(int))
+
+
+# ---------------------------------------------------------------------- files
+
+
+def export_can(frames: Iterable[BusFrame], path: Path, kind: str) -> int:
+    """Write frames as other tools read them.
+
+    Args:
+        path: The file.
+        kind: ``candump``, the log format of can-utils, or ``asc``, that of Vector.
+
+    Returns:
+        How many there are.
+
+    Raises:
+        MissingOptionalDependency: If python-can is not installed.
+        RunDirectoryError: If it cannot be written.
+    """
+    try:
+        import can
+    except ImportError as error:
+        raise MissingOptionalDependency("python-can", "can", "files of CAN frames") from error
+    stream = _KeptText()
+    writer = can.CanutilsLogWriter(stream) if kind == CANDUMP else can.ASCWriter(stream)
+    with writer:
+        count = 0
+        for frame in frames:
+            count += 1
+            message = can.Message(
+                timestamp=frame.time,
+                arbitration_id=frame.identifier,
+                data=frame.data,
+                is_extended_id=False,
+                channel=CHANNEL,
+            )
+            writer.on_message_received(message)
+    write_atomically(path, stream.text)
+    return count
+
+
+class _KeptText(io.StringIO):
+    """Text that outlives its closing, which the writers do."""
+
+    text = ""
+
+    def close(self) -> None:
+        self.text = self.getvalue()
+        super().close()
