@@ -57,6 +57,10 @@ class ViewerError(TwinGaitError):
     """The viewer or its server could not be started."""
 
 
+class FirmwareError(TwinGaitError):
+    """The controller as C cannot be printed, built or run."""
+
+
 class MissingOptionalDependency(TwinGaitError, ImportError):
     """An extra that a feature needs is not installed."""
 

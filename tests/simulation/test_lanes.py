@@ -69,13 +69,13 @@ def unlike(number: int, preset: str, *settings: str, record: bool = True) -> Com
     """An episode like no other of its structure, in its table and in how it ends, too."""
     rng = np.random.default_rng(number)
     engine = CompiledEngine(unlike_problem(number, preset, *settings), record=record)
-    setpoints = engine.episode["joints"]["setpoints"]
+    setpoints = engine.episode["controller"]["joints"]["setpoints"]
     for name in ("stiffness", "damping", "equilibrium"):
         setpoints[name] *= 1.0 + 0.05 * rng.uniform(-1.0, 1.0, setpoints[name].shape)
     if number % 6 == 2:  # asks for what is no number
         setpoints["equilibrium"][-1, number % 4] = np.nan
     if number % 6 == 3:  # ends as soon as a joint is quick
-        engine.episode["limits"]["diverged_velocity"] = rng.uniform(0.5, 2.0)
+        engine.episode["ends"]["diverged_velocity"] = rng.uniform(0.5, 2.0)
     if number % 6 == 5:  # the state becomes infinite, then undefined
         engine.episode["plant"]["stop"]["stiffness"][0] = 1e12
         engine.episode["plant"]["stop"]["upper"][0] = engine.episode["q"][0] + rng.uniform(-0.001, 0.1)
@@ -150,8 +150,11 @@ def test_every_engine_has_the_last_state_of_its_own_run():
     LaneEngine(ours).run()
     for engine, other in zip(ours, theirs, strict=True):
         other.run()
-        for name in ("status", "trip", "q", "v", "a", "joints", "plant", "supply", "works"):
+        for name in ("status", "q", "v", "a", "joints", "plant", "supply", "works"):
             assert engine.episode[name].tobytes() == other.episode[name].tobytes(), name
+        for name in ("trip", "joints", "supply"):
+            ours_has, theirs_has = (item.episode["controller"][name].tobytes() for item in (engine, other))
+            assert ours_has == theirs_has, name
         assert engine.switches.tobytes() == other.switches.tobytes()
 
 
@@ -278,7 +281,7 @@ def test_a_block_has_a_number_of_all_lanes_in_a_row_and_copies_where_there_is_no
     assert weights[3:].tolist() == [weights[0]] * (WIDTH - 3)
     phases = block[word_of(dtype, "limits", "phase_ticks")]
     assert set(phases.tolist()) == {int(engines[0].episode["limits"]["phase_ticks"])}
-    first = block[word_of(dtype, "trip", "tick")]
+    first = block[word_of(dtype, "controller", "trip", "tick")]
     assert set(first.tolist()) == {-1}
 
 

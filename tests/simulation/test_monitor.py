@@ -10,16 +10,18 @@ import numpy as np
 import pytest
 
 from twin_gait import load_experiment
+from twin_gait.control.joint_board import BoardState
 from twin_gait.core import safety
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.experiment.problem import build_problem
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiled_engine import CompiledEngine, laid_out
-from twin_gait.simulation.episode import Episode, Joint
+from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.record import copied, dtype_of, stored
 from twin_gait.simulation.reference_engine import ReferenceEngine
-from twin_gait.simulation.rooms.monitor import watch
+from twin_gait.simulation.rooms.monitor import watch, watch_drives
 from twin_gait.simulation.rooms.motors import control
+from twin_gait.simulation.rooms.network import tell
 
 JOINT, LEG = 2, 1  # right hip and right leg of the treadmill: none is the first
 EULER = "integration={method: semi_implicit_euler, step_ms: 0.25}"
@@ -47,8 +49,8 @@ class Case(NamedTuple):
         return math.nextafter(self.bound(e), self.side)
 
 
-def watched_joint(e: Episode) -> Joint:
-    return e.joints[JOINT]
+def watched_joint(e: Episode) -> BoardState:
+    return e.joints[JOINT].board
 
 
 def jump(e: Episode, amount: float) -> None:
@@ -75,7 +77,7 @@ def heat(e: Episode, amount: float) -> None:
 def still_load(e: Episode, amount: float) -> None:
     """The encoder of the turning hip is in order."""
     jump(e, 1e-3)
-    e.legs[LEG].load, e.legs[LEG].last_load = 0.4, 0.4
+    e.soles[LEG].load = e.controller.legs[LEG].load = 0.4
     watched_joint(e).watched.motor_speed = amount
 
 
@@ -106,8 +108,8 @@ OTHER_CASES = {
     "LOAD": Case(still_load, of_bounds("frozen_speed"), lambda e: e.limits.frozen_load_ticks, 4 + LEG),
     "SUPPLY": Case(
         lambda e, amount: setattr(e.supply, "bus_voltage", amount),
-        lambda e: e.supply.least_voltage,
-        lambda e: e.supply.low_ticks,
+        lambda e: e.controller.supply.least_voltage,
+        lambda e: e.controller.supply.low_ticks,
         -1,
         -math.inf,
     ),
@@ -135,14 +137,23 @@ def laid(treadmill):
     """Episode and structure of the treadmill, standing still with all that is measured in order."""
     _, e, structure = laid_out(treadmill)
     for joint in e.joints:
-        joint.encoder.angle = joint.encoder.last_angle = 0.1
+        joint.board.encoder.angle = joint.board.encoder.last_angle = 0.1
     return e, structure
+
+
+def watched(e: Episode, tick: int) -> None:
+    watch_drives(e)
+    tell(e, tick)
+    watch(e, tick)
+
+
+watched.__module__ = "twin_gait.tests"  # what it calls is bound, too
 
 
 @pytest.fixture(scope="module")
 def look(laid):
     """The monitor as plain Python."""
-    return bind(watch, laid[1])
+    return bind(watched, laid[1])
 
 
 @pytest.fixture
@@ -161,12 +172,12 @@ def broken_for(e: Episode, look: Callable[..., None], case: Case, ticks: int, am
 
 
 def kept(e: Episode) -> tuple[int, int, int]:
-    return e.trip.tick, e.trip.cause, e.trip.part
+    return e.controller.trip.tick, e.controller.trip.cause, e.controller.trip.part
 
 
 def test_there_is_a_case_of_every_cause_that_the_monitor_can_give():
     names = {name.removesuffix("_TRIP") for name in vars(safety) if name.endswith("_TRIP")}
-    elsewhere = {"NO", "OPERATOR", "COMMAND", "PHASE_TIME_OUT"}  # the last two have tests of their own
+    elsewhere = {"NO", "OPERATOR", "COMMAND", "PHASE_TIME_OUT", "BUS"}  # have tests of their own
     assert {name.split()[0] for name in CASES} == names - elsewhere
 
 
@@ -185,8 +196,10 @@ def test_the_first_number_beyond_the_bound_trips_when_its_time_is_over(e, look, 
     assert kept(e) == (-1, NO_TRIP, 0)
     broken_for(e, look, case, 1, amount)
     assert kept(e) == (100, code(name), case.place)
-    assert [joint.drive_off for joint in e.joints] == [name == "DRIVE" and n == JOINT for n in range(4)]
-    assert [joint.hold_angle for joint in e.joints] == [joint.encoder.last_angle for joint in e.joints]
+    assert [joint.board.drive_off for joint in e.joints] == [name == "DRIVE" and n == JOINT for n in range(4)]
+    assert [joint.hold_angle for joint in e.controller.joints] == [
+        joint.board.encoder.last_angle for joint in e.joints
+    ]
 
 
 @pytest.mark.parametrize("name", ["FROZEN", "TORQUE", "DRIVE", "LOAD", "SUPPLY"])
@@ -197,7 +210,7 @@ def test_a_single_good_tick_gives_the_whole_time_back(e, look, name):
     for _ in range(2):
         broken_for(e, look, case, needed - 1, amount)
         broken_for(e, look, case, 1, case.bound(e))
-    assert e.trip.tick < 0
+    assert e.controller.trip.tick < 0
 
 
 def test_a_foot_in_the_air_or_a_load_that_changes_is_no_frozen_load(e, look):
@@ -206,26 +219,26 @@ def test_a_foot_in_the_air_or_a_load_that_changes_is_no_frozen_load(e, look):
 
         def put(e: Episode, amount: float, loads: tuple[float, float] = loads) -> None:
             still_load(e, amount)
-            e.legs[LEG].load, e.legs[LEG].last_load = loads
+            e.soles[LEG].load, e.controller.legs[LEG].load = loads
 
         broken_for(e, look, case._replace(put=put), 3 * case.ticks(e), case.beyond(e))
-    assert e.trip.tick < 0
+    assert e.controller.trip.tick < 0
 
 
 def test_a_phase_times_out_one_tick_after_its_longest_time(e, look):
     e.limits.phase_ticks = 50
-    e.legs[0].entry_tick, e.legs[1].entry_tick = 30, 20
+    e.controller.legs[0].entry_tick, e.controller.legs[1].entry_tick = 30, 20
     for tick in range(20, 71):
         look(e, tick)
-    assert e.trip.tick < 0
+    assert e.controller.trip.tick < 0
     look(e, 71)
     assert kept(e) == (71, safety.PHASE_TIME_OUT_TRIP, 4 + 1)
 
 
 def test_a_leg_that_was_told_to_stand_does_not_time_out(e, look):
-    e.limits.phase_ticks, e.last_rest = 50, 100
+    e.limits.phase_ticks, e.controller.last_rest = 50, 100
     look(e, 150)
-    assert e.trip.tick < 0
+    assert e.controller.trip.tick < 0
     look(e, 151)
     assert kept(e) == (151, safety.PHASE_TIME_OUT_TRIP, 4 + 0)
 
@@ -236,12 +249,12 @@ def test_a_leg_that_was_told_to_stand_does_not_time_out(e, look):
 def nearly(e: Episode) -> None:
     """Everything that may last a while has lasted so long, on every joint and leg, but for one tick."""
     for joint in e.joints:
-        joint.watched.frozen_streak = joint.bounds.frozen_ticks - 1
-        joint.watched.torque_streak = joint.bounds.torque_ticks - 1
-        joint.watched.drive_streak = joint.bounds.drive_ticks - 1
-    for leg in e.legs:
+        joint.board.watched.frozen_streak = joint.board.bounds.frozen_ticks - 1
+        joint.board.watched.torque_streak = joint.board.bounds.torque_ticks - 1
+        joint.board.watched.drive_streak = joint.board.bounds.drive_ticks - 1
+    for leg in e.controller.legs:
         leg.load_streak = e.limits.frozen_load_ticks - 1
-    e.supply.low_streak = e.supply.low_ticks - 1
+    e.controller.supply.low_streak = e.controller.supply.low_ticks - 1
 
 
 @pytest.mark.parametrize("first", ["MISSING", *JOINT_CASES])
@@ -254,11 +267,11 @@ def test_of_several_causes_on_a_joint_the_first_of_the_list_is_kept(e, look, fir
     look(e, 100)
     assert kept(e) == (100, code(first), JOINT)
     # The drive is cut off whatever was found first.
-    assert [joint.drive_off for joint in e.joints] == [number == JOINT for number in range(4)]
+    assert [joint.board.drive_off for joint in e.joints] == [number == JOINT for number in range(4)]
 
 
 def disobey(e: Episode, number: int) -> None:
-    e.joints[number].watched.current_deviation = -2.0 * e.joints[number].bounds.drive_deviation
+    e.joints[number].board.watched.current_deviation = -2.0 * e.joints[number].board.bounds.drive_deviation
 
 
 def test_of_several_joints_the_first_is_kept_and_every_broken_drive_cut_off(e, look):
@@ -268,24 +281,24 @@ def test_of_several_joints_the_first_is_kept_and_every_broken_drive_cut_off(e, l
     jump(e, 1.0)
     look(e, 100)
     assert kept(e) == (100, safety.DRIVE_TRIP, 1)
-    assert [joint.drive_off for joint in e.joints] == [False, True, False, True]
+    assert [joint.board.drive_off for joint in e.joints] == [False, True, False, True]
 
 
 def stay(e: Episode, leg: int) -> None:
     e.limits.phase_ticks = 50
-    e.legs[leg].entry_tick = 100 - 51
-    e.legs[1 - leg].entry_tick = 100
+    e.controller.legs[leg].entry_tick = 100 - 51
+    e.controller.legs[1 - leg].entry_tick = 100
 
 
 def stand_still(e: Episode, leg: int) -> None:
     hip = e.joints[2 * leg]
-    hip.encoder.angle = hip.encoder.last_angle + 1e-3
-    hip.watched.motor_speed = 2.0 * hip.bounds.frozen_speed
-    e.legs[leg].load = e.legs[leg].last_load = 0.4
+    hip.board.encoder.angle = hip.board.encoder.last_angle + 1e-3
+    hip.board.watched.motor_speed = 2.0 * hip.board.bounds.frozen_speed
+    e.soles[leg].load = e.controller.legs[leg].load = 0.4
 
 
 def sag(e: Episode) -> None:
-    e.supply.bus_voltage = 0.5 * e.supply.least_voltage
+    e.supply.bus_voltage = 0.5 * e.controller.supply.least_voltage
 
 
 IN_ORDER = [
@@ -310,16 +323,16 @@ def test_a_later_cause_changes_nothing_but_that_a_broken_drive_is_still_cut_off(
     nearly(e)
     sag(e)
     look(e, 100)
-    held = [joint.hold_angle for joint in e.joints]
+    held = [joint.hold_angle for joint in e.controller.joints]
     assert kept(e) == (100, safety.SUPPLY_TRIP, -1) and held == [0.1] * 4
     angle(e, 0.2)
     disobey(e, 0)
-    for tick in range(101, 101 + e.joints[0].bounds.drive_ticks):
-        assert not e.joints[0].drive_off
+    for tick in range(101, 101 + e.joints[0].board.bounds.drive_ticks):
+        assert not e.joints[0].board.drive_off
         look(e, tick)
-    assert [joint.drive_off for joint in e.joints] == [True, False, False, False]
+    assert [joint.board.drive_off for joint in e.joints] == [True, False, False, False]
     assert kept(e) == (100, safety.SUPPLY_TRIP, -1)
-    assert [joint.hold_angle for joint in e.joints] == held
+    assert [joint.hold_angle for joint in e.controller.joints] == held
 
 
 # ------------------------------------------------------------------ the command
@@ -333,59 +346,59 @@ def ask(laid):
 
 def slacken(e: Episode) -> None:
     """Nothing but the target makes up a command."""
-    for joint in e.joints:
+    for joint in e.controller.joints:
         joint.blended.stiffness = joint.blended.damping = joint.blended.gain = joint.target = 0.0
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_command_trips_at_the_first_number_beyond_its_bound(e, ask, sign):
     slacken(e)
-    highest = e.joints[JOINT].bounds.highest_command
-    e.joints[JOINT].target = sign * highest
+    highest = e.joints[JOINT].board.bounds.highest_command
+    e.controller.joints[JOINT].target = sign * highest
     ask(e, 99)
-    assert e.trip.tick < 0 and e.joints[JOINT].command.torque == sign * highest
-    e.joints[JOINT].target = sign * math.nextafter(highest, math.inf)
+    assert e.controller.trip.tick < 0 and e.joints[JOINT].board.command.torque == sign * highest
+    e.controller.joints[JOINT].target = sign * math.nextafter(highest, math.inf)
     ask(e, 100)
     assert kept(e) == (100, safety.COMMAND_TRIP, JOINT)
 
 
 def test_a_command_that_is_no_number_trips_only_where_somebody_watches(e, ask):
     slacken(e)
-    e.joints[JOINT].target = math.nan
+    e.controller.joints[JOINT].target = math.nan
     alone = copied(e)
     alone.watching = False
     ask(alone, 100)
-    assert alone.trip.tick < 0 and math.isnan(alone.joints[JOINT].command.torque)
+    assert alone.controller.trip.tick < 0 and math.isnan(alone.joints[JOINT].board.command.torque)
     ask(e, 100)
     assert kept(e) == (100, safety.COMMAND_TRIP, JOINT)
-    assert e.joints[JOINT].command.torque == 0.0
+    assert e.joints[JOINT].board.command.torque == 0.0
 
 
 def test_the_first_of_two_wrong_commands_is_kept(e, ask):
     slacken(e)
     for number in (1, 3):
-        e.joints[number].target = math.inf
+        e.controller.joints[number].target = math.inf
     ask(e, 100)
     assert kept(e) == (100, safety.COMMAND_TRIP, 1)
-    assert [joint.command.cause for joint in e.joints] == [0, safety.COMMAND_TRIP, 0, 0]
+    assert [joint.board.command.cause for joint in e.joints] == [0, safety.COMMAND_TRIP, 0, 0]
 
 
 def test_in_the_tick_of_a_wrong_command_joints_before_it_walk_and_those_after_it_are_held(e, ask):
     slacken(e)
-    for number, joint in enumerate(e.joints):
+    for number, joint in enumerate(e.controller.joints):
         joint.target = 3.0 + number
-        joint.watched.motor_speed = 0.2
-        e.control.gravity_torque[joint.control_place] = 10.0 + number
-    e.joints[1].target = math.nan
+        e.joints[number].board.watched.motor_speed = 0.2
+        e.controller.model.gravity_torque[joint.control_place] = 10.0 + number
+    e.controller.joints[1].target = math.nan
     ask(e, 100)
     braked = -e.limits.hold_damping * 0.2
     # The weight of the joint itself is carried from the next tick on: this one began as one of a walk.
-    assert [joint.command.torque for joint in e.joints] == [3.0, braked, braked + 12.0, braked + 13.0]
-    speeds = [joint.watched.motor_speed for joint in e.joints]
+    assert [joint.board.command.torque for joint in e.joints] == [3.0, braked, braked + 12.0, braked + 13.0]
+    speeds = [joint.board.watched.motor_speed for joint in e.joints]
     ask(e, 101)
     share = 1.0 - 1 / e.limits.lowering_ticks
     for number, (joint, found) in enumerate(zip(e.joints, speeds, strict=True)):
-        assert joint.command.torque == -e.limits.hold_damping * found + share * (10.0 + number)
+        assert joint.board.command.torque == -e.limits.hold_damping * found + share * (10.0 + number)
 
 
 def test_after_a_trip_the_controller_is_not_asked(e, laid):
@@ -395,10 +408,10 @@ def test_after_a_trip_the_controller_is_not_asked(e, laid):
     asked = bind(control, {**laid[1], "controller_torques": never})
     with pytest.raises(AssertionError, match="in the hold"):
         asked(e, 100)
-    e.trip.tick, e.trip.cause, e.trip.part = 100, safety.SUPPLY_TRIP, -1
+    e.controller.trip.tick, e.controller.trip.cause, e.controller.trip.part = 100, safety.SUPPLY_TRIP, -1
     asked(e, 101)
     assert kept(e) == (100, safety.SUPPLY_TRIP, -1)
-    assert [joint.command.torque for joint in e.joints] == [0.0] * 4
+    assert [joint.board.command.torque for joint in e.joints] == [0.0] * 4
 
 
 # ------------------------------------------------------------------ compiled
@@ -413,7 +426,7 @@ def test_compiled_the_monitor_leaves_the_same_record_in_every_case(laid, look):
     episode_at = record_at(dtype_of(sample))
 
     def look_at(address: int, tick: int) -> int:
-        watch(episode_at(address), tick)
+        watched(episode_at(address), tick)
         return 0
 
     loop = compile_loop(look_at, structure, 2).function
@@ -428,14 +441,14 @@ def test_compiled_the_monitor_leaves_the_same_record_in_every_case(laid, look):
         e = copied(sample)
         nearly(e)
         broken_for(e, both, case, 2, case.beyond(e))
-        assert e.trip.tick >= 0
+        assert e.controller.trip.tick >= 0
     for first in range(len(IN_ORDER)):
         e = copied(sample)
         nearly(e)
         for put, _, _ in IN_ORDER[first:]:
             put(e)
         both(e, 100)
-        assert e.trip.tick == 100
+        assert e.controller.trip.tick == 100
 
 
 def test_both_engines_hold_in_the_tick_of_a_wrong_command(treadmill):
@@ -444,12 +457,12 @@ def test_both_engines_hold_in_the_tick_of_a_wrong_command(treadmill):
     theirs, ours = (np.zeros((60, len(reference.layout.names))) for _ in range(2))
     reference.run_ticks(0, 30, theirs)
     compiled.run_ticks(0, 30, ours)
-    reference.episode.joints[1].target = 1e5
-    compiled.episode["joints"]["target"][1] = 1e5
+    reference.episode.controller.joints[1].target = 1e5
+    compiled.episode["controller"]["joints"]["target"][1] = 1e5
     reference.run_ticks(30, 60, theirs)
     compiled.run_ticks(30, 60, ours)
     assert kept(reference.episode) == (30, safety.COMMAND_TRIP, 1)
-    assert tuple(compiled.episode["trip"].tolist()) == (30, safety.COMMAND_TRIP, 1)
+    assert tuple(compiled.episode["controller"]["trip"].tolist()) == (30, safety.COMMAND_TRIP, 1)
     np.testing.assert_allclose(ours, theirs, atol=1e-9, rtol=1e-9)
     names = reference.layout.names
     hip, knee = (names.index(f"left_{joint}_stiffness_Nm_per_rad") for joint in ("hip", "knee"))

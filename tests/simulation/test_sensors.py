@@ -65,7 +65,7 @@ def test_a_trip_in_the_first_tick_holds_the_angle_that_the_encoder_reads():
     """Without the offset in the filters' start the hold would begin with a jump."""
     engine = CompiledEngine(build_problem(experiment("bench_leg", "sensors.offset.right.hip_deg=2")))
     joint = engine.episode["joints"][0]
-    assert joint["encoder"]["angle"] == engine.episode["q"][0] + math.radians(2.0)
+    assert joint["board"]["encoder"]["angle"] == engine.episode["q"][0] + math.radians(2.0)
 
 
 def test_offsets_are_swept_and_drawn_and_kept():

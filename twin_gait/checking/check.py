@@ -12,6 +12,7 @@ from twin_gait.checking import (
     exits,
     graph,
     leaving,
+    network,
     sense,
     stability,
     torques,
@@ -34,7 +35,7 @@ from twin_gait.gait.table import GaitTable
 from twin_gait.scenario.world import World
 from twin_gait.vocabulary import JointName
 
-_MODULES = (graph, exits, leaving, torques, stability, sense)
+_MODULES = (graph, exits, leaving, torques, stability, sense, network)
 RULES: tuple[Rule, ...] = tuple(rule for module in _MODULES for rule in module.RULES)
 NOTES: tuple[Rule, ...] = (stability.stability_margin,)  # rules that find notes only
 REPORT_VERSION = 2

@@ -15,6 +15,7 @@ import yaml
 from twin_gait.configuration.device_sections import ControlEntry, PlantEntry, interface_document
 from twin_gait.configuration.experiment_file import IntegrationEntry, SensorsEntry
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION, WaiverEntry
+from twin_gait.configuration.network_section import NetworkEntry
 from twin_gait.configuration.people import PatientEntry
 from twin_gait.configuration.scenario_section import BenchLegEntry, LegEntry, TreadmillEntry
 from twin_gait.experiment import Experiment
@@ -142,6 +143,7 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
         The mapping; reading it gives an equal experiment.
     """
     asked, scenario, patient = experiment.integration, experiment.scenario, experiment.patient
+    network = experiment.network
     return {
         "schema_version": SCHEMA_VERSION,
         "name": experiment.name,
@@ -150,6 +152,7 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
         **({} if asked is None else {"integration": IntegrationEntry.document(asked)}),
         "seed": experiment.seed,
         **({"faults": [str(item) for item in experiment.faults]} if experiment.faults else {}),
+        **({} if network is None else {"network": NetworkEntry.document(network)}),
         "patient": None if patient is None else PatientEntry.document(patient),
         "interface": interface_document(experiment.interface),
         "scenario": TreadmillEntry.document(scenario)

@@ -15,6 +15,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from twin_gait.configuration.device_sections import ControlEntry, InterfaceEntry, PlantEntry
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
+from twin_gait.configuration.network_section import NetworkEntry
 from twin_gait.configuration.overrides import merge
 from twin_gait.configuration.people import PatientEntry
 from twin_gait.configuration.scenario_section import AnglesEntry, BenchLegEntry, LegEntry, TreadmillEntry
@@ -115,6 +116,7 @@ class ExperimentFile(Strict):
     engine: Engine = Engine.COMPILED
     seed: Count = 0
     faults: tuple[str, ...] = ()
+    network: NetworkEntry = NetworkEntry(kind="ideal")
     provenance: ProvenanceEntry | None = None
 
     @model_validator(mode="after")
@@ -187,6 +189,7 @@ def experiment_from_mapping(
             seed=entry.seed,
             faults=_faults(entry, source),
             interface=section("interface", entry.interface.convert),
+            network=section("network", lambda: entry.network.convert_in(folder)),
         ),
     )
 

@@ -21,6 +21,9 @@ _UNITS = {
     "_Nms_per_deg": 1.0 / DEGREE,
     "_deg": DEGREE,
     "_ms": 1e-3,
+    "_us": 1e-6,
+    "_kbit_per_s": 1e3,
+    "_ppm": 1e-6,
 }
 # A time that never comes is no number of YAML: null stands for it.
 Endless = Annotated[Number | None, AfterValidator(lambda value: math.inf if value is None else value)]

@@ -15,7 +15,14 @@ from twin_gait.core.blending import blend, blend_share
 from twin_gait.core.control_tick import Setpoint, blend_setpoint, copy_setpoint, joint_signals, leg_signals
 from twin_gait.core.estimation import first_order_step
 from twin_gait.core.guards import NO_TRANSITION, GuardProgram
-from twin_gait.core.safety import LOAD_TRIP, NO_TRIP, PHASE_TIME_OUT_TRIP, SUPPLY_TRIP, support_share
+from twin_gait.core.safety import (
+    BUS_TRIP,
+    LOAD_TRIP,
+    NO_TRIP,
+    PHASE_TIME_OUT_TRIP,
+    SUPPLY_TRIP,
+    support_share,
+)
 
 # What a loop is bound to, and a firmware printed with: legs, actuated joints of a leg, whether inertia
 # torques are wanted, the equilibrium follows a path, and the impedance is shared with the wearer.
@@ -40,6 +47,7 @@ class ControlledJoint:
         lead: Torque that lets the damper follow the path, in [N m].
         tracking: Sum of the absolute errors of the stride in [rad].
         hold_angle: Angle at the trip in [rad].
+        silent_ticks: Since its board was heard.
     """
 
     control_place: int
@@ -54,6 +62,7 @@ class ControlledJoint:
     lead: float = 0.0
     tracking: float = 0.0
     hold_angle: float = 0.0
+    silent_ticks: int = 0
 
 
 @dataclass(slots=True)
@@ -161,7 +170,7 @@ class ControlModel:
 
 
 @dataclass(slots=True)
-class GaitController:
+class ControllerState:
     """Everything that the gait controller keeps.
 
     Attributes:
@@ -188,14 +197,26 @@ class GaitController:
 # ------------------------------------------------------------------ what is heard
 
 
-def hear_load(controller: GaitController, number: int, load: float) -> None:
+def hear_load(controller: ControllerState, number: int, load: float) -> None:
     """Take the load of a foot over body weight."""
     leg = controller.legs[number]
     leg.last_load = leg.load
     leg.load = load
 
 
-def hear_command(controller: GaitController, walk: float, tick: int) -> None:
+def hear_board(controller: ControllerState, limits: Limits, number: int, heard: bool) -> None:
+    """Note over a bus whether a board has been silent for too long.
+
+    Args:
+        heard: Whether its measurement came since the tick before.
+    """
+    joint = controller.joints[number]
+    joint.silent_ticks = 0 if heard else joint.silent_ticks + 1
+    if joint.silent_ticks > limits.board_silence and joint.measurement.cause == NO_TRIP:
+        joint.measurement.cause = BUS_TRIP
+
+
+def hear_command(controller: ControllerState, walk: float, tick: int) -> None:
     """Take the command to walk, 1, or to stand, 0."""
     controller.signals[len(controller.signals) - 1] = walk
     if walk == 0.0:
@@ -205,14 +226,14 @@ def hear_command(controller: GaitController, walk: float, tick: int) -> None:
 # ------------------------------------------------------------------ the monitor
 
 
-def watch_phase(controller: GaitController, limits: Limits, number: int, tick: int) -> None:
+def watch_phase(controller: ControllerState, limits: Limits, number: int, tick: int) -> None:
     """Note whether a leg stays in its phase for too long."""
     leg = controller.legs[number]
     late = tick - max(leg.entry_tick, controller.last_rest) > limits.phase_ticks
     leg.phase_cause = PHASE_TIME_OUT_TRIP if late else NO_TRIP
 
 
-def watch_foot(controller: GaitController, limits: Limits, number: int) -> None:
+def watch_foot(controller: ControllerState, limits: Limits, number: int) -> None:
     """Note whether the load of a foot stands still while the hip above it turns."""
     leg, hip = controller.legs[number], controller.joints[number * JOINTS_PER_LEG]
     still = leg.load == leg.last_load and leg.load > 0.0
@@ -221,14 +242,14 @@ def watch_foot(controller: GaitController, limits: Limits, number: int) -> None:
     leg.load_cause = LOAD_TRIP if leg.load_streak >= limits.frozen_load_ticks else NO_TRIP
 
 
-def watch_supply(controller: GaitController) -> None:
+def watch_supply(controller: ControllerState) -> None:
     """Note whether the bus voltage has been too low for too long."""
     supply = controller.supply
     supply.low_streak = supply.low_streak + 1 if supply.voltage < supply.least_voltage else 0
     supply.cause = SUPPLY_TRIP if supply.low_streak >= supply.low_ticks else NO_TRIP
 
 
-def has_cause(controller: GaitController) -> bool:
+def has_cause(controller: ControllerState) -> bool:
     """Whether anything has been noted on which the monitor has to trip."""
     causes = controller.supply.cause
     for joint in controller.joints:
@@ -238,7 +259,7 @@ def has_cause(controller: GaitController) -> bool:
     return causes != NO_TRIP
 
 
-def trip_on_causes(controller: GaitController, tick: int) -> None:
+def trip_on_causes(controller: ControllerState, tick: int) -> None:
     """Trip on the first cause that was noted: joints, then phases, feet and supply."""
     for number, joint in enumerate(controller.joints):
         trip(controller, tick, joint.measurement.cause, number)
@@ -249,7 +270,7 @@ def trip_on_causes(controller: GaitController, tick: int) -> None:
     trip(controller, tick, controller.supply.cause, -1)
 
 
-def trip(controller: GaitController, tick: int, cause: int, part: int) -> None:
+def trip(controller: ControllerState, tick: int, cause: int, part: int) -> None:
     """Go to the safe hold if there is a cause; the first one is kept."""
     if cause != NO_TRIP and controller.trip.tick < 0:
         controller.trip.tick = tick
@@ -263,14 +284,14 @@ def trip(controller: GaitController, tick: int, cause: int, part: int) -> None:
 # ------------------------------------------------------------------ the state machine of a leg
 
 
-def begin_tick(controller: GaitController, number: int, tick: int) -> None:
+def begin_tick(controller: ControllerState, number: int, tick: int) -> None:
     """Keep the phase of a leg as it is now, which both legs' guards read."""
     leg = controller.legs[number]
     leg.ticks = tick - leg.entry_tick
     leg.before = leg.phase
 
 
-def write_signals(controller: GaitController, rates: Rates, number: int, place: int) -> None:
+def write_signals(controller: ControllerState, rates: Rates, number: int, place: int) -> None:
     """Write what is measured on a leg where the guards read it.
 
     Args:
@@ -284,7 +305,7 @@ def write_signals(controller: GaitController, rates: Rates, number: int, place: 
     leg_signals(leg.load, leg.ticks, rates.period, signals, place + 2 * JOINTS_PER_LEG)
 
 
-def enter_phase(controller: GaitController, number: int, tick: int) -> None:
+def enter_phase(controller: ControllerState, number: int, tick: int) -> None:
     """Take the transition that was chosen for a leg."""
     leg = controller.legs[number]
     leg.phase = controller.program.transitions[leg.chosen].target
@@ -296,7 +317,7 @@ def enter_phase(controller: GaitController, number: int, tick: int) -> None:
     leg.gravity_start = leg.gravity
 
 
-def fade(controller: GaitController, rates: Rates, number: int, tick: int) -> None:
+def fade(controller: ControllerState, rates: Rates, number: int, tick: int) -> None:
     """Fade the parameters of a leg towards those of its phase, unless they have arrived."""
     leg, ticks = controller.legs[number], rates.blend_ticks
     since = tick - leg.entry_tick
@@ -311,7 +332,7 @@ def fade(controller: GaitController, rates: Rates, number: int, tick: int) -> No
 # ------------------------------------------------------------------ what is demanded
 
 
-def wants_gravity(controller: GaitController) -> bool:
+def wants_gravity(controller: ControllerState) -> bool:
     """Whether the weight of a leg is compensated, or carried in the hold."""
     wanted = INERTIA_WANTED or controller.trip.tick >= 0
     for leg in controller.legs:
@@ -319,14 +340,14 @@ def wants_gravity(controller: GaitController) -> bool:
     return wanted
 
 
-def pose(controller: GaitController, number: int) -> None:
+def pose(controller: ControllerState, number: int) -> None:
     """Bring a joint of the model to where it is measured, or was when the monitor tripped."""
     joint = controller.joints[number]
     angle = joint.hold_angle if controller.trip.tick >= 0 else joint.measurement.angle
     controller.model.q[joint.control_place] = angle
 
 
-def estimate_acceleration(controller: GaitController, rates: Rates, number: int) -> None:
+def estimate_acceleration(controller: ControllerState, rates: Rates, number: int) -> None:
     """Acceleration of a joint, from the change of its fast velocity."""
     joint = controller.joints[number]
     rate = (joint.measurement.velocity - joint.measurement.last_velocity) / rates.period
@@ -334,7 +355,7 @@ def estimate_acceleration(controller: GaitController, rates: Rates, number: int)
     controller.model.a[joint.control_place] = joint.rate
 
 
-def demand(controller: GaitController, limits: Limits, number: int, tick: int) -> None:
+def demand(controller: ControllerState, limits: Limits, number: int, tick: int) -> None:
     """Ask a board for the present setpoint and what is fed forward, or to hold its joint after a trip."""
     joint, leg = controller.joints[number], controller.legs[number // JOINTS_PER_LEG]
     asked, setpoint, place = joint.demand, joint.blended, joint.control_place

@@ -25,6 +25,7 @@ from twin_gait.core.safety import (
     command_is_plausible,
     hold_torque,
     motor_speed,
+    support_share,
     watch_joint,
 )
 from twin_gait.parameters import FrictionParameters
@@ -58,6 +59,8 @@ class Limits:
         current: Of the drives in [A].
         phase_ticks: Longest time in a phase.
         frozen_load_ticks: Longest time for which a load may stand still.
+        controller_silence: Longest time in ticks for which a board bears not to hear the gait controller.
+        board_silence: For which the gait controller bears not to hear a board.
         lowering_ticks: In which a held leg is lowered.
         hold_damping: Of a held joint in [N m s] / [rad].
     """
@@ -66,6 +69,8 @@ class Limits:
     current: float
     phase_ticks: int
     frozen_load_ticks: int
+    controller_silence: int
+    board_silence: int
     lowering_ticks: int
     hold_damping: float
 
@@ -150,7 +155,7 @@ class Command:
 
 
 @dataclass(slots=True)
-class JointBoard:
+class BoardState:
     """Everything that a board keeps.
 
     Attributes:
@@ -163,6 +168,11 @@ class JointBoard:
         command: Of this tick.
         model_friction: Torque of the compensator's model at the slow velocity in [N m].
         drive_off: Whether the drive is cut off.
+        cause: First one of a trip that the board has found itself.
+        alone: Whether it holds its joint without the gait controller, which it then does for good.
+        alone_ticks: Since when.
+        carried: Torque in [N m] that was fed forward then.
+        silent_ticks: Since the gait controller was heard.
     """
 
     encoder: Encoder
@@ -174,9 +184,14 @@ class JointBoard:
     command: Command = field(default_factory=Command)
     model_friction: float = 0.0
     drive_off: bool = False
+    cause: int = NO_TRIP
+    alone: bool = False
+    alone_ticks: int = 0
+    carried: float = 0.0
+    silent_ticks: int = 0
 
 
-def read_encoder(board: JointBoard, rates: Rates, first: bool, reading: float) -> None:
+def read_encoder(board: BoardState, rates: Rates, first: bool, reading: float) -> None:
     """Angle and fast velocity of this tick.
 
     Args:
@@ -186,12 +201,12 @@ def read_encoder(board: JointBoard, rates: Rates, first: bool, reading: float) -
     measure_angle(board.encoder, first, reading, rates.period, rates.fast_gain)
 
 
-def sample_velocity(board: JointBoard, rates: Rates, tick: int) -> None:
+def sample_velocity(board: BoardState, rates: Rates, tick: int) -> None:
     """Take a sample of the slow velocity; due every ``decimation`` ticks, but not in tick 0."""
     sample_slowly(board.encoder, tick // rates.decimation, rates.decimation * rates.period)
 
 
-def model_friction(board: JointBoard) -> None:
+def model_friction(board: BoardState) -> None:
     """Friction of the compensator's model, which changes only with the slow velocity."""
     law = board.friction_model
     board.model_friction = rotational_friction_torque(
@@ -203,38 +218,65 @@ def model_friction(board: JointBoard) -> None:
     )
 
 
-def watch_drive(board: JointBoard, rates: Rates) -> None:
+def watch_drive(board: BoardState, rates: Rates) -> None:
     """Note the cause of a trip that is found on joint and drive; cut off a drive that does not obey."""
-    board.watched.cause = watch_joint(board.bounds, board.watched, board.encoder, rates.period)
+    cause = watch_joint(board.bounds, board.watched, board.encoder, rates.period)
+    board.watched.cause = cause
+    board.cause = cause if board.cause == NO_TRIP else board.cause
     # Whatever else was found first.
     board.drive_off = board.drive_off or board.watched.drive_streak >= board.bounds.drive_ticks
 
 
-def report(board: JointBoard, measurement: Measurement) -> None:
-    """Tell what was measured and found; ``measurement`` is changed in place."""
+def report(board: BoardState, measurement: Measurement) -> None:
+    """Tell what was measured, and the first cause of a trip; ``measurement`` is changed in place."""
     encoder = board.encoder
     measurement.angle = encoder.angle
     measurement.last_angle = encoder.last_angle
     measurement.velocity = encoder.velocity_fast
     measurement.last_velocity = encoder.last_fast
     measurement.motor_speed = board.watched.motor_speed
-    measurement.cause = board.watched.cause
+    measurement.cause = board.cause
 
 
-def hear(board: JointBoard, demand: Demand) -> None:
-    """Take what the gait controller demands."""
-    heard = board.demand
-    heard.stiffness = demand.stiffness
-    heard.damping = demand.damping
-    heard.equilibrium = demand.equilibrium
-    heard.gain = demand.gain
-    heard.gravity = demand.gravity
-    heard.inertia = demand.inertia
-    heard.target = demand.target
-    heard.held = demand.held
+def copy_measurement(source: Measurement, target: Measurement) -> None:
+    """Give a measurement the values of another; ``target`` is changed in place."""
+    target.angle = source.angle
+    target.last_angle = source.last_angle
+    target.velocity = source.velocity
+    target.last_velocity = source.last_velocity
+    target.motor_speed = source.motor_speed
+    target.cause = source.cause
 
 
-def ask(board: JointBoard) -> None:
+def copy_demand(source: Demand, target: Demand) -> None:
+    """Give a demand the values of another; ``target`` is changed in place."""
+    target.stiffness = source.stiffness
+    target.damping = source.damping
+    target.equilibrium = source.equilibrium
+    target.gain = source.gain
+    target.gravity = source.gravity
+    target.inertia = source.inertia
+    target.target = source.target
+    target.held = source.held
+
+
+def copy_command(source: Command, target: Command) -> None:
+    """Give a command the values of another; ``target`` is changed in place."""
+    target.stiffness = source.stiffness
+    target.damping = source.damping
+    target.equilibrium = source.equilibrium
+    target.gain = source.gain
+    target.impedance = source.impedance
+    target.friction = source.friction
+    target.gravity = source.gravity
+    target.inertia = source.inertia
+    target.target = source.target
+    target.torque = source.torque
+    target.target_current = source.target_current
+    target.cause = source.cause
+
+
+def ask(board: BoardState) -> None:
     """Impedance on friction compensation and what is fed forward, or the brake of a held joint."""
     asked, demand, encoder = board.command, board.demand, board.encoder
     asked.stiffness, asked.damping = demand.stiffness, demand.damping
@@ -255,13 +297,13 @@ def ask(board: JointBoard) -> None:
         )
 
 
-def sum_up(board: JointBoard) -> None:
+def sum_up(board: BoardState) -> None:
     """Sum the torques of the command up."""
     asked = board.command
     asked.torque = asked.impedance + asked.friction + asked.gravity + asked.inertia + asked.target
 
 
-def check(board: JointBoard, watching: bool) -> None:
+def check(board: BoardState, watching: bool) -> None:
     """Sum the command up, and note the cause of a trip if the drive may not be asked for it.
 
     Args:
@@ -274,13 +316,67 @@ def check(board: JointBoard, watching: bool) -> None:
     asked.cause = COMMAND_TRIP if wild else NO_TRIP
 
 
-def set_current(board: JointBoard, limits: Limits, torque: float) -> None:
+def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None:
+    """Take what the gait controller demands over the bus; hold the joint alone where that cannot be.
+
+    Args:
+        demand: What came last.
+        heard: Whether it came since the tick before.
+    """
+    board.silent_ticks = 0 if heard else board.silent_ticks + 1
+    if board.silent_ticks > limits.controller_silence or board.cause != NO_TRIP:
+        stand_alone(board)
+    if board.alone:
+        let_down(board, limits)
+    elif heard:
+        copy_demand(demand, board.demand)
+
+
+def obey(board: BoardState, limits: Limits, watching: bool) -> None:
+    """Command what is demanded; hold the joint at once if that is wild.
+
+    Args:
+        watching: Whether the monitor is on.
+    """
+    ask(board)
+    check(board, watching)
+    if board.command.cause != NO_TRIP:
+        refuse(board, limits)
+
+
+def refuse(board: BoardState, limits: Limits) -> None:
+    """Hold the joint alone instead of commanding what is wild."""
+    board.cause = board.command.cause
+    stand_alone(board)
+    let_down(board, limits)
+    ask(board)
+    sum_up(board)
+
+
+def stand_alone(board: BoardState) -> None:
+    """From now on hold the joint without the gait controller."""
+    if not board.alone:
+        board.alone, board.alone_ticks, board.carried = True, 0, board.demand.gravity
+
+
+def let_down(board: BoardState, limits: Limits) -> None:
+    """Demand of oneself to brake, and to carry less and less of what was fed forward."""
+    demand, share = board.demand, support_share(board.alone_ticks, limits.lowering_ticks)
+    demand.stiffness, demand.damping, demand.gain = 0.0, limits.hold_damping, 0.0
+    demand.equilibrium = board.encoder.angle
+    demand.gravity = share * board.carried if share != 0.0 else 0.0
+    demand.inertia, demand.target = 0.0, 0.0
+    demand.held = True
+    board.alone_ticks += 1
+
+
+def set_current(board: BoardState, limits: Limits, torque: float) -> None:
     """Ask the drive for the current of a torque in [N m], within the limits."""
     current = target_current(board.motor, torque, limits.torque, limits.current)
     board.command.target_current = 0.0 if board.drive_off else current
 
 
-def note_drive(board: JointBoard, voltage: float, current: float, deviation: float) -> None:
+def note_drive(board: BoardState, voltage: float, current: float, deviation: float) -> None:
     """Keep for the monitor what the drive did in this tick.
 
     Args:

@@ -28,6 +28,7 @@ class TripCause(StrEnum):
     FOOT_LOAD_FROZEN = "foot_load_frozen"
     SUPPLY = "supply"
     OPERATOR = "operator"
+    BUS = "bus_silence"
 
     @property
     def code(self) -> int:

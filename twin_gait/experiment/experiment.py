@@ -19,6 +19,7 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import Bodies, LegModel
 from twin_gait.parameters import (
     BraceParameters,
+    NetworkParameters,
     Patient,
     SensorParameters,
     require,
@@ -52,6 +53,7 @@ class Experiment:
         seed: Of every random draw.
         faults: What breaks on the way.
         interface: Braces between wearer and device, or None if the two are one body.
+        network: The CAN bus between central unit and boards, or None where nothing is late.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Experiment:
     seed: int = 0
     faults: tuple[Fault, ...] = ()
     interface: BraceParameters | None = None
+    network: NetworkParameters | None = None
 
     def __post_init__(self) -> None:
         """Check the duration, the joints of the table, the seed and the faults."""
@@ -89,6 +92,8 @@ class Experiment:
         missing = [item for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
         if missing and not self.control.safety.enabled:
             raise ParameterError(f"fault {missing[0]}: no gait without angles; switch control.safety on")
+        if self.network is not None:
+            self.network.require_fit(self.leg.legs, self.duration)
         if self.interface is not None and self.patient is None:
             raise ParameterError("interface: braces need a wearer; give a patient, or interface: rigid")
 

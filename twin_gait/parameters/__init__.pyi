@@ -20,6 +20,15 @@ from .friction import FrictionLaw as FrictionLaw
 from .friction import FrictionParameters as FrictionParameters
 from .friction import LuGreFriction as LuGreFriction
 from .friction import StribeckFriction as StribeckFriction
+from .network import BIT_RATES as BIT_RATES
+from .network import BOARDS as BOARDS
+from .network import CCU as CCU
+from .network import NODES as NODES
+from .network import ImpedancePlace as ImpedancePlace
+from .network import NetworkParameters as NetworkParameters
+from .network import Outage as Outage
+from .network import OutageKind as OutageKind
+from .network import parse_outage as parse_outage
 from .safety import SafetyParameters as SafetyParameters
 from .surroundings import AnkleParameters as AnkleParameters
 from .surroundings import BeltProfile as BeltProfile

@@ -273,6 +273,7 @@ def bound_kernel(bodies: Bodies) -> dict[str, Any]:
     return kernel_functions(write_kernel(*bodies), {item.name: item.function for item in SIDE_BY_SIDE})
 
 
+@lru_cache(maxsize=32)
 def compiled_rows(row: np.dtype[Any], joints: int) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
     from twin_gait.simulation.compiling import jit, numbers_at, rows_at

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from twin_gait.control.gait_controller import GaitController
-from twin_gait.control.joint_board import JointBoard, Limits, Rates
+from twin_gait.control.gait_controller import ControllerState
+from twin_gait.control.joint_board import BoardState, Demand, Limits, Rates
 from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
 from twin_gait.core.belt import Belt
+from twin_gait.core.can_bus import Bus
+from twin_gait.core.can_codec import SignalLayout
 from twin_gait.core.contact import Ground, Point
 from twin_gait.core.estimation import DelayLine
 from twin_gait.core.faults import Fault
@@ -42,10 +44,12 @@ class Joint:
         current_deviation: From what the drive should give in [A].
         due: Command that reaches the drive in this tick, where they come late, in [N m].
         push: Torque from outside, held over the tick, in [N m].
+        off: Whether its board is rebooting.
+        heard: What its board heard last over the bus.
     """
 
     place: int
-    board: JointBoard
+    board: BoardState
     motor: Motor
     condition: Condition
     moments: list[list[float]]
@@ -56,6 +60,8 @@ class Joint:
     current_deviation: float = 0.0
     due: float = 0.0
     push: float = 0.0
+    off: bool = False
+    heard: Demand = field(default_factory=Demand)
 
 
 @dataclass(slots=True)
@@ -138,6 +144,55 @@ class Path:
 
 
 @dataclass(slots=True)
+class Lately:
+    """A frame as its receiver has it, which may be later than it arrived.
+
+    Attributes:
+        halves: Of the frame.
+        tick: From which the receiver would have had it without more delay; -1 for none.
+    """
+
+    halves: list[int] = field(default_factory=lambda: [0, 0])
+    tick: int = -1
+
+
+@dataclass(slots=True)
+class Wire:
+    """A frame between a board and the gait controller.
+
+    Attributes:
+        frame: Its place among those of the bus.
+        lately: What has arrived, taken in turn.
+    """
+
+    frame: int
+    lately: list[Lately]
+
+
+@dataclass(slots=True)
+class Network:
+    """The bus, and how what is said on it is written.
+
+    Attributes:
+        bus: With all its frames.
+        delay: Ticks by which every frame is used later than it arrives.
+        setpoint_layout: Of what boards are told.
+        measurement_layout: Of what they tell.
+        setpoints: To each board.
+        measurements: Of each.
+        numbers: Room for what a frame says.
+    """
+
+    bus: Bus
+    delay: int
+    setpoint_layout: list[SignalLayout]
+    measurement_layout: list[SignalLayout]
+    setpoints: list[Wire]
+    measurements: list[Wire]
+    numbers: list[float]
+
+
+@dataclass(slots=True)
 class Episode:
     """Everything that a tick reads and writes.
 
@@ -186,9 +241,10 @@ class Episode:
     supply: Supply
     limits: Limits
     ends: Ends
-    controller: GaitController
+    controller: ControllerState
     joints: list[Joint]
     soles: list[Sole]
+    network: Network
     ankles: list[int]
     plant: list[Plant]
     ground: Ground

@@ -8,11 +8,11 @@ from typing import TypeAlias
 from twin_gait.control.gait_controller import (
     ControlledJoint,
     ControlledLeg,
+    ControllerState,
     ControlModel,
-    GaitController,
     WatchedSupply,
 )
-from twin_gait.control.joint_board import JointBoard, Limits, Rates
+from twin_gait.control.joint_board import BoardState, Limits, Rates
 from twin_gait.core.actuator import Motor
 from twin_gait.core.assistance import Adaptation
 from twin_gait.core.contact import Point
@@ -25,17 +25,23 @@ from twin_gait.experiment import ControlMode, IntegrationMethod
 from twin_gait.experiment.problem import Problem
 from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.gait.table import TICK
+from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
+from twin_gait.network.dbc import Message, load_messages
+from twin_gait.parameters import ImpedancePlace
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import (
     Ends,
     Episode,
     Joint,
+    Lately,
+    Network,
     Path,
     Sole,
     Stages,
     Supply,
+    Wire,
 )
-from twin_gait.simulation.record import Record, copied, taken_from
+from twin_gait.simulation.record import ABSENT, Record, copied, taken_from
 from twin_gait.simulation.rows import Efforts, Recording
 from twin_gait.simulation.watching import (
     NEVER,
@@ -82,6 +88,8 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "ADAPTS": control.assistance.adaptive,
         "DELAYED": control.delay_ticks > 0,
         "SLOPED": problem.world.slope != 0.0,
+        "NETWORKED": experiment.network is not None,
+        "CENTRAL": experiment.network is not None and experiment.network.impedance is ImpedancePlace.CCU,
     }
 
 
@@ -125,6 +133,7 @@ def new_episode(
         controller=_controller(problem, control_bodies),
         joints=[_joint(problem, number) for number in range(len(problem.joints))],
         soles=[Sole() for _ in problem.sides],
+        network=_network(problem),
         ankles=ankles,
         plant=[copied(plant) for plant in world.plant],
         ground=world.ground(),
@@ -163,7 +172,7 @@ def _joint(problem: Problem, number: int) -> Joint:
     angle = float(problem.world.start_q[joint.coordinate] + problem.offset[number])
     return Joint(
         place=joint.coordinate,
-        board=JointBoard(
+        board=BoardState(
             encoder=new_encoder(float(problem.resolution[number]), angle, experiment.sensors.window),
             motor=copied(motor),
             friction_model=experiment.control.friction_model[joint.joint],
@@ -178,11 +187,41 @@ def _joint(problem: Problem, number: int) -> Joint:
     )
 
 
-def _controller(problem: Problem, bodies: list[float]) -> GaitController:
+def _network(problem: Problem) -> Network:
+    """The bus; where there is none, nothing is left of it in the record."""
+    parameters = problem.experiment.network
+    if parameters is None:
+        absent: Network = ABSENT
+        return absent
+    boards = [f"{joint.side}_{joint.joint}" for joint in problem.joints]
+    messages = load_messages(parameters.dbc)
+    frames = cyclic_messages(messages, boards)
+    setpoints, measurements = (
+        _wires([messages[f"{board}_{kind}"] for board in boards], frames, round(parameters.delay / TICK))
+        for kind in (SETPOINT, MEASUREMENT)
+    )
+    layouts = [messages[f"{boards[0]}_{kind}"].layout for kind in (SETPOINT, MEASUREMENT)]
+    return Network(
+        bus=new_bus(parameters, frames, problem.experiment.seed, TICK),
+        delay=round(parameters.delay / TICK),
+        setpoint_layout=layouts[0],
+        measurement_layout=layouts[1],
+        setpoints=setpoints,
+        measurements=measurements,
+        numbers=[0.0] * max(map(len, layouts)),
+    )
+
+
+def _wires(messages: list[Message], frames: list[Message], delay: int) -> list[Wire]:
+    room = (delay // _CAPACITY + 1) * _CAPACITY
+    return [Wire(frames.index(message), [Lately() for _ in range(room)]) for message in messages]
+
+
+def _controller(problem: Problem, bodies: list[float]) -> ControllerState:
     supply = problem.experiment.plant.battery.voltage
     settings = problem.experiment.control.safety
     legs = [_leg(problem, number) for number in range(len(problem.sides))]
-    return GaitController(
+    return ControllerState(
         joints=[
             _controlled_joint(problem, number, legs[number // problem.joints_per_leg].phase)
             for number in range(len(problem.joints))
@@ -267,12 +306,14 @@ def _supply(problem: Problem) -> Supply:
 
 
 def _limits(problem: Problem) -> Limits:
-    control = problem.experiment.control
+    control, network = problem.experiment.control, problem.experiment.network
     return Limits(
         torque=control.limits.torque,
         current=control.limits.current,
         phase_ticks=phase_time_out_ticks(problem),
         frozen_load_ticks=ticks(control.safety.frozen_load_time),
+        controller_silence=NEVER if network is None else ticks(network.board_silence),
+        board_silence=NEVER if network is None else ticks(network.ccu_silence),
         lowering_ticks=ticks(control.safety.lowering_time),
         hold_damping=control.safety.hold_damping,
     )

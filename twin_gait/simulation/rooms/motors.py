@@ -11,7 +11,16 @@ from twin_gait.control.gait_controller import (
     trip,
     wants_gravity,
 )
-from twin_gait.control.joint_board import ask, check, hear, note_drive, set_current, sum_up
+from twin_gait.control.joint_board import (
+    ask,
+    check,
+    copy_demand,
+    hear,
+    note_drive,
+    refuse,
+    set_current,
+    sum_up,
+)
 from twin_gait.core.actuator import battery_power, motor_electrical_power, sagged_bus_voltage, winding_voltage
 from twin_gait.core.control_tick import driven_motor, target_current
 from twin_gait.core.estimation import delayed_sample
@@ -25,7 +34,16 @@ from twin_gait.core.faults import (
 )
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.simulation.episode import Episode
-from twin_gait.simulation.interface import DELAYED, FAULTY, control_gravity, control_inertia, each, lanes
+from twin_gait.simulation.interface import (
+    DELAYED,
+    FAULTY,
+    NETWORKED,
+    control_gravity,
+    control_inertia,
+    each,
+    lanes,
+)
+from twin_gait.simulation.rooms.network import exchange, hear_setpoint, reboot
 
 
 def feed_forward(e: Episode) -> None:
@@ -58,7 +76,7 @@ def control(e: Episode, tick: int) -> None:
         implausible = False
         for one in lanes(e):
             demand(one.controller, one.limits, number, tick)
-            hear(one.joints[number].board, one.controller.joints[number].demand)
+            _hear(one, number, tick)
             ask(one.joints[number].board)
             if not FAULTY:
                 check(one.joints[number].board, one.watching)
@@ -70,7 +88,7 @@ def control(e: Episode, tick: int) -> None:
             implausible |= one.joints[number].board.command.cause != NO_TRIP
         if implausible:
             for one in each(e):
-                trip(one.controller, tick, one.joints[number].board.command.cause, number)
+                _refuse(one, number, tick)
         for one in lanes(e):
             _drive(one, number, tick)
             if not FAULTY:
@@ -83,33 +101,57 @@ def control(e: Episode, tick: int) -> None:
             for one in each(e):
                 joint = one.joints[number]
                 joint.due = delayed_sample(joint.line, tick, joint.board.command.torque)
+    if NETWORKED:
+        exchange(e, tick)
     for one in lanes(e):
         battery = one.supply
         battery.power = battery_power(battery.power, battery.constant_power, battery.regeneration)
 
 
+def _hear(e: Episode, number: int, tick: int) -> None:
+    """Let a board hear what is demanded."""
+    board = e.joints[number].board
+    if NETWORKED:
+        reboot(e, number, tick)
+        hear(board, e.limits, e.joints[number].heard, hear_setpoint(e, number, tick))
+    else:
+        copy_demand(e.controller.joints[number].demand, board.demand)
+
+
+def _refuse(e: Episode, number: int, tick: int) -> None:
+    """Hold instead of commanding what is wild: the joint alone over a bus, which is slow, otherwise all."""
+    board = e.joints[number].board
+    if not NETWORKED:
+        trip(e.controller, tick, board.command.cause, number)
+    elif board.command.cause != NO_TRIP:
+        refuse(board, e.limits)
+
+
 def _run_away(e: Episode, number: int, tick: int) -> None:
     """Add what a controller gone wrong asks for."""
-    if tick >= e.first_fault and e.controller.trip.tick < 0:
-        e.joints[number].board.command.impedance += runaway_torque(number, tick, e.rates.period, e.faults)
+    board = e.joints[number].board
+    if tick >= e.first_fault and not board.demand.held:
+        board.command.impedance += runaway_torque(number, tick, e.rates.period, e.faults)
 
 
 def _drive(e: Episode, number: int, tick: int) -> None:
     """Current and torque of a motor, of the command or in the hold."""
     joint = e.joints[number]
     board, place = joint.board, joint.place
-    if board.command.cause != NO_TRIP:  # what was asked was a walk, whose weight is not carried in this tick
+    if not NETWORKED and board.command.cause != NO_TRIP:
+        # What was asked was a walk, whose weight is not carried in this tick.
         demand_hold(e.controller.joints[number], e.limits, 0.0, 0.0)
-        hear(board, e.controller.joints[number].demand)
+        copy_demand(e.controller.joints[number].demand, board.demand)
         ask(board)
         sum_up(board)
     set_current(board, e.limits, joint.due if DELAYED else board.command.torque)
     current, torque = driven_motor(
         joint.motor, board.command.target_current, e.v[place], e.supply.bus_voltage
     )
-    joint.current = 0.0 if board.drive_off else current
+    off = board.drive_off or joint.off
+    joint.current = 0.0 if off else current
     joint.current_deviation = 0.0
-    e.motor[place] = 0.0 if board.drive_off else torque
+    e.motor[place] = 0.0 if off else torque
 
 
 def _drive_faulty(e: Episode, number: int, tick: int) -> None:

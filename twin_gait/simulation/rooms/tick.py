@@ -34,7 +34,7 @@ def run_ticks(e: Episode, first: int, end: int) -> int:
         measure(e, tick)
         if e.watching:
             watch_drives(e)
-        tell(e)
+        tell(e, tick)
         if e.watching:
             watch(e, tick)
         walking = False

@@ -1,0 +1,149 @@
+"""The network section: units, words for a mapping, outages, and mistakes that end in one line."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from twin_gait.configuration import load_experiment
+from twin_gait.configuration.documents import experiment_document
+from twin_gait.configuration.experiment_file import experiment_from_mapping
+from twin_gait.exceptions import ParameterError, ParameterFileError
+from twin_gait.parameters import (
+    ImpedancePlace,
+    NetworkParameters,
+    Outage,
+    OutageKind,
+    parse_outage,
+)
+
+OUTAGES = ["reboot:left_knee@4.2s=0.3s", "silence@5s=200ms", "silence:ccu@5s", "bus_off:right_hip@3s"]
+
+
+def network_of(*settings: str, preset: str = "treadmill") -> NetworkParameters | None:
+    return load_experiment(preset, settings).experiment.network
+
+
+def test_without_the_section_or_with_its_word_the_bus_is_ideal() -> None:
+    for settings in ((), ("network=ideal",), ("network={kind: ideal}",)):
+        loaded = load_experiment("treadmill", settings).experiment
+        assert loaded.network is None
+        assert "network" not in experiment_document(loaded)
+        assert loaded == load_experiment("treadmill").experiment
+
+
+def test_the_word_can_stands_for_the_defaults() -> None:
+    assert network_of("network=can") == NetworkParameters()
+    assert network_of("network.loss=0.1") == NetworkParameters(loss=0.1)
+
+
+def test_values_are_converted_to_si_and_survive_being_written_and_read(tmp_path: Path) -> None:
+    path = tmp_path / "bus.yaml"
+    path.write_text(
+        "preset: treadmill\n"
+        "network:\n"
+        "  bit_rate_kbit_per_s: 500\n"
+        "  cycle_ms: 4\n"
+        "  phase_us: {left_knee: 250, right_hip: 0}\n"
+        "  clock_drift_ppm: {right_knee: -50}\n"
+        "  jitter_us: 100\n"
+        "  error_share: 0.01\n"
+        "  bus_off_recovery: false\n"
+        "  impedance: ccu\n"
+        "  board_silence_ms: 10\n"
+        f"  outages: [{', '.join(OUTAGES)}]\n"
+    )
+    loaded = load_experiment(path)
+    network = loaded.experiment.network
+    assert network is not None
+    assert network.bit_rate == 500e3 and network.cycle == pytest.approx(4e-3)
+    assert network.phase == pytest.approx({"left_knee": 2.5e-4})
+    assert network.clock_drift == pytest.approx({"right_knee": -5e-5})
+    assert network.jitter == pytest.approx(1e-4) and network.board_silence == pytest.approx(0.01)
+    assert network.ccu_silence == NetworkParameters.ccu_silence
+    assert (network.error_share, network.bus_off_recovery) == (0.01, False)
+    assert network.impedance is ImpedancePlace.CCU
+    assert [item.kind for item in network.outages] == ["reboot", "silence", "silence", "bus_off"]
+    # As typed, every default filled in once, and in SI.
+    assert loaded.document["network"]["jitter_us"] == 100
+    assert "jitter_s" not in loaded.document["network"]
+    for document in (loaded.document, experiment_document(loaded.experiment)):
+        assert experiment_from_mapping(document, "again", tmp_path) == loaded.experiment
+
+
+def test_a_dbc_file_is_taken_from_beside_the_experiment(tmp_path: Path) -> None:
+    (tmp_path / "own.dbc").write_text('VERSION ""\n')
+    (tmp_path / "bus.yaml").write_text("preset: treadmill\nnetwork: {dbc: own.dbc}\n")
+    network = load_experiment(tmp_path / "bus.yaml").experiment.network
+    assert network is not None and network.dbc == str(tmp_path / "own.dbc")
+
+
+@pytest.mark.parametrize("text", OUTAGES)
+def test_an_outage_is_read_as_it_is_written(text: str) -> None:
+    found = parse_outage(text)
+    assert parse_outage(str(found)) == found
+    assert found.time == float(text.partition("@")[2].partition("s")[0])
+    durations = dict(zip(OUTAGES, (0.3, 0.2, math.inf, math.inf), strict=True))
+    assert found.duration == pytest.approx(durations[text])
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("reboot", "expected KIND:NODE@TIMEs=DURATIONs"),
+        ("boot:ccu@3s", "no kind 'boot'; there are silence, reboot, bus_off"),
+        ("reboot@3s", "node of reboot: expected one of ccu, left_hip"),
+        ("reboot:left_foot@3s", "got 'left_foot'"),
+        ("silence@3s=-1s", "duration of silence: expected a time above 0, got -1.0"),
+        ("silence@soons", "expected times in seconds"),
+        ("bus_off:ccu@3s=2s", "see bus_off_recovery"),
+    ],
+)
+def test_an_outage_that_makes_no_sense_is_refused(text: str, problem: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        parse_outage(text)
+    assert repr(text) in str(caught.value) and problem in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("network=5", "network: expected ideal, can or a mapping, got 5"),
+        ("network=star", "network.kind: input should be 'ideal' or 'can', got 'star'"),
+        ("network={kind: ideal, loss: 0.1}", "ideal has no loss: set kind to can"),
+        ("network.los=0.1", "network.los: unknown key; did you mean 'loss'?"),
+        ("network.loss=2", "network: loss: expected a number from 0 to 1, got 2.0"),
+        ("network.error_share=-1", "network: error_share: expected a number from 0 to 1"),
+        ("network.bit_rate_kbit_per_s=2000", "network: bit_rate: expected 10000 to 1e+06 bit/s"),
+        ("network.cycle_ms=0.5", "network: cycle: expected 0.001 to 0.1 s, got 0.0005"),
+        ("network.jitter_us=3000", "network: jitter: expected 0 s to the cycle, 0.002 s"),
+        ("network.phase_us.left_hip=5000", "network: phase of left_hip: expected 0 s to the cycle"),
+        ("network.phase_us.left_ankle=5", "network.phase_us.left_ankle: unknown key"),
+        ("network.clock_drift_ppm.left_hip=20000", "network: clock_drift of left_hip: expected 0.01 at most"),
+        ("network.board_silence_ms=0", "network: board_silence: expected a number above 0"),
+        ("network.impedance=cpu", "network.impedance: input should be 'board' or 'ccu', got 'cpu'"),
+        ("network.dbc=none.dbc", "network: dbc: none.dbc: no such DBC file"),
+        ("network.outages=['boot:ccu@3s']", "network: outages[0]: outage 'boot:ccu@3s': no kind"),
+        ("network.outages=['silence@30s']", "network outage silence@30.0s: expected a time before the end"),
+        ("network={jitter_us: 5, jitter_s: 0.1}", "expected exactly one of"),
+    ],
+)
+def test_mistakes_end_in_one_line_that_helps(setting: str, message: str) -> None:
+    with pytest.raises(ParameterFileError) as caught:
+        load_experiment("treadmill", [setting])
+    assert message in str(caught.value)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+def test_a_bench_has_no_boards_of_the_other_leg() -> None:
+    assert network_of("network=can", preset="bench_leg") == NetworkParameters()
+    for setting in ("network.phase_us.left_hip=5", "network.outages=['reboot:left_hip@1s']"):
+        with pytest.raises(ParameterFileError, match="right_hip, right_knee"):
+            load_experiment("bench_leg", [setting])
+
+
+def test_durations_of_the_kinds() -> None:
+    with pytest.raises(ParameterError, match="duration"):
+        Outage(kind=OutageKind.REBOOT, time=1.0, node="ccu", duration=math.nan)

@@ -1,0 +1,45 @@
+"""Compilers and the emulator of the firmware's tests, and a unit small enough to know all about it."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from twin_gait.exceptions import FirmwareError
+from twin_gait.firmware import Unit, find_tool
+
+FIRMWARE_VARIABLE = "TWIN_GAIT_REQUIRE_FIRMWARE"
+TARGET_TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")
+
+
+def require_tools(*names: str) -> None:
+    """Skip a test that lacks a program, or fail it where the programs are expected."""
+    for name in names:
+        try:
+            find_tool(name)
+        except FirmwareError as error:
+            if os.environ.get(FIRMWARE_VARIABLE):
+                pytest.fail(f"{FIRMWARE_VARIABLE} is set, but {error}")
+            pytest.skip(str(error))
+
+
+def write_unit(
+    folder: Path, *, inputs: str, outputs: str, state: str, step: str, name: str = "probe"
+) -> Unit:
+    """A unit in a folder that does not exist: fields of its records, and the body of its step."""
+    folder.mkdir()
+    records = zip(("Inputs", "Outputs", ""), (inputs, outputs, state), strict=True)
+    title = name.capitalize()
+    (folder / f"{name}.h").write_text(
+        "#include <stdint.h>\n"
+        + "".join(f"typedef struct {{ {fields} }} {title}{kind};\n" for kind, fields in records)
+        + f"void {name}_init({title} *unit);\n"
+        + f"void {name}_step({title} *unit, const {title}Inputs *in, {title}Outputs *out);\n"
+    )
+    source = folder / f"{name}.c"
+    source.write_text(
+        f'#include "{name}.h"\n'
+        f"void {name}_init({title} *unit) {{ *unit = ({title}){{0}}; }}\n"
+        f"void {name}_step({title} *unit, const {title}Inputs *in, {title}Outputs *out) {{ {step} }}\n"
+    )
+    return Unit(name=name, sources=(source,))

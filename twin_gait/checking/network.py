@@ -1,0 +1,103 @@
+"""Whether the CAN bus carries what the central unit and the boards tell each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from twin_gait.checking.finding import CheckCase, Finding, Severity
+from twin_gait.checking.response_time import CyclicFrame, bus_load, response_times
+from twin_gait.core.can_frame import most_frame_bits
+from twin_gait.gait.table import TICK
+from twin_gait.network.bus import cyclic_messages, new_bus
+from twin_gait.network.dbc import Message, load_messages
+from twin_gait.parameters import BIT_RATES, BOARDS, NetworkParameters
+
+
+class Traffic(NamedTuple):
+    """What a bus has to carry in the worst case.
+
+    Attributes:
+        load: Share of its time in which it is in use.
+        responses: Longest time in [s] from the instant at which a frame is due to its arrival, by its name;
+            None where the bus is full.
+    """
+
+    load: float
+    responses: dict[str, float | None]
+
+
+def worst_traffic(network: NetworkParameters, messages: Sequence[Message]) -> Traffic:
+    """What a healthy bus has to carry, every frame with as many stuff bits as there can be.
+
+    Frames that errors destroy are not counted.
+
+    Args:
+        messages: By identifier, the lowest first.
+    """
+    bus = new_bus(network, messages, 0, TICK)
+    frames = [
+        CyclicFrame(most_frame_bits(frame.header.length) * bus.bit, frame.period, frame.jitter)
+        for frame in bus.frames
+    ]
+    times = response_times(frames, bus.bit)
+    names = [message.name for message in messages]
+    responses = {
+        name: None if time is None else 1e-12 * time for name, time in zip(names, times, strict=True)
+    }
+    return Traffic(float(bus_load(frames)), responses)
+
+
+def traffic_on_the_bus(case: CheckCase) -> list[Finding]:
+    """The bus is asked for more than it carries, or a frame may arrive after the next one is due.
+
+    A note on load and response times where it carries all. The bounds are those of Davis, Burns, Bril and
+    Lukkien (2007), for a healthy bus.
+    """
+    network = None if case.experiment is None else case.experiment.network
+    if network is None or case.experiment is None:
+        return []
+    sides = case.experiment.leg.legs
+    boards = [board for board in BOARDS if board.partition("_")[0] in sides]
+    messages = cyclic_messages(load_messages(network.dbc), boards)
+    traffic = worst_traffic(network, messages)
+    severity, reason = _judged(network, traffic, len(messages))
+    suggestion = "" if severity is Severity.NOTE else _way_out(network, messages)
+    return [Finding(rule="traffic_on_the_bus", severity=severity, reason=reason, suggestion=suggestion)]
+
+
+def _judged(network: NetworkParameters, traffic: Traffic, frames: int) -> tuple[Severity, str]:
+    cycle = 1e3 * network.cycle
+    load = (
+        f"network.bit_rate_kbit_per_s {1e-3 * network.bit_rate:g}: {frames} frames every {cycle:g} ms are "
+        f"{traffic.load:.0%} of what the bus carries"
+    )
+    late = [name for name, time in traffic.responses.items() if time is None or time > network.cycle]
+    if traffic.load > 1.0:
+        return Severity.ERROR, load
+    if late:
+        time = traffic.responses[late[0]]
+        when = "never" if time is None else f"only {1e3 * time:.3f} ms after it is due"
+        return Severity.ERROR, f"{load}, and {late[0]} may arrive {when}"
+    name, longest = max(((name, time or 0.0) for name, time in traffic.responses.items()), key=lambda x: x[1])
+    return Severity.NOTE, f"{load}; the last one, {name}, arrives {1e3 * longest:.3f} ms after it is due"
+
+
+def _way_out(network: NetworkParameters, messages: Sequence[Message]) -> str:
+    """The next bit rate, and the next cycle in whole milliseconds, that carry all frames in time."""
+
+    def carries(changed: NetworkParameters) -> bool:
+        traffic = worst_traffic(changed, messages)
+        return all(time is not None and time <= changed.cycle for time in traffic.responses.values())
+
+    rates = (rate for rate in BIT_RATES if rate > network.bit_rate)
+    rate = next((rate for rate in rates if carries(replace(network, bit_rate=rate))), None)
+    cycles = (number for number in range(2, 101) if 1e-3 * number > network.cycle)
+    cycle = next((number for number in cycles if carries(replace(network, cycle=1e-3 * number))), None)
+    ways = [] if rate is None else [f"set network.bit_rate_kbit_per_s to {1e-3 * rate:g}"]
+    ways += [] if cycle is None else [f"set network.cycle_ms to {cycle}"]
+    return ", or ".join(ways) or "lower network.jitter_us"
+
+
+RULES = (traffic_on_the_bus,)

@@ -1,0 +1,398 @@
+r"""A CAN bus between two ticks: queueing, arbitration, transmission, errors, loss, outages.
+
+Times are whole picoseconds since the start of the run, so that nothing rounds, however long it lasts: 63 bits
+are 106 days. What is random is a hash of a counter (:func:`draw`).
+
+A frame is queued at its *release*, with what its node has to say in that tick; its *event*, from which the
+response time counts, is earlier by the jitter. A mailbox holds one frame: a new value takes the place of one
+that still waits, as in the transmit buffers that CAN controllers have for cyclic data. While the bus is free
+the waiting frame with the lowest identifier is sent, and nothing interrupts it. A frame has arrived at the
+end of its interframe space, 3 bits after its end, and its receiver has it from the next tick on.
+
+Of the error confinement of the CAN specification 2.0 the counter of transmit errors is here, with bus-off and
+recovery; not the counter of receive errors, the passive error flag, and the 8 bits that a node then waits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from twin_gait.core.can_frame import Header, frame_bits
+
+NEVER = 1 << 60  # [ps]
+NOBODY = -1  # no frame on the wire; all nodes of an outage
+EVERYTHING = 1 << 32  # what shares and draws count in
+SILENCE, REBOOT, BUS_OFF = range(3)  # kinds of outages
+
+_ERROR_BITS = 31  # flags, delimiter and interframe space at most (Tindell and Burns 1994)
+_ERROR_STEP, _HIGHEST_ERRORS = 8, 255
+_RECOVERY, _RECESSIVE_BITS = 128, 11
+_WORD = 0xFFFFFFFF
+
+
+@dataclass(slots=True)
+class Payload:
+    """What a frame carries.
+
+    Attributes:
+        halves: Bytes 0 to 3 of the data and bytes 4 to 7, the first of them in the lowest bits.
+        tick: In which it was queued.
+        event: For which it was queued, in [ps].
+    """
+
+    halves: list[int] = field(default_factory=lambda: [0, 0])
+    tick: int = 0
+    event: int = 0
+
+
+@dataclass(slots=True)
+class Frame:
+    """A cyclic frame: of its sender, in its mailbox, at its receiver.
+
+    Attributes:
+        header: Of its length and CRC.
+        sender: Node that sends it.
+        receiver: Node that it is for.
+        period: Of its sender's clock in [ps].
+        jitter: Longest time from event to release in [ps].
+        key: Of its draws, 32 bits.
+        event: Next one in [ps].
+        release: Next one in [ps].
+        outgoing: What the sender queues when the frame is released; its halves are written before.
+        mailbox: What waits, or was sent last.
+        waiting: Whether something waits.
+        received: What arrived last.
+        arrived: Tick from which the receiver has it; 0 before anything came.
+        drawn: How many numbers were drawn.
+        worst_response: Longest time from event to arrival in [ps].
+        sent: Frames that the sender believes it has sent.
+        lost: Of these, those that did not arrive.
+        replaced: Payloads that a newer one took the place of before they were sent.
+        destroyed: Transmissions that ended in an error frame.
+    """
+
+    header: Header
+    sender: int
+    receiver: int
+    period: int
+    jitter: int
+    key: int
+    event: int
+    release: int
+    outgoing: Payload = field(default_factory=Payload)
+    mailbox: Payload = field(default_factory=Payload)
+    waiting: bool = False
+    received: Payload = field(default_factory=Payload)
+    arrived: int = 0
+    drawn: int = 0
+    worst_response: int = 0
+    sent: int = 0
+    lost: int = 0
+    replaced: int = 0
+    destroyed: int = 0
+
+
+@dataclass(slots=True)
+class Node:
+    """The CAN controller of the central unit or of a board.
+
+    Attributes:
+        transmit_errors: Its counter (TEC): 8 more for an error, 1 less for a success.
+        recovering: Runs of 11 recessive bits that it still waits for, being bus-off; 0 if it is not.
+        back: When it is back on the bus in [ps].
+        bus_offs: How often it went bus-off.
+    """
+
+    transmit_errors: int = 0
+    recovering: int = 0
+    back: int = 0
+    bus_offs: int = 0
+
+
+@dataclass(slots=True)
+class Outage:
+    """Something that keeps a node, or all of them, off the bus.
+
+    Attributes:
+        kind: ``SILENCE`` of a broken wire, which a node lives through and then goes on; ``REBOOT``, after
+            which its clock begins anew; ``BUS_OFF``, from which it recovers as from one of its own.
+        node: Which, or ``NOBODY`` in particular for the silence of the whole bus.
+        start: In [ps].
+        end: In [ps]; of no meaning for ``BUS_OFF``.
+    """
+
+    kind: int
+    node: int
+    start: int
+    end: int
+
+
+@dataclass(slots=True)
+class Bus:
+    """The bus with all that is on it.
+
+    Attributes:
+        tick: Length of a tick in [ps].
+        bit: Length of a bit in [ps].
+        error_share: Of the transmissions, that an error destroys, of ``EVERYTHING``.
+        loss_share: Of the frames sent, that do not arrive, of ``EVERYTHING``.
+        recovers: Whether a node that went bus-off waits for its recovery, or stays off.
+        frames: By identifier, the lowest first.
+        nodes: The central unit and the boards.
+        outages: By their start; the last one never starts.
+        next_outage: The first one that has not begun.
+        free: From when in [ps] another frame may begin.
+        idle_since: When in [ps] the last one ended, or runs of recessive bits were counted.
+        on_wire: The frame that is being sent, or ``NOBODY``.
+        wire: What it carries.
+        broken: Whether an error destroys it.
+        bus_off: How many nodes are recovering.
+        busy: Time in [ps] in which the bus was in use.
+    """
+
+    tick: int
+    bit: int
+    error_share: int
+    loss_share: int
+    recovers: bool
+    frames: list[Frame]
+    nodes: list[Node]
+    outages: list[Outage]
+    next_outage: int = 0
+    free: int = 0
+    idle_since: int = 0
+    on_wire: int = NOBODY
+    wire: Payload = field(default_factory=Payload)
+    broken: bool = False
+    bus_off: int = 0
+    busy: int = 0
+
+
+def mixed(number: int) -> int:
+    """Bits of a number so mixed that each depends on all: Thomas Mueller's hash of 32 bits.
+
+    Args:
+        number: Of 32 bits.
+    """
+    number = ((number >> 16) ^ number) * 0x45D9F3B & _WORD
+    number = ((number >> 16) ^ number) * 0x45D9F3B & _WORD
+    return (number >> 16) ^ number
+
+
+def draw(frame: Frame) -> int:
+    """The next random number of a frame, a hash of its key and of how many there were.
+
+    Returns:
+        Evenly spread over 0 to ``EVERYTHING`` - 1.
+    """
+    frame.drawn += 1
+    return mixed(mixed(frame.drawn & _WORD) ^ frame.key)
+
+
+def is_due(bus: Bus, frame: Frame, tick: int) -> bool:
+    """Whether a frame is released in a tick, so that what it carries is to be written before."""
+    return frame.release < (tick + 1) * bus.tick
+
+
+def is_silent(frame: Frame, tick: int, ticks: int) -> bool:
+    """Whether the receiver has not had a frame for longer than so many ticks."""
+    return tick - frame.arrived > ticks
+
+
+def advance(bus: Bus, tick: int) -> None:
+    """All that happens on the bus from the start of a tick to the start of the next one.
+
+    Args:
+        bus: Changed in place. What the frames carry that are due has been written.
+        tick: Present tick.
+    """
+    end, now = (tick + 1) * bus.tick, NOBODY
+    while now < end:
+        outage = bus.outages[bus.next_outage]
+        now = min(end, outage.start)
+        _carry(bus, tick, now)
+        if now < end:
+            bus.next_outage += 1
+            _break(bus, outage)
+
+
+def _carry(bus: Bus, tick: int, until: int) -> None:
+    """Send what there is to send; a frame that ends at the very end has arrived."""
+    while bus.free <= until:
+        if bus.on_wire != NOBODY:
+            _finish(bus, tick)
+        elif bus.free == until:
+            break
+        else:
+            _begin(bus, tick, until)
+    for frame in bus.frames:
+        while frame.release < until:
+            _queue(frame, tick)
+
+
+def _begin(bus: Bus, tick: int, until: int) -> None:
+    """Begin with the frame that wins the arbitration, or wait for what comes next."""
+    now, winner, following = bus.free, NOBODY, until
+    if bus.bus_off > 0:
+        following = min(until, _next_recovery(bus))
+    for number in range(len(bus.frames)):
+        frame = bus.frames[number]
+        while frame.release <= now:
+            _queue(frame, tick)
+        following = min(following, frame.release)
+        if frame.waiting and winner == NOBODY:
+            node = bus.nodes[frame.sender]
+            if node.back > now:
+                following = min(following, node.back)
+            elif node.recovering == 0:
+                winner = number
+    if winner == NOBODY:
+        bus.free = following
+    else:
+        _send(bus, winner)
+
+
+def _queue(frame: Frame, tick: int) -> None:
+    """Put what a node has to say into the frame's mailbox."""
+    if frame.waiting:
+        frame.replaced += 1
+    frame.waiting = True
+    _copy(frame.outgoing, frame.mailbox)
+    frame.mailbox.tick, frame.mailbox.event = tick, frame.event
+    _schedule(frame, frame.event + frame.period)
+
+
+def _copy(source: Payload, target: Payload) -> None:
+    target.halves[0], target.halves[1] = source.halves[0], source.halves[1]
+    target.tick, target.event = source.tick, source.event
+
+
+def _schedule(frame: Frame, event: int) -> None:
+    """Set the next event of a frame, and when it is released after that."""
+    frame.event = frame.release = event
+    if frame.jitter > 0:
+        frame.release += frame.jitter * (draw(frame) >> 12) >> 20  # 20 bits: the product has its room
+
+
+def _send(bus: Bus, number: int) -> None:
+    """Put a frame on the wire, as far as it comes."""
+    frame = bus.frames[number]
+    bus.on_wire, frame.waiting, bus.broken = number, False, False
+    _copy(frame.mailbox, bus.wire)
+    bits = frame_bits(frame.header, bus.wire.halves)
+    if bus.error_share > 0:
+        drawn = draw(frame)
+        if drawn < bus.error_share:  # at a bit that is as likely as any other
+            bus.broken = True
+            bits = 1 + drawn * bits // bus.error_share + _ERROR_BITS
+    bus.free += bits * bus.bit
+    bus.busy += bits * bus.bit
+
+
+def _finish(bus: Bus, tick: int) -> None:
+    """Take a frame off the wire: to its receiver, or to be sent again."""
+    frame = bus.frames[bus.on_wire]
+    sender = bus.nodes[frame.sender]
+    bus.on_wire, bus.idle_since = NOBODY, bus.free
+    if bus.bus_off > 0:
+        _count_recessive(bus, 1)  # delimiter, end of frame and interframe space
+    if bus.broken:
+        _send_again(frame)
+        sender.transmit_errors += _ERROR_STEP
+        if sender.transmit_errors > _HIGHEST_ERRORS:
+            _go_off(bus, frame.sender)
+    else:
+        frame.sent += 1
+        sender.transmit_errors = max(sender.transmit_errors - 1, 0)
+        _deliver(bus, frame, tick)
+
+
+def _send_again(frame: Frame) -> None:
+    """Let what was destroyed on the wire wait once more, unless something newer does."""
+    frame.destroyed += 1
+    if frame.waiting:
+        frame.replaced += 1
+    frame.waiting = True
+
+
+def _deliver(bus: Bus, frame: Frame, tick: int) -> None:
+    """Give its receiver what was on the wire, if it is there and the frame is not lost."""
+    receiver = bus.nodes[frame.receiver]
+    away = receiver.recovering > 0 or receiver.back > bus.free
+    if away or (bus.loss_share > 0 and draw(frame) < bus.loss_share):
+        frame.lost += 1
+    else:
+        _copy(bus.wire, frame.received)
+        frame.arrived = tick + 1
+        frame.worst_response = max(frame.worst_response, bus.free - bus.wire.event)
+
+
+def _go_off(bus: Bus, number: int) -> None:
+    """Take a node off the bus; what it had to send is given up."""
+    node = bus.nodes[number]
+    node.bus_offs += 1
+    for frame in bus.frames:
+        if frame.sender == number:
+            frame.waiting = False
+    if not bus.recovers:
+        node.back = NEVER
+    elif node.recovering == 0:
+        bus.bus_off += 1
+        node.recovering = _RECOVERY
+
+
+def _next_recovery(bus: Bus) -> int:
+    """Count the recessive bits of an idle bus; when in [ps] the next node recovers if it stays idle."""
+    run, following = _RECESSIVE_BITS * bus.bit, NEVER
+    runs = (bus.free - bus.idle_since) // run
+    bus.idle_since += runs * run
+    _count_recessive(bus, runs)
+    for node in bus.nodes:
+        if node.recovering > 0:
+            following = min(following, bus.idle_since + node.recovering * run)
+    return following
+
+
+def _count_recessive(bus: Bus, runs: int) -> None:
+    """Bring nodes that are bus-off nearer to their recovery, by runs of 11 recessive bits."""
+    for node in bus.nodes:
+        if node.recovering > runs:
+            node.recovering -= runs
+        elif node.recovering > 0:
+            node.recovering, node.transmit_errors = 0, 0
+            bus.bus_off -= 1
+
+
+def _break(bus: Bus, outage: Outage) -> None:
+    """Begin an outage; a frame of it on the wire is destroyed."""
+    now, everybody = outage.start, outage.node == NOBODY
+    if bus.on_wire != NOBODY:
+        frame = bus.frames[bus.on_wire]
+        if everybody or frame.sender == outage.node:
+            _send_again(frame)
+            bus.on_wire, bus.free = NOBODY, now + _ERROR_BITS * bus.bit
+    if bus.on_wire == NOBODY:
+        if bus.bus_off > 0:
+            _next_recovery(bus)
+        bus.idle_since = bus.free
+    if everybody:
+        bus.free = max(bus.free, outage.end)
+    elif outage.kind == BUS_OFF:
+        _go_off(bus, outage.node)
+    elif outage.kind == REBOOT:
+        _reboot(bus, outage)
+    else:
+        node = bus.nodes[outage.node]
+        node.back = max(node.back, outage.end)
+
+
+def _reboot(bus: Bus, outage: Outage) -> None:
+    """Let a node forget its errors and what it had to send, and begin its cycle when it is back."""
+    node = bus.nodes[outage.node]
+    if node.recovering > 0:
+        bus.bus_off -= 1
+    node.back, node.transmit_errors, node.recovering = outage.end, 0, 0
+    for frame in bus.frames:
+        if frame.sender == outage.node:
+            frame.waiting = False
+            _schedule(frame, outage.end)

@@ -1,0 +1,163 @@
+"""A data frame of CAN 2.0A on the wire: its CRC, its stuff bits, its length.
+
+Both run byte by byte through tables that are made here from their definitions bit by bit. Bits are those of
+Bosch's CAN specification 2.0 (1991), part A: 0 is dominant, the start of frame is 0, and of a byte the most
+significant bit comes first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+_POLYNOMIAL, _CRC_BITS = 0x4599, 15  # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1, less its first power
+_LONGEST_RUN = 5  # equal bits after which a complementary one is stuffed
+_HEADER_BITS = 19  # start of frame, identifier, RTR, IDE, r0, length
+_UNSTUFFED_BITS = 13  # CRC delimiter, acknowledge slot and delimiter, end of frame (7), interframe space (3)
+_HALF_BYTES = 4
+
+
+@dataclass(slots=True)
+class Header:
+    """What of a frame's length and CRC is settled before its data.
+
+    Attributes:
+        length: Of the data in bytes, 0 to 8.
+        crc: Up to the data.
+        run: Last bit and how often it stood in a row up to the data, as the tables here number them.
+        stuffed: Stuff bits up to the data.
+    """
+
+    length: int
+    crc: int
+    run: int
+    stuffed: int
+
+
+def _next_crc(crc: int, bit: int) -> int:
+    """CRC after one more bit, as the specification gives it."""
+    shifted = (crc << 1) & ((1 << _CRC_BITS) - 1)
+    return shifted ^ _POLYNOMIAL if bit != crc >> (_CRC_BITS - 1) else shifted
+
+
+def _next_run(run: int, bit: int) -> tuple[int, int]:
+    """Run after one more bit, and how many bits were stuffed: 0 or 1.
+
+    A run is numbered by its bit and its length from 1 to 4: the fifth equal bit is followed by a stuff bit.
+    """
+    last, length = run >> 2, (run & 3) + 1
+    if bit != last:
+        return bit << 2, 0
+    if length + 1 < _LONGEST_RUN:
+        return (bit << 2) | length, 0
+    return (1 - bit) << 2, 1
+
+
+def _bits(number: int, count: int) -> Iterable[int]:
+    return ((number >> place) & 1 for place in reversed(range(count)))
+
+
+def _run_through(run: int, bits: Iterable[int]) -> tuple[int, int]:
+    stuffed = 0
+    for bit in bits:
+        run, more = _next_run(run, bit)
+        stuffed += more
+    return run, stuffed
+
+
+def _crc_entry(byte: int) -> int:
+    crc = 0
+    for bit in _bits(byte, 8):
+        crc = _next_crc(crc, bit)
+    return crc
+
+
+def _run_entry(run: int, byte: int) -> int:
+    run, stuffed = _run_through(run, _bits(byte, 8))
+    return run | stuffed << 3
+
+
+_CRC = np.array([_crc_entry(byte) for byte in range(256)], np.int16)
+# The next run in the lowest three bits, the stuff bits above; by run and byte.
+_RUN = np.array([_run_entry(run, byte) for run in range(8) for byte in range(256)], np.int8)
+
+
+def new_header(identifier: int, length: int) -> Header:
+    """Header of a data frame.
+
+    Args:
+        identifier: Of 11 bits.
+        length: Of the data in bytes, 0 to 8.
+    """
+    bits = (0, *_bits(identifier, 11), 0, 0, 0, *_bits(length, 4))
+    crc = 0
+    for bit in bits:
+        crc = _next_crc(crc, bit)
+    run, stuffed = _run_through(0, bits[1:])  # the start of frame is the first dominant bit of its run
+    return Header(length, crc, run, stuffed)
+
+
+def frame_crc(header: Header, halves: Sequence[int]) -> int:
+    """CRC of a frame.
+
+    Args:
+        header: Of the frame.
+        halves: Bytes 0 to 3 of its data and bytes 4 to 7, the first of them in the lowest bits.
+
+    Returns:
+        Of 15 bits.
+    """
+    crc, rest = header.crc, halves[0]
+    for number in range(header.length):
+        if number == _HALF_BYTES:
+            rest = halves[1]
+        crc = ((crc << 8) & 0x7FFF) ^ int(_CRC[((crc >> 7) ^ rest) & 0xFF])
+        rest >>= 8
+    return crc
+
+
+def frame_bits(header: Header, halves: Sequence[int]) -> int:
+    """Length of a frame on the wire, with its stuff bits and the interframe space.
+
+    Args:
+        header: Of the frame.
+        halves: Bytes 0 to 3 of its data and bytes 4 to 7, the first of them in the lowest bits.
+
+    Returns:
+        In bits: :math:`8n + 47` and one for each stuff bit, of which there are at most
+        :func:`most_stuff_bits`.
+    """
+    crc, run, stuffed, rest = header.crc, header.run, header.stuffed, halves[0]
+    for number in range(header.length):
+        if number == _HALF_BYTES:
+            rest = halves[1]
+        byte = rest & 0xFF
+        rest >>= 8
+        crc = ((crc << 8) & 0x7FFF) ^ int(_CRC[(crc >> 7) ^ byte])
+        entry = int(_RUN[(run << 8) | byte])
+        run, stuffed = entry & 7, stuffed + (entry >> 3)
+    entry = int(_RUN[(run << 8) | (crc >> 7)])
+    run, stuffed = entry & 7, stuffed + (entry >> 3)
+    # The last 7 bits, and one more that is unlike the last and so ends no run.
+    stuffed += int(_RUN[(run << 8) | ((crc & 0x7F) << 1) | (~crc & 1)]) >> 3
+    return _HEADER_BITS + 8 * header.length + _CRC_BITS + stuffed + _UNSTUFFED_BITS
+
+
+def most_stuff_bits(length: int) -> int:
+    r"""Most stuff bits of a frame, :math:`\lfloor (34 + 8n - 1) / 4 \rfloor`.
+
+    Args:
+        length: Of the data in bytes.
+    """
+    return (_HEADER_BITS + _CRC_BITS + 8 * length - 1) // (_LONGEST_RUN - 1)
+
+
+def most_frame_bits(length: int) -> int:
+    """Bits of the longest frame with so many bytes of data, interframe space included.
+
+    Args:
+        length: Of the data in bytes.
+    """
+    return _HEADER_BITS + 8 * length + _CRC_BITS + most_stuff_bits(length) + _UNSTUFFED_BITS

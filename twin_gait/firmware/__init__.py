@@ -1,0 +1,5 @@
+"""The controller as C, printed from the functions of the simulation, and the processors that it runs on."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

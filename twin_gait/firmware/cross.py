@@ -1,0 +1,158 @@
+"""Compile a unit of the controller with the main loop that feeds it, for the Cortex-M4F or this machine."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+from twin_gait.exceptions import FirmwareError
+
+TARGET = Path(__file__).with_name("target")
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion")
+CORTEX_M4F = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
+# A conversion out of range is undefined as well, and not among those of "undefined".
+SANITIZE = ("-g", "-fsanitize=undefined,float-cast-overflow,address", "-fno-sanitize-recover=all")
+INSTALL = "apt-get install gcc-arm-none-eabi libnewlib-arm-none-eabi qemu-system-arm"
+_PACKAGES = {"gcc": "gcc libc6-dev", "clang": "clang", "cppcheck": "cppcheck"}
+_CAUSE = re.compile("error|undefined reference|overflowed")
+_AFTERMATH = re.compile("collect2|linker command failed")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unit:
+    """C sources of a unit: the record, ``init`` and ``step`` that its header ``<name>.h`` declares.
+
+    Attributes:
+        name: Prefix of its functions, ``exoskeleton``; its records are ``Exoskeleton``, ``ExoskeletonInputs``
+            and ``ExoskeletonOutputs``.
+        sources: Files to compile; headers are looked for beside them.
+    """
+
+    name: str
+    sources: tuple[Path, ...]
+
+    @property
+    def flags(self) -> list[str]:
+        """What the compiler must know of the unit."""
+        record = "".join(word.capitalize() for word in self.name.split("_"))
+        folders = dict.fromkeys(f"-I{source.parent}" for source in self.sources)
+        return [f"-DUNIT={self.name}", f"-DUNIT_RECORD={record}", f'-DUNIT_HEADER="{self.name}.h"', *folders]
+
+
+class Sizes(NamedTuple):
+    """Bytes of memory that object files take, without the records that their caller keeps.
+
+    Attributes:
+        flash: Code, constants and the initial values of variables.
+        ram: Variables.
+    """
+
+    flash: int
+    ram: int
+
+
+def find_tool(name: str) -> str:
+    """Path of a program.
+
+    Raises:
+        FirmwareError: It is not installed; the message says how to get it.
+    """
+    path = shutil.which(name)
+    if path is None:
+        install = f"apt-get install {_PACKAGES[name]}" if name in _PACKAGES else INSTALL
+        raise FirmwareError(f"{name} is not installed: {install}")
+    return path
+
+
+def build_objects(unit: Unit, folder: Path, *, flags: Sequence[str] = ()) -> tuple[Path, ...]:
+    """Compile the sources of a unit for the Cortex-M4F into object files in a folder that exists.
+
+    Raises:
+        FirmwareError: No cross compiler, or it refuses a source.
+    """
+    objects = tuple(folder / f"{source.stem}.o" for source in unit.sources)
+    for source, made in zip(unit.sources, objects, strict=True):
+        words = [*FLAGS, *CORTEX_M4F, *unit.flags, *flags, "-c", source, "-o", made]
+        _run("arm-none-eabi-gcc", words)
+    return objects
+
+
+def build_image(unit: Unit, path: Path, *, flags: Sequence[str] = ()) -> Path:
+    """Link a unit with the main loop and the start-up code of QEMU's mps2-an386 into an ELF file.
+
+    The C library gives ``memcpy`` and its like; there is no libm to link with.
+
+    Raises:
+        FirmwareError: No cross compiler, or it refuses a source.
+    """
+    harness = [TARGET / name for name in ("main.c", "cortex_m4.c", "clock.S")]
+    script = ["-nostartfiles", "--specs=nano.specs", "-T", TARGET / "mps2_an386.ld"]
+    words = [*FLAGS, *CORTEX_M4F, *unit.flags, *flags, *script, *unit.sources, *harness, "-o", path]
+    _run("arm-none-eabi-gcc", words)
+    return path
+
+
+def build_host(
+    unit: Unit, path: Path, *, compiler: str = "gcc", sanitize: bool = False, flags: Sequence[str] = ()
+) -> Path:
+    """Link a unit with the same main loop into a program of this machine.
+
+    Args:
+        path: The program to write.
+        compiler: ``gcc`` or ``clang``.
+        sanitize: Stop at undefined behaviour and at wrong addresses.
+        flags: More words for the compiler.
+
+    Raises:
+        FirmwareError: No such compiler, or it refuses a source.
+    """
+    checks = SANITIZE if sanitize else ()
+    words = [*FLAGS, *checks, *unit.flags, *flags, *unit.sources, TARGET / "main.c", TARGET / "host.c"]
+    _run(compiler, [*words, "-o", path])
+    return path
+
+
+def compile_library(sources: Sequence[Path], *, compiler: str = "gcc", flags: Sequence[str] = ()) -> Path:
+    """Compile sources into a shared library of this machine, beside the first of them.
+
+    Raises:
+        FirmwareError: No such compiler, or it refuses a source.
+    """
+    path = sources[0].with_suffix(".so")
+    _run(compiler, [*FLAGS, "-shared", "-fPIC", *flags, *sources, "-o", path])
+    return path
+
+
+def sizes(objects: Sequence[Path]) -> Sizes:
+    """Flash and RAM of object files, as ``arm-none-eabi-size`` counts them."""
+    lines = _run("arm-none-eabi-size", objects).splitlines()[1:]
+    text, data, bss = (sum(int(line.split()[column]) for line in lines) for column in range(3))
+    return Sizes(text + data, data + bss)
+
+
+def symbols(objects: Sequence[Path]) -> Mapping[str, str]:
+    """Names in object files or an image, and ``nm``'s letter for each: ``U`` is wanted from elsewhere."""
+    lines = _run("arm-none-eabi-nm", ["--format=posix", *objects]).splitlines()
+    fields = (line.split() for line in lines)
+    return {words[0]: words[1] for words in fields if len(words) > 1}
+
+
+def _run(tool: str, words: Sequence[object]) -> str:
+    command = [find_tool(tool), *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
+    if done.returncode != 0:
+        raise FirmwareError(f"{tool}: {_reason(done.stderr) or f'exit status {done.returncode}'}")
+    return done.stdout
+
+
+def _reason(said: str) -> str:
+    """The line of a compiler or linker that says what is wrong."""
+    lines = [line.strip() for line in said.splitlines()]
+    told = [line for line in lines if _CAUSE.search(line) and not _AFTERMATH.search(line)]
+    reason = next(iter([*told, *lines]), "")
+    return f"the C library newlib is not installed: {INSTALL}" if "nano.specs" in reason else reason

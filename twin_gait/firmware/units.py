@@ -1,0 +1,406 @@
+"""What the units of the firmware do in a tick of 1 ms: a joint's board, the gait controller, and both as one.
+
+They say in which order the functions of :mod:`twin_gait.control.joint_board` and
+:mod:`twin_gait.control.gait_controller` are called; the rooms of the simulation's tick do the same for many
+episodes at once (:mod:`twin_gait.simulation.rooms.tick`), with sensors, bus and motors in between. These
+functions are printed as C. A step takes a unit with its inputs, and changes unit and outputs in place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from twin_gait.control.gait_controller import (
+    INERTIA_WANTED,
+    LEGS,
+    ControllerState,
+    begin_tick,
+    demand,
+    demand_hold,
+    enter_phase,
+    estimate_acceleration,
+    fade,
+    has_cause,
+    hear_board,
+    hear_command,
+    hear_load,
+    pose,
+    trip,
+    trip_on_causes,
+    wants_gravity,
+    watch_foot,
+    watch_phase,
+    watch_supply,
+    write_signals,
+)
+from twin_gait.control.joint_board import (
+    BoardState,
+    Command,
+    Demand,
+    Limits,
+    Measurement,
+    Rates,
+    ask,
+    check,
+    copy_command,
+    copy_demand,
+    copy_measurement,
+    hear,
+    model_friction,
+    note_drive,
+    obey,
+    read_encoder,
+    report,
+    sample_velocity,
+    set_current,
+    sum_up,
+    watch_drive,
+)
+from twin_gait.core.guards import NO_TRANSITION, next_transition
+from twin_gait.core.safety import NO_TRIP
+from twin_gait.simulation.interface import control_gravity, control_inertia
+
+
+@dataclass(slots=True)
+class Settings:
+    """What all units are set to.
+
+    Attributes:
+        rates: How they sample.
+        limits: Of commands, and of what is borne how long.
+        watching: Whether the monitor is on.
+    """
+
+    rates: Rates
+    limits: Limits
+    watching: bool
+
+
+# ------------------------------------------------------------------ the board of a joint
+
+
+@dataclass(slots=True)
+class JointBoardInputs:
+    """What a board reads at the start of a tick.
+
+    Attributes:
+        angle: Counts of the encoder times the angle of a count, in [rad]; not a number if it is missing.
+        voltage: On the winding in the tick before, in [V].
+        current: Measured in the tick before, in [A].
+        current_deviation: Of this current from what the drive should have given, in [A].
+        demand: Last heard from the gait controller; a unit of all boards has it itself.
+        heard: Whether it came since the tick before.
+    """
+
+    angle: float = 0.0
+    voltage: float = 0.0
+    current: float = 0.0
+    current_deviation: float = 0.0
+    demand: Demand = field(default_factory=Demand)
+    heard: bool = False
+
+
+@dataclass(slots=True)
+class JointBoardOutputs:
+    """What a board gives in a tick.
+
+    Attributes:
+        command: With the current set point of the drive.
+        measurement: For the gait controller.
+    """
+
+    command: Command = field(default_factory=Command)
+    measurement: Measurement = field(default_factory=Measurement)
+
+
+@dataclass(slots=True)
+class JointBoard:
+    """The unit of a board.
+
+    Attributes:
+        settings: Of all units.
+        state: All that it keeps.
+        tick: Present one.
+    """
+
+    settings: Settings
+    state: BoardState
+    tick: int = 0
+
+
+def joint_board_step(unit: JointBoard, inputs: JointBoardInputs, outputs: JointBoardOutputs) -> None:
+    """Measure, and set the current of what the gait controller has demanded last.
+
+    Args:
+        unit: Changed in place.
+        inputs: What the board reads and has heard.
+        outputs: Changed in place.
+    """
+    board, settings = unit.state, unit.settings
+    measure(board, settings, inputs, unit.tick)
+    hear(board, settings.limits, inputs.demand, inputs.heard)
+    obey(board, settings.limits, settings.watching)
+    set_current(board, settings.limits, board.command.torque)
+    report(board, outputs.measurement)
+    copy_command(board.command, outputs.command)
+    unit.tick += 1
+
+
+def measure(board: BoardState, settings: Settings, inputs: JointBoardInputs, tick: int) -> None:
+    """First half of a board's tick: encoder, velocities, friction model, monitor."""
+    if tick > 0:
+        note_drive(board, inputs.voltage, inputs.current, inputs.current_deviation)
+    read_encoder(board, settings.rates, tick == 0, inputs.angle)
+    if tick % settings.rates.decimation == 0:
+        if tick > 0:
+            sample_velocity(board, settings.rates, tick)
+        model_friction(board)
+    if settings.watching:
+        watch_drive(board, settings.rates)
+
+
+# ------------------------------------------------------------------ the gait controller
+
+
+@dataclass(slots=True)
+class Surroundings:
+    """What the gait controller reads itself at the start of a tick.
+
+    Attributes:
+        loads: Of the feet over body weight.
+        bus_voltage: In [V].
+        walk: 1 to walk, 0 to stand.
+    """
+
+    loads: list[float]
+    bus_voltage: float = 0.0
+    walk: float = 1.0
+
+
+@dataclass(slots=True)
+class Decision:
+    """What the gait controller has decided.
+
+    Attributes:
+        phases: Of the legs.
+        trip_cause: Of the monitor, 0 for none.
+    """
+
+    phases: list[int]
+    trip_cause: int = NO_TRIP
+
+
+@dataclass(slots=True)
+class GaitControllerInputs:
+    """What the gait controller reads and has heard at the start of a tick.
+
+    Attributes:
+        surroundings: Read by itself.
+        measurements: Last heard from each board.
+        heard: Which of them came since the tick before.
+    """
+
+    surroundings: Surroundings
+    measurements: list[Measurement]
+    heard: list[bool]
+
+
+@dataclass(slots=True)
+class GaitControllerOutputs:
+    """What the gait controller gives in a tick.
+
+    Attributes:
+        decision: Phases and trip.
+        demands: For each board.
+    """
+
+    decision: Decision
+    demands: list[Demand]
+
+
+@dataclass(slots=True)
+class GaitController:
+    """The unit of the gait controller.
+
+    Attributes:
+        settings: Of all units.
+        state: All that it keeps.
+        tick: Present one.
+    """
+
+    settings: Settings
+    state: ControllerState
+    tick: int = 0
+
+
+def decide(controller: ControllerState, settings: Settings, inputs: Surroundings, tick: int) -> None:
+    """Watch, run both state machines, fade, and compute what is fed forward."""
+    listen(controller, inputs, tick)
+    if settings.watching:
+        watch(controller, settings.limits, tick)
+    if controller.trip.tick < 0:
+        walk(controller, settings.rates, tick)
+    feed_forward(controller, settings.rates)
+
+
+def listen(controller: ControllerState, inputs: Surroundings, tick: int) -> None:
+    """Take loads, voltage and command."""
+    for number in range(len(controller.legs)):
+        hear_load(controller, number, inputs.loads[number])
+    controller.supply.voltage = inputs.bus_voltage
+    hear_command(controller, inputs.walk, tick)
+
+
+def watch(controller: ControllerState, limits: Limits, tick: int) -> None:
+    """Let the monitor look at supply, phases, feet and what the boards have found."""
+    watch_supply(controller)
+    for number in range(len(controller.legs)):
+        watch_phase(controller, limits, number, tick)
+        watch_foot(controller, limits, number)
+    if has_cause(controller):
+        trip_on_causes(controller, tick)
+
+
+def walk(controller: ControllerState, rates: Rates, tick: int) -> None:
+    """Advance both legs on one snapshot, then blend their parameters."""
+    legs, signals = controller.legs, controller.signals
+    for number in range(LEGS):
+        begin_tick(controller, number, tick)
+    for number in range(LEGS):
+        leg, other_phase = legs[number], -1
+        write_signals(controller, rates, number, 0)
+        if LEGS == 2:
+            write_signals(controller, rates, 1 - number, len(signals) // 2)
+            other_phase = legs[1 - number].before
+        leg.chosen = next_transition(
+            controller.program, leg.before, leg.ticks, signals, other_phase, leg.debounce
+        )
+        if leg.chosen != NO_TRANSITION:
+            enter_phase(controller, number, tick)
+    for number in range(LEGS):
+        fade(controller, rates, number, tick)
+
+
+def feed_forward(controller: ControllerState, rates: Rates) -> None:
+    """Gravity and inertia torques of the model, where a share of them is wanted."""
+    model = controller.model
+    if wants_gravity(controller):
+        for number in range(len(controller.joints)):
+            pose(controller, number)
+        control_gravity(model.q, model.bodies, model.gravity, model.gravity_torque)
+    if INERTIA_WANTED:
+        for number in range(len(controller.joints)):
+            estimate_acceleration(controller, rates, number)
+        control_inertia(model.q, model.a, model.bodies, model.inertia_torque)
+
+
+def tell(controller: ControllerState, decision: Decision) -> None:
+    """Say what was decided; ``decision`` is changed in place."""
+    for number in range(len(controller.legs)):
+        decision.phases[number] = controller.legs[number].phase
+    decision.trip_cause = controller.trip.cause
+
+
+def gait_controller_step(
+    unit: GaitController, inputs: GaitControllerInputs, outputs: GaitControllerOutputs
+) -> None:
+    """Take what the boards have told, decide, and say what every board is to do.
+
+    Args:
+        unit: Changed in place.
+        inputs: What it reads and has heard.
+        outputs: Changed in place.
+    """
+    controller, settings = unit.state, unit.settings
+    for number in range(len(controller.joints)):
+        if inputs.heard[number]:
+            copy_measurement(inputs.measurements[number], controller.joints[number].measurement)
+        hear_board(controller, settings.limits, number, inputs.heard[number])
+    decide(controller, settings, inputs.surroundings, unit.tick)
+    for number in range(len(controller.joints)):
+        demand(controller, settings.limits, number, unit.tick)
+        copy_demand(controller.joints[number].demand, outputs.demands[number])
+    tell(controller, outputs.decision)
+    unit.tick += 1
+
+
+# ------------------------------------------------------------------ all of them without a bus
+
+
+@dataclass(slots=True)
+class Exoskeleton:
+    """Boards and gait controller in one unit.
+
+    Attributes:
+        settings: Of all.
+        boards: Leg by leg: left hip, left knee, right hip, …
+        controller: That demands of them.
+        tick: Present one.
+    """
+
+    settings: Settings
+    boards: list[BoardState]
+    controller: ControllerState
+    tick: int = 0
+
+
+@dataclass(slots=True)
+class ExoskeletonInputs:
+    """What all sensors read at the start of a tick.
+
+    Attributes:
+        boards: Of each joint.
+        surroundings: Of the gait controller itself.
+    """
+
+    boards: list[JointBoardInputs]
+    surroundings: Surroundings
+
+
+@dataclass(slots=True)
+class ExoskeletonOutputs:
+    """What is given in a tick.
+
+    Attributes:
+        commands: Of each joint, with the current set point of its drive.
+        decision: Phases and trip.
+    """
+
+    commands: list[Command]
+    decision: Decision
+
+
+def exoskeleton_step(unit: Exoskeleton, inputs: ExoskeletonInputs, outputs: ExoskeletonOutputs) -> None:
+    """Measure everywhere, decide, and set every current, all in one tick.
+
+    Args:
+        unit: Changed in place.
+        inputs: What is read.
+        outputs: Changed in place.
+    """
+    controller, settings, tick = unit.controller, unit.settings, unit.tick
+    for number in range(len(unit.boards)):
+        measure(unit.boards[number], settings, inputs.boards[number], tick)
+        report(unit.boards[number], controller.joints[number].measurement)
+    decide(controller, settings, inputs.surroundings, tick)
+    for number in range(len(unit.boards)):
+        drive(unit.boards[number], controller, settings, number, tick)
+        copy_command(unit.boards[number].command, outputs.commands[number])
+    tell(controller, outputs.decision)
+    unit.tick += 1
+
+
+def drive(board: BoardState, controller: ControllerState, settings: Settings, number: int, tick: int) -> None:
+    """Set the current of a joint; of a wild command the gait controller hears at once."""
+    joint, limits = controller.joints[number], settings.limits
+    demand(controller, limits, number, tick)
+    copy_demand(joint.demand, board.demand)
+    ask(board)
+    check(board, settings.watching)
+    if board.command.cause != NO_TRIP:  # what was asked was a walk, whose weight is not carried in this tick
+        trip(controller, tick, board.command.cause, number)
+        demand_hold(joint, limits, 0.0, 0.0)
+        copy_demand(joint.demand, board.demand)
+        ask(board)
+        sum_up(board)
+    set_current(board, limits, board.command.torque)

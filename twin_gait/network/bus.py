@@ -1,0 +1,83 @@
+"""The CAN bus of the device before anything has been sent."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from twin_gait.core.can_bus import EVERYTHING, NEVER, NOBODY, Bus, Frame, Node, Outage, mixed
+from twin_gait.core.can_frame import new_header
+from twin_gait.network.dbc import Message
+from twin_gait.parameters import BOARDS, CCU, NODES, NetworkParameters, OutageKind
+from twin_gait.parameters import Outage as OutageParameters
+
+SETPOINT, MEASUREMENT = "setpoint", "measurement"  # the two frames of a board
+_PICOSECONDS = 1e12  # in a second
+_ROOM = 8  # outages in a record: of this many or a multiple, so that few loops are compiled
+
+
+def picoseconds(time: float) -> int:
+    """A time as the bus counts it.
+
+    Args:
+        time: In [s].
+
+    Returns:
+        In [ps]; ``NEVER`` for an infinite one.
+    """
+    return round(time * _PICOSECONDS) if math.isfinite(time) else NEVER
+
+
+def cyclic_messages(messages: Mapping[str, Message], boards: Sequence[str] = BOARDS) -> list[Message]:
+    """Set points and measurements of some boards: the frames of a bus, the lowest identifier first."""
+    found = [messages[f"{board}_{kind}"] for kind in (SETPOINT, MEASUREMENT) for board in boards]
+    return sorted(found, key=lambda message: message.identifier)
+
+
+def new_bus(network: NetworkParameters, messages: Sequence[Message], seed: int, tick: float) -> Bus:
+    """The bus at the start of a run.
+
+    Args:
+        network: Its parameters.
+        messages: Its frames, from :func:`cyclic_messages`.
+        seed: Of all draws.
+        tick: Length of a tick in [s].
+    """
+    never = Outage(OutageKind.SILENCE.code, NOBODY, NEVER, NEVER)
+    outages = sorted((_outage(item) for item in network.outages), key=lambda item: item.start)
+    room = (len(outages) // _ROOM + 1) * _ROOM
+    return Bus(
+        tick=picoseconds(tick),
+        bit=picoseconds(1.0 / network.bit_rate),
+        error_share=round(network.error_share * EVERYTHING),
+        loss_share=round(network.loss * EVERYTHING),
+        recovers=network.bus_off_recovery,
+        frames=[_frame(network, message, seed) for message in messages],
+        nodes=[Node() for _ in NODES],
+        outages=outages + [never] * (room - len(outages)),
+    )
+
+
+def _frame(network: NetworkParameters, message: Message, seed: int) -> Frame:
+    """A frame of a board, which sends it, or hears it from the central unit."""
+    board, _, kind = message.name.rpartition("_")
+    sender, receiver = (CCU, board) if kind == SETPOINT else (board, CCU)
+    phase = picoseconds(network.phase.get(sender, 0.0))
+    key = mixed(mixed(seed & 0xFFFFFFFF) ^ (seed >> 32 & 0xFFFFFFFF) ^ mixed(message.identifier))
+    return Frame(
+        header=new_header(message.identifier, message.length),
+        sender=NODES.index(sender),
+        receiver=NODES.index(receiver),
+        period=picoseconds(network.cycle / (1.0 + network.clock_drift.get(sender, 0.0))),
+        jitter=picoseconds(network.jitter),
+        key=key,
+        event=phase,
+        release=phase,
+    )
+
+
+def _outage(item: OutageParameters) -> Outage:
+    """An outage as the bus has it."""
+    node = NOBODY if item.node is None else NODES.index(item.node)
+    start = picoseconds(item.time)
+    return Outage(item.kind.code, node, start, min(start + picoseconds(item.duration), NEVER))

@@ -1,0 +1,197 @@
+"""The CAN bus between the central unit and the boards of the joints."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from twin_gait.exceptions import ParameterError
+from twin_gait.parameters.checks import require, require_non_negative, require_positive, require_share
+from twin_gait.vocabulary import MOTOR_JOINTS, Side
+
+CCU = "ccu"  # the central control unit
+BOARDS = tuple(f"{side}_{joint}" for side in Side for joint in MOTOR_JOINTS)
+NODES = (CCU, *BOARDS)
+
+# Of CAN 2.0; CiA 102 has these for networks of all lengths.
+BIT_RATES = (10e3, 20e3, 50e3, 125e3, 250e3, 500e3, 800e3, 1e6)  # [bit] / [s]
+SHORTEST_CYCLE, LONGEST_CYCLE = 1e-3, 0.1  # [s]; the shortest one is a tick of the boards
+LARGEST_DRIFT = 0.01
+LONGEST_DELAY = 0.1  # [s]
+_SHAPE = re.compile(r"([a-z_]+)(?::([a-z_]+))?@([^=@\s]+?)s(?:=([^=@\s]+?)(m?)s)?")
+
+
+class ImpedancePlace(StrEnum):
+    """Where virtual springs and dampers are computed."""
+
+    BOARD = "board"  # on the board of the joint, from its own angle; the bus carries k, b, θ0, G
+    CCU = "ccu"  # in the central unit, from measurements that came over the bus; it carries torques
+
+
+class OutageKind(StrEnum):
+    """What keeps a node off the bus; ``code`` is its number in :mod:`twin_gait.core.can_bus`."""
+
+    SILENCE = "silence"  # a broken wire: of the branch of a node, or of the bus
+    REBOOT = "reboot"  # the node is off for a time, forgets, and begins its cycle anew
+    BUS_OFF = "bus_off"  # its controller takes itself off the bus
+
+    @property
+    def code(self) -> int:
+        """Number of the kind in a record."""
+        return list(OutageKind).index(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outage:
+    """A node that is off the bus for a while.
+
+    Attributes:
+        kind: What happens.
+        time: When, in [s].
+        node: Which, one of :data:`NODES`; None for the silence of the whole bus.
+        duration: For how long in [s], infinite for good; of no meaning for ``bus_off``, after which a node
+            recovers as the parameters of the network say.
+    """
+
+    kind: OutageKind
+    time: float
+    node: str | None = None
+    duration: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Check that kind, node and duration fit together."""
+        require_non_negative(f"time of {self.kind}", self.time)
+        nodes = ", ".join(NODES)
+        if self.node is None:
+            require(self.kind is OutageKind.SILENCE, f"node of {self.kind}", f"one of {nodes}", None)
+        else:
+            require(self.node in NODES, f"node of {self.kind}", f"one of {nodes}", self.node)
+        require(self.duration > 0.0, f"duration of {self.kind}", "a time above 0", self.duration)
+        endless = self.kind is not OutageKind.BUS_OFF or math.isinf(self.duration)
+        require(endless, "duration of bus_off", "none; see bus_off_recovery", self.duration)
+
+    def __str__(self) -> str:
+        """The outage in its notation; reading it gives an equal one."""
+        node = f":{self.node}" if self.node else ""
+        return f"{self.kind}{node}@{self.time!r}s" + (
+            f"={self.duration!r}s" if math.isfinite(self.duration) else ""
+        )
+
+
+def parse_outage(text: str) -> Outage:
+    """Read an outage in its notation, ``KIND:NODE@TIMEs=DURATIONs``.
+
+    ``reboot:left_knee@4.2s=0.3s``, ``silence@5s=200ms`` of the whole bus, ``silence:ccu@5s`` for good,
+    ``bus_off:right_hip@3s``.
+
+    Raises:
+        ParameterError: If it cannot be read.
+    """
+    match = _SHAPE.fullmatch(text.strip())
+    example = "for example reboot:left_knee@4.2s=0.3s"
+    if match is None:
+        raise ParameterError(f"outage {text!r}: expected KIND:NODE@TIMEs=DURATIONs, {example}")
+    kind, node, time, duration, milli = match.groups()
+    if kind not in list(OutageKind):
+        raise ParameterError(f"outage {text!r}: no kind {kind!r}; there are {', '.join(OutageKind)}")
+    try:
+        lasting = math.inf if duration is None else float(duration) * (1e-3 if milli else 1.0)
+        return Outage(kind=OutageKind(kind), time=float(time), node=node, duration=lasting)
+    except ParameterError as error:
+        raise ParameterError(f"outage {text!r}: {error}") from error
+    except ValueError:
+        raise ParameterError(f"outage {text!r}: expected times in seconds, {example}") from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworkParameters:
+    """The CAN bus of the star; the thesis (2.1.2) has CAN and 500 Hz, and prints neither bit rate nor layout.
+
+    All values but the cycle are assumptions; the defaults are a healthy bus.
+
+    Attributes:
+        bit_rate: In [bit] / [s]. The eight frames of a cycle of 2 ms take half of 1 Mbit/s, the most that CAN
+            2.0 has, and more than 500 kbit/s.
+        dbc: File with the layout of the frames, or name of the one that ships.
+        cycle: Of set points and measurements in [s].
+        phase: By how much the cycle of a board is behind that of the central unit in [s], by its name.
+        clock_drift: By how much the clock of a board is fast, by its name; 1e-6 is a millionth.
+        jitter: Longest time from the instant at which a frame is due until its node queues it, in [s]; evenly
+            spread.
+        delay: By how much later than over this bus alone every frame is used, in [s], whole milliseconds: of
+            gateways and drivers on its way.
+        loss: Share of the frames that are sent and do not arrive, as in a buffer that overruns.
+        error_share: Share of the transmissions that an error destroys; they are repeated by themselves.
+        bus_off_recovery: Whether a node that went bus-off comes back after 128 times 11 recessive bits.
+        impedance: Where the springs are.
+        board_silence: For so long in [s] a board bears hearing nothing; then it holds its joint.
+        ccu_silence: For so long in [s] the central unit bears hearing nothing of a board; then it trips.
+        outages: Of nodes or the bus.
+    """
+
+    bit_rate: float = 1e6
+    dbc: str = "twin.dbc"
+    cycle: float = 2e-3
+    phase: Mapping[str, float] = field(default_factory=dict)
+    clock_drift: Mapping[str, float] = field(default_factory=dict)
+    jitter: float = 0.0
+    delay: float = 0.0
+    loss: float = 0.0
+    error_share: float = 0.0
+    bus_off_recovery: bool = True
+    impedance: ImpedancePlace = ImpedancePlace.BOARD
+    board_silence: float = 0.02
+    ccu_silence: float = 0.02
+    outages: tuple[Outage, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        slowest, fastest = BIT_RATES[0], BIT_RATES[-1]
+        within = slowest <= self.bit_rate <= fastest
+        require(within, "bit_rate", f"{slowest:g} to {fastest:g} bit/s, as CAN 2.0 has them", self.bit_rate)
+        shortest, longest = SHORTEST_CYCLE, LONGEST_CYCLE
+        require(shortest <= self.cycle <= longest, "cycle", f"{shortest:g} to {longest:g} s", self.cycle)
+        for name, values in (("phase", self.phase), ("clock_drift", self.clock_drift)):
+            for board in values:
+                require(board in BOARDS, name, f"of {', '.join(BOARDS)}", board)
+        for board, phase in self.phase.items():
+            require(
+                0.0 <= phase < self.cycle, f"phase of {board}", f"0 s to the cycle, {self.cycle:g} s", phase
+            )
+        for board, drift in self.clock_drift.items():
+            most = f"{LARGEST_DRIFT:g} at most, either way"
+            require(abs(drift) <= LARGEST_DRIFT, f"clock_drift of {board}", most, drift)
+        require(
+            0.0 <= self.jitter <= self.cycle, "jitter", f"0 s to the cycle, {self.cycle:g} s", self.jitter
+        )
+        whole = abs(self.delay * 1e3 - round(self.delay * 1e3)) < 1e-9
+        in_range = 0.0 <= self.delay <= LONGEST_DELAY and whole
+        require(in_range, "delay", f"0 s to {LONGEST_DELAY:g} s in whole milliseconds", self.delay)
+        require_share("loss", self.loss)
+        require_share("error_share", self.error_share)
+        require_positive("board_silence", self.board_silence)
+        require_positive("ccu_silence", self.ccu_silence)
+
+    def require_fit(self, sides: Collection[Side], duration: float) -> None:
+        """Check that what the parameters name is there, and happens within the run.
+
+        Args:
+            sides: Legs of the device.
+            duration: Of the run in [s].
+
+        Raises:
+            ParameterError: If it is not.
+        """
+        there = (CCU, *(board for board in BOARDS if board.partition("_")[0] in sides))
+        for board in (*self.phase, *self.clock_drift):
+            require(board in there, "network phase and clock_drift", f"of {', '.join(there[1:])}", board)
+        for outage in self.outages:
+            node = f"a node of {', '.join(there)}"
+            require(
+                outage.node is None or outage.node in there, f"network outage {outage}", node, outage.node
+            )
+            before = f"a time before the end at {duration:g} s"
+            require(outage.time < duration, f"network outage {outage}", before, outage.time)
