@@ -10,7 +10,10 @@ from __future__ import annotations
 
 from twin_gait.control.gait_controller import JOINTS_PER_LEG, hear_board, hear_load, trip
 from twin_gait.control.joint_board import report
-from twin_gait.core.can_bus import REBOOT, Frame, advance, is_due
+from twin_gait.core.can_bus import REBOOT, Frame, is_due
+from twin_gait.core.can_bus import (
+    advance as carry,
+)  # advance is that of the state machine where rooms are bound
 from twin_gait.core.can_codec import pack_frame, unpack_frame
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.safety import BUS_TRIP, DRIVE_TRIP, NO_TRIP
@@ -96,7 +99,7 @@ def exchange(e: Episode, tick: int) -> None:
         for number in range(len(one.joints)):
             _send_setpoint(one, number, tick)
             _send_measurement(one, number, tick)
-        advance(one.network.bus, tick)
+        carry(one.network.bus, tick)
         for number in range(len(one.joints)):
             _arrive(one, one.network.setpoints[number], tick + 1)
             _arrive(one, one.network.measurements[number], tick + 1)
