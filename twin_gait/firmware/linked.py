@@ -87,7 +87,7 @@ def linked_unit(problem: Problem) -> LinkedUnit:
     joints, legs = len(boards), len(episode.controller.legs)
     settings = Settings(episode.rates, episode.limits, episode.watching)
     inputs = ExoskeletonInputs([JointBoardInputs() for _ in range(joints)], Surroundings([0.0] * legs))
-    outputs = ExoskeletonOutputs([Command() for _ in range(joints)], Decision([0] * legs))
+    outputs = ExoskeletonOutputs([Command() for _ in range(joints)], Decision([0] * legs, [0] * legs))
     texts = [write_control_gravity(bodies.control_bodies, bodies.up_axis)]
     if structure["INERTIA_WANTED"]:
         texts.append(write_control_inertia(bodies.control_bodies))
