@@ -81,7 +81,7 @@ def obey(engine: CompiledEngine, answer: np.void, tick: int) -> None:
     for name in answer["commands"].dtype.names:
         commands[name] = answer["commands"][name]
     if trip["tick"] < 0:
-        for number in np.flatnonzero(decision["phases"] != legs["phase"]):
+        for number in np.flatnonzero(decision["phases"] != legs["phase"]).tolist():
             _switch(engine, number, decision, tick)
         if decision["trip_cause"] != NO_TRIP:
             trip["tick"], trip["cause"], trip["part"] = tick, decision["trip_cause"], decision["trip_part"]
