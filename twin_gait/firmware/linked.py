@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from twin_gait.control.gait_controller import ControllerState
 from twin_gait.control.joint_board import Command
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.guards import GuardProgram
@@ -83,6 +84,7 @@ def linked_unit(problem: Problem) -> LinkedUnit:
     boards = [joint.board for joint in episode.joints]
     for board in boards:
         board.encoder.resolution = 0.0
+    trim(problem.program, episode.controller)
     part_ticks(episode.controller.program, all_signal_names(problem.table.joints))
     joints, legs = len(boards), len(episode.controller.legs)
     settings = Settings(episode.rates, episode.limits, episode.watching)
@@ -93,6 +95,21 @@ def linked_unit(problem: Problem) -> LinkedUnit:
         texts.append(write_control_inertia(bodies.control_bodies))
     kernel = "\n\n".join([*write_side_by_side("".join(texts)), *texts])
     return LinkedUnit(Exoskeleton(settings, boards, episode.controller), inputs, outputs, structure, kernel)
+
+
+def trim(program: GuardProgram, controller: ControllerState) -> None:
+    """Take out the entries that mean nothing, with which tables of like size share a compiled loop.
+
+    Args:
+        program: Of the table.
+        controller: Changed in place.
+    """
+    room, count = controller.program, max(1, len(program.transitions))
+    del room.transitions[count:]
+    del room.nodes[max(1, len(program.nodes)) :]
+    del room.comparisons[max(1, len(program.comparisons)) :]
+    for leg in controller.legs:
+        del leg.debounce[count:]
 
 
 def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
@@ -159,7 +176,7 @@ def _fill(record: Any, values: Any) -> None:
 
 
 def c_dtype(records: Records, record: type, real: np.dtype[Any]) -> np.dtype[Any]:
-    """Layout of a record in C, its numbers float or double.
+    """Layout of a record in C, its numbers float or double, addresses of tables as a Cortex-M has them.
 
     Args:
         real: Type of the numbers.
@@ -174,7 +191,11 @@ def c_dtype(records: Records, record: type, real: np.dtype[Any]) -> np.dtype[Any
         assert isinstance(kind, Scalar)
         return name, real if kind.name == "real" else {"bool": "?"}.get(kind.name, "i4")
 
-    return np.dtype([layout(kind, name) for name, kind in records.used(record)], align=True)
+    fields = [
+        (name, "u4") if records.is_table(record, name) else layout(kind, name)
+        for name, kind in records.used(record)
+    ]
+    return np.dtype(fields, align=True)
 
 
 def converted(rows: np.ndarray, dtype: np.dtype[Any]) -> np.ndarray:

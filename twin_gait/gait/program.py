@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from twin_gait.core import guards as core
 from twin_gait.core.guards import (
     OP_ALL,
@@ -56,15 +58,21 @@ def compile_guards(table: GaitTable) -> GuardProgram:
 
 def _check_size(transition: Transition, nodes: list[GuardNode]) -> None:
     """Refuse a guard whose results the evaluator cannot hold."""
-    waiting = most = 0
-    for node in nodes:
-        waiting += 1 - (node.operand if node.operation in (OP_ALL, OP_ANY) else 0)
-        most = max(most, waiting)
+    most = open_results(nodes)
     if most > OPEN_RESULTS:
         raise GaitTableError(
             f"transition {transition.source} → {transition.target} ({transition.cause}): {most} conditions "
             f"wait to be joined; at most {OPEN_RESULTS} fit, so nest some of them"
         )
+
+
+def open_results(nodes: Sequence[GuardNode]) -> int:
+    """Most results of a guard that wait to be joined at a time."""
+    waiting = most = 0
+    for node in nodes:
+        waiting += 1 - (node.operand if node.operation in (OP_ALL, OP_ANY) else 0)
+        most = max(most, waiting)
+    return most
 
 
 def _emit(guard: Guard, table: GaitTable, nodes: list[GuardNode], comparisons: list[core.Comparison]) -> None:
