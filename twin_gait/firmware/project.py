@@ -213,7 +213,7 @@ def _shapes(linked: LinkedUnit) -> list[Any]:
         JointBoardInputs(),
         JointBoardOutputs(),
         GaitControllerInputs(linked.inputs.surroundings, measurements, [False] * joints),
-        GaitControllerOutputs(Decision([0] * legs), demands),
+        GaitControllerOutputs(Decision([0] * legs, [0] * legs), demands),
     ]
 
 
