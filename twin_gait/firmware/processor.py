@@ -11,7 +11,8 @@ import numpy as np
 from twin_gait.core.safety import NO_TRIP
 from twin_gait.experiment import Experiment
 from twin_gait.experiment.problem import build_problem
-from twin_gait.firmware.linked import LinkedUnit, converted
+from twin_gait.firmware.linked import converted
+from twin_gait.firmware.project import Project
 from twin_gait.firmware.vectors import drive_pairs, keep, sensor_pairs, without_bus
 from twin_gait.simulation.compiled_engine import CompiledEngine, loop_of, run_part
 from twin_gait.simulation.engine import run_in_chunks
@@ -30,7 +31,7 @@ class Exchanging(Protocol):
 
 def walk_with(
     unit: Exchanging,
-    linked: LinkedUnit,
+    project: Project,
     experiment: Experiment,
     progress: Callable[[int, int], None] | None = None,
     on_compile: Callable[[], None] | None = None,
@@ -42,7 +43,7 @@ def walk_with(
 
     Args:
         unit: At tick 0.
-        linked: What it was built from.
+        project: That it was built from.
         experiment: Run without its bus.
         progress: Called now and then with ticks done and ticks in all.
         on_compile: Called if the plant has to be compiled first.
@@ -56,7 +57,7 @@ def walk_with(
     rows = np.zeros((problem.experiment.n_ticks, len(engine.layout.names)))
     engine.episode["recording"]["log"] = rows.ctypes.data
     record, address = engine.parts[0], engine.parts[0].ctypes.data
-    inputs, (given, taken) = np.zeros(1, dtype_of(linked.inputs)), linked.dtypes(double=False)
+    inputs, (given, taken) = np.zeros(1, dtype_of(project.linked.inputs)), project.dtypes(double=False)
     drives, sensors = drive_pairs(record, inputs), sensor_pairs(record, inputs)
 
     def run_tick(tick: int, end: int) -> tuple[int, int]:
