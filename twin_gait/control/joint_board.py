@@ -373,7 +373,7 @@ def let_down(board: BoardState, limits: Limits) -> None:
 
 
 def set_current(board: BoardState, limits: Limits, torque: float) -> None:
-    """Ask the drive for the current of a torque in [N m], within the limits; for none if there is no number."""
+    """Ask the drive for the current of a torque in [N m], within the limits; NaN asks for none."""
     current = target_current(board.motor, torque, limits.torque, limits.current)
     board.command.target_current = 0.0 if board.drive_off or torque != torque else current
 
