@@ -61,6 +61,10 @@ class FirmwareError(TwinGaitError):
     """The controller as C cannot be printed, built or run."""
 
 
+class MissingToolError(FirmwareError):
+    """A compiler or an emulator is not installed."""
+
+
 class MissingOptionalDependency(TwinGaitError, ImportError):
     """An extra that a feature needs is not installed."""
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -16,9 +14,7 @@ from twin_gait.control.joint_board import Command
 from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.guards import GuardProgram
 from twin_gait.experiment.problem import Problem
-from twin_gait.firmware.cross import Unit
 from twin_gait.firmware.kinds import Kind, ListKind, RecordKind, Scalar
-from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.firmware.records import Records
 from twin_gait.firmware.units import (
     Decision,
@@ -38,7 +34,6 @@ from twin_gait.simulation.binding import bind, kernel_functions
 from twin_gait.simulation.compiled_engine import laid_out
 from twin_gait.simulation.record import copied, dtype_of, entries
 
-NAME = "exoskeleton"
 _CALLED = {"sine_cosine": sine_cosine}
 
 
@@ -60,23 +55,6 @@ class LinkedUnit:
     structure: Mapping[str, Any]
     kernel: str
 
-    @cached_property
-    def program(self) -> Program:
-        """The unit in C."""
-        unit = TranslationUnit(NAME, [exoskeleton_step], {NAME: self.record})
-        return print_units([unit], {**self.structure, **_CALLED}, self.kernel, [self.inputs, self.outputs])
-
-    def write(self, folder: Path) -> Unit:
-        """Write its C into a folder that exists."""
-        for name, text in self.program.files.items():
-            (folder / name).write_text(text)
-        return Unit(name=NAME, sources=(folder / f"{NAME}.c",))
-
-    def dtypes(self, *, double: bool) -> tuple[np.dtype[Any], np.dtype[Any]]:
-        """Layout in C of inputs and outputs."""
-        records, real = self.program.records, np.dtype("f8" if double else "f4")
-        return c_dtype(records, ExoskeletonInputs, real), c_dtype(records, ExoskeletonOutputs, real)
-
 
 def linked_unit(problem: Problem) -> LinkedUnit:
     """The unit of a problem; angles come to it as counts times the angle of a count."""
@@ -89,7 +67,7 @@ def linked_unit(problem: Problem) -> LinkedUnit:
     joints, legs = len(boards), len(episode.controller.legs)
     settings = Settings(episode.rates, episode.limits, episode.watching)
     inputs = ExoskeletonInputs([JointBoardInputs() for _ in range(joints)], Surroundings([0.0] * legs))
-    outputs = ExoskeletonOutputs([Command() for _ in range(joints)], Decision([0] * legs))
+    outputs = ExoskeletonOutputs([Command() for _ in range(joints)], Decision([0] * legs, [0] * legs))
     texts = [write_control_gravity(bodies.control_bodies, bodies.up_axis)]
     if structure["INERTIA_WANTED"]:
         texts.append(write_control_inertia(bodies.control_bodies))

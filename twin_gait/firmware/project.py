@@ -21,11 +21,14 @@ from twin_gait.exceptions import FirmwareError, MissingOptionalDependency
 from twin_gait.experiment import ControlMode, Experiment
 from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
+from twin_gait.firmware.cross import Unit
 from twin_gait.firmware.linked import LinkedUnit, c_dtype, linked_unit
 from twin_gait.firmware.printer import Program, TranslationUnit, print_units
 from twin_gait.firmware.units import (
     Decision,
     Exoskeleton,
+    ExoskeletonInputs,
+    ExoskeletonOutputs,
     GaitController,
     GaitControllerInputs,
     GaitControllerOutputs,
@@ -104,6 +107,17 @@ class Project:
             "can_codec": bool(self.messages),
             "record_bytes": {item.__name__: self._bytes(item) for item in records},
         }
+
+    def write_linked(self, folder: Path) -> Unit:
+        """Write the C alone into a folder that exists; the linked unit in it."""
+        for name, text in self.program.files.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        return Unit(name=EXOSKELETON, sources=(folder / f"{EXOSKELETON}.c",))
+
+    def dtypes(self, *, double: bool) -> tuple[np.dtype[Any], np.dtype[Any]]:
+        """Layout in C of inputs and outputs of the linked unit."""
+        records, real = self.program.records, np.dtype("f8" if double else "f4")
+        return c_dtype(records, ExoskeletonInputs, real), c_dtype(records, ExoskeletonOutputs, real)
 
     def _bytes(self, record: type) -> int:
         return c_dtype(self.program.records, record, np.dtype("f4")).itemsize
@@ -213,7 +227,7 @@ def _shapes(linked: LinkedUnit) -> list[Any]:
         JointBoardInputs(),
         JointBoardOutputs(),
         GaitControllerInputs(linked.inputs.surroundings, measurements, [False] * joints),
-        GaitControllerOutputs(Decision([0] * legs), demands),
+        GaitControllerOutputs(Decision([0] * legs, [0] * legs), demands),
     ]
 
 

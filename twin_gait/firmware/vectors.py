@@ -69,12 +69,13 @@ def record_vectors(
     engine, unit = CompiledEngine(problem, on_compile=on_compile), linked_unit(problem)
     rows = np.zeros((problem.experiment.n_ticks, len(engine.layout.names)))
     inputs, outputs = (np.zeros(len(rows), dtype_of(sample)) for sample in (unit.inputs, unit.outputs))
-    earlier, now = _pairs(engine.parts[0], inputs, outputs)
+    record = engine.parts[0]
+    earlier, now = drive_pairs(record, inputs), sensor_pairs(record, inputs) + answer_pairs(record, outputs)
 
     def run_tick(tick: int, end: int) -> tuple[int, int]:
-        _keep(earlier, tick)
+        keep(earlier, tick)
         engine.run_ticks(tick, end, rows)
-        _keep(now, tick)
+        keep(now, tick)
         return end, int(engine.episode["status"])
 
     began = time.perf_counter()
@@ -83,30 +84,45 @@ def record_vectors(
     return Vectors(run, unit, inputs[:done], outputs[:done])
 
 
-_Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # where the rows of ticks are kept, and what is kept
+Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and where in the engine they stand
 
 
-def _pairs(record: np.ndarray, inputs: np.ndarray, outputs: np.ndarray) -> tuple[_Pairs, _Pairs]:
-    """What is kept as it stands before a tick, that of the tick before, and what after it.
+def drive_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:
+    """Inputs that stand in an engine's record from the end of a tick to that of the next.
 
     Args:
         record: Of the engine, shape ``(1,)``.
     """
-    boards, around, decision = inputs["boards"], inputs["surroundings"], outputs["decision"]
-    joints, controller = record["joints"], record["controller"]
-    earlier = [(boards[name], joints[name]) for name in ("voltage", "current", "current_deviation")]
-    now = [
-        (boards["angle"], joints["board"]["encoder"]["angle"]),
-        (around["loads"], record["soles"]["load"]),
-        (around["bus_voltage"], controller["supply"]["voltage"]),
-        (around["walk"], controller["signals"][:, -1]),
-        (outputs["commands"], joints["board"]["command"]),
-        (decision["phases"], controller["legs"]["phase"]),
-        (decision["trip_cause"], controller["trip"]["cause"]),
+    boards, joints = inputs["boards"], record["joints"]
+    return [
+        *((boards[name], joints[name]) for name in ("voltage", "current", "current_deviation")),
+        (inputs["surroundings"]["bus_voltage"], record["supply"]["bus_voltage"]),
     ]
-    return earlier, now
 
 
-def _keep(pairs: _Pairs, tick: int) -> None:
-    for kept, record in pairs:
-        kept[tick] = record[0]
+def sensor_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:
+    """Inputs that stand there once the sensors have been read."""
+    around = inputs["surroundings"]
+    return [
+        (inputs["boards"]["angle"], record["joints"]["board"]["encoder"]["angle"]),
+        (around["loads"], record["soles"]["load"]),
+        (around["walk"], record["controller"]["signals"][:, -1]),
+    ]
+
+
+def answer_pairs(record: np.ndarray, outputs: np.ndarray) -> Pairs:
+    """Outputs that stand there at the end of a tick."""
+    decision, controller = outputs["decision"], record["controller"]
+    return [
+        (outputs["commands"], record["joints"]["board"]["command"]),
+        (decision["phases"], controller["legs"]["phase"]),
+        (decision["transitions"], controller["legs"]["chosen"]),
+        (decision["trip_cause"], controller["trip"]["cause"]),
+        (decision["trip_part"], controller["trip"]["part"]),
+    ]
+
+
+def keep(pairs: Pairs, tick: int) -> None:
+    """Take what stands in the engine into the row of a tick."""
+    for rows, record in pairs:
+        rows[tick] = record[0]
