@@ -6,7 +6,7 @@ import pytest
 
 from twin_gait.checking.check import load_case
 from twin_gait.checking.finding import Severity
-from twin_gait.checking.network import beyond_the_bus
+from twin_gait.checking.network import values_on_the_bus
 from twin_gait.configuration import load_experiment, presets
 from twin_gait.experiment.bus_ranges import values_out_of_range
 from twin_gait.experiment.problem import build_problem
@@ -50,8 +50,8 @@ def test_springs_of_the_control_unit_do_not_go_over_the_bus():
 
 def test_check_refuses_what_a_network_has_no_room_for():
     settings = ["control.limits.current_A=20"]
-    assert beyond_the_bus(load_case(None, "treadmill", settings)) == []
-    (finding,) = beyond_the_bus(load_case(None, "treadmill", [*settings, "network=can"]))
+    assert values_on_the_bus(load_case(None, "treadmill", settings)) == []
+    (finding,) = values_on_the_bus(load_case(None, "treadmill", [*settings, "network=can"]))
     assert finding.severity is Severity.ERROR and "24 A is outside" in finding.reason
     assert finding.suggestion == "take a value within it, or a DBC file with a wider one"
 

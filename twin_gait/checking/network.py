@@ -102,19 +102,17 @@ def _way_out(network: NetworkParameters, messages: Sequence[Message]) -> str:
     return ", or ".join(ways) or "lower network.jitter_us"
 
 
-def beyond_the_bus(case: CheckCase) -> list[Finding]:
-    """A limit, a set point or a stop lies outside the range of the signal that carries it.
-
-    The bus would carry the end of the range.
-    """
-    network = None if case.experiment is None else case.experiment.network
-    if network is None or case.experiment is None:
+def values_on_the_bus(case: CheckCase) -> list[Finding]:
+    """A value of the experiment is outside the range of the signal that carries it, and would be cut."""
+    if case.experiment is None or case.experiment.network is None:
         return []
-    lines = values_out_of_range(build_problem(case.experiment), load_messages(network.dbc))
+    messages = load_messages(case.experiment.network.dbc)
     return [
-        Finding(rule="beyond_the_bus", severity=Severity.ERROR, reason=reason, suggestion=way_out)
-        for reason, _, way_out in (line.rpartition("; ") for line in lines)
+        Finding(rule="values_on_the_bus", severity=Severity.ERROR, reason=reason, suggestion=way_out)
+        for reason, _, way_out in (
+            line.partition("; ") for line in values_out_of_range(build_problem(case.experiment), messages)
+        )
     ]
 
 
-RULES = (traffic_on_the_bus, beyond_the_bus)
+RULES = (traffic_on_the_bus, values_on_the_bus)

@@ -208,6 +208,9 @@ class ExpressionKinds:
         if node.keywords:
             raise self.source.refused(node, "arguments are given by place")
         match node.func:
+            case ast.Name(id="int") if len(node.args) == 1 and is_floor(node.args[0]):
+                self.kind(node.args[0])
+                return INT
             case ast.Name(id=name) if name in BUILT_IN and name not in self.source.scope:
                 return self._built_in(node, name)
             case ast.Attribute(value=ast.Name(id="math"), attr="floor" | "isfinite" as name):
@@ -261,6 +264,11 @@ def _roots(node: ast.expr, function: Function) -> Iterator[str]:
         yield node.id
         for value in function.aliases.get(node.id, ()):
             yield from _roots(value, function)
+
+
+def is_floor(node: ast.expr) -> bool:
+    """Whether an expression is a call of ``math.floor``."""
+    return isinstance(node, ast.Call) and ast.unparse(node.func) == "math.floor"
 
 
 def _named(kind: Kind) -> str:

@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from twin_gait.firmware.expression_kinds import is_floor
 from twin_gait.firmware.function import Function, Functions
 from twin_gait.firmware.kinds import BOOL, INT, REAL, Kind, ListKind, RecordKind, Scalar
 from twin_gait.firmware.layout import TAKEN, identifier
@@ -218,6 +219,8 @@ class Expressions:
             length = self.function.kinds[node.args[0]]
             assert isinstance(length, ListKind)
             return str(length.length)
+        if name == "int" and is_floor(node.args[0]):
+            return f"int_floor({self.value(node.args[0].args[0], REAL)})"  # type: ignore[attr-defined]
         if name in ("float", "int"):
             return f"({kind.name})({self.value(node.args[0], kind)})"  # type: ignore[union-attr]
         prefix = "real" if kind is REAL else "int"

@@ -55,7 +55,7 @@ class Functions:
     Attributes:
         order: The functions.
         used: Fields that are read or written, with their class.
-        mutable: Fields that hold records or lists and lead to something that is written.
+        mutable: Fields that hold records or lists and lead to something that is written from here or outside.
     """
 
     def __init__(self, sources: Sources, shapes: Shapes) -> None:
@@ -98,6 +98,10 @@ class Functions:
             self._open.pop()
         self._agree(known, params)
         return known
+
+    def embed(self, shapes: Shapes) -> None:
+        """Note that all of some records may be written outside."""
+        self.mutable |= {(record, name) for record, fields in shapes.fields.items() for name in fields}
 
     @staticmethod
     def _agree(function: Function, params: dict[str, Kind]) -> None:

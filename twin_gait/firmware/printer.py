@@ -71,7 +71,7 @@ def print_units(
         names: Constants and functions by the names of the globals that they take the place of, as
             :func:`twin_gait.simulation.binding.bind` takes them. A branch that they rule out is not printed.
         text: Source of more functions, likewise; what they call is found in ``names``.
-        shapes: Samples of records that are handed in from outside and have no table.
+        shapes: Samples of records that are handed in from outside: they have no table, and are whole.
 
     Returns:
         Files by name: ``real.h``, ``types.h``, and a header and a source of each unit.
@@ -85,6 +85,7 @@ def print_units(
         unit.name: [functions.entry(sources.of(_function(item))) for item in unit.entries] for unit in units
     }
     every = [item for found in entries.values() for item in found]
+    functions.embed(Shapes(shapes))
     records = Records(functions, every, samples)
     parts = {unit.name: _Unit(unit, entries[unit.name], records, every) for unit in units}
     body = {"types.h": _header("types", ["real.h"], records.structures())}

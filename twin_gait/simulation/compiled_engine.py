@@ -26,6 +26,7 @@ from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import run_ticks
 from twin_gait.simulation.rows import Switch
 from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.traffic import BusTraffic, bus_traffic
 from twin_gait.simulation.watching import trip_of
 
 if TYPE_CHECKING:
@@ -146,7 +147,8 @@ class CompiledEngine:
             return done, int(self.episode["status"])
 
         done, status, reason = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
-        return EngineResult(table[:, :done].T, self.phase_switches(), status, reason, self.trip())
+        traffic = self.traffic(done)
+        return EngineResult(table[:, :done].T, self.phase_switches(), status, reason, self.trip(), traffic)
 
     def result(self, done: int, rows: np.ndarray) -> EngineResult:
         """The result of a run that has ended by itself after some ticks.
@@ -154,12 +156,18 @@ class CompiledEngine:
         Args:
             rows: Its log.
         """
-        return EngineResult(rows, self.phase_switches(), *self.ending(done), self.trip())
+        return EngineResult(rows, self.phase_switches(), *self.ending(done), self.trip(), self.traffic(done))
 
     def trip(self) -> Trip | None:
         """What the safety monitor has tripped on, or None."""
         trip = self.episode["controller"]["trip"]
         return trip_of(self.problem, int(trip["tick"]), int(trip["cause"]), int(trip["part"]))
+
+    def traffic(self, done: int) -> BusTraffic | None:
+        """What the bus has carried in some ticks; None without one."""
+        if not self.pattern.structure["NETWORKED"]:
+            return None
+        return bus_traffic(self.problem, self._store.view(np.recarray)[0].network, done)
 
     def ending(self, done: int) -> tuple[RunStatus, str]:
         """How the run stands after some ticks, and why; completed as long as nothing has ended it."""

@@ -60,6 +60,15 @@ static inline real real_floor(real x)
     return whole > x ? whole - REAL(1.0) : whole;
 }
 
+/* The same of 32 bits, the nearest there is; 0 of what is no number. */
+static inline int32_t int_floor(real x)
+{
+    if (!(x >= REAL(-2147483648.0))) {
+        return x < REAL(0.0) ? INT32_MIN : 0;
+    }
+    return x < REAL(2147483648.0) ? (int32_t)real_floor(x) : INT32_MAX;
+}
+
 /* The first of two, unless the second is larger (smaller). */
 static inline real real_max(real a, real b)
 {

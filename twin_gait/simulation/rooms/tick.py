@@ -1,4 +1,4 @@
-"""A tick of the episode and its order: command, measure, watch, decide, control, record, integrate."""
+"""A tick of the episode and its order: command, measure, watch, decide, control, drive, record, integrate."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 
 from twin_gait.control.gait_controller import FOLLOWS
 from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, Episode
-from twin_gait.simulation.interface import ADAPTS, PELVIS, SHIFT, each, lanes
+from twin_gait.simulation.interface import ADAPTS, NETWORKED, PELVIS, SHIFT, each, lanes
 from twin_gait.simulation.rooms.monitor import watch, watch_drives
 from twin_gait.simulation.rooms.motion import integrate
-from twin_gait.simulation.rooms.motors import control, feed_forward, supply
-from twin_gait.simulation.rooms.network import tell
+from twin_gait.simulation.rooms.motors import control, drive, feed_forward, supply
+from twin_gait.simulation.rooms.network import exchange, tell
 from twin_gait.simulation.rooms.path import follow, track
 from twin_gait.simulation.rooms.phases import decide
 from twin_gait.simulation.rooms.recording import record
@@ -52,6 +52,9 @@ def run_ticks(e: Episode, first: int, end: int) -> int:
                         track(one, tick)
         feed_forward(e)
         control(e, tick)
+        drive(e, tick)
+        if NETWORKED:
+            exchange(e, tick)
         push(e, tick)
         for one in lanes(e):
             catch(one, tick)
