@@ -180,7 +180,7 @@ def test_frames_of_a_networked_run_have_its_layout_its_cycle_and_what_its_boards
     np.testing.assert_allclose(stiffness, logged, atol=1e-9)
 
 
-def test_a_cause_that_only_the_control_unit_finds_is_no_board_s():
+def test_a_board_that_the_bus_leaves_alone_tells_so():
     run = simulate(
         load_experiment("bench_leg", ["duration_s=1", "network.outages=[silence:right_knee@0.5s]"]).experiment
     )
@@ -188,9 +188,9 @@ def test_a_cause_that_only_the_control_unit_finds_is_no_board_s():
     last = {item.identifier: item.data for item in run_frames(run, MESSAGES)}
     told = {
         name: DATABASE.decode_message(identifier, last[identifier])["trip_cause"]
-        for name, identifier in (("gait_state", 0x281), ("right_knee", 0x184))
+        for name, identifier in (("gait_state", 0x281), ("right_knee", 0x184), ("right_hip", 0x183))
     }
-    assert told == {"gait_state": "bus_silence", "right_knee": "none"}
+    assert told == {"gait_state": "bus_silence", "right_knee": "bus_silence", "right_hip": "none"}
 
 
 # ------------------------------------------------------------------------------- the command

@@ -175,7 +175,7 @@ def _gait_state(message: Message, rows: Rows) -> dict[str, Any]:
 
 def _trip_causes(message: Message, rows: Rows) -> np.ndarray:
     codes = message.codes.get("trip_cause", {})
-    # A board has no word for what only the control unit finds.
+    # A DBC file may have no word for a cause.
     own = [codes.get(str(cause), 0) if codes else cause.code for cause in TripCause]
     return np.take(own, rows["trip_cause"].astype(int))
 
