@@ -17,13 +17,12 @@ import numpy as np
 
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.experiment.problem import Problem
-from twin_gait.export.can import BusFrame, bus_frames
+from twin_gait.export.can import BusFrame, bus_frames, messages_of
 from twin_gait.live.can_commands import MODE, Wishes, change_of, commands_of, wishes_of
 from twin_gait.live.deadlines import PERIOD
 from twin_gait.live.events import EventBook
 from twin_gait.live.priority import undisturbed
 from twin_gait.live.protocol import Control, Message, MessageRefused, Response, SetControl
-from twin_gait.network.dbc import load_messages
 from twin_gait.network.messages import CYCLE
 from twin_gait.simulation.engine import log_layout
 
@@ -95,7 +94,7 @@ class CanLink:
             submit: Takes a message as from a page.
             controls: Gives the panel with its present values.
         """
-        self._messages = load_messages()
+        self._messages = messages_of(problem.experiment)
         self._commands = commands_of(self._messages)
         self._columns, self._problem = log_layout(problem).names, problem
         self._book, self._submit, self._controls = book, submit, controls
