@@ -58,7 +58,11 @@ class ViewerError(TwinGaitError):
 
 
 class FirmwareError(TwinGaitError):
-    """The controller as C cannot be built or run."""
+    """The controller as C cannot be printed, built or run."""
+
+
+class MissingToolError(FirmwareError):
+    """A compiler or an emulator is not installed."""
 
 
 class MissingOptionalDependency(TwinGaitError, ImportError):

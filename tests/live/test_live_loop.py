@@ -1,5 +1,6 @@
 """The back half of ``twin-gait live``: messages, controls, rules, the loop against the clock, the process."""
 
+import base64
 import csv
 import json
 import math
@@ -378,7 +379,7 @@ def test_a_pause_is_nobodys_loss():
 class Rig:
     """A loop with a clock that only sleeping and working move on, and commands by time."""
 
-    def __init__(self, problem, script, *, longest=1000, paused=False, working=0.0005):
+    def __init__(self, problem, script, *, longest=1000, paused=False, working=0.0005, **rest):
         self.time, self.sent, self.pieces = 0.0, [], [[]]
         self.longest = longest
         self.script = deque(sorted(script, key=lambda item: item[0]))
@@ -399,6 +400,7 @@ class Rig:
             keep=self.keep,
             longest=longest,
             paused=paused,
+            **rest,
         )
 
     def keep(self, piece):
@@ -490,6 +492,20 @@ def test_traces_have_no_gap_where_pieces_end_between_two_frames(bench_problem):
         ticks, values = (np.array(part) for part in item["columns"]["right_knee_angle_rad"])
         assert ticks[0] - item["first"] < 5 and item["end"] - ticks[-1] <= 5
         np.testing.assert_array_equal(values, rows[ticks])
+
+
+def test_all_rows_are_sent_for_a_bus_and_none_without_one(bench_problem):
+    rig = Rig(bench_problem, [(0.4, {"serial": 1, "command": "restart"})], tells_rows=True)
+    rig.loop.run()
+    sent = [item for item in rig.sent if item["kind"] == "rows"]
+    width = len(rig.run.layout.names)
+    blocks = [np.frombuffer(base64.b64decode(item["rows"])).reshape(-1, width) for item in sent]
+    rows = np.concatenate([take.result.rows for take in rig.takes])
+    np.testing.assert_array_equal(np.concatenate(blocks), rows)
+    assert [item["first"] for item in sent] == [*range(0, 400, 10), *range(0, len(rows) - 400, 10)]
+    silent = Rig(bench_problem, [], longest=50)
+    silent.loop.run()
+    assert not any(item["kind"] == "rows" for item in silent.sent)
 
 
 def test_frames_tell_what_befell_the_walk_and_a_restart_forgets_it(bench_problem):

@@ -35,6 +35,13 @@ def add_parser(commands: Any) -> None:
     options.add_out(parser, "DIR", "run directory (runs/<time>-<name>-live)")
     add("--user", default="", metavar="NAME", help="whose session it is in the record")
     options.add_page(parser)
+    add(
+        "--can",
+        default="",
+        metavar="BUS",
+        help="put the walk on a CAN bus, and take its monitor's commands: udp_multicast:239.74.163.2, "
+        "socketcan:vcan0, …",
+    )
     options.add_no_pictures(parser)
     add("--no-record", action="store_true", help="keep no record of the session")
     parser.set_defaults(run=run)
@@ -47,11 +54,14 @@ def run(arguments: argparse.Namespace) -> int:
     from twin_gait.exceptions import ParameterError
     from twin_gait.experiment import LONGEST_RUN
     from twin_gait.files import private_files
+    from twin_gait.live.can_link import leaves_machine
     from twin_gait.live.protocol import LONGEST_NAME
     from twin_gait.live.session import LiveSession
     from twin_gait.live.session_records import default_records
 
     options.check_port(arguments.port)
+    if arguments.can and leaves_machine(arguments.can):
+        print(f"{arguments.can}: set points go out; no board that obeys them may hang on it", file=sys.stderr)
     if len(arguments.user) > LONGEST_NAME or not arguments.user.isprintable():
         raise ParameterError(f"--user: expected at most {LONGEST_NAME} printable characters")
     loaded = options.experiment_of(arguments, f"duration_s={LONGEST_RUN:g}")
@@ -63,6 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
             force=arguments.force,
             pictures=not arguments.no_pictures,
             records=None if arguments.no_record else default_records(),
+            can=arguments.can,
             on_compile=terminal.note_compilation,
             on_step=terminal.note_step,
         )

@@ -28,6 +28,7 @@ GROUPS = {
     "run and look": ("simulate", "live", "view", "export", "sessions"),
     "gait tables": ("tables", "check", "replay"),
     "test bench and identification": ("bench", "identify"),
+    "the device": ("firmware",),
     "many runs": ("sweep", "compare", "tune", "faults"),
 }
 SHELLS = ("bash", "zsh", "tcsh")

@@ -348,8 +348,10 @@ def obey(board: BoardState, limits: Limits, watching: bool) -> None:
 
 
 def refuse(board: BoardState, limits: Limits) -> None:
-    """Hold the joint alone instead of commanding what is wild."""
+    """Hold the joint alone instead of commanding what is wild, and carry no weight that is."""
     board.cause = board.command.cause
+    if not command_is_plausible(board.demand.gravity, board.bounds.highest_command):
+        board.demand.gravity = 0.0
     stand_alone(board)
     let_down(board, limits)
     ask(board)
@@ -374,9 +376,9 @@ def let_down(board: BoardState, limits: Limits) -> None:
 
 
 def set_current(board: BoardState, limits: Limits, torque: float) -> None:
-    """Ask the drive for the current of a torque in [N m], within the limits."""
+    """Ask the drive for the current of a torque in [N m], within the limits; NaN asks for none."""
     current = target_current(board.motor, torque, limits.torque, limits.current)
-    board.command.target_current = 0.0 if board.drive_off else current
+    board.command.target_current = 0.0 if board.drive_off or torque != torque else current
 
 
 def note_drive(board: BoardState, voltage: float, current: float, deviation: float) -> None:

@@ -10,6 +10,7 @@ hold brakes on it, so that no broken encoder can drive the leg.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from twin_gait.core.control_tick import Encoder
@@ -222,7 +223,7 @@ def watch_joint(bounds: Bounds, watched: Watched, encoder: Encoder, period: floa
     watched.drive_streak = watched.drive_streak + 1 if deviates else 0
     cause = NO_TRIP
     if not abs(change) <= bounds.angle_step:
-        cause = JUMP_TRIP if abs(angle) <= 1e300 else MISSING_TRIP
+        cause = JUMP_TRIP if math.isfinite(angle) else MISSING_TRIP
     elif watched.frozen_streak >= bounds.frozen_ticks:
         cause = FROZEN_TRIP
     elif not abs(residual) <= bounds.model_deviation:

@@ -1,4 +1,4 @@
-"""The controller as C, and the processors that it runs on."""
+"""The controller as C, printed from the functions of the simulation, and the processors that it runs on."""
 
 import lazy_loader
 

@@ -8,3 +8,7 @@ from .cross import sizes as sizes
 from .cross import symbols as symbols
 from .emulator import Emulator as Emulator
 from .emulator import HostUnit as HostUnit
+from .library import Library as Library
+from .printer import Program as Program
+from .printer import TranslationUnit as TranslationUnit
+from .printer import print_units as print_units

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from twin_gait.exceptions import FirmwareError
+from twin_gait.exceptions import FirmwareError, MissingToolError
 
 TARGET = Path(__file__).with_name("target")
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion")
@@ -60,12 +60,12 @@ def find_tool(name: str) -> str:
     """Path of a program.
 
     Raises:
-        FirmwareError: It is not installed; the message says how to get it.
+        MissingToolError: It is not installed; the message says how to get it.
     """
     path = shutil.which(name)
     if path is None:
         install = f"apt-get install {_PACKAGES[name]}" if name in _PACKAGES else INSTALL
-        raise FirmwareError(f"{name} is not installed: {install}")
+        raise MissingToolError(f"{name} is not installed: {install}")
     return path
 
 
@@ -117,6 +117,17 @@ def build_host(
     return path
 
 
+def compile_library(sources: Sequence[Path], *, compiler: str = "gcc", flags: Sequence[str] = ()) -> Path:
+    """Compile sources into a shared library of this machine, beside the first of them.
+
+    Raises:
+        FirmwareError: No such compiler, or it refuses a source.
+    """
+    path = sources[0].with_suffix(".so")
+    _run(compiler, [*FLAGS, "-shared", "-fPIC", *flags, *sources, "-o", path])
+    return path
+
+
 def sizes(objects: Sequence[Path]) -> Sizes:
     """Flash and RAM of object files, as ``arm-none-eabi-size`` counts them."""
     lines = _run("arm-none-eabi-size", objects).splitlines()[1:]
@@ -135,6 +146,8 @@ def _run(tool: str, words: Sequence[object]) -> str:
     command = [find_tool(tool), *map(str, words)]
     done = subprocess.run(command, capture_output=True, text=True, errors="replace", check=False)
     if done.returncode != 0:
+        if "nano.specs" in done.stderr:
+            raise MissingToolError(f"{tool}: the C library newlib is not installed: {INSTALL}")
         raise FirmwareError(f"{tool}: {_reason(done.stderr) or f'exit status {done.returncode}'}")
     return done.stdout
 
@@ -143,5 +156,4 @@ def _reason(said: str) -> str:
     """The line of a compiler or linker that says what is wrong."""
     lines = [line.strip() for line in said.splitlines()]
     told = [line for line in lines if _CAUSE.search(line) and not _AFTERMATH.search(line)]
-    reason = next(iter([*told, *lines]), "")
-    return f"the C library newlib is not installed: {INSTALL}" if "nano.specs" in reason else reason
+    return next(iter([*told, *lines]), "")

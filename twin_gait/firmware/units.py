@@ -183,11 +183,15 @@ class Decision:
 
     Attributes:
         phases: Of the legs.
+        transitions: That the legs take in this tick, -1 for none; of no meaning after a trip.
         trip_cause: Of the monitor, 0 for none.
+        trip_part: Of a trip: a joint, or the number of joints plus a leg, or -1 for the supply.
     """
 
     phases: list[int]
+    transitions: list[int]
     trip_cause: int = NO_TRIP
+    trip_part: int = 0
 
 
 @dataclass(slots=True)
@@ -298,7 +302,9 @@ def tell(controller: ControllerState, decision: Decision) -> None:
     """Say what was decided; ``decision`` is changed in place."""
     for number in range(len(controller.legs)):
         decision.phases[number] = controller.legs[number].phase
+        decision.transitions[number] = controller.legs[number].chosen
     decision.trip_cause = controller.trip.cause
+    decision.trip_part = controller.trip.part
 
 
 def gait_controller_step(

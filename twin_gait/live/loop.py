@@ -6,6 +6,7 @@ that must return at once. The clock and the sleep are passed in.
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -73,6 +74,7 @@ class LiveLoop:
         keep: Callable[[Piece], None],
         longest: int,
         paused: bool = False,
+        tells_rows: bool = False,
     ) -> None:
         """Prepare the loop; :meth:`run` starts it.
 
@@ -84,11 +86,13 @@ class LiveLoop:
             send: Takes a frame or an answer; returns at once.
             keep: Takes the next piece of the walk, the last one of a walk marked so; returns at once.
             paused: Whether to wait for the command to walk.
+            tells_rows: Whether to send all rows of the log, for a bus.
         """
         self._run, self._now, self._sleep = run, now, sleep
         self._commands, self._send, self._keep = commands, send, keep
         self._longest = longest
         self._paused, self._ended = paused, False
+        self._tells_rows = tells_rows
         self._walk = LiveWalk(run)
         self._table: Mapping[str, Any] | None = None  # as it was changed to
         self._kept = _Kept()
@@ -144,10 +148,13 @@ class LiveLoop:
         if wait > 0.0:
             self._sleep(wait)
             return  # for commands that came meanwhile
-        left = min(BLOCK_TICKS, self._longest - self._run.tick)
+        first = self._run.tick
+        left = min(BLOCK_TICKS, self._longest - first)
         self._walk.advance(left - 1)
         q = self._run.q
         rows = self._run.advance(1)
+        if self._tells_rows:
+            self._send_rows(first)
         self.clock.finished(self._now())
         # A look at the last row is always possible, and the page has yet to be shown what was not traced.
         self._run.forget_rows(min(self._kept.tick, self._traced) - 1)
@@ -218,6 +225,13 @@ class LiveLoop:
             for k, name in enumerate(self._columns)
         }
         self._send({"kind": "trace", "first": first, "end": self._run.tick, "columns": columns})
+
+    def _send_rows(self, first: int) -> None:
+        """Send the rows of a block as they are."""
+        rows, trip = np.ascontiguousarray(self._run.rows(first)), self._run.trip
+        tripped = "" if trip is None or trip.joint is None else f"{trip.side}_{trip.joint}"
+        text = base64.b64encode(rows.tobytes()).decode()
+        self._send({"kind": "rows", "first": first, "rows": text, "tripped": tripped})
 
     def _named(self, row: list[float]) -> dict[str, float | str]:
         layout, names = self._run.layout, self._run.problem.table.phase_names

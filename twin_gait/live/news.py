@@ -50,15 +50,25 @@ class WalkNews:
     """
 
     def __init__(
-        self, book: EventBook, *, on_compile: Callable[[], None], on_step: Callable[[str], None]
+        self,
+        book: EventBook,
+        *,
+        on_compile: Callable[[], None],
+        on_step: Callable[[str], None],
+        on_rows: Callable[[Mapping[str, Any]], None],
     ) -> None:
-        """Begin with no news; the arguments are those of :class:`~twin_gait.live.session.LiveSession`."""
+        """Begin with no news; the arguments are those of :class:`~twin_gait.live.session.LiveSession`.
+
+        Args:
+            on_rows: Takes the rows of the log for a bus, block by block.
+        """
         self.ready = threading.Event()
         self.frame, self.status = LatestFrame(0, ""), "starting"
         self.walks, self.folders = list[Path](), list[Path]()
         self.summary: dict[str, Any] = {}
         self.failure = self.death = ""
         self._book, self._on_compile, self._on_step = book, on_compile, on_step
+        self._on_rows = on_rows
         self._traces: deque[Trace] = deque(maxlen=MOST_TRACES)
 
     def traces(self) -> list[Trace]:
@@ -101,6 +111,8 @@ class WalkNews:
             self._note_folder(message)
         elif kind == "trace":
             self._traces.append(Trace(message["first"], message["end"], message["columns"]))
+        elif kind == "rows":
+            self._on_rows(message)
 
     def _note_folder(self, message: Mapping[str, Any]) -> None:
         if message["failed"]:

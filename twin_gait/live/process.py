@@ -8,7 +8,6 @@ writes its run folder and is gone. Nothing that it is sent is ever executed or u
 from __future__ import annotations
 
 import contextlib
-import gc
 import json
 import os
 import signal
@@ -16,7 +15,7 @@ import sys
 import threading
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
@@ -27,26 +26,26 @@ from twin_gait.live.finishing import complete_all
 from twin_gait.live.journal import Journal, next_free
 from twin_gait.live.loop import MOST_TRACES, LiveLoop
 from twin_gait.live.pieces import Piece
+from twin_gait.live.priority import undisturbed
 from twin_gait.live.protocol import dump
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.runs.folders import journal_of
-
-SWITCH_INTERVAL = 1e-3  # [s], after which a thread of this process must let the loop go on
-REAL_TIME_PRIORITY = 1  # the lowest real-time one is above all that is not real time
 
 
 class Sender:
     """Writes messages in a thread of its own: the loop never waits for a pipe.
 
-    All messages are kept in order, but for frames, of which only the newest is, and traces, of which those of
-    some seconds are.
+    All messages are kept in order, but for frames, of which only the newest is, and traces and rows, of which
+    those of some seconds are.
     """
 
     def __init__(self, stream: IO[str]) -> None:
         """Start the thread."""
         self._stream = stream
         self._messages: deque[Mapping[str, Any]] = deque()
-        self._traces: deque[Mapping[str, Any]] = deque(maxlen=MOST_TRACES)
+        self._passing: dict[str, deque[Mapping[str, Any]]] = {
+            kind: deque(maxlen=MOST_TRACES) for kind in ("trace", "rows")
+        }
         self._frame: Mapping[str, Any] | None = None
         self._awake, self._closed = threading.Event(), False
         self._thread = threading.Thread(target=self._write, name="sender", daemon=True)
@@ -56,8 +55,8 @@ class Sender:
         """Take a message; returns at once."""
         if message["kind"] == "frame":
             self._frame = message
-        elif message["kind"] == "trace":
-            self._traces.append(message)
+        elif message["kind"] in self._passing:
+            self._passing[message["kind"]].append(message)
         else:
             self._messages.append(message)
         self._awake.set()
@@ -76,8 +75,9 @@ class Sender:
                 closing = self._closed
                 while self._messages:
                     self._stream.write(dump(self._messages.popleft()) + "\n")
-                while self._traces:
-                    self._stream.write(dump(self._traces.popleft()) + "\n")
+                for messages in self._passing.values():
+                    while messages:
+                        self._stream.write(dump(messages.popleft()) + "\n")
                 frame, self._frame = self._frame, None
                 if frame is not None:
                     self._stream.write(dump(frame) + "\n")
@@ -190,40 +190,12 @@ def _walk(setup: Mapping[str, Any], sender: Sender) -> None:
         keep=journals.keep,
         longest=experiment.n_ticks,
         paused=True,  # until the session is ready for it
+        tells_rows=bool(setup.get("can")),
     )
     sender.send({"kind": "ready"})
-    with _undisturbed():
+    with undisturbed():
         loop.run()
     journals.complete(pictures=not inbox.orphaned)
-
-
-@contextlib.contextmanager
-def _undisturbed() -> Iterator[None]:
-    """Keep garbage collection, other threads and other processes out of the loop's way."""
-    sys.setswitchinterval(SWITCH_INTERVAL)
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    _real_time(True)
-    try:
-        yield
-    finally:
-        _real_time(False)
-        gc.enable()
-
-
-def _real_time(wanted: bool) -> None:
-    """Let all threads of this process go before those of others, where the system allows it.
-
-    All of them, because the loop waits for the one that holds the interpreter's lock. They sleep most of the
-    time; the system keeps a share for the rest in any case.
-    """
-    if sys.platform != "linux":
-        return
-    policy, priority = (os.SCHED_RR, REAL_TIME_PRIORITY) if wanted else (os.SCHED_OTHER, 0)
-    with contextlib.suppress(OSError):  # not for every user: see ulimit -r
-        for thread in threading.enumerate():
-            os.sched_setscheduler(thread.native_id or 0, policy, os.sched_param(priority))
 
 
 if __name__ == "__main__":

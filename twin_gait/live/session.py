@@ -20,6 +20,7 @@ from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.files import write_new
 from twin_gait.gait.table import GaitTable
 from twin_gait.live.actions import Actions
+from twin_gait.live.can_link import CanLink
 from twin_gait.live.controls import KM_PER_H
 from twin_gait.live.events import EventBook
 from twin_gait.live.finishing import complete, complete_all
@@ -56,6 +57,7 @@ class LiveSession:
         force: bool = False,
         pictures: bool = True,
         records: Path | None = None,
+        can: str = "",
         on_compile: Callable[[], None] | None = None,
         on_step: Callable[[str], None] | None = None,
     ) -> None:
@@ -66,6 +68,8 @@ class LiveSession:
             force: Whether an existing run folder may be replaced.
             pictures: Whether to draw figures and animation at the end.
             records: Folder of the record of sessions, or None to keep no record.
+            can: Bus that the walk is put on, as :func:`~twin_gait.live.can_link.open_bus` takes it; empty for
+                none.
             on_compile: Called if the walk has to be compiled first, which takes 10 to 20 s.
             on_step: Called at the end with the name of each file before it is written.
         """
@@ -76,13 +80,16 @@ class LiveSession:
             "folder": str(self.folder),
             "force": force,
             "pictures": pictures,
+            "can": can,
         }
+        self._link: CanLink | None = None
         self._records = records
         self._book = EventBook()
         self.news = WalkNews(
             self._book,
             on_compile=on_compile or (lambda: None),
             on_step=on_step or (lambda name: None),
+            on_rows=lambda block: None if self._link is None else self._link.take(block),
         )
         self._loop = LoopProcess(
             on_frame=self.news.note_frame, on_message=self.news.hear, on_end=self.news.note_end
@@ -111,20 +118,36 @@ class LiveSession:
 
         Raises:
             RunDirectoryError: If the run folder may not be used.
-            ParameterError: If the experiment cannot be walked live.
+            ParameterError: If the experiment cannot be walked live, or the bus cannot be opened.
+            MissingOptionalDependency: If a bus is asked for without python-can.
         """
         if journal_of(self.folder).exists():  # of an earlier session that was killed
             complete(journal_of(self.folder))
         check_target(self.folder, RUN_DIRECTORY, force=bool(self._setup["force"]))
+        if self._setup["can"]:
+            self._link = CanLink(
+                str(self._setup["can"]),
+                self._tuning.problem,
+                book=self._book,
+                submit=self.submit,
+                controls=lambda: self._tuning.controls,
+            )
         try:
             self._begin()
         except BaseException:
+            self._close_link()
             self._loop.close()
             self._tuning.close()
             raise
         self._worker = threading.Thread(target=self._work_off, name="live worker", daemon=True)
         self._worker.start()
+        if self._link is not None:
+            self._link.start()
         self._loop.ask({"command": "walk"})
+
+    def _close_link(self) -> None:
+        if self._link is not None:
+            self._link.close()
 
     def _begin(self) -> None:
         """Start the process; while it gets ready, check what the session begins with."""
@@ -165,6 +188,7 @@ class LiveSession:
                 return self.news.summary
             self._closing = True
             self._work.notify_all()
+        self._close_link()
         self._loop.close()
         if self._worker is not None:
             self._worker.join()

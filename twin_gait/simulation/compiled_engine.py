@@ -23,7 +23,7 @@ from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.loops import kept_loop
 from twin_gait.simulation.machine_code import NativeFunction
 from twin_gait.simulation.record import dtype_of, stored
-from twin_gait.simulation.rooms.tick import run_ticks
+from twin_gait.simulation.rooms.tick import act, run_ticks, sense
 from twin_gait.simulation.rows import Switch
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.traffic import BusTraffic, bus_traffic
@@ -40,6 +40,16 @@ ARGUMENTS = 3  # address, first tick, end
 def run_at(address: int, first: int, end: int) -> int:
     """:func:`~twin_gait.simulation.rooms.tick.run_ticks` of the episode at an address."""
     return run_ticks(episode_at(address), first, end)
+
+
+def run_part(address: int, acting: int, tick: int) -> int:
+    """The plant's part of a tick, of the episode at an address: before the controller's, or after it."""
+    e = episode_at(address)
+    if acting == 0:
+        sense(e, tick)
+    else:
+        act(e, tick)
+    return e.status
 
 
 class CompiledEngine:
@@ -78,7 +88,7 @@ class CompiledEngine:
         self.episode = self._store[0]
         self._give_rows(episode)
         self.pattern = Pattern(self._store.dtype, dtype_of(self.layout.row()), bodies, structure)
-        self.loop = _loop_of(self.pattern, controller, on_compile)
+        self.loop = loop_of(self.pattern, controller, on_compile)
 
     def _give_rows(self, episode: Episode) -> None:
         """Rows behind addresses; they live as long as the engine."""
@@ -244,10 +254,13 @@ def _forest(chains: Sequence[LegModel], frames: Sequence[str]) -> tuple[list[Bod
     return bodies, points
 
 
-def _loop_of(
-    pattern: Pattern, controller: ControllerFunction | None, on_compile: Callable[[], None] | None
+def loop_of(
+    pattern: Pattern,
+    controller: ControllerFunction | None,
+    on_compile: Callable[[], None] | None,
+    entry: Callable[[int, int, int], int] = run_at,
 ) -> NativeFunction:
-    """The loop for episodes of one pattern, compiled if need be."""
+    """The loop for episodes of one pattern, or with :func:`run_part` its plant, compiled if need be."""
 
     def make() -> CompiledLoop:
         from twin_gait.simulation.compiling import compile_loop, record_at
@@ -255,9 +268,9 @@ def _loop_of(
 
         bound = bound_to(pattern)
         names = {**bound, **in_vectors(bound), "episode_at": record_at(pattern.episode)}
-        return compile_loop(run_at, names, ARGUMENTS, controller)
+        return compile_loop(entry, names, ARGUMENTS, controller)
 
-    key = source_key(pattern.text, "compiled_engine", "vectors", "../kernels")
+    key = source_key(f"{entry.__name__} {pattern.text}", "compiled_engine", "vectors", "../kernels")
     return kept_loop(key, ARGUMENTS, make, controller, on_compile)
 
 
@@ -281,6 +294,7 @@ def bound_kernel(bodies: Bodies) -> dict[str, Any]:
     return kernel_functions(write_kernel(*bodies), {item.name: item.function for item in SIDE_BY_SIDE})
 
 
+@lru_cache(maxsize=32)
 def compiled_rows(row: np.dtype[Any], joints: int) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
     from twin_gait.simulation.compiling import jit, numbers_at, rows_at

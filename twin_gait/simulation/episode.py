@@ -42,6 +42,7 @@ class Joint:
         last_reading: Likewise in the tick before.
         current: Of the motor in [A].
         current_deviation: From what the drive should give in [A].
+        voltage: On the winding in [V].
         due: Command that reaches the drive in this tick, where they come late, in [N m].
         push: Torque from outside, held over the tick, in [N m].
         off: Whether its board is rebooting.
@@ -58,6 +59,7 @@ class Joint:
     last_reading: float = 0.0
     current: float = 0.0
     current_deviation: float = 0.0
+    voltage: float = 0.0
     due: float = 0.0
     push: float = 0.0
     off: bool = False

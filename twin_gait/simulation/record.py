@@ -20,7 +20,7 @@ ABSENT: Any = None  # what stands in a field that an episode does not have
 _CODES = {float: "f8", int: "i8", bool: "i8"}
 
 
-def _kinds(kind: Any) -> tuple[tuple[str, type], ...]:
+def kinds_of(kind: Any) -> tuple[tuple[str, type], ...]:
     """Name and type of each field of a record that holds numbers or records; of a list, of its entries."""
     if kind not in _known:
         hints = get_type_hints(kind)
@@ -45,7 +45,7 @@ def dtype_of(sample: Any) -> np.dtype[Any]:
         sample: An instance; its lists have the lengths of the dtype.
     """
     layout = []
-    for name, kind in _kinds(type(sample)):
+    for name, kind in kinds_of(type(sample)):
         value, shape = getattr(sample, name), []
         while isinstance(value, (list, tuple)):
             shape.append(len(value))
@@ -67,7 +67,7 @@ def stored(sample: Any) -> np.ndarray[Any, np.dtype[Any]]:
 def entries(sample: Any) -> tuple[Any, ...]:
     """Values of an instance in the order of its dtype, as NumPy takes them for a record."""
     result = []
-    for name, kind in _kinds(type(sample)):
+    for name, kind in kinds_of(type(sample)):
         value = getattr(sample, name)
         if value is ABSENT or value == [] or value == ():
             continue

@@ -43,7 +43,7 @@ from twin_gait.simulation.interface import (
     each,
     lanes,
 )
-from twin_gait.simulation.rooms.network import exchange, hear_setpoint
+from twin_gait.simulation.rooms.network import hear_setpoint
 
 
 def feed_forward(e: Episode) -> None:
@@ -69,18 +69,12 @@ def feed_forward(e: Episode) -> None:
 
 
 def control(e: Episode, tick: int) -> None:
-    """Command and drive joint after joint: one is driven before the next one's command is known."""
-    for one in lanes(e):
-        one.supply.power = 0.0
+    """Command joint after joint: a trip on one of them is heard before the next one's command is known."""
     for number in range(len(e.joints)):
         implausible = False
         for one in lanes(e):
             demand(one.controller, one.limits, number, tick)
-            if NETWORKED:
-                heard = hear_setpoint(one, number, tick)
-                hear(one.joints[number].board, one.limits, one.joints[number].heard, heard)
-            else:
-                copy_demand(one.controller.joints[number].demand, one.joints[number].board.demand)
+            _hear(one, number, tick)
             ask(one.joints[number].board)
             if not FAULTY:
                 check(one.joints[number].board, one.watching)
@@ -92,27 +86,31 @@ def control(e: Episode, tick: int) -> None:
             implausible |= one.joints[number].board.command.cause != NO_TRIP
         if implausible:
             for one in each(e):
-                if NETWORKED:
-                    refuse(one.joints[number].board, one.limits)
-                else:
-                    trip(one.controller, tick, one.joints[number].board.command.cause, number)
+                _refuse(one, number, tick)
         for one in lanes(e):
-            _drive(one, number, tick)
-            if not FAULTY:
-                _note_drive(one, number)
-        if FAULTY:
-            for one in each(e):
-                _drive_faulty(one, number, tick)
-                _note_drive(one, number)
+            _command(one, number)
         if DELAYED:
             for one in each(e):
                 joint = one.joints[number]
                 joint.due = delayed_sample(joint.line, tick, joint.board.command.torque)
+
+
+def _hear(e: Episode, number: int, tick: int) -> None:
+    """Let a board hear what is demanded."""
+    board = e.joints[number].board
     if NETWORKED:
-        exchange(e, tick)
-    for one in lanes(e):
-        battery = one.supply
-        battery.power = battery_power(battery.power, battery.constant_power, battery.regeneration)
+        hear(board, e.limits, e.joints[number].heard, hear_setpoint(e, number, tick))
+    else:
+        copy_demand(e.controller.joints[number].demand, board.demand)
+
+
+def _refuse(e: Episode, number: int, tick: int) -> None:
+    """Hold instead of commanding what is wild: the joint alone over a bus, which is slow, otherwise all."""
+    board = e.joints[number].board
+    if not NETWORKED:
+        trip(e.controller, tick, board.command.cause, number)
+    elif board.command.cause != NO_TRIP:
+        refuse(board, e.limits)
 
 
 def _run_away(e: Episode, number: int, tick: int) -> None:
@@ -122,10 +120,10 @@ def _run_away(e: Episode, number: int, tick: int) -> None:
         board.command.impedance += runaway_torque(number, tick, e.rates.period, e.faults)
 
 
-def _drive(e: Episode, number: int, tick: int) -> None:
-    """Current and torque of a motor, of the command or in the hold."""
+def _command(e: Episode, number: int) -> None:
+    """Current set point of a drive, of the command or in the hold."""
     joint = e.joints[number]
-    board, place = joint.board, joint.place
+    board = joint.board
     if not NETWORKED and board.command.cause != NO_TRIP:
         # What was asked was a walk, whose weight is not carried in this tick.
         demand_hold(e.controller.joints[number], e.limits, 0.0, 0.0)
@@ -135,6 +133,30 @@ def _drive(e: Episode, number: int, tick: int) -> None:
     set_current(board, e.limits, joint.due if DELAYED else board.command.torque)
     if NETWORKED and joint.off:
         board.command.target_current = 0.0
+
+
+def drive(e: Episode, tick: int) -> None:
+    """Let the motors follow their set points, and draw power from the battery."""
+    for one in lanes(e):
+        one.supply.power = 0.0
+    for number in range(len(e.joints)):
+        for one in lanes(e):
+            _drive(one, number)
+            if not FAULTY:
+                _note_drive(one, number)
+        if FAULTY:
+            for one in each(e):
+                _drive_faulty(one, number, tick)
+                _note_drive(one, number)
+    for one in lanes(e):
+        battery = one.supply
+        battery.power = battery_power(battery.power, battery.constant_power, battery.regeneration)
+
+
+def _drive(e: Episode, number: int) -> None:
+    """Current and torque of a motor."""
+    joint = e.joints[number]
+    board, place = joint.board, joint.place
     current, torque = driven_motor(
         joint.motor, board.command.target_current, e.v[place], e.supply.bus_voltage
     )
@@ -166,8 +188,10 @@ def _note_drive(e: Episode, number: int) -> None:
     """What the board sees of its drive, and what the motor draws."""
     joint = e.joints[number]
     motor, velocity, current = joint.motor, e.v[joint.place], joint.current
-    voltage = winding_voltage(current, velocity, motor.resistance, motor.torque_constant * motor.gear_ratio)
-    note_drive(joint.board, voltage, current, joint.current_deviation)
+    joint.voltage = winding_voltage(
+        current, velocity, motor.resistance, motor.torque_constant * motor.gear_ratio
+    )
+    note_drive(joint.board, joint.voltage, current, joint.current_deviation)
     e.supply.power += motor_electrical_power(
         current, velocity, motor.resistance, motor.torque_constant, motor.gear_ratio
     )

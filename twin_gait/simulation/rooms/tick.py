@@ -1,4 +1,4 @@
-"""A tick of the episode and its order: command, measure, watch, decide, control, record, integrate."""
+"""A tick of the episode and its order: sensors; watch, decide and control; drives, record and motion."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import math
 
 from twin_gait.control.gait_controller import FOLLOWS
 from twin_gait.simulation.episode import COMPLETED, DIVERGED, FELL, Episode
-from twin_gait.simulation.interface import ADAPTS, PELVIS, SHIFT, each, lanes
+from twin_gait.simulation.interface import ADAPTS, NETWORKED, PELVIS, SHIFT, each, lanes
 from twin_gait.simulation.rooms.monitor import watch, watch_drives
 from twin_gait.simulation.rooms.motion import integrate
-from twin_gait.simulation.rooms.motors import control, feed_forward, supply
-from twin_gait.simulation.rooms.network import tell
+from twin_gait.simulation.rooms.motors import control, drive, feed_forward, supply
+from twin_gait.simulation.rooms.network import exchange, tell
 from twin_gait.simulation.rooms.path import follow, track
 from twin_gait.simulation.rooms.phases import decide
 from twin_gait.simulation.rooms.recording import record
@@ -29,44 +29,62 @@ def run_ticks(e: Episode, first: int, end: int) -> int:
         Ticks that have been run since the start of the episode; ``e.status`` says how it stands.
     """
     for tick in range(first, end):
-        for one in lanes(e):
-            command(one, tick)
-        measure(e, tick)
-        if e.watching:
-            watch_drives(e)
-        tell(e, tick)
-        if e.watching:
-            watch(e, tick)
-        walking = False
-        for one in lanes(e):
-            walking |= one.controller.trip.tick < 0
-        if walking:
-            decide(e, tick)
-            if FOLLOWS:
-                for one in each(e):
-                    if one.controller.trip.tick < 0:
-                        follow(one, tick)
-            if ADAPTS:
-                for one in each(e):
-                    if one.controller.trip.tick < 0:
-                        track(one, tick)
-        feed_forward(e)
-        control(e, tick)
-        push(e, tick)
-        for one in lanes(e):
-            catch(one, tick)
-        if e.recording.on:
-            record(e, tick)
-        supply(e, tick)
-        integrate(e, tick)
-        ended = False
-        for one in lanes(e):
-            status = status_of(one)
-            one.status = status
-            ended |= status != COMPLETED
-        if ended:
+        sense(e, tick)
+        think(e, tick)
+        if act(e, tick):
             return tick + 1
     return end
+
+
+def sense(e: Episode, tick: int) -> None:
+    """What the belt does, what the legs are told, and what the sensors read."""
+    for one in lanes(e):
+        command(one, tick)
+    measure(e, tick)
+
+
+def think(e: Episode, tick: int) -> None:
+    """What boards and gait controller do between sensors and drives."""
+    if e.watching:
+        watch_drives(e)
+    tell(e, tick)
+    if e.watching:
+        watch(e, tick)
+    walking = False
+    for one in lanes(e):
+        walking |= one.controller.trip.tick < 0
+    if walking:
+        decide(e, tick)
+        if FOLLOWS:
+            for one in each(e):
+                if one.controller.trip.tick < 0:
+                    follow(one, tick)
+        if ADAPTS:
+            for one in each(e):
+                if one.controller.trip.tick < 0:
+                    track(one, tick)
+    feed_forward(e)
+    control(e, tick)
+
+
+def act(e: Episode, tick: int) -> bool:
+    """Drives, all else that acts on the legs, and their motion; whether the run ends with it."""
+    drive(e, tick)
+    if NETWORKED:
+        exchange(e, tick)
+    push(e, tick)
+    for one in lanes(e):
+        catch(one, tick)
+    if e.recording.on:
+        record(e, tick)
+    supply(e, tick)
+    integrate(e, tick)
+    ended = False
+    for one in lanes(e):
+        status = status_of(one)
+        one.status = status
+        ended |= status != COMPLETED
+    return ended
 
 
 def status_of(e: Episode) -> int:

@@ -1,0 +1,406 @@
+"""Printed functions, compiled with double numbers, give the bits of Python."""
+
+from __future__ import annotations
+
+import copy
+import math
+import random
+import struct
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Any, NamedTuple
+
+import pytest
+from firmware_tools import require_tools
+
+from twin_gait import load_experiment
+from twin_gait.configuration.gait_table_file import load_gait_table
+from twin_gait.control import gait_controller, joint_board
+from twin_gait.core import elementary
+from twin_gait.core.actuator import Motor
+from twin_gait.core.blending import blend_share
+from twin_gait.core.control_tick import (
+    Setpoint,
+    blend_setpoint,
+    controller_torques,
+    measure_joint,
+    new_encoder,
+    target_current,
+)
+from twin_gait.core.friction import rotational_friction_torque
+from twin_gait.core.guards import guard_holds, next_transition
+from twin_gait.core.safety import Bounds, Watched, watch_joint
+from twin_gait.experiment import build_problem
+from twin_gait.firmware import Library, Program, TranslationUnit, print_units, units
+from twin_gait.gait.program import compile_guards
+from twin_gait.kernels.generated import write_control_gravity, write_side_by_side
+from twin_gait.simulation import interface
+from twin_gait.simulation.binding import bind, kernel_functions
+from twin_gait.simulation.compiled_engine import laid_out
+
+ODD = [0.0, -0.0, 1.0, -1.0, 5e-324, 1e308, math.inf, -math.inf, math.nan]
+BOUNDS = Bounds(
+    -0.5, 0.5, 4.0, 0.05, 0.1, 0.3, 3, 0.01, 0.05, 30.0, 4, 60.0, 20.0, 1e-3, 1e-4, 2.0, 5, 7.0, 0.5
+)
+LAWS = [
+    measure_joint,
+    next_transition,
+    guard_holds,
+    blend_setpoint,
+    blend_share,
+    controller_torques,
+    watch_joint,
+    target_current,
+    rotational_friction_torque,
+    elementary.exponential,
+    elementary.settled_share,
+    elementary.hyperbolic_tangent,
+    elementary.sine_cosine,
+]
+STRICT = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
+
+
+@pytest.fixture(scope="module")
+def guards() -> Any:
+    return compile_guards(load_gait_table("treadmill"))
+
+
+@pytest.fixture(scope="module")
+def laws(guards) -> Program:
+    samples = {"encoder": new_encoder(1e-3, 0.1, 10), "treadmill": guards}
+    shapes = [BOUNDS, Watched(), Motor(1.0, 2.0, 3.0), Setpoint(1.0, 2.0, 3.0, 4.0)]
+    return print_units([TranslationUnit("laws", LAWS, samples)], shapes=shapes)
+
+
+@pytest.fixture(scope="module")
+def library(laws) -> Library:
+    require_tools("gcc")
+    return Library(laws)
+
+
+def numbers(draw: random.Random, count: int, spread: float = 3.0) -> list[float]:
+    """Numbers of which one in ten is odd."""
+    return [draw.choice(ODD) if draw.random() < 0.1 else draw.uniform(-spread, spread) for _ in range(count)]
+
+
+def bits(value: Any) -> Any:
+    """What tells two numbers apart; all NaN are one."""
+    if isinstance(value, (list, tuple)):
+        return [bits(item) for item in value]
+    if isinstance(value, float):
+        return "nan" if value != value else struct.pack("d", value)
+    if hasattr(value, "__dataclass_fields__"):
+        return [bits(getattr(value, name)) for name in value.__dataclass_fields__]
+    return value
+
+
+@pytest.mark.parametrize("law", [blend_share, *LAWS[5:6], *LAWS[8:]])
+def test_laws_on_numbers(library, law):
+    draw = random.Random(law.__name__)
+    integer = law is blend_share
+    for _ in range(3000):
+        given = numbers(draw, law.__code__.co_argcount)
+        if integer:
+            given[1] = draw.randrange(3)
+        if law is rotational_friction_torque:
+            given[3] = given[3] or 0.3  # not zero, where Python raises and C does not
+        if law is elementary.sine_cosine and abs(given[0]) > 1e9:
+            continue  # where they mean nothing
+        assert bits(library.call(law.__name__, *given)) == bits(law(*given)), given
+
+
+def test_filters_of_an_encoder(library):
+    draw = random.Random(1)
+    for resolution in (0.0, 1e-3, 0.3):
+        ours = new_encoder(resolution, 0.1, 10)
+        theirs = copy.deepcopy(ours)
+        for tick in range(1500):
+            # Python raises at infinity, where a count has no number.
+            reading = draw.choice([math.nan, -0.0, 1e300, *(draw.uniform(-1.0, 1.0) for _ in range(20))])
+            given = (tick, reading, 1e-3, 0.18, 10)
+            measure_joint(theirs, *given)
+            library.call("measure_joint", ours, *given)
+            assert bits(ours) == bits(theirs)
+
+
+def test_an_infinite_reading_is_no_undefined_conversion(library):
+    encoder = new_encoder(1e-3, 0.1, 10)
+    library.call("measure_joint", encoder, 1, math.inf, 1e-3, 0.18, 10)
+    assert encoder.angle == math.inf
+
+
+def test_the_machine_with_debounce_and_time_outs(library, guards):
+    draw, table = random.Random(2), library.structure(guards)
+    debounce = [0] * guards.n_transitions
+    expected, found = list(debounce), set()
+    for tick in range(20_000):
+        if tick % 6 == 0:  # long enough for the longest debounce
+            signals = numbers(draw, 13, 0.6)
+            phase, other, ticks = draw.randrange(5), draw.randrange(-1, 5), draw.randrange(2000)
+        transition = next_transition(guards, phase, ticks, signals, other, expected)
+        assert library.call("next_transition", table, phase, ticks, signals, other, debounce) == transition
+        assert debounce == expected
+        found.add(transition)
+    assert len(found) == guards.n_transitions + 1  # each one was taken, and none
+
+
+def test_a_printed_table_is_the_one_of_python(library, guards):
+    """The constant of the C source, not the one that is handed in."""
+    table = type(library.structure(guards)).in_dll(library.handle, "treadmill")
+    assert table.n_transitions == guards.n_transitions
+    for theirs, ours in zip(guards.comparisons, table.comparisons[: len(guards.comparisons)], strict=True):
+        assert (ours.signal_a, ours.factor_a, ours.threshold) == (
+            theirs.signal_a,
+            theirs.factor_a,
+            theirs.threshold,
+        )
+
+
+def test_the_monitor_of_a_joint_finds_every_cause(library):
+    draw, causes = random.Random(3), set()
+    for _ in range(5000):
+        values = numbers(draw, 6, 1.0)
+        streaks = [draw.randrange(6) for _ in range(3)]
+        ours = Watched(*(10.0 ** draw.uniform(-3, 2) * value for value in values), *streaks)
+        encoder = new_encoder(0.0, draw.choice([0.0, draw.uniform(-0.6, 0.6), math.nan, math.inf]), 10)
+        encoder.last_angle = encoder.angle + draw.choice([0.0, 0.01, 1.0])
+        encoder.velocity_fast = draw.uniform(-5.0, 5.0)
+        theirs = copy.deepcopy(ours)
+        cause = watch_joint(BOUNDS, theirs, encoder, 1e-3)
+        assert library.call("watch_joint", BOUNDS, ours, encoder, 1e-3) == cause
+        assert bits(ours) == bits(theirs)
+        causes.add(cause)
+    assert len(causes) == 11  # ten, and none
+
+
+def test_limits_and_setpoints(library):
+    draw = random.Random(4)
+    for _ in range(1000):
+        motor = Motor(0.1, 100.0, 0.5)
+        given = *numbers(draw, 1, 100.0), 60.0, 5.0
+        assert bits(library.call("target_current", motor, *given)) == bits(target_current(motor, *given))
+        start, target, ours = (Setpoint(*numbers(draw, 4)) for _ in range(3))
+        theirs, share = copy.deepcopy(ours), draw.random()
+        blend_setpoint(start, target, share, theirs)
+        library.call("blend_setpoint", start, target, share, ours)
+        assert bits(ours) == bits(theirs)
+
+
+# ------------------------------------------------------------------------- the functions of the device
+
+
+def functions_of(module: ModuleType) -> list[FunctionType]:
+    found = [item for item in vars(module).values() if isinstance(item, FunctionType)]
+    return [item for item in found if item.__module__ == module.__name__]
+
+
+def scrambled(record: Any, draw: random.Random) -> Any:
+    """A copy with other numbers; those that count or point at something stay."""
+    made = copy.deepcopy(record)
+
+    def scramble(value: Any) -> Any:
+        if isinstance(value, list):
+            return [scramble(item) for item in value]
+        if isinstance(value, bool):
+            return draw.random() < 0.5
+        if isinstance(value, float):
+            return numbers(draw, 1)[0]
+        for name in getattr(value, "__slots__", ()):
+            before = getattr(value, name)
+            other = draw.randrange(3) if name.endswith("cause") else scramble(before)
+            setattr(value, name, draw.randrange(-1, 50) if name in ("tick", "entry_tick") else other)
+        return value
+
+    return scramble(made)
+
+
+class Device(NamedTuple):
+    """An episode, what its structure binds, its gravity kernel as text and in Python, and what is printed."""
+
+    episode: Any
+    structure: dict[str, Any]
+    text: str
+    kernel: dict[str, Any]
+    program: Program
+
+
+CALLED = {"sine_cosine": elementary.sine_cosine}
+
+
+@pytest.fixture(scope="module")
+def device() -> Device:
+    problem = build_problem(load_experiment("treadmill").experiment)
+    kernel, episode, structure = laid_out(problem, record=False)
+    text = write_control_gravity(kernel[2], kernel[3])
+    text = "\n\n".join([*write_side_by_side(text), text])
+    controlling = [*functions_of(gait_controller), interface.control_gravity]
+    parts = [
+        TranslationUnit("joint_board", functions_of(joint_board), {"left_hip": episode.joints[0].board}),
+        TranslationUnit("gait_controller", controlling, {"controller": episode.controller}),
+    ]
+    program = print_units(parts, {**structure, **CALLED}, text, [episode.rates, episode.limits])
+    return Device(episode, structure, text, kernel_functions(text, CALLED), program)
+
+
+@pytest.fixture(scope="module")
+def device_library(device) -> Library:
+    require_tools("gcc")
+    return Library(device.program)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [*functions_of(joint_board), *functions_of(gait_controller)],
+    ids=lambda function: function.__name__,
+)
+def test_functions_of_board_and_gait_controller(device, device_library, function):
+    episode, structure = device.episode, device.structure
+    draw, names = random.Random(function.__name__), function.__code__.co_varnames
+    bound = bind(function, structure)
+    samples = {
+        "board": episode.joints[0].board,
+        "controller": episode.controller,
+        "joint": episode.controller.joints[1],
+        "rates": episode.rates,
+        "limits": episode.limits,
+        "measurement": episode.controller.joints[0].measurement,
+        "command": episode.joints[0].board.command,
+        "demand": episode.controller.joints[0].demand,
+    }
+
+    def argument(name: str) -> Any:
+        hint = function.__annotations__[name]
+        if name in ("rates", "limits"):
+            return samples[name]
+        if hint in ("float", "bool", "int"):
+            count = draw.randrange(2) if name in ("number", "part") else draw.randrange(1000)
+            return {"float": draw.uniform(-2.0, 2.0), "bool": count % 2 == 0, "int": count % 7}[hint]
+        record = next(item for item in samples.values() if type(item).__name__ == hint)
+        return scrambled(record, draw)
+
+    compared = 0
+    while compared < 60:
+        given = [argument(name) for name in names[: function.__code__.co_argcount]]
+        expected = copy.deepcopy(given)
+        try:
+            result = bound(*expected)
+        except (ValueError, OverflowError, ZeroDivisionError):  # C has NaN and infinity instead
+            continue
+        compared += 1
+        assert bits(device_library.call(function.__name__, *given)) == bits(result)
+        assert bits(given) == bits(expected)
+
+
+def test_the_gravity_kernel(device, device_library):
+    episode, kernel = device.episode, device.kernel
+    draw, model = random.Random(5), episode.controller.model
+    for _ in range(500):
+        q = [draw.uniform(-3.0, 3.0) for _ in model.q]
+        ours, theirs = [0.0] * len(q), [0.0] * len(q)
+        kernel["control_gravity"](q, model.bodies, model.gravity, theirs)
+        device_library.call("control_gravity", q, model.bodies, model.gravity, ours)
+        assert bits(ours) == bits(theirs)
+
+
+def test_the_whole_unit_tick_by_tick(device):
+    """Wild inputs, until and after the monitor has tripped; state and outputs at every tick."""
+    require_tools("gcc")
+    episode, structure, kernel = device.episode, device.structure, device.kernel
+    settings = units.Settings(episode.rates, episode.limits, True)
+    boards = [copy.deepcopy(joint.board) for joint in episode.joints]
+    ours = units.Exoskeleton(settings, boards, copy.deepcopy(episode.controller))
+    inputs = units.ExoskeletonInputs(
+        [units.JointBoardInputs() for _ in boards], units.Surroundings([0.0, 0.0])
+    )
+    outputs = units.ExoskeletonOutputs([units.Command() for _ in boards], units.Decision([0, 0], [0, 0]))
+    unit = TranslationUnit("exoskeleton", [units.exoskeleton_step], {"exoskeleton": ours})
+    program = print_units([unit], {**structure, **CALLED}, device.text, [inputs, outputs])
+    library, step = Library(program), bind(units.exoskeleton_step, {**structure, **kernel})
+    draw = random.Random(6)
+    for _ in range(4):
+        theirs, found = copy.deepcopy(ours), copy.deepcopy(ours)
+        state = library.structure(theirs)
+        expected, given = copy.deepcopy(outputs), copy.deepcopy(outputs)
+        angle, trips = [board.encoder.angle for board in boards], set()
+        for tick in range(1500):
+            wild = 0.02 if tick > 700 else 0.0
+            angle = [x + draw.uniform(-2e-3, 2e-3) for x in angle]
+            for x, board in zip(angle, inputs.boards, strict=True):
+                board.angle = math.nan if draw.random() < 0.1 * wild else x
+                board.current = draw.uniform(-5.0, 5.0)
+                board.voltage = 0.6 * board.current
+                board.current_deviation = 3.0 * (draw.random() < wild)
+            inputs.surroundings.loads = [draw.uniform(0.0, 1.0), draw.uniform(0.0, 1.0)]
+            inputs.surroundings.bus_voltage = draw.uniform(45.0, 50.0)
+            step(theirs, inputs, expected)
+            library.call("exoskeleton_step", state, inputs, given)
+            assert bits(given) == bits(expected), tick
+            trips.add(expected.decision.trip_cause)
+        library.read_back(state, found)
+        assert bits(found) == bits(theirs)
+        assert len(trips) > 1
+
+
+def test_what_nobody_writes_to_is_a_table_in_flash(device):
+    text = device.program.files["types.h"]
+    assert "const Setpoint *setpoints;" in text and "Setpoint blended;" in text
+    assert "const TransitionRule *transitions;" in text and "    int8_t target;" in text
+
+
+def test_what_a_constant_rules_out_is_not_printed(device):
+    assert "lead" not in device.program.files["gait_controller.c"]
+    structure = device.structure
+    unit = TranslationUnit("demand", [gait_controller.demand], {"controller": device.episode.controller})
+    follows = print_units([unit], {**structure, "FOLLOWS": True}, shapes=[device.episode.limits])
+    assert "joint->lead" in follows.files["demand.c"]
+
+
+# ------------------------------------------------------------------------- the quality of the C
+
+
+def written(program: Program, folder: Path) -> list[Path]:
+    for name, text in program.files.items():
+        (folder / name).write_text(text)
+    return sorted(folder.glob("*.c"))
+
+
+def run(*words: Any) -> str:
+    done = subprocess.run([*map(str, words)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize("more", [[], ["-DREAL_DOUBLE"]])
+def test_compilers_have_nothing_to_say(device, laws, compiler, more, tmp_path):
+    require_tools(compiler)
+    for number, program in enumerate((device.program, laws)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        for source in written(program, folder):
+            assert run(compiler, *STRICT, *more, "-c", source, "-o", source.with_suffix(".o")) == ""
+
+
+def test_cppcheck_has_nothing_to_say(device, tmp_path):
+    require_tools("cppcheck")
+    sources = written(device.program, tmp_path)
+    checks = "--enable=warning,style,performance,portability"
+    assert run("cppcheck", "--std=c99", "--error-exitcode=1", "-q", checks, *sources) == ""
+
+
+def test_every_file_says_what_it_is_and_the_hash_follows_the_sources(laws, guards):
+    for name, text in laws.files.items():
+        assert "Not a medical device." in text.partition("*/")[0], name
+        if name.endswith(".h"):
+            assert f"#ifndef {name.upper().replace('.', '_')}" in text
+
+    def hash_of(entries: Sequence[Any], table: Any) -> str:
+        return print_units([TranslationUnit("machine", entries, {"table": table})]).source_hash
+
+    changed = copy.deepcopy(guards)
+    changed.comparisons[0].threshold += 1e-9
+    first = hash_of([next_transition], guards)
+    assert first == hash_of([next_transition], copy.deepcopy(guards))
+    assert len({first, hash_of([next_transition], changed), hash_of([guard_holds], guards)}) == 3

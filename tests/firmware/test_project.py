@@ -1,0 +1,312 @@
+"""The folder of ``twin-gait firmware``: it builds, its numbers are those of the simulation, it fits."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import yaml
+from firmware_tools import require_tools
+from test_printer import bits
+
+from twin_gait import load_experiment
+from twin_gait.cli.program import main
+from twin_gait.core.guards import OP_ALL
+from twin_gait.core.safety import COMMAND_TRIP
+from twin_gait.exceptions import FirmwareError
+from twin_gait.firmware import Library, Unit, build_objects, sizes, symbols, units
+from twin_gait.firmware.cross import SANITIZE
+from twin_gait.firmware.project import (
+    EXOSKELETON,
+    GAIT_CONTROLLER,
+    JOINT_BOARD,
+    UNITS,
+    Project,
+    print_project,
+    refuse_wide_guards,
+)
+from twin_gait.firmware.vectors import record_vectors
+from twin_gait.simulation.record import copied
+
+STRICT = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
+SHIPPED = {
+    "treadmill": ("treadmill",),
+    "treadmill_pre_swing": ("treadmill", "table=treadmill_pre_swing"),
+    "treadmill_40": ("treadmill_40",),
+    "treadmill_start_stop": ("treadmill_start_stop",),
+    "bench_leg": ("bench_leg",),
+    "inertia": ("treadmill", "control.inertia_compensation=0.5"),
+    "network": ("treadmill", "network={kind: can}"),
+}
+FUZZ = Path(__file__).with_name("fuzz.c")
+
+
+class Printed(NamedTuple):
+    project: Project
+    folder: Path
+
+
+def run(*words: Any, cwd: Path | None = None) -> str:
+    done = subprocess.run([*map(str, words)], capture_output=True, text=True, check=False, cwd=cwd)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module", params=SHIPPED)
+def printed(request, tmp_path_factory) -> Printed:
+    preset, *changes = SHIPPED[request.param]
+    project, folder = print_project(load_experiment(preset, changes).experiment), tmp_path_factory.mktemp("c")
+    for name, text in project.program.files.items():
+        (folder / name).write_text(text)
+    return Printed(project, folder)
+
+
+@pytest.fixture(scope="module")
+def treadmill() -> Project:
+    return print_project(load_experiment("treadmill").experiment)
+
+
+# ------------------------------------------------------------------------- the quality of the C
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+@pytest.mark.parametrize("more", [[], ["-DREAL_DOUBLE"]])
+def test_compilers_have_nothing_to_say(printed, compiler, more):
+    require_tools(compiler)
+    for name in UNITS:
+        source = printed.folder / f"{name}.c"
+        assert run(compiler, *STRICT, *more, "-c", source, "-o", source.with_suffix(".o")) == ""
+
+
+def test_cppcheck_has_nothing_to_say(printed):
+    require_tools("cppcheck")
+    checks = "--enable=warning,style,performance,portability"
+    sources = [printed.folder / f"{name}.c" for name in UNITS]
+    assert run("cppcheck", "--std=c99", "--error-exitcode=1", "-q", checks, *sources) == ""
+
+
+LIMITS = {JOINT_BOARD: (4096, 512), GAIT_CONTROLLER: (12 * 1024, 2048)}  # bytes of flash and RAM
+
+
+def test_units_fit_and_need_no_library(printed, tmp_path):
+    """RAM is what the caller keeps: the records of the unit, its inputs and its outputs."""
+    require_tools("arm-none-eabi-gcc")
+    records = printed.folder / "records.c"
+    names = [
+        f"{kind}{part}" for kind in ("JointBoard", "GaitController") for part in ("", "Inputs", "Outputs")
+    ]
+    records.write_text(
+        '#include "types.h"\n' + "".join(f"char of_{name}[sizeof({name})];\n" for name in names)
+    )
+    (measured,) = build_objects(Unit(name="records", sources=(records,)), tmp_path)
+    for name in UNITS:
+        objects = build_objects(Unit(name=name, sources=(printed.folder / f"{name}.c",)), tmp_path)
+        found = sizes(objects)
+        assert found.ram == 0  # nothing global is written to
+        wanted = {item for item, letter in symbols(objects).items() if letter == "U"}
+        assert wanted <= {"memcpy", "memset", "memmove"}
+        if name in LIMITS:
+            kind = "".join(word.capitalize() for word in name.split("_"))
+            listed = run("arm-none-eabi-nm", "-S", measured).splitlines()
+            ram = sum(int(line.split()[1], 16) for line in listed if f"of_{kind}" in line)
+            assert found.flash <= LIMITS[name][0] and 0 < ram <= LIMITS[name][1]
+
+
+def test_the_manifest_knows_what_records_weigh(printed, tmp_path):
+    require_tools("arm-none-eabi-gcc")
+    said = printed.project.manifest({"provenance": {}})["record_bytes"]
+    records = printed.folder / "records.c"
+    records.write_text(
+        '#include "types.h"\n' + "".join(f"char of_{name}[sizeof({name})];\n" for name in said)
+    )
+    (measured,) = build_objects(Unit(name="records", sources=(records,)), tmp_path)
+    lines = [line.split() for line in run("arm-none-eabi-nm", "-S", measured).splitlines()]
+    assert {words[3].removeprefix("of_"): int(words[1], 16) for words in lines} == said
+
+
+@pytest.mark.parametrize("more", [[], ["-DREAL_DOUBLE"]])
+@pytest.mark.parametrize("count", [20_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
+def test_nothing_is_undefined_with_wild_inputs(printed, tmp_path, more, count):
+    """Seeded NaN, infinities, stuck and jumping encoders; fuzz.c fails at a current that is none."""
+    require_tools("gcc")
+    project, folder = printed
+    sources = [folder / f"{name}.c" for name in (EXOSKELETON, JOINT_BOARD, GAIT_CONTROLLER)]
+    words = [
+        f"-DFIRST_BOARD={JOINT_BOARD}_{project.joints[0]}_init",
+        f"-DPHASES={len(project.problem.table.phases)}",
+    ]
+    base = [*STRICT[:5], *SANITIZE, *more, *words, f"-I{folder}"]
+    run("gcc", *base, FUZZ, *sources, "-o", tmp_path / "fuzz")
+    rows = [line.split() for line in run(tmp_path / "fuzz", count, 7).splitlines()]
+    episodes, trips = (sum(int(row[column]) for row in rows) for column in (0, 1))
+    assert episodes == count // 1000 and trips > 0.8 * episodes
+
+
+# ------------------------------------------------------------------------- the units apart
+
+
+def test_boards_and_gait_controller_apart_do_what_the_linked_unit_does(treadmill):
+    """Without a bus a board hears a demand in the next tick: the order in which the one unit goes is another.
+
+    Demands and phases are the same in every tick, and so is every current whose demand is the one of the tick
+    before.
+    """
+    require_tools("gcc")
+    library, linked = Library(treadmill.program), treadmill.linked
+    settings, joints = linked.record.settings, range(len(linked.record.boards))
+    whole = library.structure(copied(linked.record))
+    boards = [library.structure(units.JointBoard(settings, copied(board))) for board in linked.record.boards]
+    central = library.structure(units.GaitController(settings, copied(linked.record.controller)))
+    inputs, outputs = copied(linked.inputs), copied(linked.outputs)
+    found = [units.JointBoardOutputs() for _ in joints]
+    heard = units.GaitControllerInputs(inputs.surroundings, [item.measurement for item in found], [True] * 4)
+    told = units.GaitControllerOutputs(copied(outputs.decision), [item.demand for item in inputs.boards])
+    phases, same, errors = set(), 0, []
+    walk = replace(treadmill.problem.experiment, duration=2.5)
+    for tick, row in enumerate(record_vectors(walk).inputs):
+        for board, read in zip(inputs.boards, row["boards"], strict=True):
+            board.angle, board.voltage = float(read["angle"]), float(read["voltage"])
+            board.current, board.current_deviation = float(read["current"]), float(read["current_deviation"])
+            board.heard = tick > 0
+        inputs.surroundings.loads[:] = row["surroundings"]["loads"].tolist()
+        inputs.surroundings.bus_voltage = float(row["surroundings"]["bus_voltage"])
+        for number in joints:
+            library.call("joint_board_step", boards[number], inputs.boards[number], found[number])
+        before = [bits(demand) for demand in told.demands]
+        library.call("exoskeleton_step", whole, inputs, outputs)
+        library.call("gait_controller_step", central, heard, told)
+        assert bits(told.decision) == bits(outputs.decision), tick
+        phases.add(told.decision.phases[0])
+        for number, command in enumerate(outputs.commands):
+            demand, given = told.demands[number], found[number].command
+            for name in ("stiffness", "damping", "equilibrium", "gain", "gravity", "inertia", "target"):
+                assert getattr(command, name) == getattr(demand, name), (tick, number, name)
+            if bits(demand) == before[number]:
+                assert bits(given) == bits(command), (tick, number)
+                same += 1
+            else:
+                errors.append(abs(given.target_current - command.target_current))
+    assert len(phases) == len(treadmill.problem.table.phases)
+    assert same > 1000 and len(errors) > 1000
+    assert 0.0 < np.median(errors) < 0.05  # [A]: what an older set point costs
+
+
+def test_a_wild_command_trips_all_at_once_when_linked_and_its_board_alone_when_apart(treadmill):
+    require_tools("gcc")
+    library, linked = Library(treadmill.program), treadmill.linked
+    settings = linked.record.settings
+    wild = copied(linked.record)
+    for joint in wild.controller.joints:
+        joint.target = 1e4  # far above what is plausible
+    whole, inputs, outputs = library.structure(wild), copied(linked.inputs), copied(linked.outputs)
+    for board, state in zip(inputs.boards, linked.record.boards, strict=True):
+        board.angle = state.encoder.angle
+    inputs.surroundings.bus_voltage = 28.8
+    library.call("exoskeleton_step", whole, inputs, outputs)
+    assert outputs.decision.trip_cause == COMMAND_TRIP
+    assert [command.damping for command in outputs.commands] == [settings.limits.hold_damping] * 4
+    board = library.structure(units.JointBoard(settings, copied(linked.record.boards[0])))
+    demand = units.Demand(target=1e4, gravity=float("nan"))
+    apart, found = (
+        units.JointBoardInputs(inputs.boards[0].angle, demand=demand, heard=True),
+        units.JointBoardOutputs(),
+    )
+    library.call("joint_board_step", board, apart, found)
+    assert found.command.damping == settings.limits.hold_damping
+    assert found.command.target_current == 0.0  # no weight is carried that is no number
+    library.call("joint_board_step", board, apart, found)
+    assert found.measurement.cause == COMMAND_TRIP
+
+
+# ------------------------------------------------------------------------- the command
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("firmware") / "c"
+    assert main(["firmware", "--out", str(out)]) == 0
+    return out
+
+
+def test_the_folder_holds_all_and_says_what_it_is(folder):
+    names = {path.name for path in folder.iterdir()}
+    assert {f"{name}.{end}" for name in UNITS for end in "ch"} <= names
+    manifest = json.loads((folder / "manifest.json").read_text())
+    text = (folder / "README.md").read_text()
+    assert manifest["source_sha256"][:16] in text and "$" not in text
+    document = yaml.safe_load((folder / "experiment.yaml").read_text())
+    assert document["provenance"]["table_sha256"] == manifest["provenance"]["table_sha256"]
+    for path in folder.glob("*.h"):
+        assert "Not a medical device." in path.read_text().partition("*/")[0]
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang"])
+def test_the_commands_of_its_readme_run(folder, compiler):
+    require_tools(compiler, "make", "arm-none-eabi-gcc")
+    commands = (folder / "README.md").read_text().partition("```sh\n")[2].partition("```")[0].splitlines()
+    assert len(commands) == 2
+    for line in commands:
+        said = run(*line.partition("#")[0].split(), f"CC={compiler}", cwd=folder)
+        if "test" in line:
+            double, single = (text for text in said.splitlines() if "ticks:" in text)
+            assert double.startswith("3000 ticks: 0 with other bits,")
+            assert " 0 with a phase more than a tick away" in single
+            assert 0.0 < float(single.split()[-3]) < 1e-4
+    run("make", "clean", cwd=folder)
+
+
+def test_the_runner_finds_a_difference(folder, tmp_path):
+    require_tools("gcc", "make")
+    rows = (folder / "vectors.csv").read_text().splitlines()
+    words = rows[500].split(",")
+    words[-4] = repr(float(words[-4]) + 0.5)  # a current
+    (tmp_path / "vectors.csv").write_text("\n".join([*rows[:500], ",".join(words), *rows[501:]]) + "\n")
+    for target in ("host", "double"):
+        run("make", target, cwd=folder)
+    for name in ("float", "double"):
+        command = [folder / "build" / name, tmp_path / "vectors.csv"]
+        assert subprocess.run(command, capture_output=True, check=False).returncode == 1
+    run("make", "clean", cwd=folder)
+
+
+def test_a_folder_that_exists_is_replaced_with_force_only(folder, capsys, tmp_path):
+    assert main(["firmware", "--out", str(folder)]) == 2
+    assert "--force" in capsys.readouterr().err
+    (tmp_path / "mine.txt").write_text("")
+    assert main(["firmware", "--force", "--out", str(tmp_path)]) == 2
+    assert "is not a firmware folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ("control.mode=position", "control.mode: position .* set impedance"),
+        ("control.assistance.adaptive=true", "control.assistance.adaptive: true .* set false"),
+        ("control.delay_ms=3", "control.delay_ms: 3 .* set 0"),
+        ("network={kind: can, impedance: ccu}", "network.impedance: ccu .* set board"),
+    ],
+)
+def test_what_c_has_not_is_refused_in_one_line(setting, said, capsys, tmp_path):
+    out = tmp_path / "c"
+    assert main(["firmware", "--unchecked", "--set", setting, "--out", str(out)]) == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    assert re.search(said, line)
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_guard_that_needs_more_than_32_bits_is_refused(treadmill):
+    problem = treadmill.problem
+    program = copied(problem.program)
+    compare = program.nodes[0]
+    program.nodes[:] = [copied(compare) for _ in range(31)] + [type(compare)(OP_ALL, 31)]
+    for rule in program.transitions:
+        rule.first_node, rule.end_node = 0, 32
+    with pytest.raises(FirmwareError, match="31 conditions wait to be joined; at most 30"):
+        refuse_wide_guards(replace(problem, program=program))

@@ -1,0 +1,209 @@
+"""What cannot be printed is refused in one line that names function, line and construct."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+
+from twin_gait.exceptions import FirmwareError
+from twin_gait.firmware import TranslationUnit, print_units
+from twin_gait.simulation.record import ABSENT
+
+
+@dataclass(slots=True)
+class Cell:
+    """Something small.
+
+    Attributes:
+        charge: In [C].
+        count: Of something.
+        row: Numbers.
+        absent: Nothing.
+    """
+
+    charge: float = 0.0
+    count: int = 0
+    row: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    absent: float = ABSENT
+
+
+def printed(function: Callable[..., Any], **names: Any) -> str:
+    return print_units([TranslationUnit("unit", [function], {})], names, shapes=[Cell()]).files["unit.c"]
+
+
+def bump(cell: Cell) -> int:
+    cell.count += 1
+    return cell.count
+
+
+def again(x: float) -> float:
+    return again(x)
+
+
+def while_loop(x: float) -> float:
+    while x > 0.0:
+        x -= 1.0
+    return x
+
+
+def comprehension(x: float) -> float:
+    return sum([x for _ in range(3)])
+
+
+def library_call(x: float) -> float:
+    return math.sqrt(x)
+
+
+def power(x: float) -> float:
+    return x**2
+
+
+def two_kinds(x: float) -> float:
+    y = 1
+    y = x
+    return y
+
+
+def perhaps(x: float) -> float:
+    if x > 0.0:
+        y = x
+    return y
+
+
+def after_the_loop(x: float) -> float:
+    for _ in range(3):
+        y = x
+    return y
+
+
+def text(x: float) -> float:
+    name = "x"
+    return x if name else 0.0
+
+
+def number_as_truth(x: int) -> bool:
+    return x and True
+
+
+def no_such_field(cell: Cell) -> float:
+    return cell.absent
+
+
+def whole_record(cell: Cell, other: Cell) -> None:
+    cell.row = other.row
+
+
+def order(cell: Cell) -> int:
+    return cell.count + bump(cell)
+
+
+def order_of_a_target(cell: Cell) -> None:
+    cell.row[cell.count] = 1.0 * bump(cell)
+
+
+def exchanged(cell: Cell, x: float) -> None:
+    cell.charge, cell.count = x, int(cell.charge > 0.0)
+
+
+def too_long(x: int) -> int:
+    return x + 4294967296
+
+
+def too_large(x: float) -> float:
+    return x + 1e300
+
+
+def from_the_end(cell: Cell) -> float:
+    return cell.row[-1]
+
+
+def unknown_length(row: list[float]) -> int:
+    return len(row)
+
+
+def counted_twice(x: int) -> int:
+    for i in range(x):
+        i = 3
+        x += i
+    return x
+
+
+def of_a_dictionary(x: dict[str, float]) -> float:
+    return x["x"]
+
+
+@pytest.mark.parametrize(
+    "function, line, said",
+    [
+        (again, 0, "recursion"),
+        (while_loop, 1, "while x > 0.0: x = x - 1.0: a statement"),
+        (comprehension, 1, "sum"),
+        (library_call, 1, "math.sqrt(x): a function"),
+        (power, 1, "x ** 2: arithmetic"),
+        (two_kinds, 2, "x: is real where int32_t is expected"),
+        (perhaps, 3, "y: may be read before it is assigned"),
+        (after_the_loop, 3, "y: may be read before it is assigned"),
+        (text, 1, "'x': is no number"),
+        (number_as_truth, 1, "is int32_t where bool is expected"),
+        (no_such_field, 1, "cell.absent: no sample of Cell has absent"),
+        (whole_record, 1, "cell.row: records and lists are changed entry by entry"),
+        (order, 1, "bump(cell): changes records beside"),
+        (order_of_a_target, 1, "bump(cell): changes records beside"),
+        (exchanged, 1, "values that are exchanged"),
+        (too_long, 1, "4294967296 does not fit into 32 bits"),
+        (too_large, 1, "1e+300 does not fit into a float"),
+        (from_the_end, 1, "counted from its beginning"),
+        (unknown_length, 1, "row: is no list of one known length"),
+        (counted_twice, 2, "i: is counted by the loop"),
+        (of_a_dictionary, 0, "x is of no kind that C knows"),
+    ],
+    ids=lambda item: getattr(item, "__name__", ""),
+)
+def test_refused(function, line, said):
+    with pytest.raises(FirmwareError) as caught:
+        printed(function)
+    message = str(caught.value)
+    first = function.__code__.co_firstlineno
+    assert message.startswith(f"{__name__}.{function.__name__}, line {first + line}: ")
+    assert said in message and "\n" not in message
+
+
+def test_two_constants_of_one_name_are_refused(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    for name, level in (("lower", 1.0), ("higher", 2.0)):
+        (tmp_path / f"{name}_of_two.py").write_text(
+            f"LEVEL = {level}\ndef {name}(x: float) -> float:\n    return x + LEVEL\n"
+        )
+    entries = [getattr(importlib.import_module(f"{name}_of_two"), name) for name in ("lower", "higher")]
+    with pytest.raises(FirmwareError, match="LEVEL: two constants of this name"):
+        print_units([TranslationUnit("unit", entries, {})])
+
+
+def test_a_generated_function_is_named_too():
+    def called(x: float) -> float:
+        raise NotImplementedError
+
+    with pytest.raises(FirmwareError, match=r"^generated\.called, line 2: nothing: is no constant number"):
+        print_units([TranslationUnit("unit", [called], {})], text="def called(x):\n    return x + nothing\n")
+
+
+def shortened(cell: Cell, x: float) -> float:
+    if DEAD and no_such_name:  # noqa: F821
+        return no_such_name  # noqa: F821
+    kept, lost = x, cell.count  # noqa: F841
+    if not DEAD or x > 1.0:
+        kept += 1.0
+    return kept
+
+
+DEAD = False
+
+
+def test_what_a_constant_rules_out_may_be_anything():
+    text = printed(shortened)
+    assert "no_such_name" not in text and "lost" not in text and "if" not in text.split("shortened(")[1]

@@ -1,0 +1,397 @@
+"""``twin-gait live --can``: frames at their cycle on a bus, and a monitor's commands as a page's."""
+
+from __future__ import annotations
+
+import base64
+import csv
+import math
+import sys
+import threading
+import time
+from types import SimpleNamespace
+
+import can
+import cantools
+import numpy as np
+import pytest
+
+from twin_gait.cli import main
+from twin_gait.configuration import load_experiment
+from twin_gait.exceptions import MissingOptionalDependency, ParameterError
+from twin_gait.export.can import run_frames
+from twin_gait.files import shipped_file
+from twin_gait.live import can_link
+from twin_gait.live.can_commands import change_of, wishes_of
+from twin_gait.live.can_link import CanLink, leaves_machine, open_bus
+from twin_gait.live.controls import Panel
+from twin_gait.live.deadlines import PERIOD
+from twin_gait.live.events import EventBook
+from twin_gait.live.protocol import MessageRefused, Response
+from twin_gait.live.session import LiveSession
+from twin_gait.network.dbc import load_messages
+from twin_gait.runs.record import load_run
+from twin_gait.simulation import simulate
+
+MESSAGES = load_messages()
+DATABASE = cantools.database.load_file(shipped_file("twin.dbc"))
+KNEE = {"stiffness": 100.0, "damping": 12.5, "equilibrium": 0.5, "gain": 0.3, "torque": -1.05, "counter": 0}
+DEGREE = math.pi / 180.0
+
+
+def frame_of(board="right_knee", control="walk", **values):
+    """A command as another tool writes it."""
+    message = DATABASE.get_message_by_name(f"{board}_command")
+    data = message.encode({**KNEE, "control": control, **values})
+    return can.Message(arbitration_id=message.frame_id, data=data, is_extended_id=False)
+
+
+@pytest.fixture(scope="module")
+def panel():
+    return Panel(load_experiment("bench_leg", ["duration_s=60"]).experiment)
+
+
+def controls_of(panel):
+    return {item.name: item for item in panel.controls(panel.preset)}
+
+
+# ------------------------------------------------------------------------------- commands
+
+
+def test_a_command_sets_the_controls_of_its_joint_in_their_units():
+    frame = frame_of(control="torque_control")
+    wishes = wishes_of(MESSAGES["right_knee_command"], bytes(frame.data))
+    values = {name.rpartition(".")[2]: wish.value for name, wish in wishes.items()}
+    assert all(name == "mode" or name.startswith("monitor.right.knee.") for name in wishes)
+    assert values == pytest.approx(
+        {"stiffness": 100.0 * DEGREE, "damping": 12.5, "equilibrium": 0.5 / DEGREE, "gain": 0.3,
+         "torque": -1.05, "mode": "torque_control"}
+    )  # fmt: skip
+
+
+def test_every_wish_names_a_control_of_the_panel(panel):
+    known = controls_of(panel)
+    for joint in ("hip", "knee"):
+        name = f"right_{joint}_command"
+        assert set(wishes_of(MESSAGES[name], bytes(8))) <= set(known)
+
+
+def test_a_signal_without_a_number_asks_for_nothing():
+    data = bytearray(frame_of().data)
+    data[7] |= 0x7F  # all ones of the gain
+    assert "monitor.right.knee.gain" not in wishes_of(MESSAGES["right_knee_command"], bytes(data))
+
+
+def test_a_frame_of_another_length_is_refused():
+    with pytest.raises(MessageRefused, match="right_knee_command: expected 8 bytes, got 3"):
+        wishes_of(MESSAGES["right_knee_command"], b"\0\0\0")
+
+
+def test_what_a_control_has_to_half_a_step_is_no_change_and_an_end_of_its_range_can_be_reached(panel):
+    known = controls_of(panel)
+    for name, value in (("equilibrium", known["monitor.right.knee.equilibrium"].largest), ("torque", 60.0)):
+        control = known[f"monitor.right.knee.{name}"]
+        scale = DEGREE if name == "equilibrium" else 1.0
+        wish = wishes_of(MESSAGES["right_knee_command"], bytes(frame_of(**{name: value * scale}).data))
+        assert change_of(wish[control.name], control) == control.largest
+    stiffness = known["monitor.right.knee.stiffness"]
+    here = stiffness.value / DEGREE
+    for offset, changes in ((0.06, False), (-0.06, False), (0.3, True)):
+        data = bytes(frame_of(stiffness=round((here + offset) / 0.125) * 0.125).data)
+        wish = wishes_of(MESSAGES["right_knee_command"], data)[stiffness.name]
+        assert (change_of(wish, stiffness) is not None) == (
+            changes or abs(wish.value - stiffness.value) > wish.tolerance
+        )
+    assert change_of(wishes_of(MESSAGES["right_knee_command"], bytes(8))["mode"], known["mode"]) is None
+
+
+# ------------------------------------------------------------------------------- the bus
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("", "expected INTERFACE:CHANNEL, such as udp_multicast"),
+        ("vcan0", "expected INTERFACE:CHANNEL"),
+        ("socketcan:", "expected INTERFACE:CHANNEL"),
+        ("carrier_pigeon:can0", "no interface 'carrier_pigeon'; python-can has"),
+        ("udp_multicast:1.2.3.4", r"cannot be opened \(.*\); is the channel up\?"),
+        ("socketcan:no_such_can", "cannot be opened"),
+    ],
+)
+def test_a_bus_that_cannot_be_opened_is_refused_in_one_line(name, said):
+    with pytest.raises(ParameterError, match=said) as caught:
+        open_bus(name)
+    assert "\n" not in str(caught.value)
+
+
+def test_without_python_can_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "can", None)
+    with pytest.raises(MissingOptionalDependency, match=r"pip install 'twin-gait\[can\]'"):
+        open_bus("virtual:x")
+
+
+def test_the_command_refuses_a_wrong_bus_before_it_makes_a_folder(tmp_path, capsys):
+    out = tmp_path / "run"
+    command = ["live", "bench_leg", "--no-browser", "--no-record", "--port", "0", "--out", str(out)]
+    assert main([*command, "--can", "nonsense"]) == 2
+    assert "CAN bus 'nonsense': expected INTERFACE:CHANNEL" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_only_a_bus_that_others_may_hang_on_is_warned_of():
+    inside = ("virtual:a", "udp_multicast:239.74.163.2", "socketcan:vcan0")
+    assert not any(map(leaves_machine, inside))
+    assert leaves_machine("socketcan:can0") and leaves_machine("pcan:PCAN_USBBUS1")
+    with open_bus("virtual:ttl") as bus:
+        assert bus.protocol is can.CanProtocol.CAN_20
+
+
+def test_frames_of_multicast_do_not_leave_the_machine():
+    import socket
+
+    try:
+        bus = open_bus("udp_multicast:239.74.163.2")
+    except ParameterError:
+        pytest.skip("no multicast here")
+    with bus:
+        own = socket.socket(fileno=socket.dup(bus.fileno()))
+        with own:
+            assert own.getsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL) == 0
+
+
+# ------------------------------------------------------------------------------- the link
+
+
+class Rig:
+    """A link on a virtual bus with a session that answers when it is told to."""
+
+    def __init__(self, name, panel):
+        self.panel, self.book, self.asked = panel, EventBook(), []
+        self.bus = can.Bus(name, "virtual")
+        self.link = CanLink(
+            f"virtual:{name}",
+            panel.problem,
+            book=self.book,
+            submit=self.asked.append,
+            controls=lambda: panel.controls(panel.preset),
+        )
+
+    def __enter__(self):
+        self.link.start()
+        return self
+
+    def __exit__(self, *exception):
+        self.link.close()
+        self.bus.shutdown()
+
+    def wait_for(self, found, seconds=10.0):
+        end = time.monotonic() + seconds
+        while not found():
+            assert time.monotonic() < end, "waited in vain"
+            time.sleep(0.002)
+
+    def settle(self):
+        """Let the link hear whatever has been sent."""
+        time.sleep(0.1)
+
+    def answer(self):
+        for message in self.asked:
+            self.book.emit(Response.APPLIED, "", id=message.id)
+        self.asked.clear()
+
+
+@pytest.fixture
+def rig(panel, request):
+    with Rig(request.node.name, panel) as rig:
+        yield rig
+
+
+def test_what_a_frame_changes_is_asked_for_once_with_the_mode_last(rig):
+    rig.bus.send(frame_of(control="impedance_control"))
+    rig.wait_for(lambda: len(rig.asked) == 6)
+    assert rig.asked[-1].control == "mode" and rig.asked[-1].value == "impedance_control"
+    assert {item.user for item in rig.asked} == {"CAN"} and not any(item.trying for item in rig.asked)
+    rig.answer()
+    for _ in range(20):  # cyclic frames with a running counter: nobody asks for anything new
+        rig.bus.send(frame_of(control="impedance_control", counter=2))
+    rig.settle()
+    assert rig.asked == []
+
+
+def test_while_an_answer_is_awaited_only_the_newest_wish_is_kept(rig):
+    rig.bus.send(frame_of(torque=1.0))
+    rig.wait_for(lambda: rig.asked)
+    first = len(rig.asked)
+    for step in range(1, 30):
+        rig.bus.send(frame_of(torque=1.0 + 0.05 * step))
+    rig.settle()
+    assert len(rig.asked) == first
+    rig.answer()
+    rig.wait_for(lambda: rig.asked)
+    torques = [item.value for item in rig.asked if item.control.endswith("torque")]
+    assert torques == pytest.approx([1.0 + 0.05 * 29])
+
+
+def test_a_bus_that_gives_own_frames_back_still_hears_commands(panel, request, monkeypatch):
+    monkeypatch.setattr(can_link, "OPTIONS", {"virtual": {"receive_own_messages": True}})
+    with Rig(request.node.name, panel) as rig:
+        for first in range(0, 200, 10):
+            rig.link.take(rows_of(panel, first, first + 10))
+        rig.bus.send(frame_of())
+        rig.wait_for(lambda: rig.asked)
+        assert rig.book.serial == 0
+
+
+def test_a_hand_that_sends_the_same_again_later_is_heard(rig, monkeypatch):
+    monkeypatch.setattr(can_link, "REPETITION", 0.2)
+    rig.bus.send(frame_of())
+    rig.wait_for(lambda: rig.asked)
+    rig.answer()
+    time.sleep(0.3)
+    rig.bus.send(frame_of())  # the panel of this rig never changes: it still differs
+    rig.wait_for(lambda: rig.asked)
+
+
+def test_bad_frames_are_told_once_and_do_nothing(rig):
+    for _ in range(3):
+        short = frame_of()
+        short.data, short.dlc = short.data[:4], 4
+        rig.bus.send(short)
+        rig.bus.send(can.Message(arbitration_id=0x304, is_remote_frame=True, dlc=8, is_extended_id=False))
+        rig.bus.send(frame_of("left_hip"))
+        rig.bus.send(can.Message(arbitration_id=0x304, data=bytes(8), is_extended_id=True))
+        rig.bus.send(can.Message(arbitration_id=0x123, data=bytes(8), is_extended_id=False))
+        rig.bus.send(can.Message(is_error_frame=True))
+    rig.settle()
+    told = [event.text for event in rig.book.after(0)]
+    assert {event.response for event in rig.book.after(0)} == {Response.NOTE}
+    assert told.count("frame ignored: right_knee_command: expected 8 bytes, got 4") == 1
+    assert told.count("frame ignored: right_knee_command: expected 8 bytes, got 0") == 1
+    absent = [text for text in told if "this experiment has no monitor.left.hip." in text]
+    assert len(absent) == len(set(absent)) == 5 and len(told) == 7
+    assert rig.asked == []
+
+
+def test_a_bus_that_fails_is_told_once_and_the_link_goes_on(rig, monkeypatch):
+    def fail(*_):
+        raise can.CanOperationError("cable cut")
+
+    rows = rows_of(rig.panel, 0, 10)
+    with monkeypatch.context() as patch:
+        patch.setattr(rig.link._bus, "send", fail)
+        rig.link.take(rows)
+        rig.wait_for(lambda: rig.book.serial)
+        time.sleep(0.1)
+    assert [event.text for event in rig.book.after(0)] == ["the CAN bus fails, frames are lost: cable cut"]
+    rig.link.take(rows_of(rig.panel, 10, 20))
+    rig.wait_for(lambda: rig.bus.recv(0.0))
+
+
+WALKED = {}
+
+
+def rows_of(panel, first, end):
+    """A block as the loop sends it."""
+    if not WALKED:
+        from twin_gait.live.stepping import SteppedRun
+
+        run = SteppedRun(panel.problem)
+        WALKED["rows"] = np.array(run.advance(400))
+    rows = np.ascontiguousarray(WALKED["rows"][first:end])
+    return {"first": first, "rows": base64.b64encode(rows.tobytes()).decode(), "tripped": ""}
+
+
+def test_frames_go_out_at_their_cycle_in_order_and_find_their_time_again_after_a_pause(rig):
+    heard = []
+
+    def listen():
+        while (message := rig.bus.recv(1.0)) is not None:
+            heard.append((time.monotonic(), message))
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    began = time.monotonic()
+    for first in range(0, 200, 10):
+        rig.link.take(rows_of(rig.panel, first, first + 10))
+        time.sleep(max(0.0, began + (first + 10) * 1e-3 - time.monotonic()))
+    time.sleep(0.5)  # a pause
+    again = time.monotonic()
+    for first in range(200, 400, 10):
+        rig.link.take(rows_of(rig.panel, first, first + 10))
+        time.sleep(max(0.0, again + (first - 190) * 1e-3 - time.monotonic()))
+    listener.join()
+    expected = simulate(load_experiment("bench_leg", ["duration_s=0.4"]).experiment)
+    frames = list(run_frames(expected, MESSAGES))
+    assert [(item.arbitration_id, bytes(item.data)) for _, item in heard] == [frame[1:] for frame in frames]
+    late = np.array([when for when, _ in heard]) - np.array([
+        (began if frame.time < 0.2 else again - 0.2) + frame.time + PERIOD for frame in frames
+    ])  # fmt: skip
+    assert late.min() > -0.012 and np.median(late) < 0.012  # how late the last one is, is the machine's doing
+
+
+# ------------------------------------------------------------------------------- a whole session
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory):
+    """A session on a bus that somebody listens to and commands."""
+    folder = tmp_path_factory.mktemp("bus") / "run"
+    heard, done = [], threading.Event()
+    bus = can.Bus("whole session", "virtual")
+
+    def listen():
+        while not done.is_set():
+            message = bus.recv(0.1)
+            if message is not None:
+                heard.append((message.arbitration_id, bytes(message.data)))
+
+    listener = threading.Thread(target=listen)
+    listener.start()
+    loaded = load_experiment("bench_leg", ["duration_s=60"])
+    with LiveSession(loaded, folder, pictures=False, can="virtual:whole session") as session:
+
+        def until(name, response):
+            end = time.monotonic() + 60.0
+            while time.monotonic() < end:
+                found = [event for event in session.events() if event.subject == name]
+                if found and found[-1].response is response:
+                    return found[-1]
+                time.sleep(0.01)
+            raise AssertionError(f"{name} was not {response}")
+
+        said = {}
+        bus.send(frame_of(control="impedance_control", torque=0.0))
+        said["mode"] = until("mode", Response.APPLIED)
+        bus.send(frame_of(control="impedance_control", torque=90.0))
+        said["range"] = until("monitor.right.knee.torque", Response.REFUSED)
+        bus.send(frame_of(control="impedance_control", torque=0.0, gain=0.95))
+        said["unsafe"] = until("monitor.right.knee.gain", Response.REFUSED)
+        time.sleep(1.5)
+        state = {item.name: item.value for item in session.state().controls}
+    done.set()
+    listener.join()
+    bus.shutdown()
+    return SimpleNamespace(folder=folder, heard=heard, said=said, state=state, run=load_run(folder))
+
+
+def test_what_was_on_the_bus_is_the_log_of_the_walk(walked):
+    frames = [(frame.identifier, frame.data) for frame in run_frames(walked.run.run, MESSAGES)]
+    assert len(walked.heard) > 3000 and walked.heard == frames[: len(walked.heard)]
+
+
+def test_commands_change_the_walk_as_those_of_a_page(walked):
+    assert walked.said["mode"].user == "CAN" and walked.state["mode"] == "impedance_control"
+    assert walked.state["monitor.right.knee.stiffness"] == pytest.approx(100.0 * DEGREE)
+    log = walked.run.log
+    assert log["right_knee_stiffness_Nm_per_rad"].iloc[-1] == pytest.approx(100.0)
+    assert log["right_knee_equilibrium_rad"].iloc[-1] == pytest.approx(0.5)
+    rows = list(csv.DictReader((walked.folder / "live_changes.csv").read_text().splitlines()))
+    assert {row["user"] for row in rows} == {"CAN"}
+    assert rows[-1]["subject"] == "mode" and int(rows[-1]["tick"]) == walked.said["mode"].tick
+
+
+def test_what_a_page_may_not_a_monitor_may_not(walked):
+    assert "expected -60 to 60 Nm, got 90" in walked.said["range"].text
+    assert walked.said["unsafe"].text.startswith("unstable")
+    assert walked.state["monitor.right.knee.torque"] == 0.0
+    assert walked.state["monitor.right.knee.gain"] == pytest.approx(0.3)

@@ -1,0 +1,127 @@
+"""``twin-gait firmware``."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin_gait.cli import options, terminal
+from twin_gait.cli.terminal import DONE, FAILED
+
+if TYPE_CHECKING:
+    from twin_gait.configuration import LoadedExperiment
+    from twin_gait.firmware.verify import Verification
+
+WALK = 3.0  # [s] of the vectors: every phase of both legs
+VERIFICATION = "verification.json"
+
+
+def add_parser(commands: Any) -> None:
+    """Add the command to the parser."""
+    parser = commands.add_parser(
+        "firmware",
+        help="print the controller as C for the device, and prove it",
+        description=(
+            "Print gait table, drives and laws of an experiment as readable C99: the board of a joint, the "
+            "gait controller, both as one unit, and the CAN frames, with a Makefile, and a short walk to "
+            "compare them with. Exits with 1 if --verify finds a difference."
+        ),
+    )
+    options.add_experiment(parser, seconds="that of the experiment")
+    options.add_out(parser, "DIR", "folder to write")
+    parser.add_argument(
+        "--verify",
+        action="store_true",
+        help="compare the C with the simulation over the walk and faults, on this machine and a Cortex-M4F",
+    )
+    options.add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the project, or verify it, or both."""
+    from contextlib import nullcontext
+
+    from twin_gait.exceptions import ParameterError
+    from twin_gait.firmware.project import MANIFEST
+    from twin_gait.runs.folders import FolderKind, staged_directory
+
+    out = arguments.out
+    if out is None and not arguments.verify:
+        raise ParameterError("--out: expected the folder to write, or --verify to keep nothing")
+    loaded = options.experiment_of(arguments)
+    lines: list[str] = []
+    document: dict[str, Any] = {}
+    kind = FolderKind("a firmware folder", MANIFEST)
+    with nullcontext() if out is None else staged_directory(out, kind, force=arguments.force) as staging:
+        if staging is not None:
+            manifest = _write(loaded, staging)
+            lines += report(manifest, out)
+            document |= {**manifest, "directory": out}
+        if arguments.verify:
+            found = _verify(loaded, staging)
+            lines += checks(found)
+            document |= found
+    terminal.clear_line()
+    terminal.answer(arguments, lines, lambda: document)
+    return FAILED if document.get("passed") is False else DONE
+
+
+def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
+    """Print the project into a folder; its manifest."""
+    from dataclasses import replace
+
+    from twin_gait.configuration.experiments import resolved_document
+    from twin_gait.firmware.project import print_project
+    from twin_gait.firmware.vectors import record_vectors
+    from twin_gait.runs.summary import versions
+
+    experiment = loaded.experiment
+    document = resolved_document(experiment, loaded.document, versions())
+    terminal.note_step("C", "printing")
+    project = print_project(experiment)
+    walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
+    with terminal.watched("vectors", "tick") as watch:
+        vectors = record_vectors(walk, watch["progress"], watch["on_compile"])
+    project.write(folder, vectors, document)
+    return project.manifest(document)
+
+
+def _verify(loaded: LoadedExperiment, folder: Path | None) -> dict[str, Any]:
+    """Verify, and keep what was found in the folder."""
+    import json
+
+    from twin_gait.files import write_atomically
+    from twin_gait.firmware.verify import verify
+
+    with terminal.watched("verifying", "tick") as watch:
+        found = verify(loaded.experiment, watch["progress"], watch["on_compile"])
+    document = _document(found)
+    if folder is not None:
+        text = json.dumps(terminal.plain(document), indent=2, ensure_ascii=False, allow_nan=False)
+        write_atomically(folder / VERIFICATION, text + "\n")
+    return document
+
+
+def _document(found: Verification) -> dict[str, Any]:
+    named = [item._asdict() for item in found.checks]
+    return {"source_sha256": found.source_hash, "passed": found.passed, "checks": named}
+
+
+def report(manifest: Mapping[str, Any], out: Path) -> Iterator[str]:
+    """What was printed, in a few lines."""
+    yield f"{manifest['experiment']}, gait table {manifest['table']}: source {manifest['source_sha256'][:16]}"
+    sizes = (f"{name} {size}" for name, size in manifest["record_bytes"].items())
+    yield f"  bytes of RAM on a Cortex-M: {', '.join(sizes)}"
+    if not manifest["can_codec"]:
+        yield "  without can_codec: pip install cantools, and print again"
+    yield f"  {out}; make -C {out} test compares it with the simulation"
+
+
+def checks(document: Mapping[str, Any]) -> Iterator[str]:
+    """What was compared, in a line each."""
+    words = {True: "passed", False: "FAILED", None: "skipped"}
+    for item in document["checks"]:
+        yield f"{words[item['passed']]}: {item['name']}: {item['text']}"

@@ -1,0 +1,81 @@
+"""Frames of the CAN network as the firmware packs and unpacks them; these functions are printed as C."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from twin_gait.core.can_codec import SignalLayout, pack_frame, unpack_frame
+from twin_gait.network.dbc import Message
+
+NAME = "can_codec"
+_NOTHING = SignalLayout(0, 0, 0, 0, 0, 1.0, 0.0, 0.0, 0.0)  # a signal without bits, which is 0
+
+
+@dataclass(slots=True)
+class CanMessage:
+    """A message of the DBC file.
+
+    Attributes:
+        identifier: Of 11 bits.
+        length: In bytes.
+        signals: In the order of the README; behind them some without bits, so that all have as many.
+    """
+
+    identifier: int
+    length: int
+    signals: list[SignalLayout]
+
+
+@dataclass(slots=True)
+class CanFrame:
+    """A frame on the bus.
+
+    Attributes:
+        identifier: Of 11 bits.
+        length: In bytes.
+        halves: Bytes 0 to 3 and bytes 4 to 7, each as one number with the first byte lowest.
+    """
+
+    identifier: int = 0
+    length: int = 0
+    halves: list[int] = field(default_factory=lambda: [0, 0])
+
+
+def can_pack(message: CanMessage, values: list[float], frame: CanFrame) -> None:
+    """Write numbers into a frame.
+
+    Args:
+        message: Whose frame it is.
+        values: One for each of its signals in its unit, NaN for none.
+        frame: Changed in place.
+    """
+    frame.identifier = message.identifier
+    frame.length = message.length
+    pack_frame(message.signals, values, frame.halves)
+
+
+def can_unpack(message: CanMessage, frame: CanFrame, values: list[float]) -> bool:
+    """Read numbers from a frame, if it is one of a message.
+
+    Args:
+        message: Which it may be.
+        frame: As it was received.
+        values: One for each signal, NaN for none; changed in place.
+
+    Returns:
+        Whether it is.
+    """
+    if frame.identifier != message.identifier or frame.length != message.length:
+        return False
+    unpack_frame(message.signals, frame.halves, values)
+    return True
+
+
+def can_messages(messages: Mapping[str, Message]) -> dict[str, CanMessage]:
+    """Messages of a DBC file as the firmware has them, by name."""
+    width = max(len(message.signals) for message in messages.values())
+    return {
+        name: CanMessage(item.identifier, item.length, item.layout + [_NOTHING] * (width - len(item.signals)))
+        for name, item in messages.items()
+    }

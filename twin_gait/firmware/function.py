@@ -1,0 +1,117 @@
+"""A function with the kind of everything in it, and what it writes to."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from twin_gait.firmware.inference import Inference
+from twin_gait.firmware.kinds import SCALARS, Kind, ListKind, Shapes, kind_of_hint
+from twin_gait.firmware.source import Source, Sources
+
+ELEMENTARY = "twin_gait.core.elementary"
+# These look at bits; real.h has them.
+BY_HAND = {(ELEMENTARY, "power_of_two"), (ELEMENTARY, "whole_number")}
+
+
+@dataclass(slots=True, eq=False)
+class Function:
+    """A function, understood.
+
+    Attributes:
+        source: As it stands in Python.
+        params: Kinds of its arguments.
+        returns: Kind of its result.
+        locals: Kinds of its names.
+        kinds: Of every expression.
+        calls: Functions that are called, by the call.
+        constants: Values of the global names in it.
+        aliases: What names of records and lists have been assigned.
+        written: Names of records and lists that are written to.
+        lengths: Arguments whose length matters.
+    """
+
+    source: Source
+    params: dict[str, Kind]
+    returns: Kind = None
+    locals: dict[str, Kind] = field(default_factory=dict)
+    kinds: dict[ast.AST, Kind] = field(default_factory=dict)
+    calls: dict[ast.Call, Function] = field(default_factory=dict)
+    constants: dict[str, bool | int | float] = field(default_factory=dict)
+    aliases: dict[str, list[ast.expr]] = field(default_factory=dict)
+    written: set[str] = field(default_factory=set)
+    lengths: set[str] = field(default_factory=set)
+
+    @property
+    def writes(self) -> bool:
+        """Whether it changes anything outside."""
+        return not self.written.isdisjoint(self.params)
+
+
+class Functions:
+    """All functions that entries lead to, each after those that it calls.
+
+    Attributes:
+        order: The functions.
+        used: Fields that are read or written, with their class.
+        mutable: Fields that hold records or lists and lead to something that is written from here or outside.
+    """
+
+    def __init__(self, sources: Sources, shapes: Shapes) -> None:
+        """Begin with none."""
+        self.sources, self.shapes = sources, shapes
+        self.order: list[Function] = []
+        self.used: set[tuple[type, str]] = set()
+        self.mutable: set[tuple[type, str]] = set()
+        self._found: dict[Source, Function] = {}
+        self._open: list[Source] = []
+
+    def entry(self, source: Source) -> Function:
+        """Understand a function that is called from outside; its annotations say what its arguments are."""
+        kinds = []
+        for item in source.tree.args.args:
+            try:
+                kinds.append(kind_of_hint(source.hints.get(item.arg, item.arg)))
+            except TypeError:
+                raise source.refused(source.tree.args, f"{item.arg} is of no kind that C knows") from None
+        return self.called(source, kinds)
+
+    def called(self, source: Source, given: Sequence[Kind]) -> Function:
+        """Understand a function for arguments of some kinds."""
+        if source in self._open:
+            raise source.refused(source.tree.args, "recursion, which has no bounded stack")
+        names = [item.arg for item in source.tree.args.args]
+        params: dict[str, Kind] = {}
+        for name, kind in zip(names, given, strict=True):
+            hint = source.hints.get(name)
+            params[name] = SCALARS[hint] if hint in SCALARS else kind
+        known = self._found.get(source)
+        if known is None:
+            self._open.append(source)
+            known = self._found[source] = Function(source, params)
+            if (source.module, source.name) in BY_HAND:
+                known.returns = kind_of_hint(source.hints["return"])
+            else:
+                Inference(self, known).run()
+                self.order.append(known)
+            self._open.pop()
+        self._agree(known, params)
+        return known
+
+    def embed(self, shapes: Shapes) -> None:
+        """Note that all of some records may be written outside."""
+        self.mutable |= {(record, name) for record, fields in shapes.fields.items() for name in fields}
+
+    @staticmethod
+    def _agree(function: Function, params: dict[str, Kind]) -> None:
+        """Refuse arguments of other kinds than in the calls before; of a list's length where it matters."""
+        for name, kind in params.items():
+            known = function.params[name]
+            if kind == known:
+                continue
+            if isinstance(known, ListKind) and isinstance(kind, ListKind) and known.item == kind.item:
+                if name not in function.lengths:
+                    function.params[name] = ListKind(known.item, None)
+                    continue
+            raise function.source.refused(function.source.tree.args, f"{name} is of two kinds in two calls")

@@ -1,0 +1,150 @@
+"""What a value is in C: a number, a record, a list of them, or several numbers that a function returns.
+
+Nothing is guessed: the kinds of a record's fields come from its class and a sample instance, which gives its
+lists their lengths.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, is_dataclass
+from typing import Any, get_args, get_origin
+
+from twin_gait.exceptions import FirmwareError
+from twin_gait.simulation.record import ABSENT, kinds_of
+
+
+@dataclass(frozen=True, slots=True)
+class Scalar:
+    """A number.
+
+    Attributes:
+        name: Its type in C.
+    """
+
+    name: str
+
+
+REAL, INT, BOOL = Scalar("real"), Scalar("int32_t"), Scalar("bool")
+SCALARS = {float: REAL, int: INT, bool: BOOL}
+INT_LIMIT = 2**31
+LARGEST_SINGLE = (2.0 - 2.0**-23) * 2.0**127  # of float
+
+
+@dataclass(frozen=True, slots=True)
+class RecordKind:
+    """An instance of a dataclass, which C handles by its address.
+
+    Attributes:
+        record: The class.
+    """
+
+    record: type
+
+
+@dataclass(frozen=True, slots=True)
+class ListKind:
+    """A list, all entries alike.
+
+    Attributes:
+        item: Kind of an entry.
+        length: Number of entries; None where it depends on the caller.
+    """
+
+    item: Kind
+    length: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class TupleKind:
+    """Several numbers that a function returns.
+
+    Attributes:
+        items: Kinds of the numbers.
+    """
+
+    items: tuple[Scalar, ...]
+
+
+Kind = Scalar | RecordKind | ListKind | TupleKind | None
+
+
+def scalar_of(value: Any) -> Scalar | None:
+    """Kind of a number; None of anything else."""
+    return SCALARS.get(type(value))
+
+
+def type_name(kind: Kind) -> str:
+    """Type of a number or a record in C, and of the entries of a list."""
+    while isinstance(kind, ListKind):
+        kind = kind.item
+    assert isinstance(kind, (Scalar, RecordKind))
+    return kind.name if isinstance(kind, Scalar) else kind.record.__name__
+
+
+class Shapes:
+    """Kinds of the fields of all records that samples hold, and every instance of them.
+
+    Attributes:
+        fields: Kinds by class and name; a list has no length if two instances differ in it.
+        instances: By class and identity.
+    """
+
+    def __init__(self, samples: Iterable[Any]) -> None:
+        """Walk through samples."""
+        self.fields: dict[type, dict[str, Kind]] = {}
+        self.instances: dict[type, dict[int, Any]] = {}
+        for sample in samples:
+            self._visit(sample)
+
+    def _visit(self, record: Any) -> None:
+        kind = type(record)
+        known, instances = self.fields.setdefault(kind, {}), self.instances.setdefault(kind, {})
+        if id(record) in instances:
+            return
+        instances[id(record)] = record
+        for name, entry in kinds_of(kind):
+            value = getattr(record, name)
+            if value is not ABSENT and value != [] and value != ():
+                known[name] = self._joined(
+                    known.get(name), self._kind(value, entry), f"{kind.__name__}.{name}"
+                )
+
+    def _kind(self, value: Any, entry: type) -> Kind:
+        if isinstance(value, (list, tuple)):
+            items = [self._kind(item, entry) for item in value]
+            if any(item != items[0] for item in items):
+                raise FirmwareError(f"a list of {entry.__name__} has entries that are not alike")
+            return ListKind(items[0], len(items))
+        if entry in SCALARS:
+            return SCALARS[entry]
+        self._visit(value)
+        return RecordKind(type(value))
+
+    @staticmethod
+    def _joined(old: Kind, new: Kind, where: str) -> Kind:
+        if old is None or old == new:
+            return new
+        if isinstance(old, ListKind) and isinstance(new, ListKind) and old.item == new.item:
+            return ListKind(old.item, None)
+        raise FirmwareError(f"{where}: of one kind in one sample and of another in the next")
+
+
+def kind_of_hint(hint: Any) -> Kind:
+    """Kind that an annotation says; lists have no length.
+
+    Raises:
+        TypeError: If it is none.
+    """
+    if hint in SCALARS:
+        return SCALARS[hint]
+    if is_dataclass(hint) and isinstance(hint, type):
+        return RecordKind(hint)
+    inner = get_args(hint)
+    if get_origin(hint) is tuple and inner and all(item in SCALARS for item in inner):
+        return TupleKind(tuple(SCALARS[item] for item in inner))
+    if get_origin(hint) in (list, Sequence):
+        return ListKind(kind_of_hint(inner[0]), None)
+    if hint in (None, type(None)):
+        return None
+    raise TypeError(hint)

@@ -1,0 +1,104 @@
+"""How the C looks: names, comments and lines of bounded length."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+WIDTH = 100
+INDENT = 4
+# Words of C99, of its headers and of ours that a name may not be.
+TAKEN = frozenset(
+    "auto break case char const continue default do double else enum extern float for goto if inline int "
+    "long register restrict return short signed sizeof static struct switch typedef union unsigned void "
+    "volatile while asm bool true false real NULL INFINITY NAN main".split()
+)
+
+
+def identifier(name: str, taken: frozenset[str] | set[str] = TAKEN) -> str:
+    """A name of Python in C: without leading underscores, and another one if it is taken."""
+    short = name.lstrip("_") or "unused"
+    return f"{short}_" if short in taken else short
+
+
+def camel_case(name: str) -> str:
+    """``sine_cosine`` as a type is written, ``SineCosine``."""
+    return "".join(word.capitalize() for word in name.split("_"))
+
+
+def plain(text: str) -> str:
+    """A line of a docstring without its markup."""
+    text = re.sub(r":\w+:`~?(?:[\w.]*\.)?([^`]+)`", r"\1", text)
+    text = re.sub(r"\\[ ,;]", " ", text.replace("``", "").replace(r"\le ", "<= "))
+    text = re.sub(r"\\([a-z]+)", r"\1", text)
+    return " ".join(text.replace("*/", "* /").split())
+
+
+def comment(text: str, indent: int = 0) -> list[str]:
+    """A comment, on one line if it fits."""
+    lines = list(_filled(plain(text).split(), WIDTH - indent - 6))
+    if not lines:
+        return []
+    pad = " " * indent
+    lines = [f"{pad}/* {lines[0]}", *(f"{pad}   {line}" for line in lines[1:])]
+    return [*lines[:-1], f"{lines[-1]} */"]
+
+
+def _filled(words: list[str], width: int) -> Iterator[str]:
+    line = ""
+    for word in words:
+        if line and len(line) + 1 + len(word) > width:
+            yield line
+            line = ""
+        line = f"{line} {word}" if line else word
+    if line:
+        yield line
+
+
+# Where a line may be broken, best places first: after commas, before operators, after an assignment.
+_BREAKS = [
+    re.compile(found)
+    for found in (r"(?<=,) ", r" (?=(?:&&|\|\||\?|:) )", r" (?=(?:\+|-|\|) )", r" (?=(?:\*|/) )", r"(?<= =) ")
+]
+
+
+def wrapped(line: str, indent: int) -> list[str]:
+    """A statement, broken where its brackets are fewest."""
+    result, pad = [], " " * indent
+    while len(pad) + len(line) > WIDTH:
+        limit = WIDTH - len(pad)
+        places = [
+            (_depth(line[: found.start()]), rank, -found.start())
+            for rank, pattern in enumerate(_BREAKS)
+            for found in pattern.finditer(line)
+            if limit // 3 < found.start() <= limit
+        ]
+        if not places:
+            break
+        place = -min(places)[-1]
+        result.append(pad + line[:place].rstrip())
+        line, pad = line[place:].lstrip(), " " * (indent + 2 * INDENT)
+    return [*result, pad + line]
+
+
+def _depth(text: str) -> int:
+    return sum(text.count(left) - text.count(right) for left, right in ("()", "[]", "{}"))
+
+
+def docstring_of(item: object) -> str:
+    """First line of a docstring."""
+    return (getattr(item, "__doc__", None) or "").strip().split("\n")[0]
+
+
+def attributes_of(kind: type) -> dict[str, str]:
+    """What a class says of its attributes, by name."""
+    found: dict[str, str] = {}
+    _, _, section = (kind.__doc__ or "").partition("Attributes:\n")
+    for line in section.splitlines():
+        entry = re.match(r" {4,8}(\w+): (.*)", line)
+        if entry:
+            name = entry[1]
+            found[name] = entry[2]
+        elif found and line.strip():
+            found[name] += f" {line.strip()}"
+    return found

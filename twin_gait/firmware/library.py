@@ -1,0 +1,163 @@
+"""A printed program as a shared library of this machine, called with the records of Python."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from twin_gait.firmware.cross import compile_library
+from twin_gait.firmware.kinds import BOOL, INT, INT_LIMIT, REAL, Kind, ListKind, RecordKind, Scalar, TupleKind
+from twin_gait.firmware.layout import identifier
+from twin_gait.firmware.printer import Program
+from twin_gait.firmware.statements import result_name
+from twin_gait.simulation.watching import NEVER
+
+_WHOLE = {"int8_t": ctypes.c_int8, "int16_t": ctypes.c_int16, "int32_t": ctypes.c_int32}
+
+
+class Library:
+    """Functions of a printed program, compiled for this machine.
+
+    Attributes:
+        program: What was printed.
+        handle: Of the library.
+    """
+
+    def __init__(
+        self, program: Program, *, double: bool = True, compiler: str = "gcc", flags: Sequence[str] = ()
+    ) -> None:
+        """Compile and load a program.
+
+        Args:
+            program: From :func:`twin_gait.firmware.print_units`.
+            double: Whether numbers are double, as in Python; else they are float, as on the device.
+            compiler: ``gcc`` or ``clang``.
+            flags: More words for it.
+
+        Raises:
+            FirmwareError: There is no such compiler.
+        """
+        self.program, self._records = program, program.records
+        self._number = ctypes.c_double if double else ctypes.c_float
+        self._structures: dict[Any, type[ctypes.Structure]] = {}
+        self._functions = {item.source.name: item for item in program.entries}
+        with TemporaryDirectory() as folder:
+            for name, text in program.files.items():
+                Path(folder, name).write_text(text)
+            more = ["-DREAL_DOUBLE", *flags] if double else flags
+            path = compile_library(sorted(Path(folder).glob("*.c")), compiler=compiler, flags=more)
+            self.handle = ctypes.CDLL(str(path))
+
+    def call(self, name: str, *given: Any) -> Any:
+        """Call an entry.
+
+        Args:
+            name: Of the function in Python.
+            given: Numbers, records and lists, which are changed as the function changes them; or structures
+                of :meth:`structure`, which are handed on as they are.
+
+        Returns:
+            What the function returns in Python.
+        """
+        function = self._functions[name]
+        called = self.handle[identifier(name)]
+        called.restype = self._result_type(function.returns)
+        kinds, taken = list(function.params.values()), []
+        for kind, item in zip(kinds, given, strict=True):
+            taken.append(item if isinstance(item, ctypes.Structure) else self._taken(kind, item))
+        passed = [ctypes.byref(item) if isinstance(item, ctypes.Structure) else item for item in taken]
+        result = called(*passed)
+        for item, made, kind, param in zip(given, taken, kinds, function.params, strict=True):
+            if param in function.written and item is not made:
+                self._give_back(kind, made, item)
+        if isinstance(function.returns, TupleKind):
+            return tuple(getattr(result, result_name(k)) for k in range(len(function.returns.items)))
+        return result
+
+    def structure(self, record: Any) -> ctypes.Structure:
+        """A record as C has it, with the tables that it leads to."""
+        made: ctypes.Structure = self._taken(RecordKind(type(record)), record)
+        return made
+
+    def read_back(self, structure: ctypes.Structure, record: Any) -> None:
+        """Bring what C has changed in a structure back into the record that it was made of."""
+        self._give_back(RecordKind(type(record)), structure, record)
+
+    # ------------------------------------------------------------------ kinds
+
+    def _scalar(self, name: str) -> Any:
+        return {REAL.name: self._number, BOOL.name: ctypes.c_bool}.get(name) or _WHOLE[name]
+
+    def _result_type(self, kind: Kind) -> Any:
+        if isinstance(kind, Scalar):
+            return self._scalar(kind.name)
+        if isinstance(kind, TupleKind):
+            if kind not in self._structures:
+                numbered = enumerate(kind.items)
+                fields = [(result_name(k), self._scalar(item.name)) for k, item in numbered]
+                self._structures[kind] = type("Result", (ctypes.Structure,), {"_fields_": fields})
+            return self._structures[kind]
+        return None
+
+    def _type(self, record: type) -> type[ctypes.Structure]:
+        if record not in self._structures:
+            fields = []
+            for name, kind in self._records.used(record):
+                item = kind.item if isinstance(kind, ListKind) else kind
+                if isinstance(item, Scalar) and not isinstance(kind, ListKind):
+                    part = self._scalar(self._records.type_of(record, name))
+                else:
+                    part = self._item(item)
+                if self._records.is_table(record, name):
+                    part = ctypes.POINTER(part)
+                elif isinstance(kind, ListKind):
+                    assert kind.length is not None
+                    part = part * kind.length
+                fields.append((name, part))
+            self._structures[record] = type(record.__name__, (ctypes.Structure,), {"_fields_": fields})
+        return self._structures[record]
+
+    def _item(self, kind: Kind) -> Any:
+        return self._scalar(kind.name) if isinstance(kind, Scalar) else self._type(kind.record)  # type: ignore[union-attr]
+
+    # ------------------------------------------------------------------ values
+
+    def _taken(self, kind: Kind, value: Any) -> Any:
+        """A value for C."""
+        if isinstance(kind, Scalar):
+            return self._scalar(kind.name)(value)
+        if isinstance(kind, ListKind):
+            return (self._item(kind.item) * len(value))(*(self._entry(kind.item, item) for item in value))
+        assert isinstance(kind, RecordKind)
+        made = self._type(kind.record)()
+        for name, inner in self._records.used(kind.record):
+            part = self._entry(inner, getattr(value, name))
+            if self._records.is_table(kind.record, name):
+                whole = isinstance(inner, ListKind)
+                part = ctypes.cast(part, ctypes.POINTER(part._type_)) if whole else ctypes.pointer(part)
+            setattr(made, name, part)
+        return made
+
+    def _entry(self, kind: Kind, value: Any) -> Any:
+        if kind is INT and value == NEVER:
+            return INT_LIMIT - 1
+        return value if isinstance(kind, Scalar) else self._taken(kind, value)
+
+    def _give_back(self, kind: Kind, made: Any, value: Any) -> None:
+        """Bring what C has changed back into a record or a list."""
+        if isinstance(kind, ListKind):
+            for number, item in enumerate(made):
+                if isinstance(kind.item, Scalar):
+                    value[number] = item
+                else:
+                    self._give_back(kind.item, item, value[number])
+            return
+        assert isinstance(kind, RecordKind)
+        for name, inner in self._records.used(kind.record):
+            if isinstance(inner, Scalar):
+                setattr(value, name, getattr(made, name))
+            elif not self._records.is_table(kind.record, name):
+                self._give_back(inner, getattr(made, name), getattr(value, name))

@@ -1,0 +1,191 @@
+"""The gait controller of an experiment linked with the boards of all joints, as one unit without a bus."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from twin_gait.control.gait_controller import ControllerState
+from twin_gait.control.joint_board import Command
+from twin_gait.core.elementary import sine_cosine
+from twin_gait.core.guards import GuardProgram
+from twin_gait.experiment.problem import Problem
+from twin_gait.firmware.kinds import Kind, ListKind, RecordKind, Scalar
+from twin_gait.firmware.records import Records
+from twin_gait.firmware.units import (
+    Decision,
+    Exoskeleton,
+    ExoskeletonInputs,
+    ExoskeletonOutputs,
+    JointBoardInputs,
+    Settings,
+    Surroundings,
+    exoskeleton_step,
+)
+from twin_gait.gait.feasibility import OTHER_TIME, TIME
+from twin_gait.gait.guards import all_signal_names
+from twin_gait.gait.table import TICK
+from twin_gait.kernels.generated import write_control_gravity, write_control_inertia, write_side_by_side
+from twin_gait.simulation.binding import bind, kernel_functions
+from twin_gait.simulation.compiled_engine import laid_out
+from twin_gait.simulation.record import copied, dtype_of, entries
+
+_CALLED = {"sine_cosine": sine_cosine}
+
+
+@dataclass(frozen=True)
+class LinkedUnit:
+    """All that the unit of an experiment is printed from, or bound to.
+
+    Attributes:
+        record: At tick 0.
+        inputs: Of a tick; only their shape is of meaning.
+        outputs: Likewise.
+        structure: Constants that it is bound to.
+        kernel: Source of the functions of the controller's model.
+    """
+
+    record: Exoskeleton
+    inputs: ExoskeletonInputs
+    outputs: ExoskeletonOutputs
+    structure: Mapping[str, Any]
+    kernel: str
+
+
+def linked_unit(problem: Problem) -> LinkedUnit:
+    """The unit of a problem; angles come to it as counts times the angle of a count."""
+    bodies, episode, structure = laid_out(problem, record=False)
+    boards = [joint.board for joint in episode.joints]
+    for board in boards:
+        board.encoder.resolution = 0.0
+    trim(problem.program, episode.controller)
+    part_ticks(episode.controller.program, all_signal_names(problem.table.joints))
+    joints, legs = len(boards), len(episode.controller.legs)
+    settings = Settings(episode.rates, episode.limits, episode.watching)
+    inputs = ExoskeletonInputs([JointBoardInputs() for _ in range(joints)], Surroundings([0.0] * legs))
+    outputs = ExoskeletonOutputs([Command() for _ in range(joints)], Decision([0] * legs, [0] * legs))
+    texts = [write_control_gravity(bodies.control_bodies, bodies.up_axis)]
+    if structure["INERTIA_WANTED"]:
+        texts.append(write_control_inertia(bodies.control_bodies))
+    kernel = "\n\n".join([*write_side_by_side("".join(texts)), *texts])
+    return LinkedUnit(Exoskeleton(settings, boards, episode.controller), inputs, outputs, structure, kernel)
+
+
+def trim(program: GuardProgram, controller: ControllerState) -> None:
+    """Take out the entries that mean nothing, with which tables of like size share a compiled loop.
+
+    Args:
+        program: Of the table.
+        controller: Changed in place.
+    """
+    room, count = controller.program, max(1, len(program.transitions))
+    del room.transitions[count:]
+    del room.nodes[max(1, len(program.nodes)) :]
+    del room.comparisons[max(1, len(program.comparisons)) :]
+    for leg in controller.legs:
+        del leg.debounce[count:]
+
+
+def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
+    """Move thresholds on the time in a phase half-way to the next tick, which changes no tick's result.
+
+    A time of whole ticks that meets its threshold exactly in double numbers need not do so in float.
+
+    Args:
+        program: Changed in place.
+        signals: Names of its signals.
+    """
+    for comparison in program.comparisons:
+        if comparison.factor_b == 0.0 and signals[comparison.signal_a] in (TIME, OTHER_TIME):
+            ticks = round(comparison.threshold / TICK)
+            ticks -= ticks * TICK > comparison.threshold
+            comparison.threshold = (ticks + 0.5) * TICK
+
+
+class PythonUnit:
+    """The unit in Python, with the interface of one that runs elsewhere."""
+
+    def __init__(self, linked: LinkedUnit) -> None:
+        """Bind its step."""
+        self._linked, names = linked, {**linked.structure, **kernel_functions(linked.kernel, _CALLED)}
+        self._step: Callable[..., None] = bind(exoskeleton_step, names)
+        self._dtype = dtype_of(linked.outputs)
+
+    def __enter__(self) -> Self:
+        """Set the unit to tick 0."""
+        self._record, self._inputs = copied(self._linked.record), copied(self._linked.inputs)
+        self._outputs = copied(self._linked.outputs)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Nothing is left behind."""
+
+    def exchange(self, inputs: np.ndarray) -> np.ndarray:
+        """Run one tick; inputs and outputs are records of double numbers."""
+        _fill(self._inputs, inputs)
+        self._step(self._record, self._inputs, self._outputs)
+        return np.array(entries(self._outputs), self._dtype)
+
+    def exchange_many(self, inputs: np.ndarray) -> np.ndarray:
+        """Run a tick for each row of inputs; a row of outputs for each."""
+        return np.array([self.exchange(row) for row in inputs], self._dtype)
+
+
+def _fill(record: Any, values: Any) -> None:
+    """Give a record the values of NumPy's."""
+    for name in values.dtype.names:
+        value, entry = values[name], getattr(record, name)
+        if not isinstance(entry, list):
+            if value.dtype.names is None:
+                setattr(record, name, value.item())
+            else:
+                _fill(entry, value)
+        elif value.dtype.names is None:
+            entry[:] = value.tolist()
+        else:
+            for item, part in zip(entry, value, strict=True):
+                _fill(item, part)
+
+
+def c_dtype(records: Records, record: type, real: np.dtype[Any]) -> np.dtype[Any]:
+    """Layout of a record in C, its numbers float or double, addresses of tables as a Cortex-M has them.
+
+    Args:
+        real: Type of the numbers.
+    """
+
+    def layout(kind: Kind, name: str) -> tuple[Any, ...]:
+        if isinstance(kind, ListKind):
+            assert kind.length is not None  # of inputs and outputs there is one sample
+            return name, layout(kind.item, name)[1], kind.length
+        if isinstance(kind, RecordKind):
+            return name, c_dtype(records, kind.record, real)
+        assert isinstance(kind, Scalar)
+        return name, real if kind.name == "real" else {"bool": "?"}.get(kind.name, "i4")
+
+    fields = [
+        (name, "u4") if records.is_table(record, name) else layout(kind, name)
+        for name, kind in records.used(record)
+    ]
+    return np.dtype(fields, align=True)
+
+
+def converted(rows: np.ndarray, dtype: np.dtype[Any]) -> np.ndarray:
+    """Rows in another layout, field by field; what the other one does not have is left out.
+
+    Args:
+        rows: Records, shape ``(n, ...)``.
+        dtype: Its names are among those of the rows.
+    """
+    result = np.zeros(rows.shape, dtype)
+    for name in dtype.names or ():
+        field = result[name]
+        kind = field.dtype
+        result[name] = rows[name] if kind.names is None else converted(rows[name], kind)
+    return result

@@ -1,0 +1,205 @@
+"""Functions of Python as readable C99, and the records that they work on.
+
+What is printed are the very functions that the simulation runs: typed, on numbers and records, without
+recursion, allocation and anything of the C library. Built with double numbers (``-DREAL_DOUBLE``) they give
+the bits of Python; a microcontroller takes float.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib.resources import files
+from types import FunctionType
+from typing import Any, NamedTuple
+
+import twin_gait
+from twin_gait.core.elementary_single import SINGLE
+from twin_gait.exceptions import FirmwareError
+from twin_gait.firmware.expressions import Naming, number
+from twin_gait.firmware.function import ELEMENTARY, Function, Functions
+from twin_gait.firmware.kinds import REAL, Shapes, scalar_of
+from twin_gait.firmware.layout import comment, identifier, wrapped
+from twin_gait.firmware.records import Records, Tables
+from twin_gait.firmware.source import Sources
+from twin_gait.firmware.statements import Printed, result_struct
+
+
+class TranslationUnit(NamedTuple):
+    """What one file of C is for.
+
+    Attributes:
+        name: Of the file.
+        entries: Functions that are called from outside.
+        samples: Records as they are at tick 0, by name. Of what is written to there is a function
+            ``<name>_init``; what is not is a constant.
+    """
+
+    name: str
+    entries: Sequence[Callable[..., Any]]
+    samples: Mapping[str, Any]
+
+
+class Program(NamedTuple):
+    """What was printed.
+
+    Attributes:
+        files: Text by name.
+        source_hash: Of all that it was printed from.
+        functions: What is known of the functions.
+        records: Layout of the records.
+        entries: What is called from outside.
+    """
+
+    files: dict[str, str]
+    source_hash: str
+    functions: Functions
+    records: Records
+    entries: list[Function]
+
+
+def print_units(
+    units: Sequence[TranslationUnit],
+    names: Mapping[str, Any] | None = None,
+    text: str = "",
+    shapes: Sequence[Any] = (),
+) -> Program:
+    """Print units of firmware.
+
+    Args:
+        units: One file of C each.
+        names: Constants and functions by the names of the globals that they take the place of, as
+            :func:`twin_gait.simulation.binding.bind` takes them. A branch that they rule out is not printed.
+        text: Source of more functions, likewise; what they call is found in ``names``.
+        shapes: Samples of records that are handed in from outside: they have no table, and are whole.
+
+    Returns:
+        Files by name: ``real.h``, ``types.h``, and a header and a source of each unit.
+
+    Raises:
+        FirmwareError: If something cannot be printed; it names function, line and construct.
+    """
+    sources, samples = Sources(names or {}, text), [item for unit in units for item in unit.samples.values()]
+    functions = Functions(sources, Shapes([*samples, *shapes]))
+    entries = {
+        unit.name: [functions.entry(sources.of(_function(item))) for item in unit.entries] for unit in units
+    }
+    every = [item for found in entries.values() for item in found]
+    functions.embed(Shapes(shapes))
+    records = Records(functions, every, samples)
+    parts = {unit.name: _Unit(unit, entries[unit.name], records, every) for unit in units}
+    body = {"types.h": _header("types", ["real.h"], records.structures())}
+    for part in parts.values():
+        body |= part.files()
+    source_hash = _hash(functions, body)
+    first = [
+        *comment(
+            f"Printed by twin_gait {twin_gait.__version__} from {_modules(functions)}; source "
+            f"{source_hash[:16]}. Edit those, not this. Not a medical device."
+        ),
+        "",
+    ]
+    texts = {name: "\n".join([*first, *lines]) + "\n" for name, lines in body.items()}
+    real = (files("twin_gait.firmware") / "include" / "real.h").read_text()
+    return Program({"real.h": real, **texts}, source_hash, functions, records, every)
+
+
+class _Unit:
+    """Prints one unit."""
+
+    def __init__(
+        self, unit: TranslationUnit, entries: Sequence[Function], records: Records, every: Sequence[Function]
+    ) -> None:
+        self.unit, self.entries, self.records = unit, entries, records
+        reached = set(_reached(entries, {*every} - {*entries}))
+        self.order = [item for item in records.functions.order if item in reached]
+        self.foreign = [item for item in every if item in reached and item not in entries]
+        self.naming = Naming(self.order)
+
+    def files(self) -> dict[str, list[str]]:
+        """Header and source without their first lines."""
+        name, tables = self.unit.name, Tables(self.records)
+        inits = [self._sample(item, sample, tables) for item, sample in self.unit.samples.items()]
+        prototypes = [*(head for head, _ in inits), *map(self._prototype, self.entries)]
+        structs = [line for item in self.entries for line in result_struct(item, self.naming)]
+        header = [*structs, *(line for text in prototypes for line in (*text, ""))]
+        lines = [
+            f'#include "{name}.h"',
+            "",
+            *self._constants(),
+            *tables.lines,
+            *([""] if tables.lines else []),
+        ]
+        lines += [line for _, text in inits for line in text]
+        own = [item for item in self.order if item not in self.foreign]
+        for item in own:
+            if item not in self.entries:
+                lines += result_struct(item, self.naming)
+        for item in own:
+            printed = Printed(self.records.functions, item, self.naming)
+            lines += [*printed.definition(exported=item in self.entries), ""]
+        return {f"{name}.h": _header(name, ["types.h"], header), f"{name}.c": lines[:-1]}
+
+    def _prototype(self, function: Function) -> list[str]:
+        printed = Printed(self.records.functions, function, self.naming)
+        return wrapped(f"{printed.signature()};", 0)
+
+    def _sample(self, name: str, sample: Any, tables: Tables) -> tuple[list[str], list[str]]:
+        """Lines of the header and of the source that make a record as it is at tick 0."""
+        kind, contents = type(sample).__name__, tables.initialiser(sample, name)
+        if type(sample) not in self.records.in_ram:
+            tables.add(f"const {kind} {name}", contents)
+            return [f"extern const {kind} {name};"], []
+        tables.add(f"static const {kind} {name}_at_start", contents)
+        head = f"void {name}_init({kind} *record)"
+        source = [f"{head} {{", f"    *record = {name}_at_start;", "}", ""]
+        return [*comment("As it is at tick 0."), f"{head};"], source
+
+    def _constants(self) -> list[str]:
+        found: dict[str, str] = {}
+        for function in self.order:
+            for name, value in function.constants.items():
+                text = _constant(function, name, value)
+                if found.setdefault(identifier(name), text) != text:
+                    raise FirmwareError(f"{name}: two constants of this name have two values")
+        return [*(f"#define {name} {text}" for name, text in found.items()), ""] if found else []
+
+
+def _constant(function: Function, name: str, value: bool | int | float) -> str:
+    kind = scalar_of(value)
+    assert kind is not None
+    text = number(value, kind)
+    if kind is REAL and function.source.module == ELEMENTARY and name in SINGLE:
+        return f"REAL_OR({value!r}, {SINGLE[name]!r})"
+    return f"({text})" if text[0] == "-" else text
+
+
+def _reached(entries: Sequence[Function], foreign: set[Function]) -> Iterator[Function]:
+    """Entries and what they call, but nothing beyond the entries of other units."""
+    for item in entries:
+        yield item
+        if item not in foreign:
+            yield from _reached(list(item.calls.values()), foreign)
+
+
+def _function(entry: Callable[..., Any]) -> FunctionType:
+    assert isinstance(entry, FunctionType)
+    return entry
+
+
+def _header(name: str, included: Sequence[str], lines: Sequence[str]) -> list[str]:
+    guard = f"{name.upper()}_H"
+    includes = [f'#include "{item}"' for item in included]
+    return [f"#ifndef {guard}", f"#define {guard}", "", *includes, "", *lines, "#endif"]
+
+
+def _modules(functions: Functions) -> str:
+    found = dict.fromkeys(item.source.module for item in functions.order)
+    return ", ".join(sorted(found))
+
+
+def _hash(functions: Functions, body: Mapping[str, Sequence[str]]) -> str:
+    """Of the functions as they stand in Python, and of all tables and constants."""
+    texts = [item.source.text for item in functions.order]
+    texts += ["\n".join(lines) for lines in body.values()]
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()

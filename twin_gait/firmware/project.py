@@ -1,0 +1,266 @@
+"""What ``twin-gait firmware`` leaves behind: readable C, a walk to compare it with, how to use it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from string import Template
+from typing import Any
+
+import numpy as np
+
+import twin_gait
+from twin_gait.configuration.documents import dump_yaml
+from twin_gait.control import TripCause
+from twin_gait.control.joint_board import Demand, Measurement
+from twin_gait.core.elementary import sine_cosine
+from twin_gait.exceptions import FirmwareError, MissingOptionalDependency
+from twin_gait.experiment import ControlMode, Experiment
+from twin_gait.experiment.problem import Problem, build_problem
+from twin_gait.firmware.can_codec import CanFrame, can_messages, can_pack, can_unpack
+from twin_gait.firmware.cross import Unit
+from twin_gait.firmware.linked import LinkedUnit, c_dtype, linked_unit
+from twin_gait.firmware.printer import Program, TranslationUnit, print_units
+from twin_gait.firmware.units import (
+    Decision,
+    Exoskeleton,
+    ExoskeletonInputs,
+    ExoskeletonOutputs,
+    GaitController,
+    GaitControllerInputs,
+    GaitControllerOutputs,
+    JointBoard,
+    JointBoardInputs,
+    JointBoardOutputs,
+    exoskeleton_step,
+    gait_controller_step,
+    joint_board_step,
+)
+from twin_gait.firmware.vectors import Vectors
+from twin_gait.gait.program import open_results
+from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
+from twin_gait.parameters import ImpedancePlace
+
+MANIFEST = "manifest.json"
+VECTORS = "vectors.csv"
+JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON, CAN_CODEC = UNITS = (
+    "joint_board",
+    "gait_controller",
+    "exoskeleton",
+    "can_codec",
+)
+PENDING_RESULTS = 30  # of a guard, a bit each of a signed 32-bit integer, with room to shift
+_FILES = Path(__file__).with_name("project_files")
+
+
+@dataclass(frozen=True)
+class Project:
+    """The firmware of an experiment.
+
+    Attributes:
+        problem: The experiment, laid out.
+        linked: Gait controller and boards as one unit.
+        messages: Of the CAN network, by name; none where cantools is not installed.
+        program: All units in C.
+    """
+
+    problem: Problem
+    linked: LinkedUnit
+    messages: Mapping[str, Message]
+    program: Program
+
+    @property
+    def joints(self) -> list[str]:
+        """Joints in the order of the units, such as ``left_hip``."""
+        return [f"{item.side}_{item.joint}" for item in self.problem.joints]
+
+    def write(self, folder: Path, vectors: Vectors, document: Mapping[str, Any]) -> None:
+        """Write everything.
+
+        Args:
+            folder: Which exists and is empty.
+            vectors: Of a short walk.
+            document: The experiment, from
+                :func:`twin_gait.configuration.experiments.resolved_document`.
+        """
+        texts = dict(self.program.files)
+        for path in _FILES.iterdir():
+            text = path.read_text(encoding="utf-8")
+            texts[path.name] = Template(text).substitute(self._words()) if path.suffix == ".md" else text
+        texts["experiment.yaml"] = dump_yaml(dict(document))
+        texts[MANIFEST] = json.dumps(self.manifest(document), indent=2) + "\n"
+        texts[VECTORS] = "\n".join(_table(self.joints, vectors)) + "\n"
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
+
+    def manifest(self, document: Mapping[str, Any]) -> dict[str, Any]:
+        """What the C was printed from, and the RAM that its records take on a Cortex-M."""
+        records = (JointBoard, GaitController, Exoskeleton)
+        return {
+            "experiment": self.problem.experiment.name,
+            "table": self.problem.table.name,
+            "source_sha256": self.program.source_hash,
+            "provenance": document["provenance"],
+            "can_codec": bool(self.messages),
+            "record_bytes": {item.__name__: self._bytes(item) for item in records},
+        }
+
+    def write_linked(self, folder: Path) -> Unit:
+        """Write the C alone into a folder that exists; the linked unit in it."""
+        for name, text in self.program.files.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        return Unit(name=EXOSKELETON, sources=(folder / f"{EXOSKELETON}.c",))
+
+    def dtypes(self, *, double: bool) -> tuple[np.dtype[Any], np.dtype[Any]]:
+        """Layout in C of inputs and outputs of the linked unit."""
+        records, real = self.program.records, np.dtype("f8" if double else "f4")
+        return c_dtype(records, ExoskeletonInputs, real), c_dtype(records, ExoskeletonOutputs, real)
+
+    def _bytes(self, record: type) -> int:
+        return c_dtype(self.program.records, record, np.dtype("f4")).itemsize
+
+    def _words(self) -> dict[str, str]:
+        problem, counts = self.problem, self.problem.experiment.sensors.encoder_counts
+        steps = [2.0 * math.pi / (counts * problem.actuator(joint).gear_ratio) for joint in problem.joints]
+        boards = [
+            [name, f"`{JOINT_BOARD}_{name}_init`", f"{step:.9g}"]
+            for name, step in zip(self.joints, steps, strict=True)
+        ]
+        return {
+            "name": problem.experiment.name,
+            "table": problem.table.name,
+            "version": twin_gait.__version__,
+            "source_hash": self.program.source_hash[:16],
+            "first": self.joints[0],
+            "boards": _markdown(["joint", "first call", "angle of a count [rad]"], boards),
+            "phases": ", ".join(f"{number} {name}" for number, name in enumerate(problem.table.phases)),
+            "causes": ", ".join(f"{cause.code} {cause}" for cause in TripCause),
+            "can": self._can(),
+            **{f"{item.__name__}_bytes": str(self._bytes(item)) for item in (JointBoard, GaitController)},
+        }
+
+    def _can(self) -> str:
+        if not self.messages:
+            return "`can_codec.[ch]` was left out: `pip install cantools`, and print again."
+        rows = [
+            [f"`{name}`", f"{item.identifier:#x}", ", ".join(item.signals)]
+            for name, item in self.messages.items()
+        ]
+        return _markdown(["message", "identifier", "values in this order"], rows)
+
+
+def print_project(experiment: Experiment) -> Project:
+    """Print the firmware of an experiment.
+
+    Raises:
+        FirmwareError: If it uses something that the firmware does not have; key, value and way out.
+    """
+    refuse_what_c_has_not(experiment)
+    problem = build_problem(experiment)
+    refuse_wide_guards(problem)
+    linked, messages = linked_unit(problem), _messages(experiment)
+    units, shapes = list(_units(problem, linked)), _shapes(linked)
+    if messages:
+        units.append(TranslationUnit(CAN_CODEC, [can_pack, can_unpack], can_messages(messages)))
+        shapes.append(CanFrame())
+    program = print_units(units, {**linked.structure, "sine_cosine": sine_cosine}, linked.kernel, shapes)
+    return Project(problem, linked, messages, program)
+
+
+def refuse_what_c_has_not(experiment: Experiment) -> None:
+    """Refuse what the simulation does in place of the firmware.
+
+    Raises:
+        FirmwareError: With key, value and way out.
+    """
+    control, network = experiment.control, experiment.network
+    if control.mode is ControlMode.POSITION:
+        raise FirmwareError("control.mode: position follows a path, which is not printed; set impedance")
+    if control.assistance.adaptive:
+        raise FirmwareError("control.assistance.adaptive: true is not printed; set false, and a share")
+    if control.delay_ticks > 0:
+        raise FirmwareError(
+            f"control.delay_ms: {control.delay_ticks} is of the simulated drive, and the firmware "
+            "answers within the tick; set 0"
+        )
+    if network is not None and network.impedance is ImpedancePlace.CCU:
+        raise FirmwareError("network.impedance: ccu is not printed: springs are on the boards; set board")
+
+
+def refuse_wide_guards(problem: Problem) -> None:
+    """Refuse guards whose results do not fit into 32 bits.
+
+    Raises:
+        FirmwareError: With the transition.
+    """
+    rules = zip(problem.table.transitions, problem.program.transitions, strict=True)
+    for transition, rule in rules:
+        most = open_results(problem.program.nodes[rule.first_node : rule.end_node])
+        if most > PENDING_RESULTS:
+            raise FirmwareError(
+                f"transition {transition.source} → {transition.target} ({transition.cause}): {most} "
+                f"conditions wait to be joined; at most {PENDING_RESULTS} fit into 32 bits, so nest some"
+            )
+
+
+def _units(problem: Problem, linked: LinkedUnit) -> Iterator[TranslationUnit]:
+    whole = linked.record
+    boards = {
+        f"{JOINT_BOARD}_{joint.side}_{joint.joint}": JointBoard(whole.settings, board)
+        for joint, board in zip(problem.joints, whole.boards, strict=True)
+    }
+    central = GaitController(whole.settings, whole.controller)
+    yield TranslationUnit(JOINT_BOARD, [joint_board_step], boards)
+    yield TranslationUnit(GAIT_CONTROLLER, [gait_controller_step], {GAIT_CONTROLLER: central})
+    yield TranslationUnit(EXOSKELETON, [exoskeleton_step], {EXOSKELETON: whole})
+
+
+def _shapes(linked: LinkedUnit) -> list[Any]:
+    joints, legs = len(linked.record.boards), len(linked.record.controller.legs)
+    measurements, demands = [Measurement() for _ in range(joints)], [Demand() for _ in range(joints)]
+    return [
+        linked.inputs,
+        linked.outputs,
+        JointBoardInputs(),
+        JointBoardOutputs(),
+        GaitControllerInputs(linked.inputs.surroundings, measurements, [False] * joints),
+        GaitControllerOutputs(Decision([0] * legs, [0] * legs), demands),
+    ]
+
+
+def _messages(experiment: Experiment) -> dict[str, Message]:
+    try:
+        return load_messages(PACKAGED_DBC if experiment.network is None else experiment.network.dbc)
+    except MissingOptionalDependency:
+        return {}
+
+
+# ------------------------------------------------------------------ texts
+
+
+def _table(joints: Sequence[str], vectors: Vectors) -> Iterator[str]:
+    """Vectors as runner.c reads them: a tick in a line, its inputs, then what is expected."""
+    inputs, outputs = vectors.inputs, vectors.outputs
+    read = ("angle", "voltage", "current", "current_deviation")
+    sides = [f"foot_{number}" for number in range(inputs["surroundings"]["loads"].shape[1])]
+    given = [f"{joint}_{name}" for joint in joints for name in read]
+    yield ",".join(
+        [*given, *(f"{side}_load" for side in sides), "bus_voltage", "walk"]
+        + [f"{joint}_{name}" for joint in joints for name in ("torque", "target_current")]
+        + [*(f"{side}_phase" for side in sides), "trip_cause"]
+    )
+    for row, expected in zip(inputs, outputs, strict=True):
+        around, commands = row["surroundings"], expected["commands"]
+        numbers = [item for board in row["boards"] for item in (board[name] for name in read)]
+        numbers += [*around["loads"], around["bus_voltage"], around["walk"]]
+        numbers += [item for command in commands for item in (command["torque"], command["target_current"])]
+        phases = [*expected["decision"]["phases"], expected["decision"]["trip_cause"]]
+        yield ",".join([*(repr(float(item)) for item in numbers), *(str(int(item)) for item in phases)])
+
+
+def _markdown(heading: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [heading, ["---"] * len(heading), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -1,0 +1,195 @@
+"""Records in C: a structure of each class, and what an instance holds at tick 0 as tables.
+
+What no printed function writes to is a parameter: a structure has its address, and it lies in flash. All else
+is part of the structure, and lies in RAM.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from twin_gait.exceptions import FirmwareError
+from twin_gait.firmware.expressions import number
+from twin_gait.firmware.function import Function, Functions
+from twin_gait.firmware.kinds import (
+    INT,
+    INT_LIMIT,
+    LARGEST_SINGLE,
+    REAL,
+    Kind,
+    ListKind,
+    RecordKind,
+    Scalar,
+    type_name,
+)
+from twin_gait.firmware.layout import INDENT, WIDTH, attributes_of, comment, docstring_of, identifier, wrapped
+from twin_gait.simulation.watching import NEVER
+
+
+class Records:
+    """Layout of all records of a program."""
+
+    def __init__(self, functions: Functions, entries: Iterable[Function], samples: Iterable[Any]) -> None:
+        """Decide what is a table and what is not.
+
+        Args:
+            functions: All that is printed.
+            entries: What is called from outside.
+            samples: Records that have a table of their own.
+        """
+        self.functions, self.fields = functions, functions.shapes.fields
+        self.in_ram: set[type] = set()
+        self._handed: set[type] = set()  # what others may fill with whatever they like
+        for entry in entries:
+            for name, kind in entry.params.items():
+                self._hand(kind)
+                if name in entry.written:
+                    self._embed(kind, self.in_ram)
+        for sample in samples:
+            self._hand(RecordKind(type(sample)))
+
+    def _hand(self, kind: Kind) -> None:
+        self._embed(kind, self._handed)
+
+    def _embed(self, kind: Kind, into: set[type]) -> None:
+        """A record with all that is part of it."""
+        while isinstance(kind, ListKind):
+            kind = kind.item
+        if isinstance(kind, RecordKind) and kind.record not in into:
+            into.add(kind.record)
+            for name, inner in self.used(kind.record):
+                if not self.is_table(kind.record, name):
+                    self._embed(inner, into)
+
+    def used(self, record: type) -> Iterator[tuple[str, Kind]]:
+        """Names and kinds of the fields that are read or written, in their order."""
+        for name, kind in self.fields.get(record, {}).items():
+            if (record, name) in self.functions.used:
+                yield name, kind
+
+    def is_table(self, record: type, name: str) -> bool:
+        """Whether a field is the address of something in flash."""
+        kind = self.fields[record][name]
+        return not isinstance(kind, Scalar) and (record, name) not in self.functions.mutable
+
+    def type_of(self, record: type, name: str) -> str:
+        """Type of a number in a record; in flash alone whole numbers take the room that they need."""
+        kind = self.fields[record][name]
+        assert isinstance(kind, Scalar)
+        if kind is INT and record not in self._handed:
+            values = [getattr(item, name) for item in self.functions.shapes.instances[record].values()]
+            for bits in (8, 16):
+                if all(-(2 ** (bits - 1)) <= value < 2 ** (bits - 1) for value in values):
+                    return f"int{bits}_t"
+        return kind.name
+
+    # ------------------------------------------------------------------ structures
+
+    def structures(self) -> list[str]:
+        """Definitions of all structures, each after those that it contains."""
+        lines: list[str] = []
+        done: set[type] = set()
+
+        def define(record: type) -> None:
+            if record in done or not list(self.used(record)):
+                return
+            done.add(record)
+            for _, kind in self.used(record):
+                while isinstance(kind, ListKind):
+                    kind = kind.item
+                if isinstance(kind, RecordKind):
+                    define(kind.record)
+            lines.extend([*self._structure(record), ""])
+
+        for record in self.fields:
+            define(record)
+        return lines
+
+    def _structure(self, record: type) -> list[str]:
+        lines = [*comment(docstring_of(record)), "typedef struct {"]
+        says = attributes_of(record)
+        for name, _ in self.used(record):
+            lines += comment(says.get(name, ""), INDENT)
+            lines.append(f"    {self.member(record, name)};")
+        return [*lines, f"}} {record.__name__};"]
+
+    def member(self, record: type, name: str) -> str:
+        """Declaration of a field."""
+        kind, place = self.fields[record][name], identifier(name)
+        if isinstance(kind, Scalar):
+            return f"{self.type_of(record, name)} {place}"
+        if isinstance(kind, ListKind) and isinstance(kind.item, ListKind):
+            raise FirmwareError(f"{record.__name__}.{name}: lists of lists are not printed")
+        text = type_name(kind)
+        if self.is_table(record, name):
+            return f"const {text} *{place}"
+        if not isinstance(kind, ListKind):
+            return f"{text} {place}"
+        if kind.length is None:
+            raise FirmwareError(f"{record.__name__}.{name}: of different lengths in two samples")
+        return f"{text} {place}[{kind.length}]"
+
+
+class Tables:
+    """Tables in flash of one unit; what is equal is there once."""
+
+    def __init__(self, records: Records) -> None:
+        """Begin with none."""
+        self.records = records
+        self.lines: list[str] = []
+        self._names: dict[tuple[str, str], str] = {}
+
+    def initialiser(self, sample: Any, name: str) -> str:
+        """Contents of a record; its tables are added.
+
+        Args:
+            name: Of the record, for those of its tables.
+        """
+        record, parts = type(sample), []
+        for field, kind in self.records.used(record):
+            value = getattr(sample, field)
+            if self.records.is_table(record, field):
+                text = self._table(value, kind, f"{name}_{field}")
+            else:
+                text = self._value(value, kind, f"{name}_{field}", f"{record.__name__}.{field}")
+            parts.append(f".{identifier(field)} = {text}")
+        return f"{{{', '.join(parts)}}}"
+
+    def add(self, declaration: str, contents: str) -> None:
+        """Define a constant."""
+        line = f"{declaration} = {contents};"
+        if len(line) <= WIDTH or not contents.startswith("{{"):
+            self.lines += wrapped(line, 0)
+        else:
+            rows = contents[1:-1].replace("}, {", "},\n{").split("\n")
+            self.lines.append(f"{declaration} = {{")
+            for row in rows:
+                self.lines += wrapped(row if row.endswith(",") else f"{row},", INDENT)
+            self.lines.append("};")
+
+    def _table(self, value: Any, kind: Kind, name: str) -> str:
+        text = type_name(kind)
+        contents = self._value(value, kind, name, name)
+        known = self._names.get((text, contents))
+        if known is None:
+            known = self._names[text, contents] = name
+            size = f"[{len(value)}]" if isinstance(kind, ListKind) else ""
+            self.add(f"static const {text} {name}{size}", contents)
+        return known if isinstance(kind, ListKind) else f"&{known}"
+
+    def _value(self, value: Any, kind: Kind, name: str, where: str) -> str:
+        if isinstance(kind, ListKind):
+            numbered = enumerate(value)
+            return (
+                f"{{{', '.join(self._value(item, kind.item, f'{name}_{k}', where) for k, item in numbered)}}}"
+            )
+        if isinstance(kind, RecordKind):
+            return self.initialiser(value, name)
+        assert isinstance(kind, Scalar)
+        if kind is INT and value == NEVER:
+            return "INT32_MAX"
+        largest = LARGEST_SINGLE if kind is REAL else INT_LIMIT - 1
+        if abs(value) > largest and value == value and abs(value) != float("inf"):
+            raise FirmwareError(f"{where}: {value} does not fit into 32 bits")
+        return number(value, kind)

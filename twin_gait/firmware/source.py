@@ -1,0 +1,221 @@
+"""The functions that are printed, read and simplified: what a constant rules out is gone, pairs are unpacked.
+
+Names are looked up as :mod:`twin_gait.simulation.binding` binds them: first what is given, then the globals
+of the function.
+"""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import FunctionType, ModuleType
+from typing import Any, get_type_hints
+
+from twin_gait.exceptions import FirmwareError
+from twin_gait.firmware.kinds import SCALARS
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """A function as it is printed.
+
+    Attributes:
+        name: In Python.
+        module: Where it stands.
+        text: As it was written.
+        first_line: In its file.
+        tree: Simplified.
+        scope: What its global names stand for.
+        hints: Of its arguments and of what it returns.
+    """
+
+    name: str
+    module: str
+    text: str
+    first_line: int
+    tree: ast.FunctionDef
+    scope: Mapping[str, Any]
+    hints: Mapping[str, Any]
+
+    def refused(self, node: ast.AST, problem: str) -> FirmwareError:
+        """What is raised for something that cannot be printed; it names function, line and construct."""
+        line = self.first_line - 1 + getattr(node, "lineno", 1)
+        shown = " ".join(ast.unparse(node).split()) if isinstance(node, (ast.expr, ast.stmt)) else ""
+        shown = f"{shown[:60]}…" if len(shown) > 60 else shown
+        return FirmwareError(f"{self.module}.{self.name}, line {line}: {shown}: {problem}")
+
+
+class Sources:
+    """Every function by name or by itself, read once."""
+
+    def __init__(self, names: Mapping[str, Any], text: str) -> None:
+        """Keep what takes the place of globals.
+
+        Args:
+            names: Constants, and functions, by the names of the globals that they replace.
+            text: Source of more functions, likewise; what they call is found in ``names``.
+        """
+        self.names = names
+        self._texts = {item.name: item for item in ast.parse(text).body if isinstance(item, ast.FunctionDef)}
+        self._lines = text.splitlines()
+        self._read: dict[Any, Source] = {}
+
+    def found(self, name: str, scope: Mapping[str, Any]) -> Any:
+        """What a global name stands for: a :class:`Source`, a number, a module; None of nothing."""
+        if name in self._texts:
+            if name not in self._read:
+                self._read[name] = self._of_text(self._texts[name], scope.get(name))
+            return self._read[name]
+        value = self.names.get(name, scope.get(name))
+        return self.of(value) if isinstance(value, FunctionType) else value
+
+    def of(self, function: FunctionType) -> Source:
+        """A function, or what takes its place."""
+        if function.__name__ in self._texts:
+            found: Source = self.found(function.__name__, {function.__name__: function})
+            return found
+        if function not in self._read:
+            lines, first = inspect.getsourcelines(function)
+            text = textwrap.dedent("".join(lines))
+            tree = ast.parse(text).body[0]
+            assert isinstance(tree, ast.FunctionDef)
+            hints = get_type_hints(function)
+            self._read[function] = self._simplified(
+                Source(function.__name__, function.__module__, text, first, tree, function.__globals__, hints)
+            )
+        return self._read[function]
+
+    def _of_text(self, tree: ast.FunctionDef, stub: Any) -> Source:
+        hints = get_type_hints(stub) if isinstance(stub, FunctionType) else {}
+        text = "\n".join(self._lines[tree.lineno - 1 : tree.end_lineno])
+        return self._simplified(Source(tree.name, "generated", text, 1, tree, {}, hints))
+
+    def _simplified(self, source: Source) -> Source:
+        names = {node.id for node in ast.walk(source.tree) if isinstance(node, ast.Name) and _stores(node)}
+        names |= {item.arg for item in source.tree.args.args}
+        _Folding(self, source, names).generic_visit(source.tree)
+        _drop_unread(source.tree)
+        return source
+
+
+def _stores(node: ast.Name) -> bool:
+    return isinstance(node.ctx, ast.Store)
+
+
+class _Folding(ast.NodeTransformer):
+    """Decides conditions that are constants, and assigns pairs one after the other."""
+
+    def __init__(self, sources: Sources, source: Source, own: set[str]) -> None:
+        self.sources, self.source, self.own = sources, source, own
+
+    def value(self, node: ast.expr) -> Any:
+        """Of an expression of constants alone; None of any other."""
+        constants = {}
+        for item in ast.walk(node):
+            if isinstance(item, (ast.Call, ast.Attribute, ast.Subscript)):
+                return None
+            if isinstance(item, ast.Name):
+                found = None if item.id in self.own else self.sources.found(item.id, self.source.scope)
+                if type(found) not in SCALARS:
+                    return None
+                constants[item.id] = found
+        return eval(compile(ast.Expression(node), "constants", "eval"), {}, constants)
+
+    def visit_If(self, node: ast.If) -> Any:
+        node = self.generic_visit(node)  # type: ignore[assignment]
+        value = self.value(node.test)
+        if value is None:
+            return node
+        return (node.body if value else node.orelse) or ast.copy_location(ast.Pass(), node)
+
+    def visit_IfExp(self, node: ast.IfExp) -> Any:
+        node = self.generic_visit(node)  # type: ignore[assignment]
+        value = self.value(node.test)
+        return node if value is None else node.body if value else node.orelse
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> Any:
+        node = self.generic_visit(node)  # type: ignore[assignment]
+        decisive = isinstance(node.op, ast.Or)
+        kept = []
+        for item in node.values:
+            value = self.value(item)
+            if value is not None and bool(value) is decisive:
+                return ast.copy_location(ast.Constant(decisive), node)
+            if value is None:
+                kept.append(item)
+        if len(kept) < 2:
+            return kept[0] if kept else ast.copy_location(ast.Constant(not decisive), node)
+        return ast.copy_location(ast.BoolOp(node.op, kept), node)
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> Any:
+        read = ast.parse(ast.unparse(node.target), mode="eval").body
+        for item in ast.walk(read):
+            ast.copy_location(item, node)
+        value = ast.copy_location(ast.BinOp(read, node.op, node.value), node)
+        return self.generic_visit(ast.copy_location(ast.Assign([node.target], value), node))
+
+    def visit_Assign(self, node: ast.Assign) -> Any:
+        node = self.generic_visit(node)  # type: ignore[assignment]
+        target, value = node.targets[0], node.value
+        if not (isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)):
+            return node
+        if len(target.elts) != len(value.elts):
+            raise self.source.refused(node, "as many names as values are expected")
+        for place, item in enumerate(target.elts):
+            if any(_touches(item, later) for later in value.elts[place + 1 :]):
+                raise self.source.refused(node, "values that are exchanged; assign them one by one")
+        pairs = zip(target.elts, value.elts, strict=True)
+        return [ast.copy_location(ast.Assign([left], right), node) for left, right in pairs]
+
+
+def _touches(target: ast.expr, value: ast.expr) -> bool:
+    """Whether a value may be another one once the target has been assigned."""
+    if isinstance(target, ast.Name):
+        return any(isinstance(item, ast.Name) and item.id == target.id for item in ast.walk(value))
+    if isinstance(target, ast.Attribute):
+        return any(
+            isinstance(item, ast.Call) or (isinstance(item, ast.Attribute) and item.attr == target.attr)
+            for item in ast.walk(value)
+        )
+    return any(isinstance(item, (ast.Subscript, ast.Call)) for item in ast.walk(value))
+
+
+def _drop_unread(tree: ast.FunctionDef) -> None:
+    """Take out assignments of names that are not read (any more), unless they call something."""
+    while True:
+        read = {item.id for item in ast.walk(tree) if isinstance(item, ast.Name) and not _stores(item)}
+        if not _dropped(tree, read):
+            return
+
+
+def _dropped(tree: ast.AST, read: set[str]) -> bool:
+    found = False
+    for block in blocks_in(tree):
+        kept = [item for item in block if not _is_unread(item, read)]
+        if len(kept) < len(block):
+            found, block[:] = True, kept or [ast.copy_location(ast.Pass(), block[0])]
+    return found
+
+
+def _is_unread(item: ast.stmt, read: set[str]) -> bool:
+    if not (isinstance(item, ast.Assign) and isinstance(item.targets[0], ast.Name)):
+        return False
+    return item.targets[0].id not in read and not any(isinstance(node, ast.Call) for node in ast.walk(item))
+
+
+def blocks_in(tree: ast.AST) -> Iterator[list[ast.stmt]]:
+    """Every list of statements in a tree."""
+    for node in ast.walk(tree):
+        for name in ("body", "orelse"):
+            block = getattr(node, name, None)
+            if isinstance(block, list):
+                yield block
+
+
+def constant_in(module: Any, name: str) -> Any:
+    """A number that a module has by a name; None of anything else."""
+    value = getattr(module, name, None) if isinstance(module, ModuleType) else None
+    return value if type(value) in SCALARS else None

@@ -1,0 +1,128 @@
+"""What the linked unit reads tick by tick in a run of the compiled engine, and what it is to give."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from twin_gait.exceptions import FirmwareError
+from twin_gait.experiment import Experiment
+from twin_gait.experiment.problem import build_problem
+from twin_gait.firmware.linked import LinkedUnit, linked_unit
+from twin_gait.scenario.faults import FaultKind
+from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.engine import run_in_chunks
+from twin_gait.simulation.record import dtype_of
+from twin_gait.simulation.run import Run
+from twin_gait.simulation.simulator import run_of
+
+
+class Vectors(NamedTuple):
+    """A run as the unit sees it.
+
+    Attributes:
+        run: Of the compiled engine.
+        unit: That is to run on the inputs.
+        inputs: Of each tick, shape ``(n_ticks,)``, laid out as
+            :class:`~twin_gait.firmware.units.ExoskeletonInputs`.
+        outputs: Expected, likewise as :class:`~twin_gait.firmware.units.ExoskeletonOutputs`.
+    """
+
+    run: Run
+    unit: LinkedUnit
+    inputs: np.ndarray
+    outputs: np.ndarray
+
+
+def without_bus(experiment: Experiment) -> Experiment:
+    """The experiment as a unit without a bus runs it.
+
+    Raises:
+        FirmwareError: Its controller goes wrong by itself, which no vector can hold against the unit.
+    """
+    for fault in experiment.faults:
+        if fault.kind is FaultKind.CONTROLLER_RUNAWAY:
+            raise FirmwareError(f"faults: {fault} is one of the controller itself; verify without it")
+    return replace(experiment, network=None)
+
+
+def record_vectors(
+    experiment: Experiment,
+    progress: Callable[[int, int], None] | None = None,
+    on_compile: Callable[[], None] | None = None,
+) -> Vectors:
+    """Run an experiment on the compiled engine, and keep what the unit reads and gives in each tick.
+
+    Args:
+        experiment: Run without its bus.
+        progress: Called now and then with ticks done and ticks in all.
+        on_compile: Called if the engine has to be compiled first.
+
+    Raises:
+        FirmwareError: A fault of the controller itself.
+    """
+    problem = build_problem(without_bus(experiment))
+    engine, unit = CompiledEngine(problem, on_compile=on_compile), linked_unit(problem)
+    rows = np.zeros((problem.experiment.n_ticks, len(engine.layout.names)))
+    inputs, outputs = (np.zeros(len(rows), dtype_of(sample)) for sample in (unit.inputs, unit.outputs))
+    record = engine.parts[0]
+    earlier, now = drive_pairs(record, inputs), sensor_pairs(record, inputs) + answer_pairs(record, outputs)
+
+    def run_tick(tick: int, end: int) -> tuple[int, int]:
+        keep(earlier, tick)
+        engine.run_ticks(tick, end, rows)
+        keep(now, tick)
+        return end, int(engine.episode["status"])
+
+    began = time.perf_counter()
+    done = run_in_chunks(problem, 1, run_tick, progress, None)[0]
+    run = run_of(engine, engine.result(done, rows[:done]), time.perf_counter() - began)
+    return Vectors(run, unit, inputs[:done], outputs[:done])
+
+
+Pairs: TypeAlias = list[tuple[np.ndarray, np.ndarray]]  # rows of ticks, and where in the engine they stand
+
+
+def drive_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:
+    """Inputs that stand in an engine's record from the end of a tick to that of the next.
+
+    Args:
+        record: Of the engine, shape ``(1,)``.
+    """
+    boards, joints = inputs["boards"], record["joints"]
+    return [
+        *((boards[name], joints[name]) for name in ("voltage", "current", "current_deviation")),
+        (inputs["surroundings"]["bus_voltage"], record["supply"]["bus_voltage"]),
+    ]
+
+
+def sensor_pairs(record: np.ndarray, inputs: np.ndarray) -> Pairs:
+    """Inputs that stand there once the sensors have been read."""
+    around = inputs["surroundings"]
+    return [
+        (inputs["boards"]["angle"], record["joints"]["board"]["encoder"]["angle"]),
+        (around["loads"], record["soles"]["load"]),
+        (around["walk"], record["controller"]["signals"][:, -1]),
+    ]
+
+
+def answer_pairs(record: np.ndarray, outputs: np.ndarray) -> Pairs:
+    """Outputs that stand there at the end of a tick."""
+    decision, controller = outputs["decision"], record["controller"]
+    return [
+        (outputs["commands"], record["joints"]["board"]["command"]),
+        (decision["phases"], controller["legs"]["phase"]),
+        (decision["transitions"], controller["legs"]["chosen"]),
+        (decision["trip_cause"], controller["trip"]["cause"]),
+        (decision["trip_part"], controller["trip"]["part"]),
+    ]
+
+
+def keep(pairs: Pairs, tick: int) -> None:
+    """Take what stands in the engine into the row of a tick."""
+    for rows, record in pairs:
+        rows[tick] = record[0]

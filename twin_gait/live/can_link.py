@@ -1,0 +1,228 @@
+"""A live walk on a CAN bus: its frames at their cycle, and the commands of a monitor.
+
+One thread has the bus. Frames come in blocks of 10 ms and go out one block later, each at its own time in the
+clock of the walk; commands become messages of the session, as if a page had moved its sliders.
+"""
+
+from __future__ import annotations
+
+import base64
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin_gait.exceptions import MissingOptionalDependency, ParameterError
+from twin_gait.experiment.problem import Problem
+from twin_gait.export.can import BusFrame, bus_frames, messages_of
+from twin_gait.live.can_commands import MODE, Wishes, change_of, commands_of, wishes_of
+from twin_gait.live.deadlines import PERIOD
+from twin_gait.live.events import EventBook
+from twin_gait.live.priority import undisturbed
+from twin_gait.live.protocol import Control, Message, MessageRefused, Response, SetControl
+from twin_gait.network.messages import CYCLE
+from twin_gait.simulation.engine import log_layout
+
+if TYPE_CHECKING:
+    import can
+
+USER = "CAN"
+# Frames of udp_multicast stay on this machine.
+OPTIONS: Mapping[str, Mapping[str, Any]] = {"udp_multicast": {"hop_limit": 0}}
+FARTHEST = 3 * PERIOD  # [s] between a frame and its time, before the times are set anew
+REPETITION = 1.0  # [s] in which the same frame once more is nothing new
+SEND_TIME = 1e-3  # [s] that a frame may wait for the driver
+MOST_HEARD = 100  # frames between two looks at what is to be sent
+MOST_NOTES = 20  # that a session tells of its bus
+
+
+def open_bus(name: str) -> can.BusABC:
+    """Open a bus of python-can.
+
+    Args:
+        name: ``INTERFACE:CHANNEL``, such as ``udp_multicast:239.74.163.2`` or ``socketcan:vcan0``; what else
+            a driver needs (a bit rate) stands in python-can's own configuration file.
+
+    Raises:
+        ParameterError: If there is no such interface, or it cannot be opened.
+        MissingOptionalDependency: If python-can is not installed.
+    """
+    try:
+        import can
+    except ImportError as error:
+        raise MissingOptionalDependency("python-can", "can", "a CAN bus") from error
+    interface, _, channel = name.partition(":")
+    if not channel:
+        example = "such as udp_multicast:239.74.163.2 or socketcan:vcan0"
+        raise ParameterError(f"CAN bus {name!r}: expected INTERFACE:CHANNEL, {example}")
+    if interface not in can.VALID_INTERFACES:
+        known = ", ".join(sorted(can.VALID_INTERFACES))
+        raise ParameterError(f"CAN bus {name!r}: no interface {interface!r}; python-can has {known}")
+    try:
+        return can.Bus(channel, interface, **OPTIONS.get(interface, {}))
+    except Exception as error:  # drivers raise what they like
+        reason = " ".join(str(error).split())
+        raise ParameterError(f"CAN bus {name!r}: cannot be opened ({reason}); is the channel up?") from error
+
+
+def leaves_machine(name: str) -> bool:
+    """Whether frames on a bus may reach other devices than this machine."""
+    interface, _, channel = name.partition(":")
+    return interface not in ("virtual", "udp_multicast") and not channel.startswith("vcan")
+
+
+class CanLink:
+    """Puts a live walk on a bus, and takes commands from it."""
+
+    def __init__(
+        self,
+        name: str,
+        problem: Problem,
+        *,
+        book: EventBook,
+        submit: Callable[[Message], None],
+        controls: Callable[[], tuple[Control, ...]],
+    ) -> None:
+        """Open the bus; :meth:`start` begins.
+
+        Args:
+            name: As in :func:`open_bus`.
+            book: Hears what is wrong, and has the answers to what was submitted.
+            submit: Takes a message as from a page.
+            controls: Gives the panel with its present values.
+        """
+        self._messages = messages_of(problem.experiment)
+        self._commands = commands_of(self._messages)
+        self._columns, self._problem = log_layout(problem).names, problem
+        self._book, self._submit, self._controls = book, submit, controls
+        self._blocks: deque[Mapping[str, Any]] = deque()
+        self._due: deque[tuple[float, BusFrame]] = deque()
+        self._start = 0.0  # of the walk, in the time of this machine
+        self._heard: dict[int, tuple[Wishes, float]] = {}
+        self._wishes: Wishes = {}
+        self._pending: set[str] = set()
+        self._asked = self._serial = 0
+        self._notes: set[str] = set()
+        self._closed = threading.Event()
+        self._bus = open_bus(name)
+        self._thread = threading.Thread(target=self._run, name="CAN", daemon=True)
+
+    def start(self) -> None:
+        """Begin to send and to listen."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop, and let the bus go."""
+        self._closed.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        self._bus.shutdown()
+
+    def take(self, block: Mapping[str, Any]) -> None:
+        """Take the rows of a block from the process of the walk; returns at once."""
+        self._blocks.append(block)
+
+    def _run(self) -> None:
+        with undisturbed(alone=True):
+            while not self._closed.is_set():
+                self._serve()
+                self._ask()
+
+    def _serve(self) -> None:
+        """Send what is due, and wait for a frame until more is."""
+        import can
+
+        try:
+            while self._blocks:
+                self._lay_out(self._blocks.popleft())
+            self._send()
+            wait = self._due[0][0] - time.monotonic() if self._due else CYCLE
+            message = self._bus.recv(min(max(wait, 0.0), CYCLE))
+            for _ in range(MOST_HEARD):  # udp_multicast gives our own frames back too
+                if message is None:
+                    break
+                self._hear(message)
+                message = self._bus.recv(0.0)
+        except (can.CanError, OSError) as error:
+            self._note(f"the CAN bus fails, frames are lost: {' '.join(str(error).split())}")
+            self._closed.wait(PERIOD)
+
+    def _note(self, text: str) -> None:
+        """Tell once what may happen with every frame."""
+        if text not in self._notes and len(self._notes) < MOST_NOTES:
+            self._notes.add(text)
+            self._book.emit(Response.NOTE, text, user=USER)
+
+    # ------------------------------------------------------------------ sending
+
+    def _lay_out(self, block: Mapping[str, Any]) -> None:
+        """Give every frame of a block its time."""
+        table = np.frombuffer(base64.b64decode(block["rows"])).reshape(-1, len(self._columns))
+        rows = dict(zip(self._columns, table.T, strict=True))
+        names = np.array(self._problem.table.phase_names)
+        for side in self._problem.sides:
+            rows[f"{side}_phase"] = names[rows[f"{side}_phase"].astype(int)]
+        frames = bus_frames(
+            rows,
+            self._messages,
+            first=block["first"],
+            body_weight=self._problem.world.body_weight,
+            tripped=block["tripped"],
+        )
+        now = time.monotonic()
+        # A block is ready when its time begins, now and then a little later: it goes out one block after it.
+        if frames and abs(self._start + frames[0].time - now - PERIOD) > FARTHEST:
+            self._start = now + PERIOD - frames[0].time  # after a pause, a restart, a stall
+        self._due.extend((self._start + frame.time, frame) for frame in frames)
+
+    def _send(self) -> None:
+        import can
+
+        while self._due and self._due[0][0] <= time.monotonic():
+            _, frame = self._due.popleft()
+            message = can.Message(
+                arbitration_id=frame.identifier, data=frame.data, is_extended_id=False, is_rx=False
+            )
+            self._bus.send(message, SEND_TIME)
+
+    # ------------------------------------------------------------------ listening
+
+    def _hear(self, message: can.Message) -> None:
+        """Understand a frame; a repetition of the one before says nothing new."""
+        known = self._commands.get(message.arbitration_id)
+        if known is None or message.is_extended_id or message.is_error_frame:
+            return
+        try:
+            wishes = wishes_of(known, bytes(message.data))
+        except MessageRefused as error:
+            self._note(f"frame ignored: {error}")
+            return
+        now = time.monotonic()
+        before, when = self._heard.get(known.identifier, ({}, now))
+        self._heard[known.identifier] = wishes, now
+        if wishes != before or now - when > REPETITION:
+            self._wishes.update(wishes)
+
+    def _ask(self) -> None:
+        """Ask for what differs from the panel, as soon as what was asked before is answered."""
+        if self._pending and self._book.serial != self._serial:
+            for event in self._book.after(self._serial):
+                self._serial = event.serial
+                self._pending.discard(event.id)
+        if self._pending or not self._wishes:
+            return
+        wishes, self._wishes = self._wishes, {}
+        panel = {item.name: item for item in self._controls()}
+        self._serial = self._book.serial
+        for name in sorted(wishes, key=MODE.__eq__):  # the mode last, after what it is to begin with
+            if name not in panel:
+                self._note(f"frame ignored: this experiment has no {name}")
+                continue
+            value = change_of(wishes[name], panel[name])
+            if value is not None:
+                self._asked += 1
+                self._pending.add(f"can-{self._asked}")
+                self._submit(SetControl(id=f"can-{self._asked}", user=USER, control=name, value=value))
