@@ -177,7 +177,7 @@ def draw(walks: pd.DataFrame, swings: Sequence[Swing], linear: Sequence[float]) 
         )
         ended = block[block["outcome"] != WALKED]
         panel.plot(ended["delay_ms"], 100.0 * ended["loss"], "x", color=EVENT_COLOUR, markersize=4)
-        style_panel(panel, f"Frames lost, {words}", "%")
+        style_panel(panel, f"Springs{words.removeprefix('springs')}", "frames lost [%]")
         panel.set_xlabel("further delay [ms]")
     figure.colorbar(drawn, ax=axes[1], label="RMSE of the knee [°]; ×: held")
     panel, start = axes[2], swings[0].speed
