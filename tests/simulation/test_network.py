@@ -17,6 +17,7 @@ from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import load_messages
 from twin_gait.report.network_words import table_of_network
+from twin_gait.runs.run_page import shown_run
 from twin_gait.runs.summary import summarise
 from twin_gait.simulation.compiled_engine import CompiledEngine, bound_kernel, laid_out
 from twin_gait.simulation.lane_engine import LaneEngine, kind_of
@@ -342,6 +343,7 @@ def test_the_summary_says_what_the_bus_carried():
     assert rows[0][0] == "left hip setpoint"
     assert rows[0][3] == f"{100 * run.traffic.frames[0].lost / 1000:.1f}"
     assert "network" not in summarise(ideal())
+    assert shown_run(run, summarise(run)).network == [head, *rows]
 
 
 @pytest.mark.parametrize(
