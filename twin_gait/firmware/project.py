@@ -86,7 +86,8 @@ class Project:
             document: The experiment, from
                 :func:`twin_gait.configuration.experiments.resolved_document`.
         """
-        texts = dict(self.program.files)
+        self.write_linked(folder)
+        texts = {}
         for path in _FILES.iterdir():
             text = path.read_text(encoding="utf-8")
             texts[path.name] = Template(text).substitute(self._words()) if path.suffix == ".md" else text
@@ -114,7 +115,7 @@ class Project:
         return {name: self._bytes(record) for name, record in records.items()}
 
     def write_linked(self, folder: Path) -> Unit:
-        """Write the C alone into a folder that exists; the linked unit in it."""
+        """Write the C alone, of all units, into a folder that exists; the linked unit in it."""
         for name, text in self.program.files.items():
             (folder / name).write_text(text, encoding="utf-8")
         return Unit(name=EXOSKELETON, sources=(folder / f"{EXOSKELETON}.c",))
