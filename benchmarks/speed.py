@@ -62,14 +62,14 @@ if checks:
     sys.exit(min(missed, 1))
 
 # %% [markdown]
-# The goals once more with AVX-512 switched off, in a process of its own; a second of the bench leg many
-# times over; and options of MuJoCo that might make it faster.
+# The goals once more with AVX-512 switched off, in a process of its own (not in the quick form); a second of
+# the bench leg many times over; and options of MuJoCo that might make it faster.
 
 # %%
 shorter = []
-if vectors == "AVX-512":
+if vectors == "AVX-512" and not form.quick:  # all is compiled once more
     with tempfile.NamedTemporaryFile() as file:
-        again = [sys.executable, __file__, "--check", file.name, *["--quick"] * form.quick]
+        again = [sys.executable, __file__, "--check", file.name]
         subprocess.run(again, env=without_avx512())
         shorter = json.load(file)
 sizes = (1, 33) if form.quick else (1, 7, 33, 100, 1000)

@@ -11,7 +11,8 @@ with a format as in Python, or none, and a list of mappings with the same keys a
     ...
     <!-- / -->
 
-``<!-- columns JointRow -->`` is a table of the columns that a class of ``twin_gait.simulation.log`` declares.
+``<!-- columns JointRow -->`` is a table of the columns that a class of ``twin_gait.simulation.log`` declares,
+``<!-- signals battery -->`` one of the signals of a message in ``urdf/twin.dbc``.
 
 ``python docs/insert.py`` brings all pages up to date, ``--check`` only says which are not.
 """
@@ -28,7 +29,7 @@ from typing import Any
 
 DOCS = Path(__file__).parent
 _WORD = r"(?: ((?!-->)\S+))?"
-QUOTED = re.compile(rf"<!-- (value|table|columns) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", re.DOTALL)
+QUOTED = re.compile(rf"<!-- (value|table|columns|signals) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", re.DOTALL)
 
 
 @cache
@@ -73,6 +74,26 @@ def columns(row: str) -> list[dict[str, Any]]:
     ]
 
 
+def signals(message: str) -> list[dict[str, Any]]:
+    """Signals of a message of the DBC file."""
+    import cantools
+
+    database = cantools.database.load_file(Path(__file__).parents[1] / "urdf" / "twin.dbc")
+    found = []
+    for item in database.get_message_by_name(message).signals:
+        words = ", ".join(f"{code} {name}" for code, name in (item.choices or {}).items())
+        found.append(
+            {
+                "signal": f"`{item.name}`",
+                "bits": f"{item.start} to {item.start + item.length - 1}",
+                "step": f"{item.scale:g} {item.unit or ''}".strip(),
+                "range": words or f"{item.minimum:g} to {item.maximum:g}",
+                "meaning": item.comment,
+            }
+        )
+    return found
+
+
 def with_results(page: str) -> str:
     """A page with every quoted number and table as the results have them."""
 
@@ -81,7 +102,8 @@ def with_results(page: str) -> str:
         if kind == "value":
             text = format(looked_up(name, key), spec or "")
         else:
-            text = f"\n{table_of(columns(name) if kind == 'columns' else looked_up(name, key))}\n"
+            declared = {"columns": columns, "signals": signals}.get(kind)
+            text = f"\n{table_of(declared(name) if declared else looked_up(name, key))}\n"
         return match.group().replace(f"-->{old}<!-- / -->", f"-->{text}<!-- / -->")
 
     return QUOTED.sub(current, page)

@@ -11,7 +11,7 @@ from kit_mutants import Mutant, mutants
 
 from twin_gait.gait.table import GaitTable
 from twin_gait.testing.cases import TransitionTest, transition_tests
-from twin_gait.testing.driver import machine_of
+from twin_gait.testing.driver import MachineFactory, machine_of
 
 
 @dataclass(frozen=True)
@@ -62,17 +62,18 @@ def measure(table: GaitTable, progress: Callable[[int], None] | None = None) -> 
     return MutationResult(table.name, len(tests), made, caught, tuple(equivalent), tuple(missed))
 
 
-def is_caught(mutant: Mutant, tests: Iterable[TransitionTest]) -> bool:
+def is_caught(mutant: Mutant, tests: Iterable[TransitionTest], machine: MachineFactory | None = None) -> bool:
     """Whether a test fails when the mutant drives the machine.
 
     Args:
         mutant: The mutant.
         tests: Tests of the table as it is.
+        machine: That follows the mutant; the package's own if None.
 
     Returns:
         True at the first test that fails; those in the changed phase, and the short ones, come first.
     """
-    machine = machine_of(mutant.table)
+    machine = machine or machine_of(mutant.table)
     for test in sorted(tests, key=lambda item: (item.phase != mutant.phase, item.ticks)):
         try:
             replace(test, machine=machine).run()

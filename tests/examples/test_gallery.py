@@ -5,10 +5,14 @@ from __future__ import annotations
 import ast
 import importlib
 import os
+import runpy
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 
+import matplotlib
+import matplotlib.pyplot as plt
 import pytest
 
 ROOT = Path(__file__).parents[2]
@@ -46,8 +50,25 @@ def test_a_script_begins_with_what_it_shows_and_has_cells(path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", RUN, ids=lambda path: path.stem)
-def test_a_script_runs_in_its_quick_form(path, tmp_path):
-    command = [sys.executable, path, "--quick", "--workers", "1", "--out", tmp_path]
+def test_a_script_runs_in_its_quick_form(path, tmp_path, monkeypatch):
+    """In this process, so that they share what takes longest: imports, and functions once compiled."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", [str(path), "--quick", "--workers", "1", "--out", str(tmp_path)])
+    with warnings.catch_warnings(), matplotlib.rc_context():
+        warnings.simplefilter("default")  # as for a user
+        try:
+            runpy.run_path(str(path), run_name="__main__")
+        except SystemExit as ended:
+            assert not ended.code
+    plt.close("all")
+    assert any(tmp_path.iterdir()), "it left nothing"
+
+
+@pytest.mark.slow
+def test_a_script_runs_from_any_folder(tmp_path):
+    """In a process of its own, which finds what lies beside the script."""
+    script = ROOT / "examples" / "thesis_limits.py"
+    command = [sys.executable, script, "--quick", "--workers", "1", "--out", tmp_path]
     done = subprocess.run(
         command, capture_output=True, text=True, cwd=tmp_path, env={**os.environ, "MPLBACKEND": "Agg"}
     )

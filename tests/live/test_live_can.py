@@ -232,6 +232,16 @@ def test_while_an_answer_is_awaited_only_the_newest_wish_is_kept(rig):
     assert torques == pytest.approx([1.0 + 0.05 * 29])
 
 
+def test_a_bus_that_gives_own_frames_back_still_hears_commands(panel, request, monkeypatch):
+    monkeypatch.setattr(can_link, "OPTIONS", {"virtual": {"receive_own_messages": True}})
+    with Rig(request.node.name, panel) as rig:
+        for first in range(0, 200, 10):
+            rig.link.take(rows_of(panel, first, first + 10))
+        rig.bus.send(frame_of())
+        rig.wait_for(lambda: rig.asked)
+        assert rig.book.serial == 0
+
+
 def test_a_hand_that_sends_the_same_again_later_is_heard(rig, monkeypatch):
     monkeypatch.setattr(can_link, "REPETITION", 0.2)
     rig.bus.send(frame_of())

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from twin_gait.checking.check import load_case
+from twin_gait.checking.finding import Severity
+from twin_gait.checking.network import values_on_the_bus
 from twin_gait.configuration import load_experiment, presets
 from twin_gait.experiment.bus_ranges import values_out_of_range
 from twin_gait.experiment.problem import build_problem
@@ -36,6 +39,21 @@ def test_a_value_without_room_is_said_once_with_range_and_way_out(setting, said)
     experiment = load_experiment("bench_leg", [setting]).experiment
     (line,) = values_out_of_range(build_problem(experiment), load_messages())
     assert said in line and "the range of right_" in line and line.endswith("or a DBC file with a wider one")
+
+
+def test_springs_of_the_control_unit_do_not_go_over_the_bus():
+    stiff = "table.phases.early_stance.knee.stiffness_Nm_per_deg=20"
+    for place, n_lines in (("board", 1), ("ccu", 0)):
+        experiment = load_experiment("bench_leg", [stiff, f"network.impedance={place}"]).experiment
+        assert len(values_out_of_range(build_problem(experiment), load_messages())) == n_lines
+
+
+def test_check_refuses_what_a_network_has_no_room_for():
+    settings = ["control.limits.current_A=20"]
+    assert values_on_the_bus(load_case(None, "treadmill", settings)) == []
+    (finding,) = values_on_the_bus(load_case(None, "treadmill", [*settings, "network=can"]))
+    assert finding.severity is Severity.ERROR and "24 A is outside" in finding.reason
+    assert finding.suggestion == "take a value within it, or a DBC file with a wider one"
 
 
 def test_narrower_files_have_less_room(tmp_path):

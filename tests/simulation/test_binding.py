@@ -126,6 +126,53 @@ def test_every_function_is_wrapped_once(rooms: ModuleType) -> None:
     assert wrapped == ["middle", "law"]
 
 
+def of_before(room: Any, before: dict[str, Any], after: dict[str, Any]) -> bool:
+    """Whether a second binding of a function is that of the first."""
+    made: dict[Any, Any] = {}
+    first = bind(room, before, made=made)
+    return bind(room, after, made=made) is first
+
+
+def test_what_was_made_before_is_taken_if_all_that_it_names_is_the_same(rooms: ModuleType) -> None:
+    def other(x: float) -> float:
+        return -x
+
+    assert of_before(rooms.entry, {"FACTOR": 5.0}, {"FACTOR": 5.0, "UNKNOWN": 1})
+    assert of_before(rooms.summed, {"law": other}, {"law": other})
+    assert not of_before(rooms.entry, {"FACTOR": 5.0}, {"FACTOR": 6.0})
+    assert not of_before(rooms.summed, {"FACTOR": 5.0}, {"FACTOR": 6.0})  # named in what it calls
+    assert not of_before(rooms.entry, {}, {"law": other})
+    assert not of_before(rooms.middle, {}, {"math": ModuleType("math")})
+    assert not of_before(rooms.even, {}, {})  # in a ring
+
+
+@pytest.mark.parametrize("after", [0, 0.0, False])
+def test_equal_numbers_of_another_kind_are_others(rooms: ModuleType, after: float) -> None:
+    assert not of_before(rooms.law, {"FACTOR": -0.0}, {"FACTOR": after})
+    assert not of_before(rooms.law, {"FACTOR": (-0.0, 1)}, {"FACTOR": (after, 1)})
+    assert of_before(rooms.law, {"FACTOR": (after, 1)}, {"FACTOR": (after, 1)})
+    assert not of_before(rooms.law, {"FACTOR": np.float64(0.0)}, {"FACTOR": after})
+
+
+def test_defaults_and_closures_count_too(rooms: ModuleType) -> None:
+    def times(weight: float) -> FunctionType:
+        return lambda x: weight * x  # type: ignore[return-value]
+
+    made: dict[Any, Any] = {}
+    two, three, again = (bind(times(weight), {}, made=made) for weight in (2.0, 3.0, 2.0))
+    assert (two(1.0), three(1.0)) == (2.0, 3.0) and again is two
+    before = bind(rooms.by_default, {}, made=made)
+    rooms.by_default.__kwdefaults__ = {"offset": 2.0}
+    assert bind(rooms.by_default, {}, made=made)(1.0) == before(1.0) + 1.0
+
+
+def test_an_attribute_of_the_name_of_a_function_is_no_call_of_it(rooms: ModuleType) -> None:
+    exec("def whole(x):\n    return x.law\ndef law(x):\n    return unknown_name", vars(rooms))
+    wrapped: list[str] = []
+    bind(rooms.whole, {}, lambda function: wrapped.append(function.__name__) or function)  # type: ignore[func-returns-value]
+    assert wrapped == ["whole"]
+
+
 def test_what_is_no_function_is_refused(rooms: ModuleType) -> None:
     with pytest.raises(AssertionError):
         bind(np.sin, {})

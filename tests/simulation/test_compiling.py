@@ -200,6 +200,37 @@ def test_a_loop_is_compiled_with_its_own_settings_and_the_users_are_kept(
     assert loop.function(0, 3, 10) == 7
 
 
+def scaled_at(address: int, first: int, end: int) -> int:
+    return scaled(first) + summed(first, end)
+
+
+def scaled(number: int) -> int:
+    return COUNT * number
+
+
+def summed(first: int, end: int) -> int:
+    return first + end
+
+
+def test_the_next_loop_of_a_process_compiles_only_what_is_different_in_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    compiled: list[str] = []
+    compile_as_ever = Dispatcher.compile
+
+    def note(self: Any, signature: Any) -> Any:
+        if signature not in self.overloads:
+            compiled.append(self.py_func.__name__)
+        return compile_as_ever(self, signature)
+
+    monkeypatch.setattr(Dispatcher, "compile", note)
+    assert compile_loop(scaled_at, {"COUNT": 2}, 3).function(0, 10, 7) == 2 * 10 + 10 + 7
+    assert compiled == ["scaled_at", "scaled", "summed"]
+    compiled.clear()
+    assert compile_loop(scaled_at, {"COUNT": 3}, 3).function(0, 10, 7) == 3 * 10 + 10 + 7
+    assert compiled == ["scaled_at", "scaled"]
+
+
 def wrong(address: int, first: int, end: int) -> int:
     return address.missing  # type: ignore[attr-defined,no-any-return]
 
@@ -256,7 +287,7 @@ def walk(state: Any, first: int, end: int) -> int:
 
 
 # Only functions of this package are bound.
-for _room in (*BRANCHES, calls_when_wide, walk):
+for _room in (*BRANCHES, calls_when_wide, walk, scaled, summed):
     _room.__module__ = "twin_gait.rooms_of_a_test"
 
 

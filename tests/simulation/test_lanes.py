@@ -17,7 +17,7 @@ from numba.core.errors import NumbaError
 
 from twin_gait import load_experiment
 from twin_gait.experiment.problem import Problem, build_problem
-from twin_gait.simulation import compiled_engine, lane_engine
+from twin_gait.simulation import compiled_engine, compiling, lane_engine
 from twin_gait.simulation import lanes as simulation_lanes
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.block import SHARED, WIDTH, shared_words, side_by_side, word_of
@@ -450,8 +450,9 @@ def test_a_room_may_read_what_is_shared():
 
 @pytest.fixture
 def insisting(monkeypatch):
-    """LLVM says on the standard error of which loop it makes no vectors."""
+    """LLVM says on the standard error of which loop it makes no vectors; nothing is compiled yet."""
     monkeypatch.setattr(simulation_lanes, "INSISTING", True)
+    monkeypatch.setattr(compiling, "_made", {})
 
 
 def test_only_tests_hear_of_a_loop_that_stays_scalar(monkeypatch, capfd):

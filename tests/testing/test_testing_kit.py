@@ -6,19 +6,22 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from firmware_tools import require_tools
 from hypothesis import given, settings
 from random_tables import tables
 from table_builder import FIVE_PHASES, JOINTS, guard, phase, transition, two_phase_table
 
-from twin_gait.configuration import load_gait_table
-from twin_gait.exceptions import ParameterFileError, RunDirectoryError
+from twin_gait.configuration import load_gait_table, packaged_gait_tables
+from twin_gait.exceptions import GaitTableError, ParameterFileError, RunDirectoryError
 from twin_gait.gait import GaitStateMachine, GaitTable, PhaseSwitch
 from twin_gait.gait.guards import AllOf, AnyOf
 from twin_gait.testing import TransitionTest, approval_text, transition_tests
 from twin_gait.testing.cases import check_approved, write_approved
+from twin_gait.testing.compiled import compiled_machines
 from twin_gait.testing.edges import MARGIN, edges
 from twin_gait.testing.exits import Exit, Scenario, decisive
 from twin_gait.vocabulary import Side
@@ -300,3 +303,36 @@ def test_guard_that_leaves_too_many_choices_is_reported_and_not_an_error(monkeyp
     assert undecided and all("too many choices" in text for text in undecided)
     for test in tests:
         test.run()
+
+
+# ---------------------------------------------------------------------- machines in C
+
+
+@pytest.mark.parametrize("table", [*packaged_gait_tables(), "rich"])
+def test_tables_pass_in_c(table: str) -> None:
+    require_tools("gcc")
+    made = rich_table() if table == "rich" else load_gait_table(table)
+    (machine,) = compiled_machines([made])
+    tests = [test for test in transition_tests(made, machine) if test.undecided is None]
+    for test in tests:
+        test.run()
+    assert tests
+
+
+def test_what_has_more_than_the_bits_of_the_device_is_refused() -> None:
+    """The results of conditions, and phases, are bits of one number of 32."""
+    many = [guard(f"hip.angle_deg > {number}") for number in range(31)]
+    nested = AnyOf(guards=(AnyOf(guards=tuple(many[:30])), many[30]))
+    back = transition("swing", "stance", "hip.angle_deg < -2")
+    wide = two_phase_table(transition("stance", "swing", AnyOf(guards=tuple(many)), cause="wide"), back)
+    with pytest.raises(GaitTableError, match=r"\(wide\): 31 conditions wait .* at most 30"):
+        compiled_machines([wide])
+    assert compiled_machines([two_phase_table(transition("stance", "swing", nested), back)])
+
+    names = [f"phase_{number}" for number in range(31)]
+    ring = [transition(one, two, "hip.angle_deg > 3") for one, two in pairwise([*names, names[0]])]
+    table = GaitTable(
+        name="long", joints=JOINTS, phases=dict.fromkeys(names, phase()), transitions=tuple(ring)
+    )
+    with pytest.raises(GaitTableError, match="31 phases; at most 30"):
+        compiled_machines([table])

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from firmware_tools import require_tools
 from kit_equivalence import reason
 from kit_measure import MutationResult, is_caught, measure, mutation_table
 from kit_mutants import mutants
@@ -18,6 +19,7 @@ from test_testing_kit import rich_table
 from twin_gait.configuration import load_gait_table, packaged_gait_tables
 from twin_gait.files import write_atomically
 from twin_gait.testing import transition_tests
+from twin_gait.testing.compiled import compiled_machines
 
 pytestmark = pytest.mark.slow  # it grades the kit, not a table
 
@@ -50,6 +52,22 @@ def test_every_mutant_is_caught_or_proved_equivalent(name: str) -> None:
     assert missed == (set(LIVED_WITH) if name == "treadmill_start_stop" else set())
     assert found.made.total() == found.caught.total() + len(found.equivalent) + len(missed)
     assert found.caught.total() > 0
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_every_mutant_that_is_caught_in_python_is_caught_in_c(name: str) -> None:
+    """Each one is printed as for the device, its thresholds as literals."""
+    require_tools("gcc")
+    table = load_gait_table(name)
+    lived_with = {
+        item.text for item in (*result(name).missed, *(item for item, _ in result(name).equivalent))
+    }
+    caught = [mutant for mutant in mutants(table) if mutant.text not in lived_with]
+    assert len(caught) == result(name).caught.total()
+    tests = transition_tests(table)
+    machines = compiled_machines([mutant.table for mutant in caught])
+    pairs = zip(caught, machines, strict=True)
+    assert [mutant.text for mutant, machine in pairs if not is_caught(mutant, tests, machine)] == []
 
 
 @pytest.mark.parametrize("name", TABLES)

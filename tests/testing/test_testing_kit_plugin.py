@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.metadata
+import os
 import re
 import shutil
 import subprocess
@@ -10,6 +11,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from firmware_tools import require_tools
 from table_builder import FIVE_PHASES
 
 from twin_gait.configuration.table_inheritance import gait_table_path
@@ -29,9 +31,12 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+def run(folder: Path, *arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *LOAD, *arguments]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
+    env = os.environ | variables
+    return subprocess.run(
+        command, cwd=folder, capture_output=True, text=True, timeout=120, check=False, env=env
+    )
 
 
 def edit(path: Path, old: str, new: str) -> None:
@@ -48,6 +53,35 @@ def test_table_is_tested_beside_other_tests(folder: Path) -> None:
     assert any(line.startswith(f"{name} PASSED") for line in lines)
     assert any(line.startswith("test_other.py::test_of_another_matter PASSED") for line in lines)
     assert " skipped" not in lines[-1] and " failed" not in lines[-1]
+
+
+NOT_STRICT = """#!/bin/sh
+for word; do case $word in *.c) sed -i 's/return value > /return value >= /' "$word";; esac; done
+exec "{compiler}" "$@"
+"""
+
+
+def test_the_machine_in_c_takes_the_same_tests_and_its_own_mistakes_are_caught(folder: Path) -> None:
+    """The mistake is one of the compiler: it makes a comparison that is not strict."""
+    require_tools("gcc")
+    in_python = run(folder, "--gait-table", "walk.yaml", "-q")
+    in_c = run(folder, "--gait-table", "walk.yaml", "--machine", "c", "-q")
+    assert in_python.returncode == in_c.returncode == 0, in_c.stdout
+    passed = [re.search(r"\d+ passed", done.stdout)[0] for done in (in_python, in_c)]
+    assert passed[0] == passed[1]
+
+    (folder / "gcc").write_text(NOT_STRICT.format(compiler=shutil.which("gcc")))
+    (folder / "gcc").chmod(0o755)
+    path = f"{folder}{os.pathsep}{os.environ['PATH']}"
+    wrong = run(folder, "--gait-table", "walk.yaml", "--machine", "c", "-q", PATH=path)
+    assert wrong.returncode == 1 and "holds on the threshold of hip.angle_deg < -2.8" in wrong.stdout
+
+
+def test_without_a_compiler_one_line_says_what_to_install(folder: Path) -> None:
+    done = run(folder, "--gait-table", "walk.yaml", "--machine", "c", PATH="")
+    assert done.returncode == pytest.ExitCode.USAGE_ERROR
+    (line,) = done.stderr.strip().splitlines()
+    assert line == "ERROR: --machine c: walk.yaml: gcc is not installed: apt-get install gcc libc6-dev"
 
 
 def test_two_tables_and_a_selection(folder: Path) -> None:
@@ -93,8 +127,9 @@ def test_condition_that_never_decides_is_skipped_with_the_reason(folder: Path) -
         (["--gait-table", "walk.yaml", "--gait-table", "walk.yaml"], "named twice"),
         (["--approved", "walk.md"], "one for each --gait-table, got 1 for 0"),
         (["--gait-table", "walk.yaml", "--approve"], "--approve: expected"),
+        (["--machine", "c"], "--machine c: expected --gait-table FILE with it"),
     ],
-    ids=["missing", "malformed", "twice", "approved alone", "approve alone"],
+    ids=["missing", "malformed", "twice", "approved alone", "approve alone", "machine alone"],
 )
 def test_mistake_ends_in_one_line(folder: Path, arguments: list[str], told: str) -> None:
     shutil.copy(folder / "walk.yaml", folder / "broken.yaml")

@@ -9,6 +9,8 @@ from typing import NamedTuple
 from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.response_time import CyclicFrame, bus_load, response_times
 from twin_gait.core.can_frame import most_frame_bits
+from twin_gait.experiment.bus_ranges import values_out_of_range
+from twin_gait.experiment.problem import build_problem
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
@@ -100,4 +102,17 @@ def _way_out(network: NetworkParameters, messages: Sequence[Message]) -> str:
     return ", or ".join(ways) or "lower network.jitter_us"
 
 
-RULES = (traffic_on_the_bus,)
+def values_on_the_bus(case: CheckCase) -> list[Finding]:
+    """A value of the experiment is outside the range of the signal that carries it, and would be cut."""
+    if case.experiment is None or case.experiment.network is None:
+        return []
+    messages = load_messages(case.experiment.network.dbc)
+    return [
+        Finding(rule="values_on_the_bus", severity=Severity.ERROR, reason=reason, suggestion=way_out)
+        for reason, _, way_out in (
+            line.partition("; ") for line in values_out_of_range(build_problem(case.experiment), messages)
+        )
+    ]
+
+
+RULES = (traffic_on_the_bus, values_on_the_bus)

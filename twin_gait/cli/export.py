@@ -150,11 +150,12 @@ def _write_file(stored: StoredRun, path: Path, kind: str, convention: Convention
 
 
 def _write_frames(stored: StoredRun, path: Path, kind: str) -> int:
-    from twin_gait.export.can import export_can, run_frames
-    from twin_gait.network.dbc import PACKAGED_DBC, find_dbc, load_messages
+    from twin_gait.export.can import export_can, messages_of, run_frames
+    from twin_gait.network.dbc import PACKAGED_DBC, find_dbc
 
-    written = export_can(run_frames(stored.run, load_messages()), path, kind)
-    print(f"{written} frames, for {find_dbc(PACKAGED_DBC)}: {path}")
+    network = stored.experiment.network
+    written = export_can(run_frames(stored.run, messages_of(stored.experiment)), path, kind)
+    print(f"{written} frames, for {find_dbc(PACKAGED_DBC if network is None else network.dbc)}: {path}")
     return DONE
 
 

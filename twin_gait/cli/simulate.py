@@ -151,6 +151,7 @@ def accuracy_line(accuracy: Mapping[str, Any]) -> str:
 def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
     """The figures that a reader wants first."""
     from twin_gait.measures.strides import stride_count
+    from twin_gait.report.network_words import table_of_network
     from twin_gait.report.walk_words import carried_by_belt, lines_of, table_of_walk, who_drives
 
     for side, values in summary["sides"].items():
@@ -169,6 +170,7 @@ def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
         yield line
     yield from lines_of(table_of_walk(summary))
     yield from filter(None, (who_drives(summary), carried_by_belt(summary)))
+    yield from lines_of(table_of_network(summary))
     power, life = summary.get("battery_power_mean_W"), summary.get("battery_life_h")
     if life is not None:
         lasts = f"{summary['battery_capacity_Wh']:.0f} Wh last {life:.1f} h"

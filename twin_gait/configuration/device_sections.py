@@ -10,7 +10,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from twin_gait.configuration.people import PatientEntry
 from twin_gait.configuration.sections import JointNumbers, PerJoint, Section
-from twin_gait.configuration.validation import Number, Strict
+from twin_gait.configuration.validation import Number, Strict, of_kind
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import (
     AssistanceParameters,
@@ -341,11 +341,7 @@ class InterfaceEntry(Strict):
     @model_validator(mode="before")
     @classmethod
     def _word_for_a_mapping(cls, value: Any) -> Any:
-        if isinstance(value, str):
-            return {"kind": value}
-        if not isinstance(value, Mapping):
-            raise ValueError(f"expected rigid, brace or a mapping with a kind, got {value!r}")
-        return value
+        return of_kind(value, "rigid, brace")
 
     @model_validator(mode="after")
     def _rigid_has_no_springs(self) -> InterfaceEntry:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 from pydantic import model_validator
 
 from twin_gait.configuration.sections import Section
-from twin_gait.configuration.validation import Number, Strict
+from twin_gait.configuration.validation import Number, Strict, of_kind
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.network.dbc import find_dbc
 from twin_gait.parameters import BOARDS, ImpedancePlace, NetworkParameters, Outage, parse_outage
@@ -65,11 +65,7 @@ class NetworkEntry(Section):
     @model_validator(mode="before")
     @classmethod
     def _word_for_a_mapping(cls, value: Any) -> Any:
-        if isinstance(value, str):
-            return {"kind": value}
-        if not isinstance(value, Mapping):
-            raise ValueError(f"expected ideal, can or a mapping, got {value!r}")
-        return value
+        return of_kind(value, "ideal, can")
 
     @model_validator(mode="after")
     def _ideal_has_no_parameters(self) -> NetworkEntry:

@@ -131,6 +131,19 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
         raise ParameterFileError(source, key, str(error)) from error
 
 
+def of_kind(value: Any, kinds: str) -> Any:
+    """A word as the mapping with that ``kind``, a mapping as it is.
+
+    Args:
+        kinds: In words, for what is neither.
+    """
+    if isinstance(value, str):
+        return {"kind": value}
+    if not isinstance(value, Mapping):
+        raise ValueError(f"expected {kinds} or a mapping with a kind, got {value!r}")
+    return value
+
+
 def one_of(entry: Strict, factors: Mapping[str, float]) -> float:
     """Value of the one key that is given, in SI."""
     given = [(key, factor) for key, factor in factors.items() if getattr(entry, key) is not None]

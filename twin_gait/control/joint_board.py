@@ -18,6 +18,7 @@ from twin_gait.core.control_tick import (
 )
 from twin_gait.core.friction import rotational_friction_torque
 from twin_gait.core.safety import (
+    BUS_TRIP,
     COMMAND_TRIP,
     NO_TRIP,
     Bounds,
@@ -324,7 +325,9 @@ def hear(board: BoardState, limits: Limits, demand: Demand, heard: bool) -> None
         heard: Whether it came since the tick before.
     """
     board.silent_ticks = 0 if heard else board.silent_ticks + 1
-    if board.silent_ticks > limits.controller_silence or board.cause != NO_TRIP:
+    if board.silent_ticks > limits.controller_silence and board.cause == NO_TRIP:
+        board.cause = BUS_TRIP  # so that the gait controller, if it hears the board, does not walk on
+    if board.cause != NO_TRIP:
         stand_alone(board)
     if board.alone:
         let_down(board, limits)

@@ -48,14 +48,17 @@ class SafetyState(StrEnum):
         return list(SafetyState).index(self)
 
 
+_ELSEWHERE = {TripCause.OPERATOR: "operator", TripCause.BUS: "gait controller"}
+
+
 class Trip(NamedTuple):
     """A trip of the monitor, from which the leg does not come back by itself.
 
     Attributes:
         tick: First tick of the hold.
         cause: Why.
-        side: Leg of the cause, or None for the supply or the operator.
-        joint: Joint of the cause, or None for a foot, a phase, the supply or the operator.
+        side: Leg of the cause, or None for the supply, the operator or the gait controller.
+        joint: Joint of the cause, or None for these, a foot or a phase.
     """
 
     tick: int
@@ -70,7 +73,7 @@ class Trip(NamedTuple):
 
     @property
     def place(self) -> str:
-        """Where, in words: ``left knee``, ``right leg``, ``supply`` or ``operator``."""
+        """Where, in words: ``left knee``, ``right leg``, ``supply``, ``operator`` or ``gait controller``."""
         if self.side is None:
-            return "operator" if self.cause is TripCause.OPERATOR else "supply"
+            return _ELSEWHERE.get(self.cause, "supply")
         return f"{self.side} {self.joint or 'leg'}"

@@ -10,6 +10,7 @@ from twin_gait.core.control_tick import COLUMNS_PER_JOINT
 from twin_gait.experiment.control import ControlParameters
 from twin_gait.experiment.problem import ActuatedJoint, Problem
 from twin_gait.network.dbc import Message
+from twin_gait.parameters import ImpedancePlace
 
 _SETPOINTS = {"stiffness": "Nm/rad", "damping": "Nms/rad", "equilibrium": "rad", "gain": ""}  # as in a row
 
@@ -80,11 +81,15 @@ def _limits(control: ControlParameters, joint: ActuatedJoint) -> Iterator[_Said]
 
 
 def _setpoints(problem: Problem) -> Iterator[_Said]:
-    """Of every phase, as the mode of the controller drives it."""
+    """Of every phase, as the mode of the controller drives it; springs of the control unit stay there."""
+    network = problem.experiment.network
+    local = network is not None and network.impedance is ImpedancePlace.CCU
     for number, joint in enumerate(problem.joints):
         leg, place = divmod(number, problem.joints_per_leg)
         columns = problem.phase_rows[leg, :, place * COLUMNS_PER_JOINT : (place + 1) * COLUMNS_PER_JOINT]
         for phase, row in zip(problem.table.phase_names, columns.tolist(), strict=True):
             for (signal, unit), value in zip(_SETPOINTS.items(), row, strict=True):
+                if local and signal in ("stiffness", "damping"):
+                    continue
                 key = f"table.phases.{phase}.{joint.joint}: {signal}"
                 yield _Said(key, value, unit, f"{joint.side}_{joint.joint}_setpoint", signal)

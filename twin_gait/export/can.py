@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,9 +15,11 @@ from twin_gait.control import TripCause
 from twin_gait.control.safety import SafetyState
 from twin_gait.core.can_codec import pack_frame
 from twin_gait.exceptions import MissingOptionalDependency
+from twin_gait.experiment import Experiment
 from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
-from twin_gait.network.dbc import Message
+from twin_gait.network.bus import cyclic_messages
+from twin_gait.network.dbc import Message, load_messages
 from twin_gait.network.messages import BOARDS, CODES
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
@@ -43,12 +46,22 @@ class BusFrame(NamedTuple):
     data: bytes
 
 
+def messages_of(experiment: Experiment) -> dict[str, Message]:
+    """Messages of the network of an experiment, at its cycle; without one those of the packaged file."""
+    network = experiment.network
+    if network is None:
+        return load_messages()
+    messages = load_messages(network.dbc)
+    cyclic = {item.name: replace(item, cycle=network.cycle) for item in cyclic_messages(messages)}
+    return messages | cyclic
+
+
 def run_frames(run: Run, messages: Mapping[str, Message]) -> Iterator[BusFrame]:
     """All frames of a run, in the order of their times and identifiers.
 
     Args:
         run: Of legs; a joint bench has no network.
-        messages: From :func:`twin_gait.network.dbc.load_messages`.
+        messages: From :func:`messages_of`.
     """
     trip = run.trip
     tripped = "" if trip is None or trip.joint is None else f"{trip.side}_{trip.joint}"
@@ -78,7 +91,7 @@ def bus_frames(
         values = _values_of(message, rows, body_weight, tripped)
         if not values:
             continue
-        period = round(message.cycle / TICK)
+        period = max(1, round(message.cycle / TICK))
         values["counter"], values["time"] = ticks // period % _COUNTS, ticks * TICK
         due = np.flatnonzero(ticks % period == 0)
         table = np.array([np.broadcast_to(values[name], ticks.shape)[due] for name in message.signals]).T
@@ -162,7 +175,8 @@ def _gait_state(message: Message, rows: Rows) -> dict[str, Any]:
 
 def _trip_causes(message: Message, rows: Rows) -> np.ndarray:
     codes = message.codes.get("trip_cause", {})
-    own = [codes.get(str(cause), cause.code) for cause in TripCause]
+    # A DBC file may have no word for a cause.
+    own = [codes.get(str(cause), 0) if codes else cause.code for cause in TripCause]
     return np.take(own, rows["trip_cause"].astype(int))
 
 

@@ -87,22 +87,22 @@ class Shapes:
 
     Attributes:
         fields: Kinds by class and name; a list has no length if two instances differ in it.
-        instances: By class.
+        instances: By class and identity.
     """
 
     def __init__(self, samples: Iterable[Any]) -> None:
         """Walk through samples."""
         self.fields: dict[type, dict[str, Kind]] = {}
-        self.instances: dict[type, list[Any]] = {}
+        self.instances: dict[type, dict[int, Any]] = {}
         for sample in samples:
             self._visit(sample)
 
     def _visit(self, record: Any) -> None:
         kind = type(record)
-        known, instances = self.fields.setdefault(kind, {}), self.instances.setdefault(kind, [])
-        if any(record is other for other in instances):
+        known, instances = self.fields.setdefault(kind, {}), self.instances.setdefault(kind, {})
+        if id(record) in instances:
             return
-        instances.append(record)
+        instances[id(record)] = record
         for name, entry in kinds_of(kind):
             value = getattr(record, name)
             if value is not ABSENT and value != [] and value != ():

@@ -78,7 +78,7 @@ class Records:
         kind = self.fields[record][name]
         assert isinstance(kind, Scalar)
         if kind is INT and record not in self._handed:
-            values = [getattr(item, name) for item in self.functions.shapes.instances[record]]
+            values = [getattr(item, name) for item in self.functions.shapes.instances[record].values()]
             for bits in (8, 16):
                 if all(-(2 ** (bits - 1)) <= value < 2 ** (bits - 1) for value in values):
                     return f"int{bits}_t"

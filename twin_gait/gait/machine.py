@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 from transitions import Machine
@@ -99,19 +100,23 @@ class GaitStateMachine:
         self._own_places = [place for place, name in enumerate(self._names) if not name.startswith(OTHER)]
         initial = table.phase_names[0] if initial_phase is None else initial_phase
         table.phase_index(initial)
-        self.machine = Machine(
+        self.phase: str = initial
+        self._index = table.phase_index(initial)
+
+    @cached_property
+    def machine(self) -> Machine:
+        """States and triggers in `transitions`; made at the first switch: it takes as long as 15 ticks."""
+        return Machine(
             model=self,
-            states=list(table.phase_names),
-            initial=initial,
+            states=list(self.table.phase_names),
+            initial=self.phase,
             transitions=[
                 {"trigger": f"take_{index}", "source": item.source, "dest": item.target}
-                for index, item in enumerate(table.transitions)
+                for index, item in enumerate(self.table.transitions)
             ],
             auto_transitions=False,
             model_attribute="phase",
         )
-        self.phase: str = initial
-        self._index = table.phase_index(initial)
 
     @property
     def phase_index(self) -> int:
@@ -166,17 +171,21 @@ class GaitStateMachine:
             MeasurementError: If a signal of this leg, of a present other leg, or the command is not finite.
         """
         self._refuse_non_finite(signals, other_phase)
-        index = next_transition(
-            self.program, self._index, tick - self.entry_tick, signals, other_phase, self._debounce
-        )
+        index = self._choose(tick - self.entry_tick, signals, other_phase)
         if index == NO_TRANSITION:
             return None
         source = self.phase
-        self.trigger(f"take_{index}")  # type: ignore[attr-defined]  # added by transitions
+        self.machine.events[f"take_{index}"].trigger(self)
         self._index = self.table.phase_index(self.phase)
         self.entry_tick = tick
         item = self.table.transitions[index]
         return PhaseSwitch(tick, self.side, source, self.phase, item.cause, index)
+
+    def _choose(self, ticks_in_phase: int, signals: Sequence[float], other_phase: int) -> int:
+        """Index of the transition that is due, or ``NO_TRANSITION``; debounce is counted."""
+        return next_transition(
+            self.program, self._index, ticks_in_phase, signals, other_phase, self._debounce
+        )
 
     def _refuse_non_finite(self, signals: Sequence[float], other_phase: int) -> None:
         names = self._names

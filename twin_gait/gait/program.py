@@ -56,14 +56,26 @@ def compile_guards(table: GaitTable) -> GuardProgram:
     )
 
 
-def _check_size(transition: Transition, nodes: list[GuardNode]) -> None:
+def _check_size(transition: Transition, nodes: list[GuardNode], bits: int = OPEN_RESULTS) -> None:
     """Refuse a guard whose results the evaluator cannot hold."""
     most = open_results(nodes)
-    if most > OPEN_RESULTS:
+    if most > bits:
         raise GaitTableError(
             f"transition {transition.source} → {transition.target} ({transition.cause}): {most} conditions "
-            f"wait to be joined; at most {OPEN_RESULTS} fit, so nest some of them"
+            f"wait to be joined; at most {bits} fit, so nest some of them"
         )
+
+
+def require_bits(table: GaitTable, program: GuardProgram, bits: int) -> None:
+    """Refuse a table whose phases or waiting results are too many for whole numbers of so many bits.
+
+    Raises:
+        GaitTableError: It has more.
+    """
+    if len(table.phases) > bits:
+        raise GaitTableError(f"{len(table.phases)} phases; at most {bits} fit")
+    for transition, rule in zip(table.transitions, program.transitions, strict=True):
+        _check_size(transition, program.nodes[rule.first_node : rule.end_node], bits)
 
 
 def open_results(nodes: Sequence[GuardNode]) -> int:

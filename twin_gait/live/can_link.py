@@ -17,13 +17,12 @@ import numpy as np
 
 from twin_gait.exceptions import MissingOptionalDependency, ParameterError
 from twin_gait.experiment.problem import Problem
-from twin_gait.export.can import BusFrame, bus_frames
+from twin_gait.export.can import BusFrame, bus_frames, messages_of
 from twin_gait.live.can_commands import MODE, Wishes, change_of, commands_of, wishes_of
 from twin_gait.live.deadlines import PERIOD
 from twin_gait.live.events import EventBook
 from twin_gait.live.priority import undisturbed
 from twin_gait.live.protocol import Control, Message, MessageRefused, Response, SetControl
-from twin_gait.network.dbc import load_messages
 from twin_gait.network.messages import CYCLE
 from twin_gait.simulation.engine import log_layout
 
@@ -36,6 +35,7 @@ OPTIONS: Mapping[str, Mapping[str, Any]] = {"udp_multicast": {"hop_limit": 0}}
 FARTHEST = 3 * PERIOD  # [s] between a frame and its time, before the times are set anew
 REPETITION = 1.0  # [s] in which the same frame once more is nothing new
 SEND_TIME = 1e-3  # [s] that a frame may wait for the driver
+MOST_HEARD = 100  # frames between two looks at what is to be sent
 MOST_NOTES = 20  # that a session tells of its bus
 
 
@@ -94,7 +94,7 @@ class CanLink:
             submit: Takes a message as from a page.
             controls: Gives the panel with its present values.
         """
-        self._messages = load_messages()
+        self._messages = messages_of(problem.experiment)
         self._commands = commands_of(self._messages)
         self._columns, self._problem = log_layout(problem).names, problem
         self._book, self._submit, self._controls = book, submit, controls
@@ -108,9 +108,6 @@ class CanLink:
         self._notes: set[str] = set()
         self._closed = threading.Event()
         self._bus = open_bus(name)
-        self._bus.set_filters(
-            [{"can_id": item, "can_mask": 0x7FF, "extended": False} for item in self._commands]
-        )
         self._thread = threading.Thread(target=self._run, name="CAN", daemon=True)
 
     def start(self) -> None:
@@ -144,8 +141,11 @@ class CanLink:
             self._send()
             wait = self._due[0][0] - time.monotonic() if self._due else CYCLE
             message = self._bus.recv(min(max(wait, 0.0), CYCLE))
-            if message is not None and not message.is_error_frame:
+            for _ in range(MOST_HEARD):  # udp_multicast gives our own frames back too
+                if message is None:
+                    break
                 self._hear(message)
+                message = self._bus.recv(0.0)
         except (can.CanError, OSError) as error:
             self._note(f"the CAN bus fails, frames are lost: {' '.join(str(error).split())}")
             self._closed.wait(PERIOD)
@@ -193,7 +193,7 @@ class CanLink:
     def _hear(self, message: can.Message) -> None:
         """Understand a frame; a repetition of the one before says nothing new."""
         known = self._commands.get(message.arbitration_id)
-        if known is None or message.is_extended_id:
+        if known is None or message.is_extended_id or message.is_error_frame:
             return
         try:
             wishes = wishes_of(known, bytes(message.data))

@@ -15,6 +15,7 @@ from twin_gait.exceptions import ParameterError, ViewerError
 from twin_gait.experiment import Experiment
 from twin_gait.measures.outcome import RunEvent
 from twin_gait.parameters import Patient
+from twin_gait.report.network_words import table_of_network
 from twin_gait.report.walk_words import carried_by_belt, table_of_walk
 from twin_gait.report.words import wearer_words
 from twin_gait.scenario import TreadmillScenario
@@ -40,6 +41,7 @@ class ShownRun:
         outcome: How it ended, in a word.
         walk: Its measures beside those of healthy walking, rows of texts; see
             :func:`twin_gait.report.walk_words.table_of_walk`.
+        network: What the bus carried, likewise; see :func:`twin_gait.report.network_words.table_of_network`.
     """
 
     name: str
@@ -49,6 +51,7 @@ class ShownRun:
     events: tuple[RunEvent, ...] = ()
     outcome: str = ""
     walk: Sequence[Sequence[str]] = ()
+    network: Sequence[Sequence[str]] = ()
 
     @property
     def duration(self) -> float:
@@ -65,7 +68,8 @@ def shown_run(run: Run, summary: Mapping[str, Any]) -> ShownRun:
 def with_walk(shown: ShownRun, summary: Mapping[str, Any]) -> ShownRun:
     """A run that shows its measures too, and says who carries it, from its summary."""
     said = tuple(filter(None, (carried_by_belt(summary),)))
-    return replace(shown, notes=(*shown.notes, *said), walk=table_of_walk(summary))
+    walk, network = table_of_walk(summary), table_of_network(summary)
+    return replace(shown, notes=(*shown.notes, *said), walk=walk, network=network)
 
 
 def page_of(runs: Sequence[ShownRun], *, moments: Sequence[float] = ()) -> str:
@@ -109,6 +113,7 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
             events=run.events,
             outcome=run.outcome,
             walk=run.walk,
+            network=run.network,
         )
     except ViewerError as error:
         raise ViewerError(f"{run.name.split(' · ')[-1]}: {error}") from error

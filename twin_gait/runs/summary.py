@@ -25,6 +25,7 @@ from twin_gait.measures.effort import (
 from twin_gait.measures.strides import SKIPPED_STRIDES, symmetry_index
 from twin_gait.measures.switching import blend_windows, torque_jumps
 from twin_gait.parameters import STATED_AUTONOMY
+from twin_gait.report.network_words import summary_of_traffic
 from twin_gait.report.reference import reference_measures, reference_stride_time
 from twin_gait.report.walk_words import with_units
 from twin_gait.runs.leg_summary import blend_length, reference_error, side_in_brief, summarise_side
@@ -89,6 +90,7 @@ def summarise(run: Run, *, skip_strides: int = SKIPPED_STRIDES) -> dict[str, Any
         **_battery(run),
         "largest_torque_jump": _largest_torque_jump(run),
         "safety": _safety(run),
+        **({} if run.traffic is None else {"network": summary_of_traffic(run.traffic)}),
         **_guide(run),
         **interaction_summary(run, skip_strides),
         **_energy(run),

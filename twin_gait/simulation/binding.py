@@ -7,7 +7,10 @@ is never typed; uncompiled, the same functions are plain Python. No text is rewr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import dis
+from collections.abc import Callable, Hashable, Mapping
+from functools import lru_cache
+from itertools import chain
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -16,13 +19,20 @@ OURS = "twin_gait."  # modules whose functions are bound; all others are called 
 Wrap = Callable[[FunctionType], Any]
 
 
-def bind(entry: Callable[..., Any], names: Mapping[str, Any], wrap: Wrap = lambda function: function) -> Any:
+def bind(
+    entry: Callable[..., Any],
+    names: Mapping[str, Any],
+    wrap: Wrap = lambda function: function,
+    made: dict[Hashable, Any] | None = None,
+) -> Any:
     """A function with other globals, and so every function of this package that it calls.
 
     Args:
         entry: Where the loop begins; it stays as it is.
         names: What takes the place of globals of the same name.
         wrap: What is made of every copy, for example its compiled form.
+        made: What was made by earlier calls with the same ``wrap``: a function whose code and names are the
+            same is taken from there. Changed in place.
 
     Returns:
         What was made of the copy of the entry.
@@ -45,18 +55,35 @@ def bind(entry: Callable[..., Any], names: Mapping[str, Any], wrap: Wrap = lambd
                 value = visit(value)
             if name in names or name in scope:
                 scope[name] = value
+        if made is not None:
+            bound = done[function] = made.setdefault(_identity(copy), bound)
         return bound
 
     assert isinstance(entry, FunctionType)
     return visit(entry)
 
 
-def _names_in(code: CodeType) -> Iterator[str]:
-    """Names that code uses, with those of the comprehensions and functions within it."""
-    yield from code.co_names
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _names_in(constant)
+def _identity(function: FunctionType) -> Hashable:
+    """What a function does: its code, and all that it names."""
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    defaults = [*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).items()]
+    named = [function.__globals__.get(name) for name in _names_in(function.__code__)]
+    return function.__code__, tuple(_same(value) for value in (*cells, *defaults, *named))
+
+
+def _same(value: Any) -> Hashable:
+    """Equal for one and the same object, and for equal numbers (0, 0.0, -0.0 and False are four)."""
+    if isinstance(value, tuple):
+        return type(value), tuple(map(_same, value))
+    return (type(value), repr(value)) if isinstance(value, (int, float)) else id(value)
+
+
+@lru_cache(maxsize=1024)
+def _names_in(code: CodeType) -> tuple[str, ...]:
+    """Globals that code reads, with those of the comprehensions and functions within it."""
+    own = [item.argval for item in dis.get_instructions(code) if item.opname == "LOAD_GLOBAL"]
+    inner = (_names_in(constant) for constant in code.co_consts if isinstance(constant, CodeType))
+    return tuple(dict.fromkeys(chain(own, *inner)))
 
 
 def kernel_functions(text: str, called: Mapping[str, Any]) -> dict[str, Any]:

@@ -26,6 +26,7 @@ from twin_gait.simulation.record import dtype_of, stored
 from twin_gait.simulation.rooms.tick import act, run_ticks, sense
 from twin_gait.simulation.rows import Switch
 from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.traffic import BusTraffic, bus_traffic
 from twin_gait.simulation.watching import trip_of
 
 if TYPE_CHECKING:
@@ -156,7 +157,8 @@ class CompiledEngine:
             return done, int(self.episode["status"])
 
         done, status, reason = run_in_chunks(self.problem, CHUNK_TICKS, run_ticks, progress, should_stop)
-        return EngineResult(table[:, :done].T, self.phase_switches(), status, reason, self.trip())
+        traffic = self.traffic(done)
+        return EngineResult(table[:, :done].T, self.phase_switches(), status, reason, self.trip(), traffic)
 
     def result(self, done: int, rows: np.ndarray) -> EngineResult:
         """The result of a run that has ended by itself after some ticks.
@@ -164,12 +166,18 @@ class CompiledEngine:
         Args:
             rows: Its log.
         """
-        return EngineResult(rows, self.phase_switches(), *self.ending(done), self.trip())
+        return EngineResult(rows, self.phase_switches(), *self.ending(done), self.trip(), self.traffic(done))
 
     def trip(self) -> Trip | None:
         """What the safety monitor has tripped on, or None."""
         trip = self.episode["controller"]["trip"]
         return trip_of(self.problem, int(trip["tick"]), int(trip["cause"]), int(trip["part"]))
+
+    def traffic(self, done: int) -> BusTraffic | None:
+        """What the bus has carried in some ticks; None without one."""
+        if not self.pattern.structure["NETWORKED"]:
+            return None
+        return bus_traffic(self.problem, self._store.view(np.recarray)[0].network, done)
 
     def ending(self, done: int) -> tuple[RunStatus, str]:
         """How the run stands after some ticks, and why; completed as long as nothing has ended it."""
@@ -286,6 +294,7 @@ def bound_kernel(bodies: Bodies) -> dict[str, Any]:
     return kernel_functions(write_kernel(*bodies), {item.name: item.function for item in SIDE_BY_SIDE})
 
 
+@lru_cache(maxsize=32)
 def compiled_rows(row: np.dtype[Any], joints: int) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
     from twin_gait.simulation.compiling import jit, numbers_at, rows_at

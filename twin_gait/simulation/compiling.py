@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -66,6 +66,9 @@ class Manner(NamedTuple):
 # LLVM's level 3, numba's own, takes a third longer here and runs no faster; its vectoriser takes loops over
 # the coordinates for long ones and makes the treadmill 15 to 20 % slower.
 ALONE = Manner(Pruning, 1, False)
+
+# Functions of the loops of this process: the next one compiles only what is different in it.
+_made: dict[Manner, dict[Hashable, Any]] = {}
 
 _OPTIONS = {"nogil": True, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
@@ -188,6 +191,7 @@ def compile_loop(
         entry,
         {**ON_BITS, **names},
         lambda function: jit(function, inline=function.__name__ != entry.__name__, manner=manner),
+        _made.setdefault(manner, {}),
     )
     signature = (numba.intp,) * n_arguments
     with compiled_in(manner):

@@ -14,6 +14,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.simulation.episode import DIVERGED, FELL
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.run import RunStatus
+from twin_gait.simulation.traffic import BusTraffic
 from twin_gait.vocabulary import JointName
 
 # A joint that turns faster than this is no longer physical: the run has diverged.
@@ -29,6 +30,7 @@ class EngineResult(NamedTuple):
         status: How the run ended.
         reason: Why, if it did not complete.
         trip: What the safety monitor tripped on, or None.
+        traffic: Of the bus, or None without one.
     """
 
     rows: np.ndarray
@@ -36,6 +38,7 @@ class EngineResult(NamedTuple):
     status: RunStatus
     reason: str
     trip: Trip | None = None
+    traffic: BusTraffic | None = None
 
 
 def log_layout(problem: Problem) -> LogLayout:

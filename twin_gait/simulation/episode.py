@@ -151,11 +151,13 @@ class Lately:
 
     Attributes:
         halves: Of the frame.
-        tick: From which the receiver would have had it without more delay; -1 for none.
+        tick: From which the receiver would have had it without more delay; 0 for none.
+        written: Tick in which its sender wrote it.
     """
 
     halves: list[int] = field(default_factory=lambda: [0, 0])
-    tick: int = -1
+    tick: int = 0
+    written: int = 0
 
 
 @dataclass(slots=True)
@@ -164,22 +166,28 @@ class Wire:
 
     Attributes:
         frame: Its place among those of the bus.
+        layout: Of its signals.
         lately: What has arrived, taken in turn.
+        written: Tick in which its sender wrote what the receiver goes by.
+        ages: Sum over all ticks of how many ticks old that was.
+        oldest: Most of them.
     """
 
     frame: int
+    layout: list[SignalLayout]
     lately: list[Lately]
+    written: int = 0
+    ages: int = 0
+    oldest: int = 0
 
 
 @dataclass(slots=True)
 class Network:
-    """The bus, and how what is said on it is written.
+    """The bus, and what is said on it.
 
     Attributes:
         bus: With all its frames.
         delay: Ticks by which every frame is used later than it arrives.
-        setpoint_layout: Of what boards are told.
-        measurement_layout: Of what they tell.
         setpoints: To each board.
         measurements: Of each.
         numbers: Room for what a frame says.
@@ -187,8 +195,6 @@ class Network:
 
     bus: Bus
     delay: int
-    setpoint_layout: list[SignalLayout]
-    measurement_layout: list[SignalLayout]
     setpoints: list[Wire]
     measurements: list[Wire]
     numbers: list[float]

@@ -27,7 +27,7 @@ from twin_gait.experiment.wearer import LOWEST_POSTURE, POSTURE_STEP
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
-from twin_gait.parameters import ImpedancePlace
+from twin_gait.parameters import ImpedancePlace, NetworkParameters
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import (
     Ends,
@@ -55,6 +55,7 @@ from twin_gait.vocabulary import JointName, Side
 MOST_SWITCHES_PER_SECOND = 200
 # Tables of any size up to the next multiple share one loop.
 _CAPACITY = 16
+_LATELY = 32  # [ticks]; likewise delays of the bus
 
 Structure: TypeAlias = dict[str, int | tuple[int, ...]]
 
@@ -177,6 +178,8 @@ def _joint(problem: Problem, number: int) -> Joint:
             motor=copied(motor),
             friction_model=experiment.control.friction_model[joint.joint],
             bounds=watch_bounds(problem, joint),
+            # What is on its way at the start may take so long.
+            silent_ticks=-_delay_ticks(experiment.network),
         ),
         motor=motor,
         condition=problem.wearer.conditions[number],
@@ -195,26 +198,27 @@ def _network(problem: Problem) -> Network:
         return absent
     boards = [f"{joint.side}_{joint.joint}" for joint in problem.joints]
     messages = load_messages(parameters.dbc)
-    frames = cyclic_messages(messages, boards)
+    frames, delay = cyclic_messages(messages, boards), _delay_ticks(parameters)
     setpoints, measurements = (
-        _wires([messages[f"{board}_{kind}"] for board in boards], frames, round(parameters.delay / TICK))
+        [_wire(messages[f"{board}_{kind}"], frames, delay) for board in boards]
         for kind in (SETPOINT, MEASUREMENT)
     )
-    layouts = [messages[f"{boards[0]}_{kind}"].layout for kind in (SETPOINT, MEASUREMENT)]
     return Network(
         bus=new_bus(parameters, frames, problem.experiment.seed, TICK),
-        delay=round(parameters.delay / TICK),
-        setpoint_layout=layouts[0],
-        measurement_layout=layouts[1],
+        delay=delay,
         setpoints=setpoints,
         measurements=measurements,
-        numbers=[0.0] * max(map(len, layouts)),
+        numbers=[0.0] * max(len(message.signals) for message in frames),
     )
 
 
-def _wires(messages: list[Message], frames: list[Message], delay: int) -> list[Wire]:
-    room = (delay // _CAPACITY + 1) * _CAPACITY
-    return [Wire(frames.index(message), [Lately() for _ in range(room)]) for message in messages]
+def _delay_ticks(network: NetworkParameters | None) -> int:
+    return 0 if network is None else round(network.delay / TICK)
+
+
+def _wire(message: Message, frames: list[Message], delay: int) -> Wire:
+    room = (delay // _LATELY + 1) * _LATELY
+    return Wire(frames.index(message), message.layout, [Lately() for _ in range(room)])
 
 
 def _controller(problem: Problem, bodies: list[float]) -> ControllerState:
@@ -246,6 +250,7 @@ def _controlled_joint(problem: Problem, number: int, phase: int) -> ControlledJo
         blended=copied(setpoints[phase]),
         target=control.target_torque.get(joint.joint, 0.0),
         assistance=control.assistance.share[joint.joint],
+        silent_ticks=-_delay_ticks(problem.experiment.network),
     )
 
 
@@ -307,13 +312,14 @@ def _supply(problem: Problem) -> Supply:
 
 def _limits(problem: Problem) -> Limits:
     control, network = problem.experiment.control, problem.experiment.network
+    watched = control.safety.enabled
     return Limits(
         torque=control.limits.torque,
         current=control.limits.current,
         phase_ticks=phase_time_out_ticks(problem),
         frozen_load_ticks=ticks(control.safety.frozen_load_time),
-        controller_silence=NEVER if network is None else ticks(network.board_silence),
-        board_silence=NEVER if network is None else ticks(network.ccu_silence),
+        controller_silence=ticks(network.board_silence) if network and watched else NEVER,
+        board_silence=ticks(network.ccu_silence) if network and watched else NEVER,
         lowering_ticks=ticks(control.safety.lowering_time),
         hold_damping=control.safety.hold_damping,
     )

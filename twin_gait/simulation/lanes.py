@@ -19,6 +19,7 @@ tests/simulation/test_lanes.py compares lanes and single episodes bit for bit.
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 from typing import Any
 
 import numba
@@ -159,6 +160,7 @@ def rows_beside(dtype: np.dtype[Any]) -> Any:
 IN_LOCKSTEP = Manner(InLanes, 3, True)
 
 
+@lru_cache(maxsize=32)
 def bound_in_lanes(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:
     """What a loop over a block is bound to in place of what that of a single episode is."""
     row_of, tables = rows_beside(row), numbers_at(episode["joints"].shape[0])

@@ -25,6 +25,7 @@ from twin_gait.simulation.log import LogRow
 from twin_gait.simulation.record import numbers_in
 from twin_gait.simulation.rooms.tick import run_ticks
 from twin_gait.simulation.rows import Switch
+from twin_gait.simulation.traffic import bus_traffic
 from twin_gait.simulation.watching import trip_of
 
 CHUNK_TICKS = 100  # between two looks at progress and interruption
@@ -96,6 +97,7 @@ class ReferenceEngine:
             status,
             reason,
             trip_of(self.problem, trip.tick, trip.cause, trip.part),
+            bus_traffic(self.problem, self.episode.network, done),
         )
 
     def run_ticks(self, first: int, end: int, rows: np.ndarray) -> int:

@@ -24,6 +24,7 @@ from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.measures.walk import WalkMeasures, WalkPower, Walkway, walk_measures, walk_power
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.log import LogLayout
+from twin_gait.simulation.traffic import BusTraffic
 from twin_gait.vocabulary import GaitPhase, Outcome, Side
 
 if TYPE_CHECKING:
@@ -60,6 +61,7 @@ class Run:
         wall_s: Wall-clock time of the integration in [s].
         body_weight: Weight of wearer and device in [N].
         trip: What the safety monitor tripped on, or None.
+        traffic: Of the bus, or None without one, in live walks and in runs that were read back.
     """
 
     experiment: Experiment
@@ -71,6 +73,7 @@ class Run:
     wall_s: float
     body_weight: float
     trip: Trip | None = None
+    traffic: BusTraffic | None = None
 
     def __repr__(self) -> str:
         """One line: what was run and how it ended."""

@@ -81,6 +81,7 @@ def run_of(
         wall_s=wall_s,
         body_weight=problem.world.body_weight,
         trip=result.trip,
+        traffic=result.traffic,
     )
 
 

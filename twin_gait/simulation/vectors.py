@@ -8,6 +8,7 @@ full. Every number goes through the same operations in the same order as alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache
 from itertools import chain
 from typing import Any
 
@@ -15,7 +16,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-from twin_gait.kernels.generated import SIDE_BY_SIDE
+from twin_gait.kernels.generated import SIDE_BY_SIDE, Called
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.compiling import ON_BITS, distinct, jit
 
@@ -150,6 +151,11 @@ def side_by_side(typing: Any, e: Any, places: Any, staged: Any, take: Any, law: 
     return types.none(e, places, staged, take, law, give), generate
 
 
+@lru_cache(maxsize=8)
+def _each_of(item: Called) -> Any:
+    return _each(bind(item.function, ON_BITS, jit), item.shared, item.arguments)
+
+
 def in_vectors(kernel: Mapping[str, Any]) -> dict[str, Any]:
     """What a loop of one episode is bound to so that laws for several things at once become vectors.
 
@@ -158,6 +164,6 @@ def in_vectors(kernel: Mapping[str, Any]) -> dict[str, Any]:
     """
     found = {"side_by_side": side_by_side}
     for item in SIDE_BY_SIDE:
-        each = _each(bind(item.function, ON_BITS, jit), item.shared, item.arguments)
+        each = _each_of(item)
         found.update({name: each for name in kernel if name.rpartition("_")[0] == item.name})
     return found

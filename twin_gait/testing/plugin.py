@@ -1,4 +1,4 @@
-"""The test kit as a pytest plugin: ``pytest --gait-table FILE [--approved FILE [--approve]]``.
+"""The test kit as a pytest plugin: ``pytest --gait-table FILE [--machine c] [--approved FILE [--approve]]``.
 
 Every pytest that finds this package loads the plugin, so nothing of the package is imported before one
 of the options is given, and without them no hook does anything.
@@ -15,12 +15,14 @@ import pytest
 if TYPE_CHECKING:
     from twin_gait.gait.table import GaitTable
     from twin_gait.testing.cases import TransitionTest
+    from twin_gait.testing.driver import MachineFactory
 
 
 class Request(NamedTuple):
     """A table to be tested."""
 
     table: GaitTable
+    machine: MachineFactory | None  # what is tested; None is the package's own
     approved: Path | None  # file with its approved text
     approve: bool  # whether that file is to be written instead of compared
 
@@ -39,6 +41,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         help="test every transition of a gait table",
     )
     group.addoption(
+        "--machine",
+        choices=("python", "c"),
+        default="python",
+        help="what is tested: the package's state machine, or its guards in C as the firmware has them",
+    )
+    group.addoption(
         "--approved",
         action="append",
         default=[],
@@ -51,21 +59,23 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Read the tables and have their files collected."""
     tables, approved = config.getoption("gait_table"), config.getoption("approved")
-    approve = bool(config.getoption("approve"))
-    if not (tables or approved or approve):
+    approve, in_c = bool(config.getoption("approve")), config.getoption("machine") == "c"
+    if not (tables or approved or approve or in_c):
         return
-    _check_options(tables, approved, approve)
+    _check_options(tables, approved, approve, in_c)
     texts: list[Path | None] = [Path(name) for name in approved]
     texts = texts or [None] * len(tables)
     requests = {
-        Path(name).resolve(): Request(_load(name), text, approve)
+        Path(name).resolve(): Request(*_load(name, in_c), text, approve)
         for name, text in zip(tables, texts, strict=True)
     }
     config.stash[_REQUESTS] = requests
     config.args.extend(str(path) for path in requests if str(path) not in config.args)
 
 
-def _check_options(tables: list[str], approved: list[str], approve: bool) -> None:
+def _check_options(tables: list[str], approved: list[str], approve: bool, in_c: bool) -> None:
+    if in_c and not tables:
+        raise pytest.UsageError("--machine c: expected --gait-table FILE with it")
     if approved and len(approved) != len(tables):
         raise pytest.UsageError(
             f"--approved: expected one for each --gait-table, got {len(approved)} for {len(tables)}"
@@ -77,7 +87,7 @@ def _check_options(tables: list[str], approved: list[str], approve: bool) -> Non
         raise pytest.UsageError("--gait-table: a file is named twice; name each once")
 
 
-def _load(name: str) -> GaitTable:
+def _load(name: str, in_c: bool) -> tuple[GaitTable, MachineFactory | None]:
     from twin_gait.configuration.gait_table_file import load_gait_table
     from twin_gait.exceptions import TwinGaitError
     from twin_gait.gait.program import compile_guards
@@ -87,7 +97,17 @@ def _load(name: str) -> GaitTable:
         compile_guards(table)
     except TwinGaitError as error:
         raise pytest.UsageError(f"--gait-table: {error}") from error
-    return table
+    try:
+        return table, _in_c(table) if in_c else None
+    except TwinGaitError as error:
+        raise pytest.UsageError(f"--machine c: {name}: {error}") from error
+
+
+def _in_c(table: GaitTable) -> MachineFactory:
+    from twin_gait.testing.compiled import compiled_machines
+
+    (machine,) = compiled_machines([table])
+    return machine
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> GaitTableTests | None:
@@ -111,7 +131,7 @@ class GaitTableTests(pytest.File):
         """The tests of its transitions, then the approval."""
         from twin_gait.testing.cases import transition_tests
 
-        for test in transition_tests(self.request.table):
+        for test in transition_tests(self.request.table, machine=self.request.machine):
             yield TransitionItem.from_parent(self, name=test.name, test=test)
         if self.request.approved is not None:
             yield ApprovalItem.from_parent(self, name="approved text", request=self.request)

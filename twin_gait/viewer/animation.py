@@ -45,6 +45,7 @@ def recorded_run(
     events: Sequence[RunEvent] = (),
     outcome: str = "",
     walk: Sequence[Sequence[str]] = (),
+    network: Sequence[Sequence[str]] = (),
 ) -> dict[str, Any]:
     """One run as a page holds it; :func:`twin_gait.viewer.page.recorded_page` takes one or two.
 
@@ -65,6 +66,7 @@ def recorded_run(
         events: Events of the run; each has a frame too.
         outcome: How it ended, in a word.
         walk: A table of measures, a head and rows of texts.
+        network: Likewise, of what a bus carried.
 
     Raises:
         ModelError: If the URDF cannot be read.
@@ -86,6 +88,7 @@ def recorded_run(
         events=events,
         outcome=outcome,
         walk=walk,
+        network=network,
         view=scene.view,
         phases=motion.phase_names,
         legs=[_leg(side, leg) for side, leg in motion.legs.items()],

@@ -171,6 +171,7 @@ def _structure(episode: BenchEpisode) -> dict[str, bool]:
     return {"OTHER_LAWS": episode.friction.law in (ASYMMETRIC, BRISTLE)}
 
 
+@lru_cache(maxsize=8)
 def _compiled_rows(episode: np.dtype[Any]) -> dict[str, Any]:
     """Functions of :mod:`.interface` that find what is behind addresses."""
     from twin_gait.simulation.compiling import jit, numbers_at, record_at, rows_at

@@ -43,7 +43,7 @@ from twin_gait.simulation.interface import (
     each,
     lanes,
 )
-from twin_gait.simulation.rooms.network import hear_setpoint, reboot
+from twin_gait.simulation.rooms.network import hear_setpoint
 
 
 def feed_forward(e: Episode) -> None:
@@ -99,7 +99,6 @@ def _hear(e: Episode, number: int, tick: int) -> None:
     """Let a board hear what is demanded."""
     board = e.joints[number].board
     if NETWORKED:
-        reboot(e, number, tick)
         hear(board, e.limits, e.joints[number].heard, hear_setpoint(e, number, tick))
     else:
         copy_demand(e.controller.joints[number].demand, board.demand)
@@ -132,6 +131,8 @@ def _command(e: Episode, number: int) -> None:
         ask(board)
         sum_up(board)
     set_current(board, e.limits, joint.due if DELAYED else board.command.torque)
+    if NETWORKED and joint.off:
+        board.command.target_current = 0.0
 
 
 def drive(e: Episode, tick: int) -> None:

@@ -23,19 +23,25 @@ def follow(e: Episode, tick: int) -> None:
 
 def track(e: Episode, tick: int) -> None:
     """Sum up the tracking error, and adapt the assistance level at the end of a stride."""
-    angles = e.path.angles
-    for number, leg in enumerate(e.controller.legs):
+    for number in range(len(e.controller.legs)):
+        leg = e.controller.legs[number]
         if tick > 0 and leg.phase == 0 and leg.entry_tick == tick:
             _end_stride(e, number, tick)
-        progress = (tick - leg.stride_start) / leg.stride_ticks
-        if leg.stride_start == 0:
-            progress += leg.path_start
-        before, share = cycle_place(progress, len(angles))
-        for position in range(JOINTS_PER_LEG):
-            joint = e.controller.joints[number * JOINTS_PER_LEG + position]
-            start = angles[before][position]
-            wanted = start + share * (angles[before + 1][position] - start)
-            joint.tracking += abs(joint.measurement.angle - wanted)
+        _add_errors(e, number, tick)
+
+
+def _add_errors(e: Episode, number: int, tick: int) -> None:
+    """Add the tracking errors of this tick to those of a leg's stride."""
+    leg, angles = e.controller.legs[number], e.path.angles
+    progress = (tick - leg.stride_start) / leg.stride_ticks
+    if leg.stride_start == 0:
+        progress += leg.path_start
+    before, share = cycle_place(progress, len(angles))
+    for position in range(JOINTS_PER_LEG):
+        joint = e.controller.joints[number * JOINTS_PER_LEG + position]
+        start = angles[before][position]
+        wanted = start + share * (angles[before + 1][position] - start)
+        joint.tracking += abs(joint.measurement.angle - wanted)
 
 
 def _end_stride(e: Episode, number: int, tick: int) -> None:

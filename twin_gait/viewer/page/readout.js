@@ -18,17 +18,19 @@ class Readout {
     this.alarm.setAttribute("role", "status");
     this.card.replaceChildren(title, make("p", "subtitle", page.subtitle), this.clock, this.alarm, this.table,
       make("p", "notes", page.notes.join(" ")));
-    if (page.walk?.length) this.card.append(Readout.measures(page.walk));
+    for (const [title, table] of [["The walk in numbers", page.walk], ["The bus in numbers", page.network]]) {
+      if (table?.length) this.card.append(Readout.measures(title, table));
+    }
     this.cells = page.legs.map(() => ({}));
     this.rows = Readout.rows(page);
     if (page.legs.length) this.fill();
   }
 
   // A table of texts that opens on demand.
-  static measures([head, ...rows]) {
+  static measures(title, [head, ...rows]) {
     const box = make("details", "walk"), frame = make("div"), table = make("table", "read");
     frame.append(table);
-    box.append(make("summary", "", "The walk in numbers"), frame);
+    box.append(make("summary", "", title), frame);
     const top = table.createTHead().insertRow(), body = table.createTBody();
     for (const text of head) top.append(make("th", "", text));
     for (const [label, ...texts] of rows) {
