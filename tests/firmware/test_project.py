@@ -22,6 +22,7 @@ from twin_gait.core.safety import COMMAND_TRIP
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware import Library, Unit, build_objects, sizes, symbols, units
 from twin_gait.firmware.cross import SANITIZE
+from twin_gait.firmware.layout import camel_case
 from twin_gait.firmware.project import (
     EXOSKELETON,
     GAIT_CONTROLLER,
@@ -111,9 +112,8 @@ def test_units_fit_and_need_no_library(printed, tmp_path):
         wanted = {item for item, letter in symbols(objects).items() if letter == "U"}
         assert wanted <= {"memcpy", "memset", "memmove"}
         if name in LIMITS:
-            kind = "".join(word.capitalize() for word in name.split("_"))
             listed = run("arm-none-eabi-nm", "-S", measured).splitlines()
-            ram = sum(int(line.split()[1], 16) for line in listed if f"of_{kind}" in line)
+            ram = sum(int(line.split()[1], 16) for line in listed if f"of_{camel_case(name)}" in line)
             assert found.flash <= LIMITS[name][0] and 0 < ram <= LIMITS[name][1]
 
 
@@ -122,7 +122,7 @@ def test_the_manifest_knows_what_records_weigh(printed, tmp_path):
     said = printed.project.manifest({"provenance": {}})["record_bytes"]
     records = printed.folder / "records.c"
     records.write_text(
-        '#include "types.h"\n' + "".join(f"char of_{name}[sizeof({name})];\n" for name in said)
+        '#include "types.h"\n' + "".join(f"char of_{name}[sizeof({camel_case(name)})];\n" for name in said)
     )
     (measured,) = build_objects(Unit(name="records", sources=(records,)), tmp_path)
     lines = [line.split() for line in run("arm-none-eabi-nm", "-S", measured).splitlines()]

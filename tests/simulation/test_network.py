@@ -1,4 +1,4 @@
-"""Boards and gait controller over a CAN bus: what they hear, how old it is, and what they do if they do not."""
+"""Boards and gait controller over a CAN bus: what they hear, how old it is, what they do if they do not."""
 
 from __future__ import annotations
 
