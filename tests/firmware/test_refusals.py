@@ -137,6 +137,20 @@ def of_a_dictionary(x: dict[str, float]) -> float:
     return x["x"]
 
 
+def pair(x: float) -> tuple[float, float]:
+    return x, -x
+
+
+def passed_on(x: float) -> tuple[float, float]:
+    return pair(x)
+
+
+def broken_off(x: float) -> float:
+    for _ in range(3):
+        break
+    return x
+
+
 @pytest.mark.parametrize(
     "function, line, said",
     [
