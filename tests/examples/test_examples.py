@@ -39,3 +39,13 @@ def test_a_knee_that_sticks_stays_where_a_static_law_creeps(tmp_path):
     assert found["lugre"]["largest_friction_Nm"] < found["breakaway_torque_Nm"]
     assert found["lugre"]["slips"] >= 3
     assert (tmp_path / "friction_presliding.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_table_of_the_firmware_is_of_tables_that_are_proven():
+    found = json.loads((EXAMPLES / "results" / "firmware" / "results.json").read_text())
+    for row in found["rows"]:
+        assert row["other bits in double"] == row["on the target"] == 0 < row["numbers compared"]
+        assert row["board: flash [B]"] <= 4096 and row["board: RAM [B]"] <= 512
+        assert row["controller: flash [B]"] <= 12 * 1024 and row["controller: RAM [B]"] <= 2048
+        assert row["worst tick"] <= found["worst_instructions"] <= 5000
+        assert row["processor in the loop"] == "walked"

@@ -22,6 +22,7 @@ from twin_gait.core.safety import COMMAND_TRIP
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware import Library, Unit, build_objects, sizes, symbols, units
 from twin_gait.firmware.cross import SANITIZE
+from twin_gait.firmware.layout import camel_case
 from twin_gait.firmware.project import (
     EXOSKELETON,
     GAIT_CONTROLLER,
@@ -62,8 +63,7 @@ def run(*words: Any, cwd: Path | None = None) -> str:
 def printed(request, tmp_path_factory) -> Printed:
     preset, *changes = SHIPPED[request.param]
     project, folder = print_project(load_experiment(preset, changes).experiment), tmp_path_factory.mktemp("c")
-    for name, text in project.program.files.items():
-        (folder / name).write_text(text)
+    project.write_linked(folder)
     return Printed(project, folder)
 
 
@@ -112,9 +112,8 @@ def test_units_fit_and_need_no_library(printed, tmp_path):
         wanted = {item for item, letter in symbols(objects).items() if letter == "U"}
         assert wanted <= {"memcpy", "memset", "memmove"}
         if name in LIMITS:
-            kind = "".join(word.capitalize() for word in name.split("_"))
             listed = run("arm-none-eabi-nm", "-S", measured).splitlines()
-            ram = sum(int(line.split()[1], 16) for line in listed if f"of_{kind}" in line)
+            ram = sum(int(line.split()[1], 16) for line in listed if f"of_{camel_case(name)}" in line)
             assert found.flash <= LIMITS[name][0] and 0 < ram <= LIMITS[name][1]
 
 
@@ -123,29 +122,35 @@ def test_the_manifest_knows_what_records_weigh(printed, tmp_path):
     said = printed.project.manifest({"provenance": {}})["record_bytes"]
     records = printed.folder / "records.c"
     records.write_text(
-        '#include "types.h"\n' + "".join(f"char of_{name}[sizeof({name})];\n" for name in said)
+        '#include "types.h"\n' + "".join(f"char of_{name}[sizeof({camel_case(name)})];\n" for name in said)
     )
     (measured,) = build_objects(Unit(name="records", sources=(records,)), tmp_path)
     lines = [line.split() for line in run("arm-none-eabi-nm", "-S", measured).splitlines()]
     assert {words[3].removeprefix("of_"): int(words[1], 16) for words in lines} == said
 
 
-@pytest.mark.parametrize("more", [[], ["-DREAL_DOUBLE"]])
-@pytest.mark.parametrize("count", [20_000, pytest.param(1_000_000, marks=pytest.mark.slow)])
-def test_nothing_is_undefined_with_wild_inputs(printed, tmp_path, more, count):
-    """Seeded NaN, infinities, stuck and jumping encoders; fuzz.c fails at a current that is none."""
+def fuzz(project: Project, folder: Path, count: int, *more: str) -> None:
+    """Feed seeded NaN, infinities, stuck and jumping encoders; fuzz.c fails at a current that is none."""
     require_tools("gcc")
-    project, folder = printed
     sources = [folder / f"{name}.c" for name in (EXOSKELETON, JOINT_BOARD, GAIT_CONTROLLER)]
-    words = [
-        f"-DFIRST_BOARD={JOINT_BOARD}_{project.joints[0]}_init",
-        f"-DPHASES={len(project.problem.table.phases)}",
-    ]
-    base = [*STRICT[:5], *SANITIZE, *more, *words, f"-I{folder}"]
-    run("gcc", *base, FUZZ, *sources, "-o", tmp_path / "fuzz")
-    rows = [line.split() for line in run(tmp_path / "fuzz", count, 7).splitlines()]
+    first = f"-DFIRST_BOARD={JOINT_BOARD}_{project.joints[0]}_init"
+    phases = f"-DPHASES={len(project.problem.table.phases)}"
+    program = folder / "fuzz"
+    run("gcc", *STRICT[:5], *SANITIZE, *more, first, phases, f"-I{folder}", FUZZ, *sources, "-o", program)
+    rows = [line.split() for line in run(program, count, 7).splitlines()]
     episodes, trips = (sum(int(row[column]) for row in rows) for column in (0, 1))
     assert episodes == count // 1000 and trips > 0.8 * episodes
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("more", [[], ["-DREAL_DOUBLE"]])
+def test_a_million_wild_inputs_do_nothing_undefined(printed, more):
+    fuzz(*printed, 1_000_000, *more)
+
+
+def test_wild_inputs_do_nothing_undefined(treadmill, tmp_path):
+    treadmill.write_linked(tmp_path)
+    fuzz(treadmill, tmp_path, 50_000)
 
 
 # ------------------------------------------------------------------------- the units apart

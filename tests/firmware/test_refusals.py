@@ -137,6 +137,20 @@ def of_a_dictionary(x: dict[str, float]) -> float:
     return x["x"]
 
 
+def pair(x: float) -> tuple[float, float]:
+    return x, -x
+
+
+def passed_on(x: float) -> tuple[float, float]:
+    return pair(x)
+
+
+def broken_off(x: float) -> float:
+    for _ in range(3):
+        break
+    return x
+
+
 @pytest.mark.parametrize(
     "function, line, said",
     [
@@ -160,6 +174,8 @@ def of_a_dictionary(x: dict[str, float]) -> float:
         (from_the_end, 1, "counted from its beginning"),
         (unknown_length, 1, "row: is no list of one known length"),
         (counted_twice, 2, "i: is counted by the loop"),
+        (passed_on, 1, "pair(x): several numbers of another function"),
+        (broken_off, 2, "break: a statement that is not printed"),
         (of_a_dictionary, 0, "x is of no kind that C knows"),
     ],
     ids=lambda item: getattr(item, "__name__", ""),

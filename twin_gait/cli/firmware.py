@@ -13,6 +13,7 @@ from twin_gait.cli.terminal import DONE, FAILED
 if TYPE_CHECKING:
     from twin_gait.configuration import LoadedExperiment
     from twin_gait.firmware.verify import Verification
+    from twin_gait.simulation import Run
 
 WALK = 3.0  # [s] of the vectors: every phase of both legs
 VERIFICATION = "verification.json"
@@ -83,7 +84,7 @@ def _write(loaded: LoadedExperiment, folder: Path) -> dict[str, Any]:
     terminal.note_step("C", "printing")
     project = print_project(experiment)
     walk = replace(experiment, duration=min(WALK, experiment.duration), faults=())
-    with terminal.watched("vectors", "tick") as watch:
+    with terminal.watched("vectors", "tick", _never) as watch:
         vectors = record_vectors(walk, watch["progress"], watch["on_compile"])
     project.write(folder, vectors, document)
     return project.manifest(document)
@@ -96,7 +97,7 @@ def _verify(loaded: LoadedExperiment, folder: Path | None) -> dict[str, Any]:
     from twin_gait.files import write_atomically
     from twin_gait.firmware.verify import verify
 
-    with terminal.watched("verifying", "tick") as watch:
+    with terminal.watched("verifying", "tick", _never) as watch:
         found = verify(loaded.experiment, watch["progress"], watch["on_compile"])
     document = _document(found)
     if folder is not None:
@@ -105,9 +106,25 @@ def _verify(loaded: LoadedExperiment, folder: Path | None) -> dict[str, Any]:
     return document
 
 
+def _never() -> bool:
+    """Nothing is kept of what is stopped half-way: Ctrl-C ends it at once."""
+    return False
+
+
 def _document(found: Verification) -> dict[str, Any]:
     named = [item._asdict() for item in found.checks]
-    return {"source_sha256": found.source_hash, "passed": found.passed, "checks": named}
+    walks = {"simulation": found.walk, "processor_in_the_loop": found.loop_walk}
+    gaits = {name: _gait(run) for name, run in walks.items() if run is not None}
+    return {"source_sha256": found.source_hash, "passed": found.passed, "checks": named, "walks": gaits}
+
+
+def _gait(run: Run) -> dict[str, Any]:
+    """Strides of each leg, and how far they are off the reference."""
+    from twin_gait.runs.leg_summary import side_in_brief
+
+    briefs = {str(side): side_in_brief(run, side) for side in run.sides}
+    kept = ("strides_by_phase", *(f"rmse_{joint}_by_contact_deg" for joint in ("hip", "knee")))
+    return {side: {name: brief.get(name) for name in kept} for side, brief in briefs.items()}
 
 
 def report(manifest: Mapping[str, Any], out: Path) -> Iterator[str]:
@@ -125,3 +142,8 @@ def checks(document: Mapping[str, Any]) -> Iterator[str]:
     words = {True: "passed", False: "FAILED", None: "skipped"}
     for item in document["checks"]:
         yield f"{words[item['passed']]}: {item['name']}: {item['text']}"
+    for name, sides in document["walks"].items():
+        for side, gait in sides.items():
+            hip, knee = gait["rmse_hip_by_contact_deg"], gait["rmse_knee_by_contact_deg"]
+            off = "" if hip is None else f", off the reference by {hip:.4f}° (hip) and {knee:.4f}° (knee) RMS"
+            yield f"  {name.replace('_', ' ')}, {side}: {gait['strides_by_phase']} strides{off}"

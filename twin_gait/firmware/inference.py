@@ -48,8 +48,6 @@ class Inference(ExpressionKinds):
         match node:
             case ast.Assign(targets=[target]):
                 self._assign(node, target, node.value)
-            case ast.AnnAssign(target=target, value=ast.expr() as value):
-                self._assign(node, target, value)
             case ast.If():
                 return self._condition(node)
             case ast.For(orelse=[]):
@@ -62,7 +60,7 @@ class Inference(ExpressionKinds):
             case ast.Expr(value=ast.Call()):
                 self.kind(node.value)
                 self.in_order(node.value)
-            case ast.Continue() | ast.Break():
+            case ast.Continue():
                 return False
             case _:
                 raise self.source.refused(node, "a statement that is not printed")

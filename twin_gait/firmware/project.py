@@ -86,7 +86,8 @@ class Project:
             document: The experiment, from
                 :func:`twin_gait.configuration.experiments.resolved_document`.
         """
-        texts = dict(self.program.files)
+        self.write_linked(folder)
+        texts = {}
         for path in _FILES.iterdir():
             text = path.read_text(encoding="utf-8")
             texts[path.name] = Template(text).substitute(self._words()) if path.suffix == ".md" else text
@@ -98,18 +99,23 @@ class Project:
 
     def manifest(self, document: Mapping[str, Any]) -> dict[str, Any]:
         """What the C was printed from, and the RAM that its records take on a Cortex-M."""
-        records = (JointBoard, GaitController, Exoskeleton)
         return {
             "experiment": self.problem.experiment.name,
             "table": self.problem.table.name,
             "source_sha256": self.program.source_hash,
             "provenance": document["provenance"],
             "can_codec": bool(self.messages),
-            "record_bytes": {item.__name__: self._bytes(item) for item in records},
+            "record_bytes": self.record_bytes,
         }
 
+    @property
+    def record_bytes(self) -> dict[str, int]:
+        """RAM that the records of the units take on a Cortex-M, by unit."""
+        records = {JOINT_BOARD: JointBoard, GAIT_CONTROLLER: GaitController, EXOSKELETON: Exoskeleton}
+        return {name: self._bytes(record) for name, record in records.items()}
+
     def write_linked(self, folder: Path) -> Unit:
-        """Write the C alone into a folder that exists; the linked unit in it."""
+        """Write the C alone, of all units, into a folder that exists; the linked unit in it."""
         for name, text in self.program.files.items():
             (folder / name).write_text(text, encoding="utf-8")
         return Unit(name=EXOSKELETON, sources=(folder / f"{EXOSKELETON}.c",))

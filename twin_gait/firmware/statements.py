@@ -103,10 +103,7 @@ class Printed:
             fresh: Names that it declares if it assigns them.
         """
         match node:
-            case (
-                ast.Assign(targets=[target], value=value)
-                | ast.AnnAssign(target=target, value=ast.expr() as value)
-            ):
+            case ast.Assign(targets=[target], value=value):
                 self._assign(target, value, fresh)
             case ast.If():
                 self._condition(node, "if")
@@ -118,8 +115,6 @@ class Printed:
                 self._emit(f"{self.expressions.call(call, None)};")
             case ast.Continue():
                 self._emit("continue;")
-            case ast.Break():
-                self._emit("break;")
 
     def _assign(self, target: ast.expr, value: ast.expr, fresh: set[str]) -> None:
         if not isinstance(target, ast.Tuple):
@@ -257,15 +252,7 @@ class Printed:
             texts = ", ".join(self.expressions.value(item, part) for item, part in parts)
             self._emit(f"return ({self.naming.result(self.function)}){{{texts}}};")
         elif isinstance(kind, TupleKind):
-            assert isinstance(value, ast.Call)
-            result, called = self._free("result"), self.function.calls[value]
-            text = self.expressions.call(value, None)
-            if self.naming.result(called) == self.naming.result(self.function):
-                self._emit(f"return {text};")
-                return
-            self._emit(f"const {self.naming.result(called)} {result} = {text};")
-            texts = ", ".join(f"{result}.{result_name(number)}" for number in range(len(kind.items)))
-            self._emit(f"return ({self.naming.result(self.function)}){{{texts}}};")
+            raise self.function.source.refused(value, "several numbers of another function; name them first")
         else:
             self._emit(f"return {self.expressions.value(value, kind)};")
 
@@ -321,8 +308,8 @@ def _blocks(node: ast.stmt) -> Iterator[list[ast.stmt]]:
 
 def _assigned_by(node: ast.stmt) -> set[str]:
     """Names that an assignment may declare."""
-    if not isinstance(node, (ast.Assign, ast.AnnAssign)):
+    if not isinstance(node, ast.Assign):
         return set()
-    target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+    target = node.targets[0]
     items = target.elts if isinstance(target, ast.Tuple) else [target]
     return {item.id for item in items if isinstance(item, ast.Name)}

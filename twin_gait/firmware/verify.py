@@ -159,13 +159,11 @@ class _Bench:
         _, taken = self.project.dtypes(double=double)
         return [converted(item.outputs, taken) for item in self.vectors]
 
-    def sizes(self) -> dict[str, int]:
-        """Bytes of flash of the units of the device."""
-        found = {}
-        for name in (JOINT_BOARD, GAIT_CONTROLLER):
-            unit = replace(self.unit, name=name, sources=(self.folder / f"{name}.c",))
-            found[f"{name}_flash_bytes"] = sizes(build_objects(unit, self.folder)).flash
-        return found
+    def bytes_of(self, name: str) -> dict[str, int]:
+        """Flash of a unit of the device, and RAM of its record."""
+        unit = replace(self.unit, name=name, sources=(self.folder / f"{name}.c",))
+        flash, variables = sizes(build_objects(unit, self.folder))
+        return {"flash": flash, "ram": variables + self.project.record_bytes[name]}
 
     def walk(self, progress: Progress | None, on_compile: Callable[[], None] | None) -> Run:
         """The experiment with the Cortex-M4F as its controller."""
@@ -212,15 +210,16 @@ def _target(bench: _Bench) -> Check:
     answers = [bench.on_target(item) for item in bench.vectors]
     check = _same_bits(bench.single, [outputs for outputs, _ in answers])
     counts = np.concatenate([target.instructions for _, target in answers])
-    figures = {
+    figures: dict[str, Any] = {
         "instructions_mean": float(counts.mean()),
         "instructions_worst": int(counts.max()),
         "stack_bytes": max(target.stack_bytes for _, target in answers),
-        **bench.sizes(),
+        "bytes": {name: bench.bytes_of(name) for name in (JOINT_BOARD, GAIT_CONTROLLER)},
     }
+    units = (f"{name} {item['flash']} and {item['ram']}" for name, item in figures["bytes"].items())
     text = (
         f"{check.text}; {counts.mean():.0f} instructions a tick for all joints, {counts.max()} in the worst; "
-        f"{figures['stack_bytes']} bytes of stack"
+        f"bytes of flash and RAM: {', '.join(units)}; {figures['stack_bytes']} bytes of stack"
     )
     return check._replace(text=text, figures={**check.figures, **figures})
 
@@ -239,16 +238,19 @@ def _walks_as_before(before: Run, after: Run) -> Check:
         (abs(a.tick - b.tick) for a, b in zip(before.switches, after.switches, strict=False)), default=0
     )
     words = [run.verdict.outcome or run.status for run in (before, after)]
+    strides = [[len(leg.strides_by_phase(skip=0)) for leg in run.leg_records()] for run in (before, after)]
     moved = f"switches move by {shift} ticks at most" if same else "switches come in another order"
     text = f"{words[1]} as {words[0]} before; {len(after.switches)} {moved}; {after.wall_s:.0f} s"
     figures = {
         "outcome": str(words[1]),
         "outcome_before": str(words[0]),
+        "strides": strides[1],
+        "strides_before": strides[0],
         "switches": len(after.switches),
         "largest_shift_ticks": shift if same else None,
         "wall_s": after.wall_s,
     }
-    return Check("", words[0] == words[1], text, figures)
+    return Check("", words[0] == words[1] and strides[0] == strides[1], text, figures)
 
 
 class _Counted:

@@ -1,0 +1,57 @@
+"""What does the printed firmware weigh, how long is its longest tick, and is it the simulation's controller?
+
+Every shipped table is printed, built for this machine and for a Cortex-M4F, and compared over 20 s and over
+faults. Ten minutes, with gcc, gcc-arm-none-eabi and qemu-system-arm; page: docs/firmware.md.
+"""
+
+# %% [markdown]
+# `twin-gait firmware treadmill --verify` does this for one table.
+
+# %%
+from typing import Any
+
+import pandas as pd
+from gallery import form_of
+
+from twin_gait import load_experiment
+from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD
+from twin_gait.firmware.verify import verify
+
+TABLES = {
+    "treadmill": ("treadmill",),
+    "treadmill_pre_swing": ("treadmill", "table=treadmill_pre_swing"),
+    "treadmill_40": ("treadmill_40",),
+    "treadmill_start_stop": ("treadmill_start_stop",),
+    "bench_leg": ("bench_leg",),
+}
+
+
+def row_of(name: str, preset: str, *changes: str) -> dict[str, Any]:
+    """Sizes, instructions and differences of a table."""
+    found = verify(load_experiment(preset, changes).experiment)
+    double, single, target, loop = (check.figures for check in found.checks)
+    board, central = (target["bytes"][unit] for unit in (JOINT_BOARD, GAIT_CONTROLLER))
+    return {
+        "table": name,
+        "board: flash [B]": board["flash"],
+        "board: RAM [B]": board["ram"],
+        "controller: flash [B]": central["flash"],
+        "controller: RAM [B]": central["ram"],
+        "instructions: mean": round(target["instructions_mean"]),
+        "worst tick": target["instructions_worst"],
+        "numbers compared": double["numbers"],
+        "other bits in double": double["differing"],
+        "on the target": target["differing"],
+        "switches in float move by [ticks]": single["largest_shift_ticks"],
+        "largest RMSE of a current [A]": f"{max(single['current_rmse_A'].values()):.1e}",
+        "processor in the loop": loop["outcome"],
+    }
+
+
+# %%
+if __name__ == "__main__":
+    form = form_of("firmware")
+    chosen = {"bench_leg": ("bench_leg", "duration_s=3")} if form.quick else TABLES
+    rows = [row_of(name, *words) for name, words in chosen.items()]
+    print(pd.DataFrame(rows).T.to_string(header=False))
+    form.keep({"rows": rows, "worst_instructions": max(row["worst tick"] for row in rows)})
