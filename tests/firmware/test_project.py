@@ -58,6 +58,10 @@ def run(*words: Any, cwd: Path | None = None) -> str:
     return done.stdout + done.stderr
 
 
+def record_name(unit: str) -> str:
+    return "".join(word.capitalize() for word in unit.split("_"))
+
+
 @pytest.fixture(scope="module", params=SHIPPED)
 def printed(request, tmp_path_factory) -> Printed:
     preset, *changes = SHIPPED[request.param]
@@ -111,7 +115,7 @@ def test_units_fit_and_need_no_library(printed, tmp_path):
         wanted = {item for item, letter in symbols(objects).items() if letter == "U"}
         assert wanted <= {"memcpy", "memset", "memmove"}
         if name in LIMITS:
-            kind = "".join(word.capitalize() for word in name.split("_"))
+            kind = record_name(name)
             listed = run("arm-none-eabi-nm", "-S", measured).splitlines()
             ram = sum(int(line.split()[1], 16) for line in listed if f"of_{kind}" in line)
             assert found.flash <= LIMITS[name][0] and 0 < ram <= LIMITS[name][1]
@@ -122,7 +126,7 @@ def test_the_manifest_knows_what_records_weigh(printed, tmp_path):
     said = printed.project.manifest({"provenance": {}})["record_bytes"]
     records = printed.folder / "records.c"
     records.write_text(
-        '#include "types.h"\n' + "".join(f"char of_{name}[sizeof({name})];\n" for name in said)
+        '#include "types.h"\n' + "".join(f"char of_{name}[sizeof({record_name(name)})];\n" for name in said)
     )
     (measured,) = build_objects(Unit(name="records", sources=(records,)), tmp_path)
     lines = [line.split() for line in run("arm-none-eabi-nm", "-S", measured).splitlines()]
