@@ -2,7 +2,7 @@
 
 A rule is a function ``(case: CheckCase) -> list[Finding]``; its name is the id of its findings and the first
 line of its docstring says what it finds. Each module lists its rules in ``RULES``. Public are the pieces of
-the rules on stability: the closed-loop transition matrix and the friction laws in it.
+the rules on stability: the closed-loop transition matrix and the friction laws in it; and what the bus has to carry.
 """
 
 import lazy_loader

@@ -5,4 +5,5 @@ from .linear_loop import LinearLoop as LinearLoop
 from .linear_loop import leg_motion as leg_motion
 from .linear_loop import spectral_radius as spectral_radius
 from .linear_loop import transition_matrix as transition_matrix
+from .network import traffic_of as traffic_of
 from .stability import largest_stable as largest_stable

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.response_time import CyclicFrame, bus_load, response_times
 from twin_gait.core.can_frame import most_frame_bits
+from twin_gait.experiment import Experiment
 from twin_gait.experiment.bus_ranges import values_out_of_range
 from twin_gait.experiment.problem import build_problem
 from twin_gait.gait.table import TICK
@@ -51,6 +52,18 @@ def worst_traffic(network: NetworkParameters, messages: Sequence[Message]) -> Tr
     return Traffic(float(bus_load(frames)), responses)
 
 
+def traffic_of(experiment: Experiment) -> Traffic:
+    """What the bus of an experiment has to carry in the worst case; see :func:`worst_traffic`."""
+    assert experiment.network is not None
+    return worst_traffic(experiment.network, _messages(experiment))
+
+
+def _messages(experiment: Experiment) -> list[Message]:
+    assert experiment.network is not None
+    boards = [board for board in BOARDS if board.partition("_")[0] in experiment.leg.legs]
+    return cyclic_messages(load_messages(experiment.network.dbc), boards)
+
+
 def traffic_on_the_bus(case: CheckCase) -> list[Finding]:
     """The bus is asked for more than it carries, or a frame may arrive after the next one is due.
 
@@ -60,10 +73,7 @@ def traffic_on_the_bus(case: CheckCase) -> list[Finding]:
     network = None if case.experiment is None else case.experiment.network
     if network is None or case.experiment is None:
         return []
-    sides = case.experiment.leg.legs
-    boards = [board for board in BOARDS if board.partition("_")[0] in sides]
-    messages = cyclic_messages(load_messages(network.dbc), boards)
-    traffic = worst_traffic(network, messages)
+    traffic, messages = traffic_of(case.experiment), _messages(case.experiment)
     severity, reason = _judged(network, traffic, len(messages))
     suggestion = "" if severity is Severity.NOTE else _way_out(network, messages)
     return [Finding(rule="traffic_on_the_bus", severity=severity, reason=reason, suggestion=suggestion)]
