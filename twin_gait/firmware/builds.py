@@ -35,17 +35,22 @@ class Bench:
         self.project, self.vectors, self.folder = project, vectors, folder
         self.unit = project.write_linked(folder)
 
+    def host(self, *, double: bool) -> HostUnit:
+        """The unit on this machine."""
+        path = self.folder / ("double" if double else "single")
+        return HostUnit(build_host(self.unit, path, flags=["-DREAL_DOUBLE"] if double else []))
+
     @cached_property
     def double(self) -> list[np.ndarray]:
         """Outputs on this machine in double numbers."""
-        program = build_host(self.unit, self.folder / "double", flags=["-DREAL_DOUBLE"])
-        return [self._run(HostUnit(program), item, double=True) for item in self.vectors]
+        unit = self.host(double=True)
+        return [self._run(unit, item, double=True) for item in self.vectors]
 
     @cached_property
     def single(self) -> list[np.ndarray]:
         """Outputs on this machine in float."""
-        program = build_host(self.unit, self.folder / "single")
-        return [self._run(HostUnit(program), item) for item in self.vectors]
+        unit = self.host(double=False)
+        return [self._run(unit, item) for item in self.vectors]
 
     @cached_property
     def image(self) -> Path:

@@ -87,13 +87,13 @@ def verify(
     vectors = [record_vectors(case, counted.next(case), on_compile) for case in cases]
     with TemporaryDirectory() as folder:
         bench = Bench(project, vectors, Path(folder))
-        checks = [_tried(name, check, bench) for name, check in _CHECKS]
+        checks = [_tried(name, check, bench) for name, check in CHECKS]
         walks: list[Run] = []
 
         def walk(bench: Bench) -> Check:
             run = bench.walk(counted.next(experiment), on_compile)
             walks.append(run)
-            return _walks_as_before(vectors[0].run, run)
+            return walks_as_before(vectors[0].run, run)
 
         checks.append(_tried("processor in the loop", walk, bench))
     return Verification(project.program.source_hash, tuple(checks), vectors[0].run, next(iter(walks), None))
@@ -131,11 +131,13 @@ def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Che
     return Check("", wrong == 0, text, {"numbers": count, "differing": wrong, "runs": len(first)})
 
 
-def _double(bench: Bench) -> Check:
+def host_in_double(bench: Bench) -> Check:
+    """The C in double numbers gives the bits of the simulation."""
     return _same_bits(bench.expected(double=True), bench.double)
 
 
-def _single(bench: Bench) -> Check:
+def host_in_float(bench: Bench) -> Check:
+    """In float it decides in the same ticks, and asks for the same currents."""
     pairs = list(zip(bench.expected(double=True), bench.single, strict=True))
     shifts = [largest_shift(events_of(ours), events_of(theirs)) for ours, theirs in pairs]
     errors = np.max([current_errors(ours, theirs) for ours, theirs in pairs], axis=0)
@@ -148,7 +150,8 @@ def _single(bench: Bench) -> Check:
     return Check("", passed, text, {"largest_shift_ticks": shift, "current_rmse_A": named})
 
 
-def _target(bench: Bench) -> Check:
+def target_in_float(bench: Bench) -> Check:
+    """A Cortex-M4F gives the bits of this machine, and counts its instructions."""
     answers = [bench.on_target(item) for item in bench.vectors]
     check = _same_bits(bench.single, [outputs for outputs, _ in answers])
     counts = np.concatenate([target.instructions for _, target in answers])
@@ -172,14 +175,15 @@ def _moved(shift: int | None) -> str:
     return f"switches up to {shift} ticks apart" if shift else "every switch in the same tick"
 
 
-_CHECKS: tuple[tuple[str, Callable[[Bench], Check]], ...] = (
-    ("host in double against the simulation, bit for bit", _double),
-    ("host in float against double", _single),
-    ("Cortex-M4F against host in float, bit for bit", _target),
+CHECKS: tuple[tuple[str, Callable[[Bench], Check]], ...] = (
+    ("host in double against the simulation, bit for bit", host_in_double),
+    ("host in float against double", host_in_float),
+    ("Cortex-M4F against host in float, bit for bit", target_in_float),
 )
 
 
-def _walks_as_before(before: Run, after: Run) -> Check:
+def walks_as_before(before: Run, after: Run) -> Check:
+    """With the emulated processor as the controller of the same plant the walk has the same outcome."""
     order = [[(item.side, item.source, item.target) for item in run.switches] for run in (before, after)]
     ticks = [np.array([item.tick for item in run.switches], int) for run in (before, after)]
     shift = int(np.abs(ticks[0] - ticks[1]).max(initial=0)) if order[0] == order[1] else None
