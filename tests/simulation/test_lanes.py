@@ -205,7 +205,7 @@ def test_lanes_of_every_structure_are_their_episodes_alone(name, monkeypatch):
 @pytest.fixture
 def uncompiled(monkeypatch):
     """Engines without a loop."""
-    monkeypatch.setattr(compiled_engine, "_loop_of", lambda *arguments: None)
+    monkeypatch.setattr(compiled_engine, "loop_of", lambda *arguments: None)
     return lambda *arguments: CompiledEngine(build_problem(load_experiment(*arguments).experiment))
 
 
