@@ -196,7 +196,8 @@ def test_the_first_number_beyond_the_bound_trips_when_its_time_is_over(e, look, 
     assert kept(e) == (-1, NO_TRIP, 0)
     broken_for(e, look, case, 1, amount)
     assert kept(e) == (100, code(name), case.place)
-    assert [joint.board.drive_off for joint in e.joints] == [name == "DRIVE" and n == JOINT for n in range(4)]
+    cut_off = [joint.board.command.drive_off for joint in e.joints]
+    assert cut_off == [name == "DRIVE" and n == JOINT for n in range(4)]
     assert [joint.hold_angle for joint in e.controller.joints] == [
         joint.board.encoder.last_angle for joint in e.joints
     ]
@@ -267,7 +268,7 @@ def test_of_several_causes_on_a_joint_the_first_of_the_list_is_kept(e, look, fir
     look(e, 100)
     assert kept(e) == (100, code(first), JOINT)
     # The drive is cut off whatever was found first.
-    assert [joint.board.drive_off for joint in e.joints] == [number == JOINT for number in range(4)]
+    assert [joint.board.command.drive_off for joint in e.joints] == [number == JOINT for number in range(4)]
 
 
 def disobey(e: Episode, number: int) -> None:
@@ -281,7 +282,7 @@ def test_of_several_joints_the_first_is_kept_and_every_broken_drive_cut_off(e, l
     jump(e, 1.0)
     look(e, 100)
     assert kept(e) == (100, safety.DRIVE_TRIP, 1)
-    assert [joint.board.drive_off for joint in e.joints] == [False, True, False, True]
+    assert [joint.board.command.drive_off for joint in e.joints] == [False, True, False, True]
 
 
 def stay(e: Episode, leg: int) -> None:
@@ -328,9 +329,9 @@ def test_a_later_cause_changes_nothing_but_that_a_broken_drive_is_still_cut_off(
     angle(e, 0.2)
     disobey(e, 0)
     for tick in range(101, 101 + e.joints[0].board.bounds.drive_ticks):
-        assert not e.joints[0].board.drive_off
+        assert not e.joints[0].board.command.drive_off
         look(e, tick)
-    assert [joint.board.drive_off for joint in e.joints] == [True, False, False, False]
+    assert [joint.board.command.drive_off for joint in e.joints] == [True, False, False, False]
     assert kept(e) == (100, safety.SUPPLY_TRIP, -1)
     assert [joint.hold_angle for joint in e.controller.joints] == held
 

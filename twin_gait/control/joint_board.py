@@ -138,6 +138,7 @@ class Command:
         target: That is added.
         torque: Sum of these, before limits.
         target_current: That the drive is asked for in [A].
+        drive_off: Whether the drive is cut off for good, since it has not obeyed.
         cause: Of a trip, if no drive may be asked for what is demanded.
     """
 
@@ -152,6 +153,7 @@ class Command:
     target: float = 0.0
     torque: float = 0.0
     target_current: float = 0.0
+    drive_off: bool = False
     cause: int = NO_TRIP
 
 
@@ -168,7 +170,6 @@ class BoardState:
         demand: Last heard from the gait controller.
         command: Of this tick.
         model_friction: Torque of the compensator's model at the slow velocity in [N m].
-        drive_off: Whether the drive is cut off.
         cause: First one of a trip that the board has found itself.
         alone: Whether it holds its joint without the gait controller, which it then does for good.
         alone_ticks: Since when.
@@ -184,7 +185,6 @@ class BoardState:
     demand: Demand = field(default_factory=Demand)
     command: Command = field(default_factory=Command)
     model_friction: float = 0.0
-    drive_off: bool = False
     cause: int = NO_TRIP
     alone: bool = False
     alone_ticks: int = 0
@@ -225,7 +225,8 @@ def watch_drive(board: BoardState, rates: Rates) -> None:
     board.watched.cause = cause
     board.cause = cause if board.cause == NO_TRIP else board.cause
     # Whatever else was found first.
-    board.drive_off = board.drive_off or board.watched.drive_streak >= board.bounds.drive_ticks
+    broken = board.watched.drive_streak >= board.bounds.drive_ticks
+    board.command.drive_off = board.command.drive_off or broken
 
 
 def report(board: BoardState, measurement: Measurement) -> None:
@@ -274,6 +275,7 @@ def copy_command(source: Command, target: Command) -> None:
     target.target = source.target
     target.torque = source.torque
     target.target_current = source.target_current
+    target.drive_off = source.drive_off
     target.cause = source.cause
 
 
@@ -378,7 +380,7 @@ def let_down(board: BoardState, limits: Limits) -> None:
 def set_current(board: BoardState, limits: Limits, torque: float) -> None:
     """Ask the drive for the current of a torque in [N m], within the limits; NaN asks for none."""
     current = target_current(board.motor, torque, limits.torque, limits.current)
-    board.command.target_current = 0.0 if board.drive_off or torque != torque else current
+    board.command.target_current = 0.0 if board.command.drive_off or torque != torque else current
 
 
 def note_drive(board: BoardState, voltage: float, current: float, deviation: float) -> None:

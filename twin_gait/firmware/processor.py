@@ -35,8 +35,10 @@ def walk_with(
     experiment: Experiment,
     progress: Callable[[int, int], None] | None = None,
     on_compile: Callable[[], None] | None = None,
+    *,
+    double: bool = False,
 ) -> Run:
-    """Run an experiment with a unit in float as its controller.
+    """Run an experiment with a unit as its controller.
 
     The log has the plant and the unit's commands; velocities are as the boards of the simulation estimate
     them from the same encoders.
@@ -47,6 +49,7 @@ def walk_with(
         experiment: Run without its bus.
         progress: Called now and then with ticks done and ticks in all.
         on_compile: Called if the plant has to be compiled first.
+        double: Whether the unit was built with double numbers, as no Cortex-M4F is.
 
     Raises:
         FirmwareError: The unit does not answer, or a fault is one of the controller itself.
@@ -57,7 +60,7 @@ def walk_with(
     rows = np.zeros((problem.experiment.n_ticks, len(engine.layout.names)))
     engine.episode["recording"]["log"] = rows.ctypes.data
     record, address = engine.parts[0], engine.parts[0].ctypes.data
-    inputs, (given, taken) = np.zeros(1, dtype_of(project.linked.inputs)), project.dtypes(double=False)
+    inputs, (given, taken) = np.zeros(1, dtype_of(project.linked.inputs)), project.dtypes(double=double)
     drives, sensors = drive_pairs(record, inputs), sensor_pairs(record, inputs)
 
     def run_tick(tick: int, end: int) -> tuple[int, int]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
@@ -13,13 +12,10 @@ import numpy as np
 
 from twin_gait.exceptions import MissingToolError
 from twin_gait.experiment import Experiment
+from twin_gait.firmware.builds import Bench
 from twin_gait.firmware.comparing import current_errors, differing, events_of, largest_shift, size_of
-from twin_gait.firmware.cross import build_host, build_image, build_objects, sizes
-from twin_gait.firmware.emulator import Emulator, HostUnit, UnitProcess
-from twin_gait.firmware.linked import converted
-from twin_gait.firmware.processor import walk_with
-from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD, Project, print_project
-from twin_gait.firmware.vectors import Vectors, record_vectors
+from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD, print_project
+from twin_gait.firmware.vectors import record_vectors
 from twin_gait.scenario import TreadmillScenario
 from twin_gait.scenario.faults import Fault, FaultKind
 from twin_gait.simulation.run import Run
@@ -90,14 +86,14 @@ def verify(
     counted = _Counted(progress, sum(case.n_ticks for case in cases) + experiment.n_ticks)
     vectors = [record_vectors(case, counted.next(case), on_compile) for case in cases]
     with TemporaryDirectory() as folder:
-        bench = _Bench(project, vectors, Path(folder))
-        checks = [_tried(name, check, bench) for name, check in _CHECKS]
+        bench = Bench(project, vectors, Path(folder))
+        checks = [_tried(name, check, bench) for name, check in CHECKS]
         walks: list[Run] = []
 
-        def walk(bench: _Bench) -> Check:
+        def walk(bench: Bench) -> Check:
             run = bench.walk(counted.next(experiment), on_compile)
             walks.append(run)
-            return _walks_as_before(vectors[0].run, run)
+            return walks_as_before(vectors[0].run, run)
 
         checks.append(_tried("processor in the loop", walk, bench))
     return Verification(project.program.source_hash, tuple(checks), vectors[0].run, next(iter(walks), None))
@@ -118,63 +114,10 @@ def cases_of(experiment: Experiment) -> Iterator[Experiment]:
             yield replace(experiment, duration=length, faults=(fault,))
 
 
-# ------------------------------------------------------------------ builds and what they give
-
-
-class _Bench:
-    """Builds of a project, and their outputs for vectors."""
-
-    def __init__(self, project: Project, vectors: Sequence[Vectors], folder: Path) -> None:
-        self.project, self.vectors, self.folder = project, vectors, folder
-        self.unit = project.write_linked(folder)
-
-    @cached_property
-    def double(self) -> list[np.ndarray]:
-        """Outputs on this machine in double numbers."""
-        program = build_host(self.unit, self.folder / "double", flags=["-DREAL_DOUBLE"])
-        return [self._run(HostUnit(program), item, double=True) for item in self.vectors]
-
-    @cached_property
-    def single(self) -> list[np.ndarray]:
-        """Outputs on this machine in float."""
-        program = build_host(self.unit, self.folder / "single")
-        return [self._run(HostUnit(program), item) for item in self.vectors]
-
-    @cached_property
-    def image(self) -> Path:
-        return build_image(self.unit, self.folder / "image.elf")
-
-    def _run(self, unit: UnitProcess, vectors: Vectors, *, double: bool = False) -> np.ndarray:
-        given, taken = self.project.dtypes(double=double)
-        with unit:
-            return unit.exchange_many(converted(vectors.inputs, given)).view(taken)[:, 0]
-
-    def on_target(self, vectors: Vectors) -> tuple[np.ndarray, Emulator]:
-        """Outputs on the Cortex-M4F, and the emulator with what it has counted."""
-        target = Emulator(self.image)
-        return self._run(target, vectors), target
-
-    def expected(self, *, double: bool) -> list[np.ndarray]:
-        """Outputs of the simulation."""
-        _, taken = self.project.dtypes(double=double)
-        return [converted(item.outputs, taken) for item in self.vectors]
-
-    def bytes_of(self, name: str) -> dict[str, int]:
-        """Flash of a unit of the device, and RAM of its record."""
-        unit = replace(self.unit, name=name, sources=(self.folder / f"{name}.c",))
-        flash, variables = sizes(build_objects(unit, self.folder))
-        return {"flash": flash, "ram": variables + self.project.record_bytes[name]}
-
-    def walk(self, progress: Progress | None, on_compile: Callable[[], None] | None) -> Run:
-        """The experiment with the Cortex-M4F as its controller."""
-        with Emulator(self.image) as target:
-            return walk_with(target, self.project, self.vectors[0].run.experiment, progress, on_compile)
-
-
 # ------------------------------------------------------------------ checks
 
 
-def _tried(name: str, check: Callable[[_Bench], Check], bench: _Bench) -> Check:
+def _tried(name: str, check: Callable[[Bench], Check], bench: Bench) -> Check:
     try:
         return check(bench)._replace(name=name)
     except MissingToolError as error:
@@ -188,25 +131,27 @@ def _same_bits(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) -> Che
     return Check("", wrong == 0, text, {"numbers": count, "differing": wrong, "runs": len(first)})
 
 
-def _double(bench: _Bench) -> Check:
+def host_in_double(bench: Bench) -> Check:
+    """The C in double numbers gives the bits of the simulation."""
     return _same_bits(bench.expected(double=True), bench.double)
 
 
-def _single(bench: _Bench) -> Check:
+def host_in_float(bench: Bench) -> Check:
+    """In float it decides in the same ticks, and asks for the same currents."""
     pairs = list(zip(bench.expected(double=True), bench.single, strict=True))
     shifts = [largest_shift(events_of(ours), events_of(theirs)) for ours, theirs in pairs]
     errors = np.max([current_errors(ours, theirs) for ours, theirs in pairs], axis=0)
     number, error = int(errors.argmax()), float(errors.max())
     shift = None if None in shifts else max(item for item in shifts if item is not None)
     passed = shift is not None and shift <= MOST_SHIFT and error <= MOST_CURRENT_ERROR
-    moved = "switches come in another order" if shift is None else f"switches move by {shift} ticks at most"
     worst = f"{error:.1e} A ({bench.project.joints[number]}; limit {MOST_CURRENT_ERROR:g} A)"
-    text = f"{moved}; RMSE of a current {worst}"
+    text = f"{_moved(shift)}; RMSE of a current {worst}"
     named = dict(zip(bench.project.joints, errors.tolist(), strict=True))
     return Check("", passed, text, {"largest_shift_ticks": shift, "current_rmse_A": named})
 
 
-def _target(bench: _Bench) -> Check:
+def target_in_float(bench: Bench) -> Check:
+    """A Cortex-M4F gives the bits of this machine, and counts its instructions."""
     answers = [bench.on_target(item) for item in bench.vectors]
     check = _same_bits(bench.single, [outputs for outputs, _ in answers])
     counts = np.concatenate([target.instructions for _, target in answers])
@@ -224,30 +169,34 @@ def _target(bench: _Bench) -> Check:
     return check._replace(text=text, figures={**check.figures, **figures})
 
 
-_CHECKS: tuple[tuple[str, Callable[[_Bench], Check]], ...] = (
-    ("host in double against the simulation, bit for bit", _double),
-    ("host in float against double", _single),
-    ("Cortex-M4F against host in float, bit for bit", _target),
+def _moved(shift: int | None) -> str:
+    if shift is None:
+        return "switches come in another order"
+    return f"switches up to {shift} ticks apart" if shift else "every switch in the same tick"
+
+
+CHECKS: tuple[tuple[str, Callable[[Bench], Check]], ...] = (
+    ("host in double against the simulation, bit for bit", host_in_double),
+    ("host in float against double", host_in_float),
+    ("Cortex-M4F against host in float, bit for bit", target_in_float),
 )
 
 
-def _walks_as_before(before: Run, after: Run) -> Check:
+def walks_as_before(before: Run, after: Run) -> Check:
+    """With the emulated processor as the controller of the same plant the walk has the same outcome."""
     order = [[(item.side, item.source, item.target) for item in run.switches] for run in (before, after)]
-    same = order[0] == order[1]
-    shift = max(
-        (abs(a.tick - b.tick) for a, b in zip(before.switches, after.switches, strict=False)), default=0
-    )
+    ticks = [np.array([item.tick for item in run.switches], int) for run in (before, after)]
+    shift = int(np.abs(ticks[0] - ticks[1]).max(initial=0)) if order[0] == order[1] else None
     words = [run.verdict.outcome or run.status for run in (before, after)]
     strides = [[len(leg.strides_by_phase(skip=0)) for leg in run.leg_records()] for run in (before, after)]
-    moved = f"switches move by {shift} ticks at most" if same else "switches come in another order"
-    text = f"{words[1]} as {words[0]} before; {len(after.switches)} {moved}; {after.wall_s:.0f} s"
+    text = f"{words[1]}, without it {words[0]}; {_moved(shift)}; {after.duration:g} s in {after.wall_s:.1f} s"
     figures = {
         "outcome": str(words[1]),
         "outcome_before": str(words[0]),
         "strides": strides[1],
         "strides_before": strides[0],
         "switches": len(after.switches),
-        "largest_shift_ticks": shift if same else None,
+        "largest_shift_ticks": shift,
         "wall_s": after.wall_s,
     }
     return Check("", words[0] == words[1] and strides[0] == strides[1], text, figures)

@@ -160,7 +160,7 @@ def _drive(e: Episode, number: int) -> None:
     current, torque = driven_motor(
         joint.motor, board.command.target_current, e.v[place], e.supply.bus_voltage
     )
-    off = board.drive_off or joint.off
+    off = board.command.drive_off or joint.off
     joint.current = 0.0 if off else current
     joint.current_deviation = 0.0
     e.motor[place] = 0.0 if off else torque
@@ -170,7 +170,7 @@ def _drive_faulty(e: Episode, number: int, tick: int) -> None:
     """Current and torque of a motor under its faults."""
     joint = e.joints[number]
     motor, board = joint.motor, joint.board
-    if tick >= e.first_fault and not board.drive_off:
+    if tick >= e.first_fault and not board.command.drive_off:
         row = drive_fault(number, tick, e.faults)
         if row != NO_FAULT:
             fault, expected = e.faults[row], joint.current

@@ -1,0 +1,235 @@
+"""The proof of the printed C: what it finds for the shipped tables, and that it finds what is wrong."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from firmware_tools import TARGET_TOOLS, require_tools
+
+from twin_gait import load_experiment
+from twin_gait.cli.program import main
+from twin_gait.experiment import Experiment
+from twin_gait.firmware import verify as verifying
+from twin_gait.firmware.builds import Bench
+from twin_gait.firmware.cross import INSTALL
+from twin_gait.firmware.linked import PythonUnit
+from twin_gait.firmware.processor import walk_with
+from twin_gait.firmware.project import Project, print_project
+from twin_gait.firmware.vectors import record_vectors
+from twin_gait.firmware.verify import Check, Verification, cases_of, verify
+from twin_gait.scenario.faults import FaultKind
+from twin_gait.simulation import Run, simulate
+
+DOUBLE, FLOAT, TARGET, LOOP = range(4)  # checks
+TABLES = {
+    "treadmill": ("treadmill",),
+    "treadmill_pre_swing": ("treadmill", "table=treadmill_pre_swing"),
+    "treadmill_40": ("treadmill_40",),
+    "treadmill_start_stop": ("treadmill_start_stop",),
+    "bench_leg": ("bench_leg",),
+    "inertia": ("treadmill", "control.inertia_compensation=0.5"),
+    "network": ("treadmill", "network={kind: can}"),
+}
+
+
+def experiment_of(name: str, duration: float) -> Experiment:
+    preset, *changes = TABLES[name]
+    return replace(load_experiment(preset, changes).experiment, duration=duration)
+
+
+@pytest.fixture(scope="module")
+def project() -> Project:
+    return print_project(experiment_of("treadmill", 4.0))
+
+
+@pytest.fixture(scope="module")
+def bench(project, tmp_path_factory) -> Bench:
+    """Builds, and vectors with each fault."""
+    require_tools("gcc")
+    vectors = [record_vectors(case) for case in cases_of(project.problem.experiment)]
+    return Bench(project, vectors, tmp_path_factory.mktemp("bench"))
+
+
+def assert_proven(found: Verification) -> None:
+    assert [check.passed for check in found.checks] == [True] * 4, found.checks
+    figures = [check.figures for check in found.checks]
+    assert figures[DOUBLE]["differing"] == figures[TARGET]["differing"] == 0
+    assert figures[FLOAT]["largest_shift_ticks"] <= 1
+    assert max(figures[FLOAT]["current_rmse_A"].values()) <= 1e-4
+    assert 0 < figures[TARGET]["instructions_mean"] < figures[TARGET]["instructions_worst"] <= 5_000
+    assert figures[LOOP]["outcome"] == figures[LOOP]["outcome_before"]
+
+
+# ------------------------------------------------------------------------- the shipped tables
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TABLES)
+def test_20_s_of_every_shipped_table_are_proven(name):
+    require_tools("gcc", *TARGET_TOOLS)
+    found = verify(experiment_of(name, 20.0))
+    assert_proven(found)
+    assert found.loop_walk is not None and len(found.loop_walk.log) == 20_000
+    assert found.loop_walk.wall_s < 60.0  # of 20 s: room for a busy machine, which takes 3 s alone
+
+
+def test_some_seconds_of_the_treadmill_are_proven(bench):
+    require_tools("gcc", *TARGET_TOOLS)
+    before, after = bench.vectors[0].run, bench.walk(None, None)
+    checks = [*(check(bench) for _, check in verifying.CHECKS), verifying.walks_as_before(before, after)]
+    assert_proven(Verification("", tuple(checks), before, after))
+
+
+# ------------------------------------------------------------------------- vectors
+
+
+def test_python_and_c_in_double_numbers_follow_the_simulation_in_every_fault(bench):
+    assert len(bench.vectors) == len(FaultKind)  # a walk without, and every kind but a controller's own
+    tripped = missing = 0
+    for expected, given, vectors in zip(
+        bench.expected(double=True), bench.double, bench.vectors, strict=True
+    ):
+        with PythonUnit(vectors.unit) as unit:
+            assert verifying.differing(unit.exchange_many(vectors.inputs), vectors.outputs) == 0
+        assert verifying.differing(expected, given) == 0
+        tripped += vectors.run.trip is not None
+        missing += bool(np.isnan(vectors.inputs["boards"]["angle"]).any())
+    assert tripped >= 5 and missing == 1
+
+
+def test_vectors_are_what_the_log_has(bench):
+    vectors, experiment = bench.vectors[0], bench.project.problem.experiment
+    log = simulate(experiment).log
+    angles = vectors.inputs["boards"]["angle"]
+    for place, joint in enumerate(bench.project.joints):
+        np.testing.assert_array_equal(angles[:, place], log[f"{joint}_measured_angle_rad"])
+        current = vectors.outputs["commands"]["target_current"][:, place]
+        np.testing.assert_array_equal(current, log[f"{joint}_target_current_A"])
+        np.testing.assert_array_equal(
+            vectors.inputs["boards"]["current"][1:, place], log[f"{joint}_measured_current_A"][:-1]
+        )
+    np.testing.assert_array_equal(vectors.inputs["surroundings"]["bus_voltage"], log["bus_voltage_V"])
+
+
+def test_a_controller_that_runs_away_is_refused(capsys):
+    words = ["firmware", "treadmill", "--verify", "--duration", "2"]
+    assert main([*words, "--set", 'faults=["controller_runaway:left_knee@1s"]']) == 2
+    said = capsys.readouterr().err
+    assert "controller_runaway:left_knee@1.0s" in said and said.count("\n") == 1
+
+
+# ------------------------------------------------------------------------- processor in the loop
+
+
+@pytest.mark.parametrize("fault", [None, FaultKind.MOTOR_STUCK, FaultKind.ENCODER_MISSING])
+def test_in_double_numbers_the_loop_is_the_simulation_bit_for_bit(bench, fault):
+    """With the same controller elsewhere the log is the same: nothing but the exchange lies between."""
+    (before,) = (
+        item.run
+        for item in bench.vectors
+        if [one.kind for one in item.run.experiment.faults] == [fault] * bool(fault)
+    )
+    with bench.host(double=True) as unit:
+        after = walk_with(unit, bench.project, before.experiment, double=True)
+    assert after.switches == before.switches and after.trip == before.trip
+    assert_same_log(after, before)
+
+
+def assert_same_log(first: Run, second: Run) -> None:
+    for name in second.log.columns:
+        np.testing.assert_array_equal(first.log[name], second.log[name], err_msg=name)
+
+
+# ------------------------------------------------------------------------- what is wrong is found
+
+
+MUTANTS = {
+    "current": (
+        "return saturate(wanted, current_limit)",
+        "return saturate(wanted * REAL(1.001), current_limit)",
+    ),
+    "trip": ("board->command.drive_off || torque", "torque"),
+}
+
+
+@pytest.mark.parametrize("name", MUTANTS)
+def test_a_wrong_c_is_found(bench, tmp_path, name):
+    good, bad = MUTANTS[name]
+    project, text = bench.project, bench.project.program.files["exoskeleton.c"]
+    assert text.count(good) == 1
+    files = {**project.program.files, "exoskeleton.c": text.replace(good, bad)}
+    wrong = replace(project, program=project.program._replace(files=files))
+    found = verifying.host_in_double(Bench(wrong, bench.vectors, tmp_path))
+    assert found.passed is False and found.figures["differing"] > 100
+
+
+def test_of_two_builds_that_differ_one_bit_is_found(bench):
+    rows = bench.expected(double=False)[0]
+    other = rows.copy()
+    other["commands"]["torque"][7, 1] = np.nextafter(rows["commands"]["torque"][7, 1], np.float32(np.inf))
+    other["commands"]["gravity"][9, 0] = -0.0 if rows["commands"]["gravity"][9, 0] == 0.0 else 0.0
+    assert verifying.differing(rows, other) == 2
+    other["commands"]["torque"] = np.nan
+    assert verifying.differing(other, other.copy()) == 0
+
+
+def test_switches_that_come_late_or_otherwise_are_told(bench):
+    rows = bench.expected(double=False)[0]
+    first = int(np.flatnonzero(np.diff(rows["decision"]["phases"][:, 0]))[0])
+    late, other = rows.copy(), rows.copy()
+    late["decision"]["phases"][first + 1 : first + 4, 0] = rows["decision"]["phases"][first, 0]
+    other["decision"]["phases"][first + 1 :, 0] = rows["decision"]["phases"][first, 0]
+    events = [verifying.events_of(item) for item in (rows, late, other)]
+    assert verifying.largest_shift(events[0], events[0]) == 0
+    assert verifying.largest_shift(events[0], events[1]) == 3
+    assert verifying.largest_shift(events[0], events[2]) is None
+
+
+# ------------------------------------------------------------------------- missing tools, the command
+
+
+def test_without_tools_nothing_is_claimed(project, monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    found = verify(replace(project.problem.experiment, duration=1.0))
+    assert [check.passed for check in found.checks] == [None] * 4 and found.loop_walk is None
+    assert found.passed and all("apt-get install" in check.text for check in found.checks)
+
+
+def test_without_an_emulator_the_host_is_still_checked(project, monkeypatch, tmp_path):
+    import shutil
+
+    require_tools("gcc")
+    for name in ("gcc", "as", "ld"):
+        (tmp_path / name).symlink_to(str(shutil.which(name)))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    found = verify(replace(project.problem.experiment, duration=1.0))
+    assert [check.passed for check in found.checks] == [True, True, None, None]
+    assert INSTALL in found.checks[TARGET].text
+
+
+def verification(project: Project, *passed: bool | None) -> Verification:
+    checks = tuple(Check(f"check {number}", item, "found", {}) for number, item in enumerate(passed))
+    walk = simulate(replace(project.problem.experiment, duration=0.1))
+    return Verification("hash", checks, walk, None)
+
+
+@pytest.mark.parametrize(("passed", "status"), [((True, None), 0), ((True, False), 1)])
+def test_the_command_ends_with_1_only_if_something_is_wrong(project, monkeypatch, capsys, passed, status):
+    monkeypatch.setattr(verifying, "verify", lambda *_: verification(project, *passed))
+    assert main(["firmware", "treadmill", "--verify"]) == status
+    lines = capsys.readouterr().out.splitlines()
+    words = {True: "passed", False: "FAILED", None: "skipped"}
+    assert lines[:2] == [f"{words[item]}: check {number}: found" for number, item in enumerate(passed)]
+
+
+def test_the_folder_keeps_what_was_found(project, monkeypatch, capsys, tmp_path):
+    monkeypatch.setattr(verifying, "verify", lambda *_: verification(project, True))
+    assert main(["firmware", "treadmill", "--verify", "--json", "--out", str(tmp_path / "c")]) == 0
+    kept: dict[str, Any] = json.loads((tmp_path / "c" / "verification.json").read_text())
+    assert kept["passed"] is True and kept["checks"][0]["name"] == "check 0"
+    answer = json.loads(capsys.readouterr().out)
+    assert {name: answer[name] for name in kept} == kept
