@@ -221,7 +221,7 @@ def test_the_springs_on_the_gait_controller_leave_friction_compensation_on_the_b
 
 
 @pytest.mark.parametrize("count", [60, pytest.param(1_000, marks=pytest.mark.slow)])
-def test_a_bus_that_goes_silent_leads_to_the_hold_within_the_stated_time(count, record_property):
+def test_a_bus_that_goes_silent_leads_to_the_hold_within_the_stated_time(count):
     """Silence that is borne plus a cycle: 22 ms after the silence began, whenever that is."""
     problem = problem_of("{outages: ['silence@1s']}", "duration_s=2.5")
     engine = CompiledEngine(problem)
@@ -237,7 +237,6 @@ def test_a_bus_that_goes_silent_leads_to_the_hold_within_the_stated_time(count, 
         held = np.flatnonzero((rows == target).all(axis=1))
         assert len(held) == len(rows) - held[0]  # and for good
         worst = max(worst, 1e-3 * held[0] - moment)
-    record_property("worst_s", worst)
     print(f"{count} of {count} held, the last one {1e3 * worst:.3f} ms after the silence began")
     assert worst <= 1e-3 * (SILENCE + CYCLE)
 
