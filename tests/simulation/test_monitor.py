@@ -196,7 +196,9 @@ def test_the_first_number_beyond_the_bound_trips_when_its_time_is_over(e, look, 
     assert kept(e) == (-1, NO_TRIP, 0)
     broken_for(e, look, case, 1, amount)
     assert kept(e) == (100, code(name), case.place)
-    assert [joint.board.command.drive_off for joint in e.joints] == [name == "DRIVE" and n == JOINT for n in range(4)]
+    assert [joint.board.command.drive_off for joint in e.joints] == [
+        name == "DRIVE" and n == JOINT for n in range(4)
+    ]
     assert [joint.hold_angle for joint in e.controller.joints] == [
         joint.board.encoder.last_angle for joint in e.joints
     ]
