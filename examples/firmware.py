@@ -54,4 +54,12 @@ if __name__ == "__main__":
     chosen = {"bench_leg": ("bench_leg", "duration_s=3")} if form.quick else TABLES
     rows = [row_of(name, *words) for name, words in chosen.items()]
     print(pd.DataFrame(rows).T.to_string(header=False))
-    form.keep({"rows": rows, "worst_instructions": max(row["worst tick"] for row in rows)})
+    form.keep(
+        {
+            "rows": rows,
+            "worst_instructions": max(row["worst tick"] for row in rows),
+            "numbers": sum(row["numbers compared"] for row in rows),
+            "other_bits": sum(row["other bits in double"] + row["on the target"] for row in rows),
+            "current_rmse_A": max(float(row["largest RMSE of a current [A]"]) for row in rows),
+        }
+    )
