@@ -14,8 +14,7 @@ import pandas as pd
 from gallery import form_of
 
 from twin_gait import load_experiment
-from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD
-from twin_gait.firmware.verify import verify
+from twin_gait.firmware import verify
 
 TABLES = {
     "treadmill": ("treadmill",),
@@ -30,7 +29,7 @@ def row_of(name: str, preset: str, *changes: str) -> dict[str, Any]:
     """Sizes, instructions and differences of a table."""
     found = verify(load_experiment(preset, changes).experiment)
     double, single, target, loop = (check.figures for check in found.checks)
-    board, central = (target["bytes"][unit] for unit in (JOINT_BOARD, GAIT_CONTROLLER))
+    board, central = (target["bytes"][unit] for unit in ("joint_board", "gait_controller"))
     return {
         "table": name,
         "board: flash [B]": board["flash"],

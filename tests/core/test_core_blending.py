@@ -97,21 +97,21 @@ def legs() -> Episode:
     """Two legs that have long been in their first phase, with the parameters above."""
     e = new_episode(build_problem(load_experiment("treadmill").experiment), [], [], 1)
     e.recording.most_switches = 0  # room for no record of them
-    for joint in e.joints:
+    for joint in e.controller.joints:
         joint.setpoints[:3] = SETPOINTS
         joint.blended, joint.blend_start = copied(SETPOINTS[0]), copied(SETPOINTS[0])
-    for leg in e.legs:
+    for leg in e.controller.legs:
         leg.gravity_shares[:3] = SHARES
         leg.phase, leg.gravity, leg.gravity_start, leg.entry_tick = 0, SHARES[0], SHARES[0], -1000
-    for number, rule in enumerate(e.program.transitions[:3]):
+    for number, rule in enumerate(e.controller.program.transitions[:3]):
         rule.target = number
     return e
 
 
 def parameters(e: Episode, leg: int = 0) -> list[float]:
     """Present parameters of the hip and knee of a leg, and its share of the gravity compensation."""
-    hip, knee = e.joints[2 * leg : 2 * leg + 2]
-    return [*astuple(hip.blended), *astuple(knee.blended), e.legs[leg].gravity]
+    hip, knee = e.controller.joints[2 * leg : 2 * leg + 2]
+    return [*astuple(hip.blended), *astuple(knee.blended), e.controller.legs[leg].gravity]
 
 
 TARGETS = [
@@ -126,7 +126,7 @@ def fade(legs: Episode, duration: int, law: int, switches: list[int], ticks: int
     rows = []
     for tick in range(ticks):
         if tick in switches:
-            e.legs[0].chosen = switches.index(tick) + 1
+            e.controller.legs[0].chosen = switches.index(tick) + 1
             phases._switch(e, 0, tick)
         phases._blend(e, 0, tick)
         rows.append(parameters(e))

@@ -12,7 +12,7 @@ from twin_gait.cli.terminal import DONE, FAILED
 
 if TYPE_CHECKING:
     from twin_gait.configuration import LoadedExperiment
-    from twin_gait.firmware.verify import Verification
+    from twin_gait.firmware.verification import Verification
     from twin_gait.simulation import Run
 
 WALK = 3.0  # [s] of the vectors: every phase of both legs
@@ -95,7 +95,7 @@ def _verify(loaded: LoadedExperiment, folder: Path | None) -> dict[str, Any]:
     import json
 
     from twin_gait.files import write_atomically
-    from twin_gait.firmware.verify import verify
+    from twin_gait.firmware.verification import verify
 
     with terminal.watched("verifying", "tick", _never) as watch:
         found = verify(loaded.experiment, watch["progress"], watch["on_compile"])

@@ -12,3 +12,5 @@ from .library import Library as Library
 from .printer import Program as Program
 from .printer import TranslationUnit as TranslationUnit
 from .printer import print_units as print_units
+from .verification import Verification as Verification
+from .verification import verify as verify
