@@ -13,7 +13,7 @@ from firmware_tools import TARGET_TOOLS, require_tools
 from twin_gait import load_experiment
 from twin_gait.cli.program import main
 from twin_gait.experiment import Experiment
-from twin_gait.firmware import verify as verifying
+from twin_gait.firmware import verification as verifying
 from twin_gait.firmware.builds import Bench
 from twin_gait.firmware.cross import INSTALL
 from twin_gait.firmware.linked import PythonUnit
