@@ -1,12 +1,21 @@
 """Compilers and the emulator of the firmware's tests, and a unit small enough to know all about it."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
 
+import numpy as np
 import pytest
 
+from twin_gait.core.elementary import sine_cosine
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware import Unit, find_tool
+from twin_gait.firmware.linked import LinkedUnit
+from twin_gait.firmware.units import exoskeleton_step
+from twin_gait.simulation.binding import bind, kernel_functions
+from twin_gait.simulation.record import copied, dtype_of, entries
 
 FIRMWARE_VARIABLE = "TWIN_GAIT_REQUIRE_FIRMWARE"
 TARGET_TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")
@@ -43,3 +52,53 @@ def write_unit(
         f"void {name}_step({title} *unit, const {title}Inputs *in, {title}Outputs *out) {{ {step} }}\n"
     )
     return Unit(name=name, sources=(source,))
+
+
+class PythonUnit:
+    """The unit in Python, with the interface of one that runs elsewhere."""
+
+    def __init__(self, linked: LinkedUnit) -> None:
+        """Bind its step."""
+        self._linked, names = (
+            linked,
+            {**linked.structure, **kernel_functions(linked.kernel, {"sine_cosine": sine_cosine})},
+        )
+        self._step: Callable[..., None] = bind(exoskeleton_step, names)
+        self._dtype = dtype_of(linked.outputs)
+
+    def __enter__(self) -> Self:
+        """Set the unit to tick 0."""
+        self._record, self._inputs = copied(self._linked.record), copied(self._linked.inputs)
+        self._outputs = copied(self._linked.outputs)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Nothing is left behind."""
+
+    def exchange(self, inputs: np.ndarray) -> np.ndarray:
+        """Run one tick; inputs and outputs are records of double numbers."""
+        _fill(self._inputs, inputs)
+        self._step(self._record, self._inputs, self._outputs)
+        return np.array(entries(self._outputs), self._dtype)
+
+    def exchange_many(self, inputs: np.ndarray) -> np.ndarray:
+        """Run a tick for each row of inputs; a row of outputs for each."""
+        return np.array([self.exchange(row) for row in inputs], self._dtype)
+
+
+def _fill(record: Any, values: Any) -> None:
+    """Give a record the values of NumPy's."""
+    for name in values.dtype.names:
+        value, entry = values[name], getattr(record, name)
+        if not isinstance(entry, list):
+            if value.dtype.names is None:
+                setattr(record, name, value.item())
+            else:
+                _fill(entry, value)
+        elif value.dtype.names is None:
+            entry[:] = value.tolist()
+        else:
+            for item, part in zip(entry, value, strict=True):
+                _fill(item, part)

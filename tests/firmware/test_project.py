@@ -22,7 +22,6 @@ from twin_gait.core.safety import COMMAND_TRIP
 from twin_gait.exceptions import FirmwareError
 from twin_gait.firmware import Library, Unit, build_objects, sizes, symbols, units
 from twin_gait.firmware.cross import SANITIZE
-from twin_gait.firmware.layout import camel_case
 from twin_gait.firmware.project import (
     EXOSKELETON,
     GAIT_CONTROLLER,
@@ -57,6 +56,11 @@ def run(*words: Any, cwd: Path | None = None) -> str:
     done = subprocess.run([*map(str, words)], capture_output=True, text=True, check=False, cwd=cwd)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout + done.stderr
+
+
+def camel_case(name: str) -> str:
+    """``sine_cosine`` as a type is written, ``SineCosine``."""
+    return "".join(word.capitalize() for word in name.split("_"))
 
 
 @pytest.fixture(scope="module", params=SHIPPED)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from firmware_tools import TARGET_TOOLS, require_tools
+from firmware_tools import TARGET_TOOLS, PythonUnit, require_tools
 
 from twin_gait import load_experiment
 from twin_gait.cli.program import main
@@ -16,7 +16,6 @@ from twin_gait.experiment import Experiment
 from twin_gait.firmware import verification as verifying
 from twin_gait.firmware.builds import Bench
 from twin_gait.firmware.cross import INSTALL
-from twin_gait.firmware.linked import PythonUnit
 from twin_gait.firmware.processor import walk_with
 from twin_gait.firmware.project import Project, print_project
 from twin_gait.firmware.vectors import record_vectors

@@ -194,11 +194,6 @@ def is_due(bus: Bus, frame: Frame, tick: int) -> bool:
     return frame.release < (tick + 1) * bus.tick
 
 
-def is_silent(frame: Frame, tick: int, ticks: int) -> bool:
-    """Whether the receiver has not had a frame for longer than so many ticks."""
-    return tick - frame.arrived > ticks
-
-
 def advance(bus: Bus, tick: int) -> None:
     """All that happens on the bus from the start of a tick to the start of the next one.
 

@@ -21,11 +21,6 @@ def identifier(name: str, taken: frozenset[str] | set[str] = TAKEN) -> str:
     return f"{short}_" if short in taken else short
 
 
-def camel_case(name: str) -> str:
-    """``sine_cosine`` as a type is written, ``SineCosine``."""
-    return "".join(word.capitalize() for word in name.split("_"))
-
-
 def plain(text: str) -> str:
     """A line of a docstring without its markup."""
     text = re.sub(r":\w+:`~?(?:[\w.]*\.)?([^`]+)`", r"\1", text)

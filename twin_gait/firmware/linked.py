@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -24,15 +23,12 @@ from twin_gait.firmware.units import (
     JointBoardInputs,
     Settings,
     Surroundings,
-    exoskeleton_step,
 )
 from twin_gait.gait.feasibility import OTHER_TIME, TIME
 from twin_gait.gait.guards import all_signal_names
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.generated import write_control_gravity, write_control_inertia, write_side_by_side
-from twin_gait.simulation.binding import bind, kernel_functions
 from twin_gait.simulation.compiled_engine import laid_out
-from twin_gait.simulation.record import copied, dtype_of, entries
 
 _CALLED = {"sine_cosine": sine_cosine}
 
@@ -104,53 +100,6 @@ def part_ticks(program: GuardProgram, signals: Sequence[str]) -> None:
             ticks = round(comparison.threshold / TICK)
             ticks -= ticks * TICK > comparison.threshold
             comparison.threshold = (ticks + 0.5) * TICK
-
-
-class PythonUnit:
-    """The unit in Python, with the interface of one that runs elsewhere."""
-
-    def __init__(self, linked: LinkedUnit) -> None:
-        """Bind its step."""
-        self._linked, names = linked, {**linked.structure, **kernel_functions(linked.kernel, _CALLED)}
-        self._step: Callable[..., None] = bind(exoskeleton_step, names)
-        self._dtype = dtype_of(linked.outputs)
-
-    def __enter__(self) -> Self:
-        """Set the unit to tick 0."""
-        self._record, self._inputs = copied(self._linked.record), copied(self._linked.inputs)
-        self._outputs = copied(self._linked.outputs)
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Nothing is left behind."""
-
-    def exchange(self, inputs: np.ndarray) -> np.ndarray:
-        """Run one tick; inputs and outputs are records of double numbers."""
-        _fill(self._inputs, inputs)
-        self._step(self._record, self._inputs, self._outputs)
-        return np.array(entries(self._outputs), self._dtype)
-
-    def exchange_many(self, inputs: np.ndarray) -> np.ndarray:
-        """Run a tick for each row of inputs; a row of outputs for each."""
-        return np.array([self.exchange(row) for row in inputs], self._dtype)
-
-
-def _fill(record: Any, values: Any) -> None:
-    """Give a record the values of NumPy's."""
-    for name in values.dtype.names:
-        value, entry = values[name], getattr(record, name)
-        if not isinstance(entry, list):
-            if value.dtype.names is None:
-                setattr(record, name, value.item())
-            else:
-                _fill(entry, value)
-        elif value.dtype.names is None:
-            entry[:] = value.tolist()
-        else:
-            for item, part in zip(entry, value, strict=True):
-                _fill(item, part)
 
 
 def c_dtype(records: Records, record: type, real: np.dtype[Any]) -> np.dtype[Any]:
