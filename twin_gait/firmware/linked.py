@@ -10,7 +10,6 @@ import numpy as np
 
 from twin_gait.control.gait_controller import ControllerState
 from twin_gait.control.joint_board import Command
-from twin_gait.core.elementary import sine_cosine
 from twin_gait.core.guards import GuardProgram
 from twin_gait.experiment.problem import Problem
 from twin_gait.firmware.kinds import Kind, ListKind, RecordKind, Scalar
@@ -29,8 +28,6 @@ from twin_gait.gait.guards import all_signal_names
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.generated import write_control_gravity, write_control_inertia, write_side_by_side
 from twin_gait.simulation.compiled_engine import laid_out
-
-_CALLED = {"sine_cosine": sine_cosine}
 
 
 @dataclass(frozen=True)
