@@ -148,8 +148,9 @@ def fuzz(project: Project, folder: Path, count: int, *more: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("more", [[], ["-DREAL_DOUBLE"]])
-def test_a_million_wild_inputs_do_nothing_undefined(printed, more):
-    fuzz(*printed, 1_000_000, *more)
+def test_a_million_wild_inputs_do_nothing_undefined(treadmill, tmp_path, more):
+    treadmill.write_linked(tmp_path)
+    fuzz(treadmill, tmp_path, 1_000_000, *more)
 
 
 def test_wild_inputs_do_nothing_undefined(treadmill, tmp_path):

@@ -73,7 +73,6 @@ def test_20_s_of_every_shipped_table_are_proven(name):
     found = verify(experiment_of(name, 20.0))
     assert_proven(found)
     assert found.loop_walk is not None and len(found.loop_walk.log) == 20_000
-    assert found.loop_walk.wall_s < 60.0  # of 20 s: room for a busy machine, which takes 3 s alone
 
 
 def test_some_seconds_of_the_treadmill_are_proven(bench):
