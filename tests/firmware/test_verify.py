@@ -31,7 +31,6 @@ TABLES = {
     "treadmill_start_stop": ("treadmill_start_stop",),
     "bench_leg": ("bench_leg",),
     "inertia": ("treadmill", "control.inertia_compensation=0.5"),
-    "network": ("treadmill", "network={kind: can}"),
 }
 
 
