@@ -16,7 +16,7 @@ from twin_gait.exceptions import MissingOptionalDependency
 from twin_gait.export.can import bus_frames, export_can, messages_of, run_frames
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import PACKAGED_DBC, load_messages
-from twin_gait.network.messages import BOARDS
+from twin_gait.parameters import BOARDS
 from twin_gait.runs.record import write_run
 from twin_gait.simulation import simulate
 

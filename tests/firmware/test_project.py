@@ -19,7 +19,7 @@ from twin_gait import load_experiment
 from twin_gait.cli.program import main
 from twin_gait.core.guards import OP_ALL
 from twin_gait.core.safety import COMMAND_TRIP
-from twin_gait.exceptions import FirmwareError
+from twin_gait.exceptions import GaitTableError
 from twin_gait.firmware import Library, Unit, build_objects, sizes, symbols, units
 from twin_gait.firmware.cross import SANITIZE
 from twin_gait.firmware.project import (
@@ -29,9 +29,9 @@ from twin_gait.firmware.project import (
     UNITS,
     Project,
     print_project,
-    refuse_wide_guards,
 )
 from twin_gait.firmware.vectors import record_vectors
+from twin_gait.gait.program import require_bits
 from twin_gait.simulation.record import copied
 
 STRICT = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
@@ -318,5 +318,5 @@ def test_a_guard_that_needs_more_than_32_bits_is_refused(treadmill):
     program.nodes[:] = [copied(compare) for _ in range(31)] + [type(compare)(OP_ALL, 31)]
     for rule in program.transitions:
         rule.first_node, rule.end_node = 0, 32
-    with pytest.raises(FirmwareError, match="31 conditions wait to be joined; at most 30"):
-        refuse_wide_guards(replace(problem, program=program))
+    with pytest.raises(GaitTableError, match="31 conditions wait to be joined; at most 30"):
+        require_bits(problem.table, program)

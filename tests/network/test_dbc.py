@@ -19,7 +19,7 @@ from twin_gait.exceptions import MissingOptionalDependency, ParameterFileError
 from twin_gait.experiment.problem import build_problem
 from twin_gait.files import shipped_file
 from twin_gait.network.dbc import PACKAGED_DBC, load_messages
-from twin_gait.network.messages import BOARDS, CYCLE
+from twin_gait.parameters import BOARDS, NetworkParameters
 from twin_gait.vocabulary import GaitPhase
 
 PATH = shipped_file(PACKAGED_DBC)
@@ -97,7 +97,11 @@ def test_set_points_come_before_measurements_and_those_before_all_else():
     for board in BOARDS:
         assert MESSAGES[f"{board}_setpoint"].sender == "ccu"
         assert MESSAGES[f"{board}_measurement"].sender == board
-        assert MESSAGES[f"{board}_setpoint"].cycle == MESSAGES[f"{board}_measurement"].cycle == CYCLE
+        assert (
+            MESSAGES[f"{board}_setpoint"].cycle
+            == MESSAGES[f"{board}_measurement"].cycle
+            == NetworkParameters.cycle
+        )
 
 
 def test_a_step_of_the_angle_is_finer_than_a_count_of_the_encoder():

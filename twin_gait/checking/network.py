@@ -9,6 +9,7 @@ from typing import NamedTuple
 from twin_gait.checking.finding import CheckCase, Finding, Severity
 from twin_gait.checking.response_time import CyclicFrame, bus_load, response_times
 from twin_gait.core.can_frame import most_frame_bits
+from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.experiment.bus_ranges import values_out_of_range
 from twin_gait.experiment.problem import build_problem
@@ -53,15 +54,19 @@ def worst_traffic(network: NetworkParameters, messages: Sequence[Message]) -> Tr
 
 
 def traffic_of(experiment: Experiment) -> Traffic:
-    """What the bus of an experiment has to carry in the worst case; see :func:`worst_traffic`."""
-    assert experiment.network is not None
-    return worst_traffic(experiment.network, _messages(experiment))
+    """What the bus of an experiment has to carry in the worst case; see :func:`worst_traffic`.
+
+    Raises:
+        ParameterError: If it has none.
+    """
+    if experiment.network is None:
+        raise ParameterError("network: ideal has no bus; set network to can")
+    return worst_traffic(experiment.network, _messages(experiment, experiment.network))
 
 
-def _messages(experiment: Experiment) -> list[Message]:
-    assert experiment.network is not None
+def _messages(experiment: Experiment, network: NetworkParameters) -> list[Message]:
     boards = [board for board in BOARDS if board.partition("_")[0] in experiment.leg.legs]
-    return cyclic_messages(load_messages(experiment.network.dbc), boards)
+    return cyclic_messages(load_messages(network.dbc), boards)
 
 
 def traffic_on_the_bus(case: CheckCase) -> list[Finding]:
@@ -73,7 +78,7 @@ def traffic_on_the_bus(case: CheckCase) -> list[Finding]:
     network = None if case.experiment is None else case.experiment.network
     if network is None or case.experiment is None:
         return []
-    traffic, messages = traffic_of(case.experiment), _messages(case.experiment)
+    traffic, messages = traffic_of(case.experiment), _messages(case.experiment, network)
     severity, reason = _judged(network, traffic, len(messages))
     suggestion = "" if severity is Severity.NOTE else _way_out(network, messages)
     return [Finding(rule="traffic_on_the_bus", severity=severity, reason=reason, suggestion=suggestion)]

@@ -20,14 +20,14 @@ from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.network.bus import cyclic_messages
 from twin_gait.network.dbc import Message, load_messages
-from twin_gait.network.messages import BOARDS, CODES
+from twin_gait.network.messages import CODES, COUNTS
+from twin_gait.parameters import BOARDS
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
 
 CANDUMP, ASC = "candump", "asc"
 CHANNEL = 0  # can0 in a candump file, 1 in an ASC file
 _CHUNK = 10_000  # ticks that become frames at once
-_COUNTS = 4  # of the counter of two bits
 
 Rows = Mapping[str, np.ndarray]
 
@@ -92,7 +92,7 @@ def bus_frames(
         if not values:
             continue
         period = max(1, round(message.cycle / TICK))
-        values["counter"], values["time"] = ticks // period % _COUNTS, ticks * TICK
+        values["counter"], values["time"] = ticks // period % COUNTS, ticks * TICK
         due = np.flatnonzero(ticks % period == 0)
         table = np.array([np.broadcast_to(values[name], ticks.shape)[due] for name in message.signals]).T
         for tick, row in zip(ticks[due].tolist(), table.tolist(), strict=True):

@@ -40,7 +40,7 @@ from twin_gait.firmware.units import (
     joint_board_step,
 )
 from twin_gait.firmware.vectors import Vectors
-from twin_gait.gait.program import open_results
+from twin_gait.gait.program import require_bits
 from twin_gait.network.dbc import PACKAGED_DBC, Message, load_messages
 from twin_gait.parameters import ImpedancePlace
 
@@ -52,7 +52,6 @@ JOINT_BOARD, GAIT_CONTROLLER, EXOSKELETON, CAN_CODEC = UNITS = (
     "exoskeleton",
     "can_codec",
 )
-PENDING_RESULTS = 30  # of a guard, a bit each of a signed 32-bit integer, with room to shift
 _FILES = Path(__file__).with_name("project_files")
 
 
@@ -163,10 +162,11 @@ def print_project(experiment: Experiment) -> Project:
 
     Raises:
         FirmwareError: If it uses something that the firmware does not have; key, value and way out.
+        GaitTableError: If its table has more phases or conditions than the device's whole numbers have bits.
     """
     refuse_what_c_has_not(experiment)
     problem = build_problem(experiment)
-    refuse_wide_guards(problem)
+    require_bits(problem.table, problem.program)
     linked, messages = linked_unit(problem), _messages(experiment)
     units, shapes = list(_units(problem, linked)), _shapes(linked)
     if messages:
@@ -194,22 +194,6 @@ def refuse_what_c_has_not(experiment: Experiment) -> None:
         )
     if network is not None and network.impedance is ImpedancePlace.CCU:
         raise FirmwareError("network.impedance: ccu is not printed: springs are on the boards; set board")
-
-
-def refuse_wide_guards(problem: Problem) -> None:
-    """Refuse guards whose results do not fit into 32 bits.
-
-    Raises:
-        FirmwareError: With the transition.
-    """
-    rules = zip(problem.table.transitions, problem.program.transitions, strict=True)
-    for transition, rule in rules:
-        most = open_results(problem.program.nodes[rule.first_node : rule.end_node])
-        if most > PENDING_RESULTS:
-            raise FirmwareError(
-                f"transition {transition.source} → {transition.target} ({transition.cause}): {most} "
-                f"conditions wait to be joined; at most {PENDING_RESULTS} fit into 32 bits, so nest some"
-            )
 
 
 def _units(problem: Problem, linked: LinkedUnit) -> Iterator[TranslationUnit]:

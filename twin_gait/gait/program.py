@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from twin_gait.core import guards as core
 from twin_gait.core.guards import (
     OP_ALL,
@@ -19,6 +17,7 @@ from twin_gait.gait.guards import AllOf, Comparison, Guard, PhaseMembership, all
 from twin_gait.gait.table import GaitTable, Transition
 
 OPEN_RESULTS = 62  # results that wait to be joined are bits of a signed 64-bit integer
+DEVICE_BITS = 30  # of an int32_t, so that all of them may be shifted once more
 
 
 def compile_guards(table: GaitTable) -> GuardProgram:
@@ -58,7 +57,10 @@ def compile_guards(table: GaitTable) -> GuardProgram:
 
 def _check_size(transition: Transition, nodes: list[GuardNode], bits: int = OPEN_RESULTS) -> None:
     """Refuse a guard whose results the evaluator cannot hold."""
-    most = open_results(nodes)
+    waiting = most = 0
+    for node in nodes:
+        waiting += 1 - (node.operand if node.operation in (OP_ALL, OP_ANY) else 0)
+        most = max(most, waiting)
     if most > bits:
         raise GaitTableError(
             f"transition {transition.source} → {transition.target} ({transition.cause}): {most} conditions "
@@ -66,8 +68,11 @@ def _check_size(transition: Transition, nodes: list[GuardNode], bits: int = OPEN
         )
 
 
-def require_bits(table: GaitTable, program: GuardProgram, bits: int) -> None:
+def require_bits(table: GaitTable, program: GuardProgram, bits: int = DEVICE_BITS) -> None:
     """Refuse a table whose phases or waiting results are too many for whole numbers of so many bits.
+
+    Args:
+        bits: By default those that the device has.
 
     Raises:
         GaitTableError: It has more.
@@ -76,15 +81,6 @@ def require_bits(table: GaitTable, program: GuardProgram, bits: int) -> None:
         raise GaitTableError(f"{len(table.phases)} phases; at most {bits} fit")
     for transition, rule in zip(table.transitions, program.transitions, strict=True):
         _check_size(transition, program.nodes[rule.first_node : rule.end_node], bits)
-
-
-def open_results(nodes: Sequence[GuardNode]) -> int:
-    """Most results of a guard that wait to be joined at a time."""
-    waiting = most = 0
-    for node in nodes:
-        waiting += 1 - (node.operand if node.operation in (OP_ALL, OP_ANY) else 0)
-        most = max(most, waiting)
-    return most
 
 
 def _emit(guard: Guard, table: GaitTable, nodes: list[GuardNode], comparisons: list[core.Comparison]) -> None:

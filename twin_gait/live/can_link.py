@@ -23,7 +23,7 @@ from twin_gait.live.deadlines import PERIOD
 from twin_gait.live.events import EventBook
 from twin_gait.live.priority import undisturbed
 from twin_gait.live.protocol import Control, Message, MessageRefused, Response, SetControl
-from twin_gait.network.messages import CYCLE
+from twin_gait.parameters import NetworkParameters
 from twin_gait.simulation.engine import log_layout
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ FARTHEST = 3 * PERIOD  # [s] between a frame and its time, before the times are 
 REPETITION = 1.0  # [s] in which the same frame once more is nothing new
 SEND_TIME = 1e-3  # [s] that a frame may wait for the driver
 MOST_HEARD = 100  # frames between two looks at what is to be sent
+LISTENING = NetworkParameters.cycle  # [s] for a frame of the monitor, while nothing is due
 MOST_NOTES = 20  # that a session tells of its bus
 
 
@@ -139,8 +140,8 @@ class CanLink:
             while self._blocks:
                 self._lay_out(self._blocks.popleft())
             self._send()
-            wait = self._due[0][0] - time.monotonic() if self._due else CYCLE
-            message = self._bus.recv(min(max(wait, 0.0), CYCLE))
+            wait = self._due[0][0] - time.monotonic() if self._due else LISTENING
+            message = self._bus.recv(min(max(wait, 0.0), LISTENING))
             for _ in range(MOST_HEARD):  # udp_multicast gives our own frames back too
                 if message is None:
                     break

@@ -7,12 +7,10 @@ unit, and the monitor (2.4) of whoever watches. It prints neither bit rate nor l
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import product
 
-from twin_gait.vocabulary import MOTOR_JOINTS, Side
+from twin_gait.parameters import BOARDS
 
-CYCLE = 0.002  # [s] of set points and measurements, thesis 2.1.2
-BOARDS = tuple(f"{side}_{joint}" for side, joint in product(Side, MOTOR_JOINTS))
+COUNTS = 4  # of the counter of a frame, two bits
 
 # Signals with their units, in the order in which numbers are handed to the codec.
 MEASUREMENT = {

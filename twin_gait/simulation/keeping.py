@@ -29,6 +29,7 @@ SOURCES = (
     "../core",
     "../control/gait_controller",
     "../control/joint_board",
+    "../network/messages",
     "rooms",
     "binding",
     "compiling",

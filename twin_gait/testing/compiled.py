@@ -19,7 +19,6 @@ from twin_gait.gait.table import GaitTable
 from twin_gait.testing.driver import MachineFactory
 from twin_gait.vocabulary import Side
 
-_BITS = 30  # of an int32_t, so that all of them may be shifted once more
 _ARGUMENTS = ctypes.c_void_p, ctypes.c_int32, ctypes.c_int32, ctypes.c_void_p, ctypes.c_int32, ctypes.c_void_p
 
 
@@ -53,7 +52,7 @@ def compiled_machines(tables: Sequence[GaitTable]) -> list[MachineFactory]:
     """
     programs = [compile_guards(table) for table in tables]
     for table, program in zip(tables, programs, strict=True):
-        require_bits(table, program, _BITS)
+        require_bits(table, program)
     names = [f"table_{number}" for number in range(len(tables))]
     unit = TranslationUnit("guards", [next_transition], dict(zip(names, programs, strict=True)))
     library = Library(print_units([unit]))

@@ -17,14 +17,18 @@ from twin_gait.core.can_bus import (
 from twin_gait.core.can_codec import pack_frame, unpack_frame
 from twin_gait.core.impedance import impedance_torque
 from twin_gait.core.safety import BUS_TRIP, DRIVE_TRIP, NO_TRIP
+from twin_gait.network.messages import CODES, COUNTS, MEASUREMENT, SETPOINT
 from twin_gait.simulation.episode import Episode, Wire
 from twin_gait.simulation.interface import CENTRAL, NETWORKED, POINTS_PER_FOOT, each, lanes
 
-# Numbers of a measurement, and of a set point (twin_gait.network.messages).
-ANGLE, VELOCITY, CURRENT, FOOT_LOAD, CAUSE, COUNTER = range(6)
-STIFFNESS, DAMPING, EQUILIBRIUM, GAIN, TORQUE, STATE, NUMBER = range(7)
-HOLD, RUN = 1.0, 2.0  # states of a set point
-_COUNTS = 4  # of a frame's counter
+# Places of the numbers of a measurement and of a set point, and states of the latter.
+ANGLE, VELOCITY, CURRENT, FOOT_LOAD, CAUSE, COUNTER = map(
+    list(MEASUREMENT).index, ("angle", "velocity", "current", "foot_load", "trip_cause", "counter")
+)
+STIFFNESS, DAMPING, EQUILIBRIUM, GAIN, TORQUE, STATE, NUMBER = map(
+    list(SETPOINT).index, ("stiffness", "damping", "equilibrium", "gain", "torque", "state", "counter")
+)
+HOLD, RUN = (float(CODES["state"].index(state)) for state in ("hold", "run"))
 _CCU = 0  # number of the node
 
 
@@ -116,7 +120,7 @@ def _arrive(e: Episode, wire: Wire, tick: int) -> None:
 
 def _count(frame: Frame) -> float:
     """Counter of a frame that is due."""
-    return float(frame.event // frame.period % _COUNTS)
+    return float(frame.event // frame.period % COUNTS)
 
 
 def _send_setpoint(e: Episode, number: int, tick: int) -> None:
@@ -125,11 +129,8 @@ def _send_setpoint(e: Episode, number: int, tick: int) -> None:
     frame = network.bus.frames[wire.frame]
     if is_due(network.bus, frame, tick):
         asked, numbers = joint.demand, network.numbers
-        stiffness, damping, torque = (
-            asked.stiffness,
-            asked.damping,
-            asked.gravity + asked.inertia + asked.target,
-        )
+        stiffness, damping = asked.stiffness, asked.damping
+        torque = asked.gravity + asked.inertia + asked.target
         if CENTRAL and not asked.held:
             angle, velocity = joint.measurement.angle, joint.measurement.velocity
             torque += impedance_torque(angle, velocity, stiffness, damping, asked.equilibrium)
