@@ -36,9 +36,9 @@ from twin_gait.identification import (
     identify_tests,
     process_log,
 )
-from twin_gait.scenario import BENCH_ACTUATORS, BENCH_FRICTION
 from twin_gait.simulation import simulate_bench
 from twin_gait.studies import Campaign, Protocol, TwoWayProtocol, planned_tests, run_jobs
+from twin_gait.worlds import BENCH_ACTUATORS, BENCH_FRICTION
 
 LAW = "rotational"
 PROCESSINGS = (Processing.ZERO_PHASE, Processing.THESIS)

@@ -37,8 +37,8 @@ from twin_gait.gait import JointImpedance, PhaseParameters
 from twin_gait.palette import BLACK, BLUE, GREY, VERMILLION
 from twin_gait.parameters import FrictionParameters
 from twin_gait.report import save
-from twin_gait.scenario import BenchLegScenario
 from twin_gait.studies import run_jobs
+from twin_gait.worlds import BenchLeg
 
 STIFFNESSES = tuple(math.degrees(value) for value in (0.3, 1.0, 2.5, 6.0))  # [N m] / [rad]
 DAMPINGS = (0.0, 10.0, 30.0, 90.0)  # [N m s] / [rad]
@@ -72,7 +72,7 @@ def true_experiment(case: Case) -> Experiment:
     }
     phase = PhaseParameters(joints=joints, gravity_compensation=1.0)
     table = GaitTable(name=HOLD, joints=base.table.joints, phases={HOLD: phase}, transitions=())
-    scenario = BenchLegScenario(start_angles=tuple(angle + TRUE_START for angle in POSTURE))
+    scenario = BenchLeg(start_angles=tuple(angle + TRUE_START for angle in POSTURE))
     # Instability is what is looked for here: no monitor may end it.
     control = replace(base.control, safety=replace(base.control.safety, enabled=False))
     return replace(base, name=HOLD, table=table, scenario=scenario, control=control, duration=DURATION)
@@ -87,7 +87,7 @@ def linear_experiment(case: Case, velocity: float) -> Experiment:
     ratios = dict.fromkeys(plant.friction, 1.0)
     return replace(
         true,
-        scenario=BenchLegScenario(start_angles=tuple(angle + LINEAR_START for angle in POSTURE)),
+        scenario=BenchLeg(start_angles=tuple(angle + LINEAR_START for angle in POSTURE)),
         plant=replace(plant, friction=viscous_plant, friction_ratio=ratios),
         control=replace(control, friction_model=viscous_model),
     )

@@ -20,10 +20,10 @@ from twin_gait.gait import GaitTable
 from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.measures.reference import reference_curve
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.vocabulary import GaitPhase, JointName, Side
+from twin_gait.worlds import Treadmill
 
 STRIDE = 1200  # ticks, as all below
 LAG = 300
@@ -123,7 +123,7 @@ def synthetic_run(*, timed_out: Collection[int] = ()) -> Run:
 
 def _leg_columns(side: Side, experiment: Experiment) -> dict[str, np.ndarray]:
     scenario, patient = experiment.scenario, experiment.patient
-    assert isinstance(scenario, TreadmillScenario) and patient is not None
+    assert isinstance(scenario, Treadmill) and patient is not None
     progress = since_strike(side) / STRIDE
     errors = {
         JointName.HIP: np.full(LENGTH, HIP_OFFSET),

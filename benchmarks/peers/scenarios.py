@@ -10,13 +10,13 @@ from twin_gait.core.belt import Belt
 from twin_gait.experiment import Engine, Integration, IntegrationMethod
 from twin_gait.gait import TICK
 from twin_gait.parameters import SupportParameters
-from twin_gait.scenario import TreadmillScenario, World
+from twin_gait.worlds import Treadmill, World
 
 EULER, RK4 = IntegrationMethod.SEMI_IMPLICIT_EULER, IntegrationMethod.RK4
 
 
 @dataclass(frozen=True, kw_only=True)
-class HangingScenario(TreadmillScenario):
+class HangingScenario(Treadmill):
     """Both legs stepping in the air: the wearer hangs in the support and nothing is below."""
 
     support: SupportParameters = field(default_factory=lambda: SupportParameters(share=1.0))

@@ -16,7 +16,8 @@ from twin_gait import JointName
 from twin_gait.checking import friction_torque
 from twin_gait.control import Controller
 from twin_gait.gait import TICK
-from twin_gait.scenario import (
+from twin_gait.simulation import BenchRun
+from twin_gait.worlds import (
     BENCH_FRICTION,
     BenchFriction,
     BenchJoint,
@@ -26,7 +27,6 @@ from twin_gait.scenario import (
     TorqueControl,
     bench_joint,
 )
-from twin_gait.simulation import BenchRun
 
 SEED = 1  # of everything that chance decides, in all scripts
 KNEE = JointName.KNEE

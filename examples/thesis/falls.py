@@ -13,7 +13,9 @@ from thesis.bench import KNEE, SEED
 from thesis.friction import DEVIATIONS, FACTOR, WINDOW, table_values
 
 from twin_gait.identification import BenchSetup, decimate, moving_average
-from twin_gait.scenario import (
+from twin_gait.simulation import BenchRun, BenchVariation, simulate_bench
+from twin_gait.studies import Campaign, PlannedTest, planned_tests
+from twin_gait.worlds import (
     BENCH_ACTUATORS,
     HORIZONTAL,
     STOP_ANGLE,
@@ -23,8 +25,6 @@ from twin_gait.scenario import (
     LoadAngle,
     bench_joint,
 )
-from twin_gait.simulation import BenchRun, BenchVariation, simulate_bench
-from twin_gait.studies import Campaign, PlannedTest, planned_tests
 
 BENCH = bench_joint(KNEE)
 MASSES = (3.0, 2.5, 2.0, 1.5, 1.0)  # [kg], thesis 2.2.3

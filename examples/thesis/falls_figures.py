@@ -23,7 +23,7 @@ from twin_gait.core import breakaway_duty, viscous_duty
 from twin_gait.gait import TICK
 from twin_gait.palette import BLACK, BLUE, BLUISH_GREEN, GREY, ORANGE, SKY_BLUE, VERMILLION
 from twin_gait.report import style_panel
-from twin_gait.scenario import TRANSPARENCY_STEPS, DutyControl
+from twin_gait.worlds import TRANSPARENCY_STEPS, DutyControl
 
 GAIN_COLOURS = dict(zip(GAINS, (BLUE, BLUISH_GREEN, VERMILLION), strict=True))
 _STYLES = ("-", "--", ":")  # by A, from small to large

@@ -35,8 +35,8 @@ from twin_gait.identification import (
     process_log,
     read_log,
 )
-from twin_gait.scenario import BENCH_ACTUATORS, BENCH_FRICTION
 from twin_gait.studies import Campaign, Protocol, planned_tests, run_campaign
+from twin_gait.worlds import BENCH_ACTUATORS, BENCH_FRICTION
 
 HIP = JointName.HIP
 JOINTS = (KNEE, HIP)

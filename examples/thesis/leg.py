@@ -32,7 +32,7 @@ from twin_gait.checking import LinearLoop, linear_loops, spectral_radius, transi
 from twin_gait.core import damping_from_ratio
 from twin_gait.gait import JointImpedance, PhaseParameters
 from twin_gait.leg_model import LegJoints
-from twin_gait.scenario import BENCH_ACTUATORS, BenchLegScenario
+from twin_gait.worlds import BENCH_ACTUATORS, BenchLeg
 
 
 class Pair(NamedTuple):
@@ -81,7 +81,7 @@ def hanging_experiment(
     return replace(
         base,
         table=GaitTable(name="hanging", joints=base.table.joints, phases=phases, transitions=()),
-        scenario=BenchLegScenario(start_angles=raised),
+        scenario=BenchLeg(start_angles=raised),
         plant=replace(base.plant, friction_ratio=dict(zip(JOINTS, ratios, strict=True))),
         duration=duration,
     )

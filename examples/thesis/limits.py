@@ -28,8 +28,8 @@ from twin_gait.checking import (
 )
 from twin_gait.core import first_order_gain
 from twin_gait.gait import TICK
-from twin_gait.scenario import BenchJoint
 from twin_gait.simulation import BenchRun, simulate_bench
+from twin_gait.worlds import BenchJoint
 
 RATIOS = (0.4, 0.5, 0.6, 0.8, 1.0)  # s
 PUSH = 0.3  # [rad] / [s]; velocity that the joint without a spring is given

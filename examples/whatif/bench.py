@@ -20,7 +20,8 @@ from twin_gait.control import Controller
 from twin_gait.core import first_order_gain
 from twin_gait.gait import TICK
 from twin_gait.parameters import FrictionParameters, SensorParameters
-from twin_gait.scenario import (
+from twin_gait.simulation import BenchRun, simulate_bench
+from twin_gait.worlds import (
     BENCH_FRICTION,
     BENCH_INDUCTANCE,
     HORIZONTAL,
@@ -33,7 +34,6 @@ from twin_gait.scenario import (
     TorqueControl,
     bench_joint,
 )
-from twin_gait.simulation import BenchRun, simulate_bench
 
 Row = dict[str, Any]
 

@@ -39,8 +39,8 @@ from whatif.endings import Ending
 from twin_gait.checking import largest_stable, spectral_radius, transition_matrix
 from twin_gait.gait import TICK
 from twin_gait.parameters import FrictionParameters, SensorParameters
-from twin_gait.scenario import BenchFriction, BenchJoint, CompensationVelocity, CosinePath, LinkParameters
 from twin_gait.simulation import simulate_bench
+from twin_gait.worlds import BenchFriction, BenchJoint, CompensationVelocity, CosinePath, LinkParameters
 
 # Decimation and window of the slow velocity: none, half of the thesis's, the thesis's, four times as long.
 FILTERS = ((1, 1), (10, 1), (10, 10), (10, 40))

@@ -35,7 +35,8 @@ from twin_gait.checking import friction_slope, largest_stable
 from twin_gait.core import first_order_gain
 from twin_gait.gait import TICK
 from twin_gait.parameters import FrictionParameters, SensorParameters
-from twin_gait.scenario import (
+from twin_gait.simulation import BenchRun, simulate_bench
+from twin_gait.worlds import (
     INERTIAL_NOISE,
     BenchFriction,
     BenchJoint,
@@ -44,7 +45,6 @@ from twin_gait.scenario import (
     InertialUnit,
     Torsion,
 )
-from twin_gait.simulation import BenchRun, simulate_bench
 
 LOAD = 2.0  # [kg]
 THESIS_GAIN = 0.35  # G, the thesis's best

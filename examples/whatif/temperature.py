@@ -30,7 +30,7 @@ from whatif.endings import Ending
 
 from twin_gait.core import drive_efficiency
 from twin_gait.parameters import FrictionParameters, SensorParameters
-from twin_gait.scenario import BenchFriction, BenchJoint, CatalogueEfficiency
+from twin_gait.worlds import BenchFriction, BenchJoint, CatalogueEfficiency
 
 REFERENCE_TEMPERATURE = CatalogueEfficiency().temperature  # [°C]
 # Share of the Coulomb friction that a kelvin takes away: 5 to 10 % between 20 and 40 °C (from memory, low

@@ -24,7 +24,7 @@ from twin_gait.core.motor_drive import (
 )
 from twin_gait.core.transparency import Transparency, transparency_duty
 from twin_gait.parameters import KNEE_ACTUATOR
-from twin_gait.scenario.bench_joint import CatalogueEfficiency
+from twin_gait.worlds.bench_joint import CatalogueEfficiency
 
 R, L = 0.343, 0.264e-3  # EC 90 flat, 24 V
 KE = 0.0705 * 100.0  # back-EMF at the joint in V s/rad

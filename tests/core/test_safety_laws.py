@@ -17,7 +17,7 @@ from twin_gait.core.control_tick import new_encoder
 from twin_gait.core.estimation import quantise
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import KNEE_ACTUATOR, SafetyParameters
-from twin_gait.scenario import FaultKind
+from twin_gait.worlds import FaultKind
 
 PERIOD = 1e-3
 NUMBERS = st.floats(-20.0, 20.0)

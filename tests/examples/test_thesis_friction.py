@@ -40,7 +40,7 @@ from thesis.velocity import fall_numbers as velocity_numbers
 from twin_gait import JointName
 from twin_gait.core import viscous_duty
 from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
-from twin_gait.scenario import DutyControl
+from twin_gait.worlds import DutyControl
 
 KNEE, HIP = JointName.KNEE, JointName.HIP
 # Table 3.1 of the thesis; the knee's a, b and c are printed as negative.

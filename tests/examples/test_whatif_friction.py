@@ -51,8 +51,8 @@ from whatif.temperature import (
 from whatif_friction_map import GAINS, RATIOS, map_settings
 
 from twin_gait.parameters import FrictionParameters, SensorParameters
-from twin_gait.scenario import BenchFriction, ImposedMotionParameters
 from twin_gait.simulation import simulate_bench
+from twin_gait.worlds import BenchFriction, ImposedMotionParameters
 
 NO_FRICTION = FrictionParameters(
     breakaway_torque=0.0, coulomb_friction=0.0, breakaway_velocity=1.0, viscous_friction=0.0

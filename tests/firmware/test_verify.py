@@ -20,8 +20,8 @@ from twin_gait.firmware.processor import walk_with
 from twin_gait.firmware.project import Project, print_project
 from twin_gait.firmware.vectors import record_vectors
 from twin_gait.firmware.verification import Check, Verification, cases_of, verify
-from twin_gait.scenario.faults import FaultKind
 from twin_gait.simulation import Run, simulate
+from twin_gait.worlds.faults import FaultKind
 
 DOUBLE, FLOAT, TARGET, LOOP = range(4)  # checks
 TABLES = {

@@ -45,7 +45,7 @@ from twin_gait.identification import (
 )
 from twin_gait.identification.signals import moving_average, zero_phase
 from twin_gait.parameters import KNEE_ACTUATOR
-from twin_gait.scenario import LoadAngle
+from twin_gait.worlds import LoadAngle
 
 ROTATIONAL = (
     "breakaway_torque_Nm",

@@ -13,9 +13,9 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.problem import build_problem
 from twin_gait.live import stepping
 from twin_gait.live.stepping import SteppedRun
-from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation import RunStatus, simulate
 from twin_gait.simulation.run import log_table
+from twin_gait.worlds.faults import parse_fault
 
 LATE_STANCE, SWING_FLEXION = "late_stance", "swing_flexion"
 

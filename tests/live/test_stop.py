@@ -18,10 +18,10 @@ from twin_gait.gait.table import TICK
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.foot_contact import CONTACT_FORCE
 from twin_gait.runs.run_page import belt_motion_of, trip_time_of
-from twin_gait.scenario import FaultKind
-from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation import RunStatus
 from twin_gait.simulation.log import state_columns
+from twin_gait.worlds import FaultKind
+from twin_gait.worlds.faults import parse_fault
 
 BELT = Belt(cruise=0.42, start=2.0, stop=10.0, ramp=1.0, delay=0.2, stop_ramp=0.5)
 EVEN = Belt(cruise=0.42, stop_ramp=0.5)

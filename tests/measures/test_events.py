@@ -11,7 +11,7 @@ from twin_gait.live.pieces import AppliedChange, Take
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.measures.outcome import EventKind, held_from, run_events
 from twin_gait.runs.record import load_run, write_run
-from twin_gait.scenario.faults import parse_fault
+from twin_gait.worlds.faults import parse_fault
 
 INJECTED, NEVER = "encoder_freeze:right_knee@0.7s", "supply_dip@1.4s"
 

@@ -39,9 +39,9 @@ from twin_gait.report.run_figures import (
     draw_portrait,
     draw_torques,
 )
-from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation.run import Run, RunStatus
 from twin_gait.vocabulary import GaitPhase, JointName, Side
+from twin_gait.worlds.faults import parse_fault
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 

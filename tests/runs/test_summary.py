@@ -35,8 +35,8 @@ from twin_gait import load_experiment, simulate
 from twin_gait.gait.table import TICK
 from twin_gait.report.walk_words import HEAD, carried_by_belt, lines_of, table_of_walk, who_drives
 from twin_gait.runs.summary import summarise, versions
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run, RunStatus
+from twin_gait.worlds import Treadmill
 
 
 @pytest.fixture(scope="module")
@@ -247,7 +247,7 @@ def test_skipped_strides_are_a_choice(walk: Run) -> None:
 def test_no_reference_beyond_its_speeds(belt_speed: float) -> None:
     experiment = synthetic_experiment()
     scenario = replace(experiment.scenario, belt_speed=belt_speed)
-    assert isinstance(scenario, TreadmillScenario)
+    assert isinstance(scenario, Treadmill)
     run = replace(synthetic_run(), experiment=replace(experiment, scenario=scenario))
     values = summarise(run)["sides"]["left"]
     assert values["rmse_hip_by_contact_deg"] is None

@@ -16,7 +16,9 @@ from twin_gait.core.dead_zone import dead_zone
 from twin_gait.core.inertial import angular_acceleration, tangential_specific_force
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import KNEE_FRICTION, SensorParameters
-from twin_gait.scenario import (
+from twin_gait.simulation import simulate_bench
+from twin_gait.vocabulary import JointName
+from twin_gait.worlds import (
     BENCH_INDUCTANCE,
     INERTIAL_NOISE,
     BenchFriction,
@@ -33,8 +35,6 @@ from twin_gait.scenario import (
     Torsion,
     bench_joint,
 )
-from twin_gait.simulation import simulate_bench
-from twin_gait.vocabulary import JointName
 
 # An ideal and quiet current loop.
 DRIVE = DriveParameters(

@@ -21,7 +21,14 @@ from twin_gait.parameters import (
     LuGreFriction,
     SensorParameters,
 )
-from twin_gait.scenario.bench_joint import (
+from twin_gait.simulation.bench_joint import BenchRun, BenchVariation, simulate_bench, tick
+from twin_gait.simulation.bench_joint.filling import bench_episode
+from twin_gait.simulation.binding import bind
+from twin_gait.simulation.keeping import SOURCES, source_files
+from twin_gait.simulation.record import dtype_of, stored
+from twin_gait.simulation.run import RunStatus
+from twin_gait.vocabulary import JointName
+from twin_gait.worlds.bench_joint import (
     BENCH_ACTUATORS,
     BENCH_INDUCTANCE,
     BenchFriction,
@@ -40,14 +47,7 @@ from twin_gait.scenario.bench_joint import (
     Torsion,
     bench_joint,
 )
-from twin_gait.scenario.bench_leg import ImposedMotionParameters
-from twin_gait.simulation.bench_joint import BenchRun, BenchVariation, simulate_bench, tick
-from twin_gait.simulation.bench_joint.filling import bench_episode
-from twin_gait.simulation.binding import bind
-from twin_gait.simulation.keeping import SOURCES, source_files
-from twin_gait.simulation.record import dtype_of, stored
-from twin_gait.simulation.run import RunStatus
-from twin_gait.vocabulary import JointName
+from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
 KNEE = JointName.KNEE
 R, L, KT = 0.343, 0.264e-3, 7.05  # of the knee; K_t at the joint

@@ -30,7 +30,6 @@ from twin_gait.replay.tables import parse_storage
 from twin_gait.report.reference import reference_cycle
 from twin_gait.report.run_figures import draw_angles, draw_energy
 from twin_gait.runs.summary import summarise
-from twin_gait.scenario import bracing
 from twin_gait.simulation.binding import bind
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.filling import new_episode, structure_of
@@ -38,6 +37,7 @@ from twin_gait.simulation.log import BRACED_WORK_SOURCES
 from twin_gait.simulation.rooms.motion import integrate
 from twin_gait.studies.compare.measures import run_measures
 from twin_gait.vocabulary import JointName, Side
+from twin_gait.worlds import bracing
 
 FINE = Integration(method=IntegrationMethod.RK4, step=0.1e-3)
 JOINTS = [(side, joint) for side in Side for joint in JointName]

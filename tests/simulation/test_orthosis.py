@@ -11,8 +11,8 @@ from numpy.testing import assert_allclose
 from twin_gait import load_experiment, simulate
 from twin_gait.core.plant import passive_torque
 from twin_gait.exceptions import ParameterFileError
-from twin_gait.scenario.world import World
 from twin_gait.vocabulary import JointName, Side
+from twin_gait.worlds.world import World
 
 RESTS = [-8.0, 0.0, 5.0]  # [deg]
 

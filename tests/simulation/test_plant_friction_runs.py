@@ -14,10 +14,10 @@ from twin_gait import Experiment, JointName, Run, RunStatus, load_experiment, si
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait import TICK
 from twin_gait.parameters import LuGreFriction
-from twin_gait.scenario.bench_joint import BenchFriction, bench_joint
-from twin_gait.scenario.bench_leg import ImposedMotionParameters
 from twin_gait.simulation import simulate_bench
 from twin_gait.simulation.log import WORK_SOURCES
+from twin_gait.worlds.bench_joint import BenchFriction, bench_joint
+from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
 PHASES = ("early_stance", "middle_stance", "late_stance", "swing_flexion", "swing_extension")
 COULOMB, BREAKAWAY, STRIBECK, VISCOUS, STIFFNESS, DAMPING = 2.0, 5.0, 0.05, 0.1, 1500.0, 100.0

@@ -13,10 +13,10 @@ from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.experiment.problem import build_problem
 from twin_gait.parameters import SensorParameters
-from twin_gait.scenario.bench_joint import bench_joint
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.studies.sweep.spec import sweep_from_mapping
 from twin_gait.vocabulary import JointName, Side
+from twin_gait.worlds.bench_joint import bench_joint
 
 OFFSETS = {"left_hip": 2.0, "left_knee": 0.0, "right_hip": 0.0, "right_knee": -1.5}  # [deg]
 ASKEW = "sensors.offset={left: {hip_deg: 2}, right: {knee_deg: -1.5}}"

@@ -22,7 +22,6 @@ from twin_gait.identification.columns import Quantity
 from twin_gait.identification.processing import process_log
 from twin_gait.identification.reading import read_log
 from twin_gait.parameters import KNEE_ACTUATOR
-from twin_gait.scenario.bench_joint import LinkParameters
 from twin_gait.simulation.bench_joint import LOG_COLUMNS, simulate_bench
 from twin_gait.simulation.run import RunStatus
 from twin_gait.studies.campaign import (
@@ -37,6 +36,7 @@ from twin_gait.studies.campaign import (
     run_campaign,
 )
 from twin_gait.vocabulary import JointName
+from twin_gait.worlds.bench_joint import LinkParameters
 
 KNEE, HIP = JointName.KNEE, JointName.HIP
 

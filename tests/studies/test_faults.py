@@ -18,9 +18,9 @@ from twin_gait.cli import simulate as simulate_command
 from twin_gait.configuration.documents import experiment_document
 from twin_gait.configuration.overrides import parse_assignment
 from twin_gait.exceptions import ParameterError, RunDirectoryError, TwinGaitError
-from twin_gait.scenario import Fault, FaultKind, parse_fault
 from twin_gait.studies import draw_faults, fault_row, outcome_table, simulate_faults
 from twin_gait.vocabulary import JointName, Outcome, Side
+from twin_gait.worlds import Fault, FaultKind, parse_fault
 
 
 @st.composite

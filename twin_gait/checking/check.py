@@ -32,8 +32,8 @@ from twin_gait.configuration.experiments import DEFAULT_PRESET, presets
 from twin_gait.experiment import Experiment
 from twin_gait.experiment.problem import scaled_table
 from twin_gait.gait.table import GaitTable
-from twin_gait.scenario.world import World
 from twin_gait.vocabulary import JointName
+from twin_gait.worlds.world import World
 
 _MODULES = (graph, exits, leaving, torques, stability, sense, network)
 RULES: tuple[Rule, ...] = tuple(rule for module in _MODULES for rule in module.RULES)

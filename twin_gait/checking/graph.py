@@ -12,7 +12,7 @@ from twin_gait.checking.signals import OTHER_PHASE, Point, signal_space, swapped
 from twin_gait.gait.feasibility import OTHER_TIME, TIME, Requirement, translated
 from twin_gait.gait.guards import OTHER
 from twin_gait.gait.table import GaitTable, Transition
-from twin_gait.scenario.treadmill import TreadmillScenario
+from twin_gait.worlds.treadmill import Treadmill
 
 Pair = tuple[str, str]
 
@@ -179,7 +179,7 @@ def starting_pairs(case: CheckCase) -> list[Pair]:
     """
     table = case.table
     scenario = None if case.experiment is None else case.experiment.scenario
-    if isinstance(scenario, TreadmillScenario) and set(scenario.initial_phases) <= set(table.phases):
+    if isinstance(scenario, Treadmill) and set(scenario.initial_phases) <= set(table.phases):
         return [scenario.initial_phases]
     first = table.phase_names[0]
     return [(first, phase) for phase in table.phases if not table.is_swing(phase)] or [(first, first)]

@@ -17,8 +17,8 @@ from twin_gait.experiment import Experiment
 from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ActuatorParameters, FrictionLaw
-from twin_gait.scenario.world import build_leg_model
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
+from twin_gait.worlds.world import build_leg_model
 
 # Steps of central differences; the errors of both are far below what any rule prints.
 _VELOCITY_STEP = 1e-5  # [rad] / [s]; the steepest part of the friction law is 0.02 rad/s wide

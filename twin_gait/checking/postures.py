@@ -19,7 +19,7 @@ from twin_gait.core.impedance import impedance_torque
 from twin_gait.gait.feasibility import TIME
 from twin_gait.gait.guards import OTHER, Comparison, atoms, signal_scale
 from twin_gait.parameters import FrictionLaw
-from twin_gait.scenario import TreadmillScenario
+from twin_gait.worlds import Treadmill
 
 _STEPS = 2000
 _STILL = 1e-7  # [rad]; a step this small is the end of the search
@@ -34,7 +34,7 @@ _BESIDE = 1e-6  # in the unit of the signal: how far beside a threshold a sample
 
 def in_contact(leg: HangingLeg, phase: str) -> bool:
     """Whether ground and other leg can move a leg in a phase: on a treadmill in all but swing."""
-    on_treadmill = isinstance(leg.problem.experiment.scenario, TreadmillScenario)
+    on_treadmill = isinstance(leg.problem.experiment.scenario, Treadmill)
     return on_treadmill and not leg.problem.table.is_swing(phase)
 
 

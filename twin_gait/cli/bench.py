@@ -12,10 +12,10 @@ from twin_gait.cli import options, terminal
 from twin_gait.cli.terminal import DONE, FAILED
 
 if TYPE_CHECKING:
-    from twin_gait.scenario.bench_joint import BenchJoint, DutyControl, TorqueControl
-    from twin_gait.scenario.bench_leg import ImposedMotionParameters
     from twin_gait.simulation.bench_joint import BenchRun
     from twin_gait.studies.campaign import CampaignResult
+    from twin_gait.worlds.bench_joint import BenchJoint, DutyControl, TorqueControl
+    from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
 CONTROLLERS = ("duty", "friction", "old-friction", "impedance", "off")
 # Numbers of the bench, of one test, and of its controller: option, default, unit, meaning.
@@ -111,7 +111,8 @@ def bench_of(arguments: argparse.Namespace) -> BenchJoint:
     from dataclasses import replace
 
     from twin_gait.parameters import BatteryParameters
-    from twin_gait.scenario.bench_joint import (
+    from twin_gait.vocabulary import JointName
+    from twin_gait.worlds.bench_joint import (
         BENCH_FRICTION,
         BenchFriction,
         CatalogueEfficiency,
@@ -121,7 +122,6 @@ def bench_of(arguments: argparse.Namespace) -> BenchJoint:
         Torsion,
         bench_joint,
     )
-    from twin_gait.vocabulary import JointName
 
     joint = JointName(arguments.joint)
     bench = bench_joint(
@@ -234,14 +234,14 @@ def run_test_command(arguments: argparse.Namespace) -> int:
 
 def _control_of(arguments: argparse.Namespace) -> DutyControl | TorqueControl | None:
     from twin_gait.control import Controller
-    from twin_gait.scenario.bench_joint import (
+    from twin_gait.vocabulary import JointName
+    from twin_gait.worlds.bench_joint import (
         BENCH_FRICTION,
         LOWEST_VELOCITIES,
         DutyControl,
         OldFrictionModel,
         TorqueControl,
     )
-    from twin_gait.vocabulary import JointName
 
     joint = JointName(arguments.joint)
     if arguments.controller == "off":
@@ -267,8 +267,8 @@ def _control_of(arguments: argparse.Namespace) -> DutyControl | TorqueControl | 
 
 
 def _imposed_motion_of(arguments: argparse.Namespace) -> ImposedMotionParameters | None:
-    from twin_gait.scenario.bench_leg import ImposedMotionParameters
     from twin_gait.vocabulary import JointName
+    from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
     if arguments.imposed_amplitude_deg is None:
         return None

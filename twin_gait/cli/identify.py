@@ -167,7 +167,7 @@ def _bench(arguments: argparse.Namespace) -> Any:
 
     from twin_gait.identification import BenchSetup
     from twin_gait.parameters import HIP_ACTUATOR, KNEE_ACTUATOR
-    from twin_gait.scenario import LoadAngle
+    from twin_gait.worlds import LoadAngle
 
     if arguments.joint is None:
         return None

@@ -29,7 +29,7 @@ from twin_gait.gait.table import (
     Scaling,
     Transition,
 )
-from twin_gait.scenario import TreadmillScenario
+from twin_gait.worlds import Treadmill
 
 
 def dump_yaml(mapping: dict[str, Any]) -> str:
@@ -156,7 +156,7 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
         "patient": None if patient is None else PatientEntry.document(patient),
         "interface": interface_document(experiment.interface),
         "scenario": TreadmillEntry.document(scenario)
-        if isinstance(scenario, TreadmillScenario)
+        if isinstance(scenario, Treadmill)
         else BenchLegEntry.document(scenario),
         "leg": LegEntry.document(experiment.leg),
         "control": ControlEntry.document(experiment.control),

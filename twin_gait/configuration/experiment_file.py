@@ -32,8 +32,8 @@ from twin_gait.experiment import (
 )
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.parameters import SensorParameters
-from twin_gait.scenario.faults import Fault, parse_fault
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
+from twin_gait.worlds.faults import Fault, parse_fault
 
 
 def _zero_if_not_given(value: Any) -> Any:

@@ -13,8 +13,8 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.leg_model import LegJoints
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters
-from twin_gait.scenario import BenchLegScenario, ImposedMotionParameters, LegSource, TreadmillScenario
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
+from twin_gait.worlds import BenchLeg, ImposedMotionParameters, LegSource, Treadmill
 
 
 class LegJointsEntry(Section):
@@ -114,7 +114,7 @@ class AnglesEntry(Strict):
 class TreadmillEntry(Section):
     """The treadmill."""
 
-    parameters: ClassVar = TreadmillScenario
+    parameters: ClassVar = Treadmill
     renamed: ClassVar[Mapping[str, str | None]] = {
         "leading_start": "leading_angles",
         "trailing_start": "trailing_angles",
@@ -124,7 +124,7 @@ class TreadmillEntry(Section):
     belt_speed_m_per_s: Number | None = None
     belt_speed_km_per_h: Number | None = None
     belt: BeltEntry | None = None
-    stop_ramp_s: Endless = TreadmillScenario.stop_ramp
+    stop_ramp_s: Endless = Treadmill.stop_ramp
     slope_deg: Number | None = None
     slope_rad: Number | None = None
     support: SupportEntry = SupportEntry()
@@ -140,7 +140,7 @@ class TreadmillEntry(Section):
         return {**super().values(), "initial_phases": (self.leading_phase, self.trailing_phase)}
 
     @classmethod
-    def document(cls, parameters: TreadmillScenario) -> dict[str, Any]:
+    def document(cls, parameters: Treadmill) -> dict[str, Any]:
         """As the mapping of a file, in SI."""
         values = super().document(parameters)
         if parameters.belt is None:
@@ -166,7 +166,7 @@ class ImposedMotionEntry(Section):
 class BenchLegEntry(Section):
     """The bench leg."""
 
-    parameters: ClassVar = BenchLegScenario
+    parameters: ClassVar = BenchLeg
     renamed: ClassVar[Mapping[str, str | None]] = {"start": "start_angles", "start_phase": "initial_phase"}
     kind: Literal["bench_leg"]
     start: AnglesEntry | None = None
@@ -174,7 +174,7 @@ class BenchLegEntry(Section):
     imposed_motion: ImposedMotionEntry | None = None
 
     @classmethod
-    def document(cls, parameters: BenchLegScenario) -> dict[str, Any]:
+    def document(cls, parameters: BenchLeg) -> dict[str, Any]:
         """As the mapping of a file, in SI."""
         values = {"kind": "bench_leg", **super().document(parameters)}
         if parameters.imposed_motion is None:

@@ -24,11 +24,11 @@ from twin_gait.parameters import (
     SensorParameters,
     require,
 )
-from twin_gait.scenario.bracing import brace_world, carries, rk4_growth, semi_implicit_euler_growth
-from twin_gait.scenario.faults import Fault, FaultKind, check_faults
-from twin_gait.scenario.treadmill import TreadmillScenario
-from twin_gait.scenario.world import LegSource, World, build_leg_model
 from twin_gait.vocabulary import JointName, PelvisGuide
+from twin_gait.worlds.bracing import brace_world, carries, rk4_growth, semi_implicit_euler_growth
+from twin_gait.worlds.faults import Fault, FaultKind, check_faults
+from twin_gait.worlds.treadmill import Treadmill
+from twin_gait.worlds.world import LegSource, World, build_leg_model
 
 # A log keeps about 1 kB a millisecond in memory; an hour of walking is 3 GB.
 LONGEST_RUN = 3600.0  # [s]
@@ -86,7 +86,7 @@ class Experiment:
                 f"gait table {self.table.name!r} is for {', '.join(self.table.joints)}; "
                 "this device drives hip, knee"
             )
-        check_faults(self.faults, self.leg.legs, isinstance(self.scenario, TreadmillScenario), self.duration)
+        check_faults(self.faults, self.leg.legs, isinstance(self.scenario, Treadmill), self.duration)
         for side in {side for side, _ in self.sensors.offset}:
             require(side in self.leg.legs, "sensors offset", "a leg of the experiment", str(side))
         missing = [item for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
@@ -111,7 +111,7 @@ class Experiment:
     @property
     def steady(self) -> tuple[float, float]:
         """From when to when in [s] the legs are to walk evenly."""
-        return self.scenario.steady if isinstance(self.scenario, TreadmillScenario) else (0.0, math.inf)
+        return self.scenario.steady if isinstance(self.scenario, Treadmill) else (0.0, math.inf)
 
     def build_world(self) -> World:
         """Build the world with its rigid-body model.

@@ -9,8 +9,8 @@ from twin_gait.gait.table import TICK
 from twin_gait.parameters import (
     require,
 )
-from twin_gait.scenario.bench_leg import BenchLegScenario
-from twin_gait.scenario.treadmill import TreadmillScenario
+from twin_gait.worlds.bench_leg import BenchLeg
+from twin_gait.worlds.treadmill import Treadmill
 
 
 class Engine(StrEnum):
@@ -65,7 +65,7 @@ class Integration:
         return round(TICK / self.step)
 
 
-Scenario = TreadmillScenario | BenchLegScenario
+Scenario = Treadmill | BenchLeg
 
 
 def default_integration(engine: Engine, scenario: Scenario, *, braced: bool = False) -> Integration:
@@ -83,5 +83,5 @@ def default_integration(engine: Engine, scenario: Scenario, *, braced: bool = Fa
     """
     if engine is Engine.PINOCCHIO:
         return Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
-    step = 0.1e-3 if braced or isinstance(scenario, TreadmillScenario) else 1e-3
+    step = 0.1e-3 if braced or isinstance(scenario, Treadmill) else 1e-3
     return Integration(method=IntegrationMethod.RK4, step=step)

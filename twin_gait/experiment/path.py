@@ -17,8 +17,8 @@ from twin_gait.gait.scaling import InertiaAt
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.reference import FASTEST, SLOWEST, reference_curve, reference_cycle_time
 from twin_gait.parameters import Patient
-from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.vocabulary import JointName, Side
+from twin_gait.worlds.treadmill import Treadmill
 
 PATH_SAMPLES = 101  # of a cycle, every percent
 _TRAILING_START = 0.5  # of the cycle, where the trailing leg begins
@@ -63,7 +63,7 @@ def reference_path(experiment: Experiment, sides: tuple[Side, ...]) -> Path:
     scenario = experiment.scenario
     height = (experiment.patient or Patient()).height
     speed, leading = SLOWEST, sides[0]
-    if isinstance(scenario, TreadmillScenario):
+    if isinstance(scenario, Treadmill):
         speed = min(max(scenario.belt_speed, SLOWEST), FASTEST)
         leading = scenario.leading
     percent = np.linspace(0.0, 100.0, PATH_SAMPLES)
@@ -105,7 +105,7 @@ def starting_on_path(experiment: Experiment) -> Experiment:
     scenario, sides = experiment.scenario, tuple(experiment.leg.legs)
     path = reference_path(experiment, sides)
     begin = {side: _posture(path, start) for side, start in zip(sides, path.starts, strict=True)}
-    if not isinstance(scenario, TreadmillScenario):
+    if not isinstance(scenario, Treadmill):
         return replace(experiment, scenario=replace(scenario, start_angles=begin[sides[0]]))
     trailing = next(side for side in sides if side is not scenario.leading)
     return replace(

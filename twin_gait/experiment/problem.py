@@ -21,9 +21,9 @@ from twin_gait.gait.scaling import InertiaAt, resolve_phases, scale_table
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ActuatorParameters
-from twin_gait.scenario.treadmill import TreadmillScenario
-from twin_gait.scenario.world import World
 from twin_gait.vocabulary import JointName, Side
+from twin_gait.worlds.treadmill import Treadmill
+from twin_gait.worlds.world import World
 
 
 class ActuatedJoint(NamedTuple):
@@ -143,7 +143,7 @@ def _path(experiment: Experiment, sides: tuple[Side, ...]) -> Path | None:
 
 def scaled_table(experiment: Experiment, world: World) -> GaitTable:
     """Gait table adapted to carried mass, belt speed and the height that the controller knows."""
-    if not isinstance(experiment.scenario, TreadmillScenario):
+    if not isinstance(experiment.scenario, Treadmill):
         return experiment.table
     carried = world.model.total_mass * (1.0 - experiment.scenario.support.share)
     known = experiment.control.patient or experiment.patient

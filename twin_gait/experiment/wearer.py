@@ -14,8 +14,8 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
 from twin_gait.parameters import JointCondition, Patient
-from twin_gait.scenario.treadmill import TreadmillScenario
 from twin_gait.vocabulary import JointName, Side
+from twin_gait.worlds.treadmill import Treadmill
 
 # Instants of healthy walking in [%] of the cycle (J. Perry: Gait analysis, Slack, 1992). First where stance
 # and swing begin and end, then what divides them, the coarsest division first: the heel rises, the other foot
@@ -131,7 +131,7 @@ def _moments(
     """
     scenario = experiment.scenario
     speed, carried = SLOWEST, 0.0
-    if isinstance(scenario, TreadmillScenario):
+    if isinstance(scenario, Treadmill):
         speed = min(max(scenario.belt_speed, SLOWEST), FASTEST)
         carried = 1.0 - scenario.support.share
     postures = LOWEST_POSTURE + POSTURE_STEP * np.arange(POSTURES)

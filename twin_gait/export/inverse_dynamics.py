@@ -39,10 +39,10 @@ from twin_gait.files import write_atomically
 from twin_gait.gait.table import TICK
 from twin_gait.kernels.pinocchio import GroundContacts
 from twin_gait.leg_model import LegModel
-from twin_gait.scenario import TreadmillScenario, World
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
+from twin_gait.worlds import Treadmill, World
 
 MODEL_FILE, MOTION_FILE, MOMENTS_FILE = "model.osim", "motion.mot", "joint_moments.sto"
 LOADS_FILE, FORCES_FILE = "external_loads.xml", "external_loads.mot"
@@ -155,7 +155,7 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     did not run as the scenario says; there the pull is the log's.
     """
     scenario, contacts = run.experiment.scenario, GroundContacts(world)
-    assert isinstance(scenario, TreadmillScenario)  # the only world whose pelvis moves
+    assert isinstance(scenario, Treadmill)  # the only world whose pelvis moves
     ground = world.ground()
     points = [Point() for foot in contacts.feet.values() for _ in foot.points]
     positions, velocities = state_columns(world.model)

@@ -14,7 +14,7 @@ from twin_gait.parameters import (
     require_non_negative,
     require_positive,
 )
-from twin_gait.scenario import HORIZONTAL, LoadAngle
+from twin_gait.worlds import HORIZONTAL, LoadAngle
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,8 +16,8 @@ import pinocchio as pin
 from twin_gait.core.contact import Ground, Point, ground_contact_force, sloped_contact_force
 from twin_gait.leg_model import LegModel
 from twin_gait.leg_model.joints import PELVIS_JOINT
-from twin_gait.scenario.world import World
 from twin_gait.vocabulary import Side
+from twin_gait.worlds.world import World
 
 _Vector = tuple[float, float, float]
 

@@ -16,8 +16,8 @@ from twin_gait.live.protocol import (
     Value,
 )
 from twin_gait.live.protocol.to_page import checked
-from twin_gait.scenario import TreadmillScenario
-from twin_gait.scenario.faults import FOOT, Fault, FaultKind, parse_fault
+from twin_gait.worlds import Treadmill
+from twin_gait.worlds.faults import FOOT, Fault, FaultKind, parse_fault
 
 LONGEST_PUSH = 2.0  # [s]
 EVERYTHING = "all"
@@ -91,7 +91,7 @@ class Actions:
 
     @property
     def _has_feet(self) -> bool:
-        return isinstance(self._problem.experiment.scenario, TreadmillScenario)
+        return isinstance(self._problem.experiment.scenario, Treadmill)
 
     def values_of(self, message: DoAction) -> dict[str, Value]:
         """Values of an action's fields, those left out as they begin.

@@ -32,8 +32,8 @@ from twin_gait.live.settings import (
     places,
     resolved_damping,
 )
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.vocabulary import JointName, Side
+from twin_gait.worlds import Treadmill
 
 _DEGREE = math.pi / 180.0
 KM_PER_H = 1.0 / 3.6
@@ -137,7 +137,7 @@ class Panel:
 
     def _treadmill_controls(self, settings: Settings) -> Iterator[Control]:
         scenario, preset = settings.experiment.scenario, self.preset.experiment.scenario
-        if not isinstance(scenario, TreadmillScenario) or not isinstance(preset, TreadmillScenario):
+        if not isinstance(scenario, Treadmill) or not isinstance(preset, Treadmill):
             return
         begun = preset.belt_speed / KM_PER_H
         yield Control(
@@ -325,7 +325,7 @@ class Panel:
             item = replace(settings.monitor[joint], **{_FIELDS[quantity]: value})
             return replace(settings, monitor={**settings.monitor, joint: item})
         scenario, begun_scenario = settings.experiment.scenario, self.preset.experiment.scenario
-        if isinstance(scenario, TreadmillScenario) and isinstance(begun_scenario, TreadmillScenario):
+        if isinstance(scenario, Treadmill) and isinstance(begun_scenario, Treadmill):
             changed = {"belt_speed": "belt_speed", "support_share": "support"}.get(name)
             if changed is not None:
                 scenario = replace(scenario, **{changed: getattr(begun_scenario, changed)})
@@ -344,7 +344,7 @@ def _inertias(problem: Problem) -> dict[JointName, float]:
 
 def _on_treadmill(settings: Settings, name: str, value: float) -> Settings:
     scenario = settings.experiment.scenario
-    assert isinstance(scenario, TreadmillScenario)  # else there are no such controls
+    assert isinstance(scenario, Treadmill)  # else there are no such controls
     if name == "belt_speed":
         scenario = replace(scenario, belt_speed=value * KM_PER_H)
     else:

@@ -21,9 +21,9 @@ from twin_gait.live.pieces import AppliedChange, Take, take_of
 from twin_gait.live.session_records import KILLED, SessionEntry, close_killed, list_sessions
 from twin_gait.runs.folders import journal_of, staged_directory
 from twin_gait.runs.record import RUN_DIRECTORY, SUMMARY_FILE, write_run
-from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation.engine import log_layout
 from twin_gait.simulation.run import Run, log_table
+from twin_gait.worlds.faults import parse_fault
 
 CHANGES_FILE = "live_changes.csv"
 TABLE_FILE = "live_table.yaml"

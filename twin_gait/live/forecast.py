@@ -30,9 +30,9 @@ from twin_gait.live.walk import LiveWalk
 from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import gait_verdict
 from twin_gait.runs.leg_summary import summarise_side
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.vocabulary import Outcome
+from twin_gait.worlds import Treadmill
 
 HORIZON = 20_000  # ticks that are looked ahead at most
 LEAST = 8_000  # ticks that are looked ahead in any case: four strides; a change that fells does so by then
@@ -179,7 +179,7 @@ def _records(shown: Run, first: int) -> list[LegRecord]:
 
 def _at_speed(experiment: Experiment, speed: float | None) -> Experiment:
     scenario = experiment.scenario
-    if not speed or not isinstance(scenario, TreadmillScenario):
+    if not speed or not isinstance(scenario, Treadmill):
         return experiment
     return replace(experiment, scenario=replace(scenario, belt_speed=speed))
 

@@ -22,11 +22,11 @@ from twin_gait.live.pieces import AppliedChange, Piece
 from twin_gait.live.protocol import Frame
 from twin_gait.live.stepping import SteppedRun
 from twin_gait.live.walk import LiveWalk
-from twin_gait.scenario.faults import parse_fault
 from twin_gait.simulation.run import RunStatus
 from twin_gait.viewer.curves import extremes
 from twin_gait.viewer.motion import leg_columns
 from twin_gait.viewer.page import event_entries
+from twin_gait.worlds.faults import parse_fault
 
 FRAME_BLOCKS = 2  # a frame every 20 ms: 50 a second
 MOST_TRACES = 400  # kept for who does not read: eight seconds, which is what a page remembers

@@ -26,10 +26,10 @@ from twin_gait.live.protocol import (
 )
 from twin_gait.live.session import LiveSession
 from twin_gait.runs.run_page import belt_speed_of, describe, slope_of
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.viewer.live.figure import LiveFigure
 from twin_gait.viewer.live.page import panel_page
 from twin_gait.viewer.live.server import LiveServer, Panel
+from twin_gait.worlds import Treadmill
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
 READ_OUT = 100  # ticks between two read-outs of a panel
@@ -110,7 +110,7 @@ class LivePage:
     def _belt_share(self, frame: Frame) -> float:
         """Share of the speed that is set which the belt has, by its profile and after a trip."""
         scenario = self._scenario
-        if not isinstance(scenario, TreadmillScenario):
+        if not isinstance(scenario, Treadmill):
             return 1.0
         if not frame.log["safety_state"]:
             self._walked_until = frame.time_s

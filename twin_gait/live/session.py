@@ -31,8 +31,8 @@ from twin_gait.live.session_records import SessionRecorder
 from twin_gait.live.tuning import Tuning
 from twin_gait.runs.folders import check_target, journal_of
 from twin_gait.runs.record import RUN_DIRECTORY
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.watching import ticks
+from twin_gait.worlds import Treadmill
 
 # Actions that go straight to the walk, whatever is being checked meanwhile.
 DIRECT = frozenset({Action.WALK, Action.PAUSE, Action.STEP, Action.STOP, Action.PUSH, Action.FAULT})
@@ -332,7 +332,7 @@ class LiveSession:
         """The command that runs a saved table as it walks now."""
         name, scenario = self._loaded.experiment.name, self._tuning.settings.experiment.scenario
         words = ["twin-gait simulate", name if name in presets() else "EXPERIMENT", f"--set table={path}"]
-        if isinstance(scenario, TreadmillScenario) and scenario != self._loaded.experiment.scenario:
+        if isinstance(scenario, Treadmill) and scenario != self._loaded.experiment.scenario:
             words.append(f"--set scenario.belt_speed_km_per_h={scenario.belt_speed / KM_PER_H:.6g}")
             words.append(f"--set scenario.support.share={scenario.support.share:.6g}")
         return " ".join(words)

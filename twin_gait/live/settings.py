@@ -14,9 +14,9 @@ from twin_gait.core.guards import Comparison
 from twin_gait.experiment import Experiment
 from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.log import JOINT_COLUMNS
 from twin_gait.vocabulary import GaitPhase, JointName, Side
+from twin_gait.worlds import Treadmill
 
 # The step that waits for a hand in manual mode begins where this phase ends.
 HELD_PHASE = GaitPhase.LATE_STANCE
@@ -173,7 +173,7 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
     walk = build_problem(settings.experiment)
     driven = walk if settings.mode is Mode.WALK else build_problem(settings.driving)
     scenario, pelvis = settings.experiment.scenario, walk.world.model.pelvis_index
-    treadmill, plant = isinstance(scenario, TreadmillScenario), walk.world.plant
+    treadmill, plant = isinstance(scenario, Treadmill), walk.world.plant
     return LoopNumbers(
         phase_rows=driven.phase_rows.tolist(),
         comparisons=walk.program.comparisons,

@@ -25,12 +25,12 @@ from twin_gait.gait.machine import PhaseSwitch
 from twin_gait.gait.table import TICK
 from twin_gait.live.fading import Fade, arrive, fade_anew
 from twin_gait.measures.outcome import RunEvent, run_events
-from twin_gait.scenario.faults import Fault, FaultKind
 from twin_gait.simulation.compiled_engine import CompiledEngine
 from twin_gait.simulation.engine import EngineResult, log_layout, stopped_reason
 from twin_gait.simulation.record import entries
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.watching import NEVER, fault_records, phase_time_out_ticks
+from twin_gait.worlds.faults import Fault, FaultKind
 
 FADE_TICKS = 300  # over which a change fades in where the caller says nothing
 MOST_FAULTS = 16  # that can be injected into one walk

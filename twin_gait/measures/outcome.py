@@ -132,7 +132,7 @@ class RunEvent(NamedTuple):
 
 
 class _Fault(Protocol):
-    """What is read of a :class:`twin_gait.scenario.Fault`."""
+    """What is read of a :class:`twin_gait.worlds.Fault`."""
 
     @property
     def kind(self) -> str: ...

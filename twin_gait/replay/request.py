@@ -17,8 +17,8 @@ from twin_gait.replay.normative import is_normative, normative_walk
 from twin_gait.replay.reading import LogFormat, read_recording, shifted
 from twin_gait.replay.recording import Recording, mirrored
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.vocabulary import Side
+from twin_gait.worlds import Treadmill
 
 DEFAULT_TABLE = "treadmill"
 
@@ -123,7 +123,7 @@ def _open_run(directory: Path, request: ReplayRequest) -> _Walk:
     return _Walk(
         recording=replace(recording, source=str(directory)),
         table=experiment.table,
-        speed=scenario.belt_speed if isinstance(scenario, TreadmillScenario) else None,
+        speed=scenario.belt_speed if isinstance(scenario, Treadmill) else None,
         body_weight=world.body_weight,
         start_phases={side: str(phase) for side, phase in world.initial_phases.items()},
         fast_time_constant=experiment.sensors.fast_time_constant,

@@ -18,12 +18,12 @@ from twin_gait.parameters import Patient
 from twin_gait.report.network_words import table_of_network
 from twin_gait.report.walk_words import carried_by_belt, table_of_walk
 from twin_gait.report.words import wearer_words
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
 from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, held_rows, phase_changes
 from twin_gait.viewer.page import recorded_page
 from twin_gait.viewer.surroundings import Belt
+from twin_gait.worlds import Treadmill
 
 MOST_RUNS = 2
 
@@ -122,19 +122,19 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
 def belt_speed_of(experiment: Experiment) -> float:
     """Speed of the belt in [m] / [s], of one that starts and stops in between; 0 on the bench."""
     scenario = experiment.scenario
-    return scenario.belt_speed if isinstance(scenario, TreadmillScenario) else 0.0
+    return scenario.belt_speed if isinstance(scenario, Treadmill) else 0.0
 
 
 def slope_of(experiment: Experiment) -> float:
     """By which the ground rises forwards in [rad]; 0 on the bench."""
     scenario = experiment.scenario
-    return scenario.slope if isinstance(scenario, TreadmillScenario) else 0.0
+    return scenario.slope if isinstance(scenario, Treadmill) else 0.0
 
 
 def belt_motion_of(experiment: Experiment, log: pd.DataFrame) -> Belt:
     """How the belt moved in a run, as the viewer takes it."""
     scenario, tripped = experiment.scenario, trip_time_of(log)
-    if isinstance(scenario, TreadmillScenario) and (scenario.belt is not None or math.isfinite(tripped)):
+    if isinstance(scenario, Treadmill) and (scenario.belt is not None or math.isfinite(tripped)):
         return partial(scenario.belt_travel, trip_time=tripped)
     return belt_speed_of(experiment)
 

@@ -22,10 +22,10 @@ from twin_gait.measures.leg_record import LegRecord, leg_record
 from twin_gait.measures.outcome import RunEvent, Verdict, gait_verdict, run_events
 from twin_gait.measures.strides import SKIPPED_STRIDES
 from twin_gait.measures.walk import WalkMeasures, WalkPower, Walkway, walk_measures, walk_power
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.traffic import BusTraffic
 from twin_gait.vocabulary import GaitPhase, Outcome, Side
+from twin_gait.worlds import Treadmill
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -131,7 +131,7 @@ class Run:
     def walkway(self) -> Walkway | None:
         """Belt and support under a walk; None on the bench, and where the support carries all weight."""
         scenario = self.experiment.scenario
-        if not isinstance(scenario, TreadmillScenario) or scenario.support.share == 1.0:
+        if not isinstance(scenario, Treadmill) or scenario.support.share == 1.0:
             return None
         contact = scenario.contact
         return Walkway(

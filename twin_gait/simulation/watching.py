@@ -10,8 +10,8 @@ from twin_gait.core.safety import Bounds
 from twin_gait.experiment import ControlMode
 from twin_gait.experiment.problem import ActuatedJoint, Problem
 from twin_gait.gait.table import TICK
-from twin_gait.scenario.faults import Fault as InjectedFault
-from twin_gait.scenario.faults import FaultKind
+from twin_gait.worlds.faults import Fault as InjectedFault
+from twin_gait.worlds.faults import FaultKind
 
 NEVER = int(np.iinfo(np.int64).max)
 

@@ -18,7 +18,15 @@ from twin_gait.exceptions import RunDirectoryError
 from twin_gait.files import write_atomically
 from twin_gait.parameters import require, require_non_negative, require_positive
 from twin_gait.runs.folders import FolderKind, staged_directory
-from twin_gait.scenario.bench_joint import (
+from twin_gait.simulation.bench_joint import (
+    LOG_COLUMNS,
+    BenchRun,
+    BenchVariation,
+    simulate_bench,
+)
+from twin_gait.simulation.run import RunStatus
+from twin_gait.vocabulary import JointName
+from twin_gait.worlds.bench_joint import (
     BENCH_FRICTION,
     HORIZONTAL,
     LOWEST_VELOCITIES,
@@ -29,14 +37,6 @@ from twin_gait.scenario.bench_joint import (
     TorqueControl,
     bench_joint,
 )
-from twin_gait.simulation.bench_joint import (
-    LOG_COLUMNS,
-    BenchRun,
-    BenchVariation,
-    simulate_bench,
-)
-from twin_gait.simulation.run import RunStatus
-from twin_gait.vocabulary import JointName
 
 WEIGHTS = (3.0, 2.5, 2.0, 1.5, 1.0)  # [kg], thesis 2.2.3
 TESTS_PER_WEIGHT = 9

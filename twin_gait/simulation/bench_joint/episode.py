@@ -13,7 +13,9 @@ from twin_gait.core.estimation import DelayLine
 from twin_gait.core.friction import PlantFriction
 from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
-from twin_gait.scenario.bench_joint import (
+from twin_gait.simulation.episode import COMPLETED
+from twin_gait.simulation.log import column, columns_of
+from twin_gait.worlds.bench_joint import (
     BenchJoint,
     CatalogueEfficiency,
     CosinePath,
@@ -22,8 +24,6 @@ from twin_gait.scenario.bench_joint import (
     TorqueControl,
     Torsion,
 )
-from twin_gait.simulation.episode import COMPLETED
-from twin_gait.simulation.log import column, columns_of
 
 # What drives the winding.
 OPEN, IDEAL, PI, DUTY = range(4)

@@ -17,7 +17,10 @@ from twin_gait.core.plant import ImposedMotion
 from twin_gait.core.transparency import Transparency
 from twin_gait.gait.table import TICK
 from twin_gait.parameters import KNEE_FRICTION, require
-from twin_gait.scenario.bench_joint import (
+from twin_gait.simulation.bench_joint import episode as record
+from twin_gait.simulation.bench_joint.interface import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE
+from twin_gait.simulation.record import taken_from
+from twin_gait.worlds.bench_joint import (
     HORIZONTAL,
     TRANSPARENCY_STEPS,
     BenchJoint,
@@ -33,9 +36,6 @@ from twin_gait.scenario.bench_joint import (
     TorqueControl,
     Torsion,
 )
-from twin_gait.simulation.bench_joint import episode as record
-from twin_gait.simulation.bench_joint.interface import ANGLE_NOISE, CURRENT_NOISE, UNIT_NOISE
-from twin_gait.simulation.record import taken_from
 
 _SOURCES = {
     InertialSensor.GYROSCOPE: record.GYROSCOPE,

@@ -15,7 +15,6 @@ from twin_gait.core.control_tick import controller_torques
 from twin_gait.core.friction import ASYMMETRIC, BRISTLE
 from twin_gait.exceptions import ParameterError
 from twin_gait.gait.table import TICK
-from twin_gait.scenario.bench_joint import BenchJoint, TorqueControl
 from twin_gait.simulation.bench_joint.episode import (
     COLUMNS,
     LOG_COLUMNS,
@@ -33,6 +32,7 @@ from twin_gait.simulation.keeping import source_key
 from twin_gait.simulation.loops import kept_loop
 from twin_gait.simulation.record import dtype_of, numbers_in, stored
 from twin_gait.simulation.run import RunStatus
+from twin_gait.worlds.bench_joint import BenchJoint, TorqueControl
 
 if TYPE_CHECKING:
     from twin_gait.simulation.compiling import CompiledLoop

@@ -14,11 +14,11 @@ from scipy.stats import t as student
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import AssistanceParameters, ControlMode, Experiment
 from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation import Run
 from twin_gait.simulation.together import EpisodeFailed, simulate_together
 from twin_gait.studies.compare.measures import Measures, run_measures
 from twin_gait.vocabulary import JointName
+from twin_gait.worlds import Treadmill
 
 # By how much a day differs from the nominal one, either way, evenly distributed (assumptions): clothes and
 # luggage, warm or cold gears, a belt that is not quite what its display says, a good or a bad day.
@@ -232,7 +232,7 @@ def compare(
 
 
 def _check(experiment: Experiment, seeds: int) -> None:
-    if not isinstance(experiment.scenario, TreadmillScenario):
+    if not isinstance(experiment.scenario, Treadmill):
         raise ParameterError(
             f"{experiment.name}: controllers are compared on the treadmill; name such a preset"
         )
@@ -252,7 +252,7 @@ def varied(experiment: Experiment, seed: int) -> Experiment:
     scenario, patient, plant = experiment.scenario, experiment.patient, experiment.plant
     if seed == 0:
         return experiment
-    assert isinstance(scenario, TreadmillScenario) and patient is not None  # the caller has checked
+    assert isinstance(scenario, Treadmill) and patient is not None  # the caller has checked
     draw = np.random.default_rng((experiment.seed, seed)).uniform(-1.0, 1.0, size=4).tolist()
     friction = {
         joint: (1.0 + FRICTION_SPREAD * draw[1]) * item for joint, item in plant.friction_ratio.items()

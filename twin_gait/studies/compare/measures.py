@@ -40,9 +40,9 @@ from twin_gait.replay.normative import WINTER, normative_walk
 from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.leg_summary import blend_length, summarise_side
 from twin_gait.runs.run_page import belt_speed_of
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Outcome, Side
+from twin_gait.worlds import Treadmill
 
 LEAST_STRIDES = 2  # a leg that has made fewer after the first two has not walked
 
@@ -110,7 +110,7 @@ def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
 def _mean_belt_speed(run: Run) -> float:
     """Speed of the belt in [m] / [s], over the whole run if it starts and stops; a walk has no trip."""
     scenario = run.experiment.scenario
-    assert isinstance(scenario, TreadmillScenario)  # there is a belt
+    assert isinstance(scenario, Treadmill)  # there is a belt
     if scenario.belt is None:
         return scenario.belt_speed
     return scenario.belt_travel(len(run.log) * TICK) / (len(run.log) * TICK)

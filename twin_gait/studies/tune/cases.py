@@ -10,8 +10,8 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR
 from twin_gait.parameters import HEAVIEST_WEARER, LOADED_EFFICIENCY, Patient
-from twin_gait.scenario import TreadmillScenario
 from twin_gait.vocabulary import MOTOR_JOINTS
+from twin_gait.worlds import Treadmill
 
 NOMINAL = "nominal"
 LOW_VOLTAGE, HIGH_VOLTAGE = 23.0, 33.6  # [V], an empty and a full battery
@@ -55,13 +55,13 @@ class Departure(NamedTuple):
     cases: tuple[Case, ...]
 
 
-def check_walker(experiment: Experiment) -> tuple[TreadmillScenario, Patient]:
+def check_walker(experiment: Experiment) -> tuple[Treadmill, Patient]:
     """Belt and wearer of an experiment.
 
     Raises:
         ParameterError: If it has no treadmill with a wearer.
     """
-    if not isinstance(experiment.scenario, TreadmillScenario) or experiment.patient is None:
+    if not isinstance(experiment.scenario, Treadmill) or experiment.patient is None:
         raise ParameterError(
             f"{experiment.name}: expected a treadmill with a wearer; there is nothing to tune"
         )

@@ -20,8 +20,8 @@ from twin_gait.parameters import (
     SupportParameters,
     require,
 )
-from twin_gait.scenario.world import World, build_plant
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
+from twin_gait.worlds.world import World, build_plant
 
 _DEGREE = math.pi / 180.0
 STEEPEST = math.radians(10.0)  # [rad]; treadmills rise to 15 % (8.5 deg) as a rule
@@ -30,7 +30,7 @@ FALL_SHARE = 0.75
 
 
 @dataclass(frozen=True, kw_only=True)
-class TreadmillScenario:
+class Treadmill:
     """Treadmill with body-weight support.
 
     The pelvis moves vertically, and in a harness fore-aft against a spring and a damper; guide or harness

@@ -19,8 +19,8 @@ from twin_gait.parameters import (
     require_non_negative,
     require_positive,
 )
-from twin_gait.scenario.world import World, build_plant
 from twin_gait.vocabulary import JointName, PelvisGuide
+from twin_gait.worlds.world import World, build_plant
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,7 @@ class ImposedMotionParameters:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchLegScenario:
+class BenchLeg:
     """One leg on a stand, stepping in the air.
 
     Attributes:

@@ -23,11 +23,11 @@ from .bench_joint import OldFrictionModel as OldFrictionModel
 from .bench_joint import TorqueControl as TorqueControl
 from .bench_joint import Torsion as Torsion
 from .bench_joint import bench_joint as bench_joint
-from .bench_leg import BenchLegScenario as BenchLegScenario
+from .bench_leg import BenchLeg as BenchLeg
 from .bench_leg import ImposedMotionParameters as ImposedMotionParameters
 from .faults import Fault as Fault
 from .faults import FaultKind as FaultKind
 from .faults import parse_fault as parse_fault
-from .treadmill import TreadmillScenario as TreadmillScenario
+from .treadmill import Treadmill as Treadmill
 from .world import LegSource as LegSource
 from .world import World as World

@@ -11,8 +11,8 @@ import numpy as np
 from twin_gait.core.plant import Brace, Plant, free_coordinate
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import BraceParameters
-from twin_gait.scenario.world import Braces, World
 from twin_gait.vocabulary import JointName
+from twin_gait.worlds.world import Braces, World
 
 RK4_ORDER = 4  # of the classical Runge-Kutta method, which is exact for a linear system up to this power
 # Motions without a force have the eigenvalue 1 twice, which is computed to the root of the rounding only.

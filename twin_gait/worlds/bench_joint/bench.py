@@ -20,8 +20,9 @@ from twin_gait.parameters import (
     require_non_negative,
     require_positive,
 )
-from twin_gait.scenario.bench_joint.control import DutyControl, TorqueControl
-from twin_gait.scenario.bench_joint.link import (
+from twin_gait.vocabulary import JointName
+from twin_gait.worlds.bench_joint.control import DutyControl, TorqueControl
+from twin_gait.worlds.bench_joint.link import (
     HORIZONTAL,
     BenchFriction,
     CatalogueEfficiency,
@@ -30,8 +31,7 @@ from twin_gait.scenario.bench_joint.link import (
     LinkParameters,
     Torsion,
 )
-from twin_gait.scenario.bench_leg import ImposedMotionParameters
-from twin_gait.vocabulary import JointName
+from twin_gait.worlds.bench_leg import ImposedMotionParameters
 
 BENCH_ACTUATORS: Mapping[JointName, ActuatorParameters] = {
     JointName.KNEE: KNEE_ACTUATOR,

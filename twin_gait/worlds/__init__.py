@@ -5,4 +5,4 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 # A module of the same name would be found in its place.
-from twin_gait.scenario.bench_joint import bench_joint as bench_joint  # noqa: E402
+from twin_gait.worlds.bench_joint import bench_joint as bench_joint  # noqa: E402
