@@ -216,7 +216,7 @@ def test_named_person_takes_the_place_of_another_with_nothing_left_of_him(file):
     ("text", "message"),
     [
         ("both: {knee: {pasive: 1}}", "mine.yaml: both.knee.pasive: unknown key; did you mean 'passive'"),
-        ("mass_kg: 200", "mine.yaml: patient mass: expected 30 to 110 kg"),
+        ("mass_kg: 200", "mine.yaml: mass: expected 30 to 110 kg"),
         ("left: {hip: {effort: 3}}", "mine.yaml: left.hip.effort: expected a number from 0 to 1"),
         ("{effort_delay_ms: 5, effort_delay_s: 1}", "mine.yaml: expected exactly one of effort_delay_ms or"),
         ("[1, 2]", "mine.yaml: expected keys and values"),

@@ -12,12 +12,9 @@ from typing import Any
 
 import yaml
 
-from twin_gait.configuration.device_sections import ControlEntry, PlantEntry, interface_document
-from twin_gait.configuration.experiment_file import IntegrationEntry, SensorsEntry
-from twin_gait.configuration.gait_table_file import SCHEMA_VERSION, WaiverEntry
-from twin_gait.configuration.network_section import NetworkEntry
-from twin_gait.configuration.people import PatientEntry
-from twin_gait.configuration.scenario_section import BenchLegEntry, LegEntry, TreadmillEntry
+from twin_gait.configuration.experiment_file import LegEntry
+from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
+from twin_gait.configuration.readers import section_of
 from twin_gait.experiment import Experiment
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
 from twin_gait.gait.table import (
@@ -28,8 +25,8 @@ from twin_gait.gait.table import (
     PhaseParameters,
     Scaling,
     Transition,
+    Waiver,
 )
-from twin_gait.worlds import Treadmill
 
 
 def dump_yaml(mapping: dict[str, Any]) -> str:
@@ -68,10 +65,7 @@ def table_document(table: GaitTable) -> dict[str, Any]:
     if table.cycles:
         document["cycles"] = [list(cycle) for cycle in table.cycles]
     if table.waivers:
-        document["waive"] = [
-            {key: value for key, value in WaiverEntry.document(item).items() if value is not None}
-            for item in table.waivers
-        ]
+        document["waive"] = [section_of(Waiver).document(item) for item in table.waivers]
     return {**document, "sides": sides} if sides else document
 
 
@@ -142,25 +136,30 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
     Returns:
         The mapping; reading it gives an equal experiment.
     """
-    asked, scenario, patient = experiment.integration, experiment.scenario, experiment.patient
-    network = experiment.network
+    written = {
+        "integration": experiment.integration,
+        "network": experiment.network,
+        "patient": experiment.patient,
+        "interface": experiment.interface,
+        "scenario": experiment.scenario,
+        "control": experiment.control,
+        "plant": experiment.plant,
+        "sensors": experiment.sensors,
+    }
+    sections = {
+        key: section_of(type(item)).document(item) for key, item in written.items() if item is not None
+    }
+    kinds = {"interface": "brace", "network": "can"}
     return {
         "schema_version": SCHEMA_VERSION,
         "name": experiment.name,
         "duration_s": experiment.duration,
         "engine": str(experiment.engine),
-        **({} if asked is None else {"integration": IntegrationEntry.document(asked)}),
         "seed": experiment.seed,
         **({"faults": [str(item) for item in experiment.faults]} if experiment.faults else {}),
-        **({} if network is None else {"network": NetworkEntry.document(network)}),
-        "patient": None if patient is None else PatientEntry.document(patient),
-        "interface": interface_document(experiment.interface),
-        "scenario": TreadmillEntry.document(scenario)
-        if isinstance(scenario, Treadmill)
-        else BenchLegEntry.document(scenario),
+        "patient": None,
+        "interface": {"kind": "rigid"},
+        **{key: ({"kind": kinds[key]} if key in kinds else {}) | item for key, item in sections.items()},
         "leg": LegEntry.document(experiment.leg),
-        "control": ControlEntry.document(experiment.control),
-        "plant": PlantEntry.document(experiment.plant),
-        "sensors": SensorsEntry.document(experiment.sensors),
         "table": table_document(experiment.table),
     }

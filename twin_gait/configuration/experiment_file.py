@@ -9,84 +9,110 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, create_model, model_validator
 
-from twin_gait.configuration.device_sections import ControlEntry, InterfaceEntry, PlantEntry
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
-from twin_gait.configuration.network_section import NetworkEntry
-from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.people import PatientEntry
-from twin_gait.configuration.scenario_section import AnglesEntry, BenchLegEntry, LegEntry, TreadmillEntry
-from twin_gait.configuration.sections import Section
+from twin_gait.configuration.readers import section_of
+from twin_gait.configuration.sections import one_of_kinds
 from twin_gait.configuration.validation import Count, Number, Strict, converting, validate
-from twin_gait.exceptions import ModelError
+from twin_gait.exceptions import ModelError, ParameterError, ParameterFileError
 from twin_gait.experiment import (
+    ControlParameters,
     Engine,
     Experiment,
     Integration,
-    IntegrationMethod,
+    PlantParameters,
     Scenario,
     default_integration,
 )
+from twin_gait.leg_model import LegJoints
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
-from twin_gait.parameters import SensorParameters
-from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
+from twin_gait.network.dbc import find_dbc
+from twin_gait.parameters import BraceParameters, NetworkParameters, Patient, SensorParameters
+from twin_gait.vocabulary import Side
+from twin_gait.worlds import BenchLeg, LegSource, Treadmill
 from twin_gait.worlds.faults import Fault, parse_fault
 
-
-def _zero_if_not_given(value: Any) -> Any:
-    return merge({"hip_rad": 0.0, "knee_rad": 0.0}, value) if isinstance(value, Mapping) else value
+_LegJoints: Any = section_of(LegJoints)
 
 
-OffsetsEntry = Annotated[AnglesEntry, BeforeValidator(_zero_if_not_given)]
+class LegEntry(Strict):
+    """URDF and joint names."""
 
+    urdf: str = "twin.urdf"
+    left: _LegJoints | None = None  # type: ignore[valid-type]
+    right: _LegJoints | None = None  # type: ignore[valid-type]
+    fit_device: bool = True
+    up_axis: Literal["y", "z"] = "z"
 
-class OffsetEntry(Strict):
-    """Calibration errors of the encoders; what is not given is 0."""
-
-    left: OffsetsEntry = AnglesEntry(hip_rad=0.0, knee_rad=0.0)
-    right: OffsetsEntry = AnglesEntry(hip_rad=0.0, knee_rad=0.0)
-
-    def convert(self) -> dict[tuple[Side, JointName], float]:
-        """Those that are not 0, in SI."""
-        found = {}
-        for side in Side:
-            angles = zip(MOTOR_JOINTS, getattr(self, side).convert(), strict=True)
-            found.update({(side, joint): angle for joint, angle in angles if angle != 0.0})
-        return found
+    def convert(self, folder: Path) -> LegSource:
+        """Convert; a relative path is taken from the folder of the file."""
+        entries = {side: getattr(self, side) for side in Side if getattr(self, side) is not None}
+        legs = {side: _within(side, entry.convert) for side, entry in entries.items()}
+        if not legs:
+            raise ParameterError("expected the joint names of left, right or both legs")
+        path = _beside(folder, self.urdf)
+        find_urdf(path)
+        return LegSource(urdf=path, legs=legs, fit_device=self.fit_device, up_axis=self.up_axis)
 
     @staticmethod
-    def document(offset: Mapping[tuple[Side, JointName], float]) -> dict[str, Any]:
-        """As the mapping of a file, in SI."""
-        return {
-            str(side): {f"{joint}_rad": offset.get((side, joint), 0.0) for joint in MOTOR_JOINTS}
-            for side in Side
-        }
+    def document(source: LegSource) -> dict[str, Any]:
+        """As the mapping of a file."""
+        legs = {str(side): _LegJoints.document(leg) for side, leg in source.legs.items()}
+        return {"urdf": source.urdf, **legs, "fit_device": source.fit_device, "up_axis": source.up_axis}
 
 
-class SensorsEntry(Section):
-    """Encoders and filters."""
-
-    parameters: ClassVar = SensorParameters
-    ideal: bool = SensorParameters.ideal
-    encoder_counts: Count = SensorParameters.encoder_counts
-    angle_noise_deg: Number | None = None
-    angle_noise_rad: Number | None = None
-    offset: OffsetEntry = OffsetEntry()
-    fast_time_constant_s: Number = SensorParameters.fast_time_constant
-    decimation: Count = SensorParameters.decimation
-    window: Count = SensorParameters.window
+def _within(key: str, convert: Callable[[], Any]) -> Any:
+    try:
+        return convert()
+    except ParameterError as error:
+        raise ParameterError(f"{key}.{error}") from error
 
 
-class IntegrationEntry(Section):
-    """Integrator and step."""
+def _beside(folder: Path, name: str) -> str:
+    """A path from the folder of the file, if there is such a file; else the name as it is."""
+    return str((folder / name).resolve()) if (folder / name).is_file() else name
 
-    parameters: ClassVar = Integration
-    method: IntegrationMethod | None = None
-    step_s: Number | None = None
-    step_ms: Number | None = None
+
+def _by_word(parameters: type[Any], without: str, kind: str, implied: str = "") -> Any:
+    """A section that may be a word, or a mapping with such a ``kind``.
+
+    Args:
+        without: Word for None.
+        kind: Word for the parameters.
+        implied: Which of them a mapping is without a ``kind``; empty where it needs one.
+    """
+
+    def as_mapping(value: Any) -> Any:
+        if isinstance(value, str):
+            return {"kind": value}
+        if not isinstance(value, Mapping):
+            raise ValueError(f"expected {without}, {kind} or a mapping with a kind, got {value!r}")
+        return {"kind": implied, **value} if implied else value
+
+    def alone(section: Any) -> Any:
+        given = sorted(section.model_fields_set - {"kind"})
+        if section.kind == without and given:
+            raise ValueError(f"{without} has no {given[0]}: set kind to {kind}, or the whole to {without}")
+        return section
+
+    model = create_model(
+        parameters.__name__,
+        __base__=section_of(parameters),
+        kind=(Literal[without, kind], ...),  # type: ignore[valid-type]
+    )
+    model.parameters = parameters
+    return Annotated[model, BeforeValidator(as_mapping), AfterValidator(alone)]
+
+
+_Scenario: Any = one_of_kinds((Treadmill, BenchLeg))
+_Patient, _Control, _Plant, _Sensors, _Integration = map(
+    section_of, (Patient, ControlParameters, PlantParameters, SensorParameters, Integration)
+)
+_Interface: Any = _by_word(BraceParameters, "rigid", "brace")
+_Network: Any = _by_word(NetworkParameters, "ideal", "can", "can")
 
 
 class ProvenanceEntry(Strict):
@@ -103,20 +129,20 @@ class ExperimentFile(Strict):
     schema_version: Literal[1] = 1
     name: str = Field(min_length=1)
     description: str = ""
-    scenario: Annotated[TreadmillEntry | BenchLegEntry, Field(discriminator="kind")]
+    scenario: _Scenario
     leg: LegEntry
-    patient: PatientEntry | None = None
-    interface: InterfaceEntry = InterfaceEntry(kind="rigid")
+    patient: _Patient | None = None
+    interface: _Interface | None = None
     table: dict[str, Any]
     duration_s: Number = 20.0
-    control: ControlEntry = ControlEntry()
-    plant: PlantEntry = PlantEntry()
-    sensors: SensorsEntry = SensorsEntry()
-    integration: IntegrationEntry | None = None
+    control: _Control = _Control()
+    plant: _Plant = _Plant()
+    sensors: _Sensors = _Sensors()
+    integration: _Integration | None = None
     engine: Engine = Engine.COMPILED
     seed: Count = 0
     faults: tuple[str, ...] = ()
-    network: NetworkEntry = NetworkEntry(kind="ideal")
+    network: _Network | None = None
     provenance: ProvenanceEntry | None = None
 
     @model_validator(mode="after")
@@ -188,17 +214,34 @@ def experiment_from_mapping(
             engine=entry.engine,
             seed=entry.seed,
             faults=_faults(entry, source),
-            interface=section("interface", entry.interface.convert),
-            network=section("network", lambda: entry.network.convert_in(folder)),
+            interface=section("interface", lambda: _unless(entry.interface, "rigid", BraceParameters())),
+            network=section("network", lambda: _network(entry, folder)),
         ),
     )
+
+
+def _unless(entry: Any, without: str, default: Any) -> Any:
+    return None if entry is None or entry.kind == without else entry.convert(default)
+
+
+def _network(entry: ExperimentFile, folder: Path) -> NetworkParameters | None:
+    network: NetworkParameters | None = _unless(entry.network, "ideal", NetworkParameters())
+    if network is None:
+        return None
+    dbc = _beside(folder, network.dbc)
+    try:
+        find_dbc(dbc)
+    except ParameterFileError as error:
+        raise ParameterError(f"dbc: {error}") from error
+    return replace(network, dbc=dbc)
 
 
 def _integration(entry: ExperimentFile, scenario: Scenario) -> Integration | None:
     if entry.integration is None:
         return None
-    standard = default_integration(entry.engine, scenario, braced=entry.interface.kind == "brace")
-    return replace(standard, **entry.integration.values())
+    braced = entry.interface is not None and entry.interface.kind == "brace"
+    asked: Integration = entry.integration.convert(default_integration(entry.engine, scenario, braced=braced))
+    return asked
 
 
 def _faults(entry: ExperimentFile, source: str) -> tuple[Fault, ...]:

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from twin_gait.configuration.documents import content_hash, experiment_document
-from twin_gait.configuration.experiment_file import IntegrationEntry, experiment_from_mapping
+from twin_gait.configuration.experiment_file import experiment_from_mapping
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.configuration.overrides import assign, merge, parse_assignments
-from twin_gait.configuration.people import SIDES, names_a_person, person_document
+from twin_gait.configuration.people import names_a_person, person_document
+from twin_gait.configuration.readers import SIDES, section_of
 from twin_gait.configuration.table_inheritance import (
     extended_table,
     gait_table_path,
@@ -90,7 +91,7 @@ def _complete_document(data: dict[str, Any], source: str, folder: Path) -> dict[
     """Fill in every value that a mapping leaves to its default, units of the rest as typed."""
     experiment = experiment_from_mapping(data, source, folder)
     defaults = experiment_document(experiment)
-    for wearer in (defaults["patient"], defaults["control"]["patient"]):
+    for wearer in (defaults["patient"], defaults["control"].get("patient")):
         for side in SIDES if wearer is not None else ():
             wearer.pop(side, None)  # what a wearer does has no default but nothing
     typed = {key: value for key, value in data.items() if key not in ("table", "provenance", "leg")}
@@ -112,7 +113,7 @@ def resolved_document(
     if typed is not None and experiment_from_mapping(typed, "experiment", Path()) == experiment:
         document = typed
     return {
-        "integration": IntegrationEntry.document(experiment.stepping),
+        "integration": section_of(type(experiment.stepping)).document(experiment.stepping),
         **document,
         "provenance": {
             "urdf_sha256": urdf_hash(find_urdf(experiment.leg.urdf)),

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.sections import Section
+from twin_gait.configuration.overrides import merge, quantity_of
+from twin_gait.configuration.sections import Section, reads, section_of
 from twin_gait.configuration.table_inheritance import gait_table_path, own_entries_named, read_gait_table
 from twin_gait.configuration.validation import (
     Count,
@@ -37,45 +35,38 @@ from twin_gait.gait.table import (
     Transition,
     Waiver,
 )
+from twin_gait.parameters.quantities import declarations
 from twin_gait.vocabulary import GaitPhase, Side
 
-_PER_DEGREE = 180.0 / math.pi
 SCHEMA_VERSION = 1
-# Far beyond any drive, mass and speed; squares and powers of such numbers still are numbers.
-LARGEST, SMALLEST = 1e9, 1e-3
 
 
-class JointEntry(Section):
-    """Impedance of a joint in a phase."""
+@reads(JointImpedance)
+class JointReader(Section):
+    """Impedance of a joint in a phase: every quantity once."""
 
-    parameters: ClassVar = JointImpedance
-    renamed: ClassVar[Mapping[str, str | None]] = {
-        "equilibrium_deg": "equilibrium_angle",
-        "equilibrium_rad": "equilibrium_angle",
-    }
-    stiffness_Nm_per_deg: Number | None = Field(default=None, ge=0, le=LARGEST)
-    stiffness_Nm_per_rad: Number | None = Field(default=None, ge=0, le=LARGEST * _PER_DEGREE)
-    damping_Nms_per_rad: Number | None = Field(default=None, ge=0, le=LARGEST * _PER_DEGREE)
-    damping_Nms_per_deg: Number | None = Field(default=None, ge=0, le=LARGEST)
-    damping_ratio: Number | None = Field(default=None, ge=0, le=LARGEST)
-    equilibrium_deg: Number | None = Field(default=None, ge=-LARGEST, le=LARGEST)
-    equilibrium_rad: Number | None = Field(default=None, ge=-LARGEST, le=LARGEST)
-    friction_compensation_gain: Number = Field(ge=0, le=1)
+    bounded: ClassVar = True
 
     @model_validator(mode="after")
-    def _one_unit_each(self) -> JointEntry:
-        groups = {
-            "stiffness": ("stiffness_Nm_per_deg", "stiffness_Nm_per_rad"),
-            "damping": ("damping_ratio", "damping_Nms_per_rad", "damping_Nms_per_deg"),
-            "equilibrium": ("equilibrium_deg", "equilibrium_rad"),
-        }
+    def _one_unit_each(self) -> JointReader:
+        groups: dict[str, list[str]] = {}
+        for item in declarations(JointImpedance):
+            groups.setdefault(quantity_of(next(iter(item.keys))), []).extend(item.keys)
         for name, keys in groups.items():
             given = [key for key in keys if getattr(self, key) is not None]
-            if len(given) != 1:
+            if len(given) != 1 and len(keys) > 1:
                 raise ValueError(f"expected exactly one {name} ({' or '.join(keys)}), got {given or 'none'}")
         return self
 
 
+@reads(Scaling)
+class ScalingReader(Section):
+    """Scaling laws."""
+
+    bounded: ClassVar = True
+
+
+_Joint, _ScalingEntry, _WaiverEntry = map(section_of, (JointImpedance, Scaling, Waiver))
 _PHASE_KEYS = ("gravity_compensation", "minimum_duration_ms")
 
 
@@ -112,37 +103,6 @@ class BlendingEntry(Strict):
     duration_ms: Count = Field(default=60, ge=0, le=2000)
 
 
-class ScalingEntry(Section):
-    """Scaling laws."""
-
-    parameters: ClassVar = Scaling
-    carried_mass_kg: Number | None = Field(default=None, ge=SMALLEST, le=LARGEST)
-    carried_mass_exponent: Number = 1.0
-    stance_phases: tuple[str, ...] = ()
-    speed_m_per_s: Number | None = Field(default=None, ge=SMALLEST, le=LARGEST)
-    speed_exponent: Number = 0.0
-    height_m: Number | None = Field(default=None, ge=SMALLEST, le=LARGEST)
-    height_exponent: Number = 0.0
-    hip_centre_deg: Number | None = Field(default=None, ge=-LARGEST, le=LARGEST)
-    hip_centre_rad: Number | None = Field(default=None, ge=-LARGEST, le=LARGEST)
-
-    @model_validator(mode="after")
-    def _one_centre(self) -> ScalingEntry:
-        if self.hip_centre_deg is not None and self.hip_centre_rad is not None:
-            raise ValueError("give either hip_centre_deg or hip_centre_rad")
-        return self
-
-
-class WaiverEntry(Section):
-    """A warning of the check that the table lives with."""
-
-    parameters: ClassVar = Waiver
-    rule: str = Field(min_length=1)
-    reason: str = Field(min_length=1)
-    phase: str | None = None
-    transition: str | None = None
-
-
 class GaitTableFile(Strict):
     """A gait table file."""
 
@@ -151,11 +111,11 @@ class GaitTableFile(Strict):
     description: str = ""
     joints: list[str] = Field(min_length=1)
     blending: BlendingEntry = BlendingEntry()
-    scaling: ScalingEntry = ScalingEntry()
+    scaling: _ScalingEntry = _ScalingEntry()
     phases: dict[str, dict[str, Any]] = Field(min_length=1)
     transitions: list[TransitionEntry]
     cycles: list[list[str]] = Field(default_factory=list)
-    waive: list[WaiverEntry] = Field(default_factory=list)
+    waive: list[_WaiverEntry] = Field(default_factory=list)
     sides: dict[Side, dict[str, dict[str, Any]]] = Field(default_factory=dict)
 
 
@@ -260,7 +220,7 @@ def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: st
     for joint in joints:
         if not isinstance(values.get(joint), dict):
             raise ParameterFileError(source, f"{key}.{joint}", "is missing; expected an impedance")
-    entries = {joint: _at(JointEntry, values[joint], source, f"{key}.{joint}") for joint in joints}
+    entries = {joint: _at(_Joint, values[joint], source, f"{key}.{joint}") for joint in joints}
     rest = _at(PhaseRest, {name: values[name] for name in _PHASE_KEYS if name in values}, source, key)
     return converting(
         source,

@@ -8,101 +8,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
-from pydantic import Field
+from pydantic import Field, create_model
 
 from twin_gait.configuration.overrides import merge
-from twin_gait.configuration.sections import Section
-from twin_gait.configuration.validation import Number, Strict, converting, read_yaml, validate
+from twin_gait.configuration.readers import section_of
+from twin_gait.configuration.validation import converting, read_yaml, validate
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters import JointCondition, Patient
-from twin_gait.vocabulary import MOTOR_JOINTS, JointName, SegmentModel, Sex, Side
+from twin_gait.parameters import Patient
 
-SIDES = ("both", "left", "right")
 _HEADER = ("schema_version", "name", "description")
-
-
-class JointConditionEntry(Section):
-    """What the wearer does at one joint; what is not given is left as it is underneath."""
-
-    parameters: ClassVar = JointCondition
-    passive: Number | None = None
-    contracture_deg: Number | None = None
-    contracture_rad: Number | None = None
-    stretch_reflex_threshold_deg_per_s: Number | None = None
-    stretch_reflex_threshold_rad_per_s: Number | None = None
-    stretch_reflex_gain_Nms_per_rad: Number | None = None
-    effort: Number | None = None
-    strength: Number | None = None
-
-
-class SideEntry(Strict):
-    """Hip and knee of one side, or of both."""
-
-    hip: JointConditionEntry = JointConditionEntry()
-    knee: JointConditionEntry = JointConditionEntry()
-
-
-class PatientEntry(Section):
-    """The wearer."""
-
-    parameters: ClassVar = Patient
-    mass_kg: Number = Patient.mass
-    height_m: Number = Patient.height
-    sex: Sex = Sex.MALE
-    segment_model: SegmentModel = Patient.segment_model
-    effort_delay_s: Number | None = None
-    effort_delay_ms: Number | None = None
-    effort_noise: Number = Patient.effort_noise
-    both: SideEntry = SideEntry()
-    left: SideEntry = SideEntry()
-    right: SideEntry = SideEntry()
-
-    def values(self) -> dict[str, Any]:
-        """Fields that are given, in SI."""
-        conditions = {(side, joint): self._condition(side, joint) for side in Side for joint in MOTOR_JOINTS}
-        does = {place: item for place, item in conditions.items() if item != JointCondition()}
-        return {**super().values(), "conditions": does}
-
-    @classmethod
-    def document(cls, parameters: Patient) -> dict[str, Any]:
-        """As the mapping of a file, in SI.
-
-        What both sides have in common stands under ``both``; what does nothing is left out.
-        """
-        sides: dict[str, dict[str, Any]] = {name: {} for name in SIDES}
-        for joint in MOTOR_JOINTS:
-            left, right = (_condition_document(parameters, side, joint) for side in Side)
-            both = {key: value for key, value in left.items() if right.get(key) == value}
-            own = ({key: item[key] for key in item if key not in both} for item in (left, right))
-            for name, items in zip(SIDES, (both, *own), strict=True):
-                if items:
-                    sides[name][str(joint)] = items
-        return super().document(parameters) | {name: joints for name, joints in sides.items() if joints}
-
-    def _condition(self, side: Side, joint: JointName) -> JointCondition:
-        common = getattr(self.both, joint).model_dump(exclude_none=True)
-        own = getattr(getattr(self, side), joint).model_dump(exclude_none=True)
-        try:
-            condition: JointCondition = JointConditionEntry(**merge(common, own)).convert()
-        except ParameterError as error:
-            raise ParameterError(f"{side if own else 'both'}.{joint}.{error}") from error
-        return condition
-
-
-def _condition_document(patient: Patient, side: Side, joint: JointName) -> dict[str, float]:
-    usual = JointConditionEntry.document(JointCondition())
-    own = JointConditionEntry.document(patient.conditions.get((side, joint), JointCondition()))
-    return {key: value for key, value in own.items() if value != usual[key]}
-
-
-class PersonFile(PatientEntry):
-    """A person in a file of its own."""
-
-    schema_version: Literal[1] = 1
-    name: str = Field(default="", max_length=80)
-    description: str = ""
+_Person = create_model(
+    "Person",
+    __base__=section_of(Patient),
+    schema_version=(Literal[1], 1),
+    name=(str, Field("", max_length=80)),
+    description=(str, ""),
+)
+_Person.parameters = Patient
 
 
 def people() -> dict[str, str]:
@@ -142,7 +66,7 @@ def person_document(value: str | Mapping[str, Any], folder: Path = Path()) -> di
     changes = {} if isinstance(value, str) else {key: item for key, item in value.items() if key != "preset"}
     path = _find(name, folder)
     data = read_yaml(path)
-    converting(str(path), "", validate(PersonFile, data, str(path)).convert)
+    converting(str(path), "", validate(_Person, data, str(path)).convert)
     return merge({key: item for key, item in data.items() if key not in _HEADER}, changes)
 
 

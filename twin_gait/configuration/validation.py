@@ -13,7 +13,7 @@ import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from twin_gait.configuration.overrides import quantity_of, refuse_two_units
-from twin_gait.exceptions import ParameterError, ParameterFileError, TwinGaitError
+from twin_gait.exceptions import ParameterFileError, TwinGaitError
 
 MAXIMUM_FILE_SIZE = 1_000_000  # [bytes]; a gait table has a few thousand
 DEGREE = math.pi / 180.0  # [rad], of the keys that end in _deg
@@ -131,29 +131,6 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
         raise ParameterFileError(source, key, str(error)) from error
 
 
-def of_kind(value: Any, kinds: str) -> Any:
-    """A word as the mapping with that ``kind``, a mapping as it is.
-
-    Args:
-        kinds: In words, for what is neither.
-    """
-    if isinstance(value, str):
-        return {"kind": value}
-    if not isinstance(value, Mapping):
-        raise ValueError(f"expected {kinds} or a mapping with a kind, got {value!r}")
-    return value
-
-
-def one_of(entry: Strict, factors: Mapping[str, float]) -> float:
-    """Value of the one key that is given, in SI."""
-    given = [(key, factor) for key, factor in factors.items() if getattr(entry, key) is not None]
-    if len(given) != 1:
-        names = [key for key, _ in given]
-        raise ParameterError(f"expected exactly one of {' or '.join(factors)}, got {names or 'none'}")
-    ((key, factor),) = given
-    return float(getattr(entry, key)) * factor if factor != 1.0 else float(getattr(entry, key))
-
-
 def _explain(first: Any, model: type[BaseModel]) -> str:
     kind, value = first["type"], first.get("input")
     if kind == "extra_forbidden":
@@ -200,7 +177,8 @@ def _nearest(name: str, model: type[BaseModel]) -> list[str]:
 
 
 def _keys(model: type[BaseModel]) -> list[str]:
-    return [info.alias or name for name, info in model.model_fields.items()]
+    own = [name for name in model.__annotations__ if name in model.model_fields]  # before what is inherited
+    return [model.model_fields[name].alias or name for name in dict.fromkeys((*own, *model.model_fields))]
 
 
 def _paths(model: type[BaseModel]) -> Iterator[str]:

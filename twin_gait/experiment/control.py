@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Annotated
 
 from twin_gait.gait.table import TICK
 from twin_gait.parameters import (
@@ -16,8 +17,18 @@ from twin_gait.parameters import (
     Patient,
     SafetyParameters,
     require,
-    require_non_negative,
-    require_share,
+)
+from twin_gait.parameters.quantities import (
+    NOT_NEGATIVE,
+    SHARE,
+    Angle,
+    AsInFile,
+    Parameters,
+    PerAngle,
+    Ratio,
+    RotaryStiffness,
+    Time,
+    Torque,
 )
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName
 
@@ -35,7 +46,7 @@ class ControlMode(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class AssistanceParameters:
+class AssistanceParameters(Parameters):
     """How much of the impedance the legs are given.
 
     Attributes:
@@ -48,23 +59,14 @@ class AssistanceParameters:
         least: α_min (assumption).
     """
 
-    share: Mapping[JointName, float] = field(
+    share: Annotated[Mapping[JointName, Ratio], SHARE, AsInFile()] = field(
         default_factory=lambda: {JointName.HIP: 1.0, JointName.KNEE: 1.0}
     )
     adaptive: bool = False
-    forgetting: float = 0.9
-    gain: float = 0.6
-    allowance: float = math.radians(4.0)
-    least: float = 0.2
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        for joint, share in self.share.items():
-            require_share(f"assistance share of the {joint}", share)
-        require_share("assistance forgetting", self.forgetting)
-        require_non_negative("assistance gain", self.gain)
-        require_non_negative("assistance allowance", self.allowance)
-        require_share("assistance least", self.least)
+    forgetting: Annotated[Ratio, SHARE] = 0.9
+    gain: Annotated[PerAngle, NOT_NEGATIVE] = 0.6
+    allowance: Annotated[Angle, NOT_NEGATIVE] = math.radians(4.0)
+    least: Annotated[Ratio, SHARE] = 0.2
 
     @property
     def is_full(self) -> bool:
@@ -73,7 +75,7 @@ class AssistanceParameters:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PathParameters:
+class PathParameters(Parameters):
     """Spring and damper that follow the predetermined path in the mode ``position``.
 
     Attributes:
@@ -85,24 +87,16 @@ class PathParameters:
         gravity_compensation: Share of gravity compensation.
     """
 
-    stiffness: Mapping[JointName, float] = field(
+    stiffness: Annotated[Mapping[JointName, RotaryStiffness], NOT_NEGATIVE] = field(
         default_factory=lambda: {JointName.HIP: math.degrees(9.0), JointName.KNEE: math.degrees(4.0)}
     )
-    damping_ratio: float = 0.7
-    friction_compensation_gain: float = 0.35
-    gravity_compensation: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        for joint, stiffness in self.stiffness.items():
-            require_non_negative(f"path stiffness of the {joint}", stiffness)
-        require_non_negative("path damping_ratio", self.damping_ratio)
-        require_share("path friction_compensation_gain", self.friction_compensation_gain)
-        require_share("path gravity_compensation", self.gravity_compensation)
+    damping_ratio: Annotated[Ratio, NOT_NEGATIVE] = 0.7
+    friction_compensation_gain: Annotated[Ratio, SHARE] = 0.35
+    gravity_compensation: Annotated[Ratio, SHARE] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControlParameters:
+class ControlParameters(Parameters):
     """What the controller knows and may do.
 
     Attributes:
@@ -127,16 +121,18 @@ class ControlParameters:
     friction_model: Mapping[JointName, FrictionParameters] = field(
         default_factory=lambda: {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
     )
-    inertia_compensation: float = 0.0
-    target_torque: Mapping[JointName, float] = field(default_factory=lambda: dict.fromkeys(MOTOR_JOINTS, 0.0))
+    inertia_compensation: Annotated[Ratio, SHARE] = 0.0
+    target_torque: Mapping[JointName, Torque] = field(
+        default_factory=lambda: dict.fromkeys(MOTOR_JOINTS, 0.0)
+    )
     limits: LimitParameters = field(default_factory=LimitParameters)
     safety: SafetyParameters = field(default_factory=SafetyParameters)
     patient: Patient | None = None
-    delay: float = 0.0
+    delay: Time = 0.0
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_share("inertia_compensation", self.inertia_compensation)
+        """Check the ranges, and that the delay is one of whole ticks."""
+        super().__post_init__()
         require(
             0.0 <= self.delay <= LONGEST_DELAY and abs(self.delay - self.delay_ticks * TICK) < 1e-9,
             "delay",

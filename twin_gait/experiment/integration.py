@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Annotated
 
 from twin_gait.gait.table import TICK
-from twin_gait.parameters import (
-    require,
-)
+from twin_gait.parameters import require
+from twin_gait.parameters.quantities import Parameters, Range, Time
 from twin_gait.worlds.bench_leg import BenchLeg
 from twin_gait.worlds.treadmill import Treadmill
 
@@ -29,10 +29,11 @@ class IntegrationMethod(StrEnum):
 
 # In [s]. Finer steps gain nothing: rounding outgrows the integrator's error, and a second takes minutes.
 FINEST_STEP = 1e-7
+STEPS = Range(FINEST_STEP, TICK, words=f"{FINEST_STEP:g} to {TICK:g} s")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Integration:
+class Integration(Parameters):
     """Integrator and step.
 
     Attributes:
@@ -41,20 +42,15 @@ class Integration:
     """
 
     method: IntegrationMethod = IntegrationMethod.SEMI_IMPLICIT_EULER
-    step: float = 0.25e-3
+    step: Annotated[Time, STEPS] = 0.25e-3
 
     def __post_init__(self) -> None:
         """Check that steps fill a tick."""
-        require(
-            FINEST_STEP <= self.step <= TICK,
-            "integration step",
-            f"{FINEST_STEP:g} to {TICK:g} s",
-            self.step,
-        )
+        super().__post_init__()
         ratio = TICK / self.step
         require(
             abs(ratio - round(ratio)) < 1e-9 * ratio,
-            "integration step",
+            "step",
             f"a whole number of steps in {TICK:g} s, such as {TICK / max(1, round(ratio)):g} s",
             self.step,
         )

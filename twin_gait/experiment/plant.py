@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from twin_gait.parameters import (
     HIP_ACTUATOR,
@@ -16,13 +17,13 @@ from twin_gait.parameters import (
     ElectronicsParameters,
     FrictionLaw,
     StopParameters,
-    require_non_negative,
 )
+from twin_gait.parameters.quantities import NOT_NEGATIVE, Acceleration, Parameters, Ratio
 from twin_gait.vocabulary import JointName
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlantParameters:
+class PlantParameters(Parameters):
     """What the leg really is, beside its rigid bodies.
 
     Attributes:
@@ -36,7 +37,7 @@ class PlantParameters:
         gravity: In [m] / [s²].
     """
 
-    friction_ratio: Mapping[JointName, float] = field(
+    friction_ratio: Annotated[Mapping[JointName, Ratio], NOT_NEGATIVE] = field(
         default_factory=lambda: {JointName.HIP: 0.5, JointName.KNEE: 0.5}
     )
     friction: Mapping[JointName, FrictionLaw] = field(
@@ -49,13 +50,7 @@ class PlantParameters:
     electronics: ElectronicsParameters = field(default_factory=ElectronicsParameters)
     stops: StopParameters = field(default_factory=StopParameters)
     ankle: AnkleParameters = field(default_factory=AnkleParameters)
-    gravity: float = 9.81
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        for joint, ratio in self.friction_ratio.items():
-            require_non_negative(f"friction_ratio of the {joint}", ratio)
-        require_non_negative("gravity", self.gravity)
+    gravity: Annotated[Acceleration, NOT_NEGATIVE] = 9.81
 
     def true_friction(self) -> dict[JointName, FrictionLaw]:
         """Friction of the plant: the law times the ratio, per joint."""

@@ -7,16 +7,30 @@ edge (:mod:`twin_gait.configuration`) converts.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Annotated
 
 from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import OTHER, AllOf, Comparison, Guard, PhaseMembership, all_signal_names, atoms
-from twin_gait.parameters import require, require_non_negative, require_positive, require_share
+from twin_gait.parameters import require, require_share
+from twin_gait.parameters.quantities import (
+    DEGREE,
+    SHARE,
+    Angle,
+    Key,
+    Length,
+    Mass,
+    Parameters,
+    Range,
+    Ratio,
+    RotaryDamping,
+    RotaryStiffness,
+    Speed,
+)
 from twin_gait.vocabulary import PRE_SWING, Side
 
 TICK = 1e-3  # [s], the firmware's control period (thesis, section 2.1.2)
@@ -63,8 +77,14 @@ class Blending:
         require(self.duration_ticks >= 0, "blending.duration_ms", "0 or more", self.duration_ticks)
 
 
+# Far beyond any drive, mass and speed; squares and powers of such numbers still are numbers.
+LARGEST, SMALLEST = 1e9, 1e-3
+PER_ANGLE, WIDE = Range(0.0, LARGEST / DEGREE), Range(-LARGEST, LARGEST)
+REFERENCES, EXPONENTS = Range(SMALLEST, LARGEST), Range(-3.0, 3.0)
+
+
 @dataclass(frozen=True, kw_only=True)
-class JointImpedance:
+class JointImpedance(Parameters):
     """Impedance of one joint in one phase; exactly one of damping and damping ratio is given.
 
     Attributes:
@@ -75,29 +95,21 @@ class JointImpedance:
         damping_ratio: ζ, or None; b = 2 ζ √(k I) is resolved when the experiment is built.
     """
 
-    stiffness: float
-    equilibrium_angle: float
-    friction_compensation_gain: float
-    damping: float | None = None
-    damping_ratio: float | None = None
+    stiffness: Annotated[RotaryStiffness, PER_ANGLE]
+    equilibrium_angle: Annotated[Angle, WIDE, Key("equilibrium")]
+    friction_compensation_gain: Annotated[Ratio, SHARE]
+    damping: Annotated[RotaryDamping | None, PER_ANGLE] = None
+    damping_ratio: Annotated[Ratio | None, Range(0.0, LARGEST)] = None
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_non_negative("stiffness", self.stiffness)
-        require(
-            math.isfinite(self.equilibrium_angle), "equilibrium", "a finite angle", self.equilibrium_angle
-        )
-        require_share("friction_compensation_gain", self.friction_compensation_gain)
+        """Check the ranges, and that there is one damping."""
+        super().__post_init__()
         require(
             (self.damping is None) != (self.damping_ratio is None),
             "damping",
             "either a damping or a damping_ratio",
             f"damping {self.damping}, damping_ratio {self.damping_ratio}",
         )
-        if self.damping is not None:
-            require_non_negative("damping", self.damping)
-        if self.damping_ratio is not None:
-            require_non_negative("damping_ratio", self.damping_ratio)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -174,7 +186,7 @@ class Transition:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scaling:
+class Scaling(Parameters):
     r"""Laws that adapt a table to wearer, support and speed; each is off when its reference is None.
 
     With carried mass m (wearer and device, times 1 - support), wearer's height h, belt speed v and the
@@ -199,32 +211,21 @@ class Scaling:
         hip_centre: θ_c in [rad].
     """
 
-    carried_mass: float | None = None
-    carried_mass_exponent: float = 1.0
+    carried_mass: Annotated[Mass | None, REFERENCES] = None
+    carried_mass_exponent: Annotated[Ratio, EXPONENTS] = 1.0
     stance_phases: tuple[str, ...] = ()
-    speed: float | None = None
-    speed_exponent: float = 0.0
-    height: float | None = None
-    height_exponent: float = 0.0
-    hip_centre: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        for name, unit in (("carried_mass", "kg"), ("speed", "m_per_s"), ("height", "m")):
-            value = getattr(self, name)
-            if value is not None:
-                require_positive(f"scaling.{name}_{unit}", value)
-        require(math.isfinite(self.hip_centre), "scaling.hip_centre", "a finite angle", self.hip_centre)
-        for name in SCALING_EXPONENTS:
-            value = getattr(self, name)
-            require(abs(value) <= 3.0, f"scaling.{name}", "-3 to 3", value)
+    speed: Annotated[Speed | None, REFERENCES] = None
+    speed_exponent: Annotated[Ratio, EXPONENTS] = 0.0
+    height: Annotated[Length | None, REFERENCES] = None
+    height_exponent: Annotated[Ratio, EXPONENTS] = 0.0
+    hip_centre: Annotated[Angle, WIDE] = 0.0
 
 
 SCALING_EXPONENTS = ("carried_mass_exponent", "speed_exponent", "height_exponent")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Waiver:
+class Waiver(Parameters):
     """A warning of the check that the table lives with.
 
     Attributes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
+from twin_gait.parameters.quantities import Parameters
 from twin_gait.vocabulary import JointName, Side
 
 PELVIS_JOINT = "pelvis_vertical"
@@ -20,7 +21,7 @@ class Bodies(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LegJoints:
+class LegJoints(Parameters):
     """Names of the joints and contact frames of one leg in the URDF.
 
     A minus in front of a joint's name, as in ``-KneeFE``, counts its angle the other way; a plus says that

@@ -34,6 +34,7 @@ from .surroundings import AnkleParameters as AnkleParameters
 from .surroundings import BeltProfile as BeltProfile
 from .surroundings import BraceParameters as BraceParameters
 from .surroundings import ContactParameters as ContactParameters
+from .surroundings import SlidingSpringDamper as SlidingSpringDamper
 from .surroundings import SpringDamper as SpringDamper
 from .surroundings import StopParameters as StopParameters
 from .surroundings import SupportParameters as SupportParameters

@@ -5,13 +5,28 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
-from twin_gait.parameters.checks import (
-    require,
-    require_count,
-    require_non_negative,
-    require_positive,
-    require_share,
+from twin_gait.parameters.checks import require
+from twin_gait.parameters.quantities import (
+    COUNT,
+    NOT_NEGATIVE,
+    POSITIVE,
+    SHARE,
+    Angle,
+    AsInFile,
+    Current,
+    Energy,
+    Inertia,
+    Parameters,
+    Power,
+    Range,
+    Ratio,
+    Resistance,
+    Time,
+    Torque,
+    TorqueConstant,
+    Voltage,
 )
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
 
@@ -24,7 +39,7 @@ LOADED_EFFICIENCY = 0.85
 
 
 @dataclass(frozen=True, kw_only=True)
-class ActuatorParameters:
+class ActuatorParameters(Parameters):
     """Motor and harmonic drive of one joint.
 
     Attributes:
@@ -39,28 +54,17 @@ class ActuatorParameters:
         continuous_torque: Torque that the motor can hold, before the gear's losses, in [N m].
     """
 
-    torque_constant: float
-    resistance: float
-    rotor_inertia: float = 3.06e-4  # maxon EC 90 flat data sheet: 3060 g cm²
-    gear_ratio: float = 100.0  # CSD-25-100, thesis 2.2.1
-    gear_inertia: float = 0.282e-4  # CSD-25, catalogue value from memory (medium-high confidence)
-    gear_efficiency: float = 1.0
-    continuous_torque: float = 43.0  # nominal 6.06 A of the 24 V winding: 6.06 × 7.05 = 42.7
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_positive("torque_constant", self.torque_constant)
-        require_positive("resistance", self.resistance)
-        require_non_negative("rotor_inertia", self.rotor_inertia)
-        require_positive("gear_ratio", self.gear_ratio)
-        require_non_negative("gear_inertia", self.gear_inertia)
-        require(
-            LEAST_EFFICIENCY <= self.gear_efficiency <= 1.0,
-            "gear_efficiency",
-            f"{LEAST_EFFICIENCY:g} to 1",
-            self.gear_efficiency,
-        )
-        require_positive("continuous_torque", self.continuous_torque)
+    torque_constant: Annotated[TorqueConstant, POSITIVE]
+    resistance: Annotated[Resistance, POSITIVE]
+    rotor_inertia: Annotated[Inertia, NOT_NEGATIVE] = 3.06e-4  # maxon EC 90 flat data sheet: 3060 g cm²
+    gear_ratio: Annotated[Ratio, POSITIVE] = 100.0  # CSD-25-100, thesis 2.2.1
+    gear_inertia: Annotated[Inertia, NOT_NEGATIVE] = (
+        0.282e-4  # CSD-25, catalogue value from memory (medium-high confidence)
+    )
+    gear_efficiency: Annotated[Ratio, Range(LEAST_EFFICIENCY, 1.0, words=f"{LEAST_EFFICIENCY:g} to 1")] = 1.0
+    continuous_torque: Annotated[Torque, POSITIVE] = (
+        43.0  # nominal 6.06 A of the 24 V winding: 6.06 × 7.05 = 42.7
+    )
 
     @property
     def armature(self) -> float:
@@ -76,7 +80,7 @@ HIP_ACTUATOR = ActuatorParameters(torque_constant=0.109, resistance=0.82)
 
 
 @dataclass(frozen=True, kw_only=True)
-class BatteryParameters:
+class BatteryParameters(Parameters):
     """Battery pack CMX820P (thesis 2.2.1).
 
     Attributes:
@@ -86,24 +90,17 @@ class BatteryParameters:
         energy: In [J]: 92.2 Wh.
     """
 
-    voltage: float = 28.8
-    internal_resistance: float = 0.2
-    continuous_power: float = 330.0
-    energy: float = 92.2 * 3600.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_positive("battery voltage", self.voltage)
-        require_non_negative("battery internal_resistance", self.internal_resistance)
-        require_positive("battery continuous_power", self.continuous_power)
-        require_positive("battery energy", self.energy)
+    voltage: Annotated[Voltage, POSITIVE] = 28.8
+    internal_resistance: Annotated[Resistance, NOT_NEGATIVE] = 0.2
+    continuous_power: Annotated[Power, POSITIVE] = 330.0
+    energy: Annotated[Energy, POSITIVE] = 92.2 * 3600.0
 
 
 STATED_AUTONOMY = 4.0 * 3600.0  # [s] of TWIN with its battery (thesis, table 2.1), doing what is not said
 
 
 @dataclass(frozen=True, kw_only=True)
-class ElectronicsParameters:
+class ElectronicsParameters(Parameters):
     """What draws from the battery beside the windings, and what comes back to it.
 
     By default nothing draws and everything comes back, as if inverters and computers were free.
@@ -116,24 +113,23 @@ class ElectronicsParameters:
             that returns to the battery; 0 for a brake chopper.
     """
 
-    inverter_resistance: float = 0.0
-    inverter_power: float = 0.0
-    constant_power: float = 0.0
-    regeneration: float = 1.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_non_negative("inverter_resistance", self.inverter_resistance)
-        require_non_negative("inverter_power", self.inverter_power)
-        require_non_negative("constant_power", self.constant_power)
-        require_share("regeneration", self.regeneration)
+    inverter_resistance: Annotated[Resistance, NOT_NEGATIVE] = 0.0
+    inverter_power: Annotated[Power, NOT_NEGATIVE] = 0.0
+    constant_power: Annotated[Power, NOT_NEGATIVE] = 0.0
+    regeneration: Annotated[Ratio, SHARE] = 1.0
 
 
 HARD_TORQUE_LIMIT = 100.0  # [N m]: just below the repeated peak torque of the gear (110 N m)
+TORQUE_RANGE = Range(
+    0.0,
+    HARD_TORQUE_LIMIT,
+    above=True,
+    words=f"above 0 and at most {HARD_TORQUE_LIMIT:g} N m, what the gear stands",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class LimitParameters:
+class LimitParameters(Parameters):
     """Limits of the command.
 
     Attributes:
@@ -141,27 +137,19 @@ class LimitParameters:
         current: Limit of the motor current in [A].
     """
 
-    torque: float = 60.0
-    current: float = 15.0  # the battery's continuous current, thesis 2.2.1
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_positive("torque limit", self.torque)
-        require(
-            self.torque <= HARD_TORQUE_LIMIT,
-            "torque limit",
-            f"at most {HARD_TORQUE_LIMIT:g} N m, what the gear stands",
-            self.torque,
-        )
-        require_positive("current limit", self.current)
+    torque: Annotated[Torque, TORQUE_RANGE] = 60.0
+    current: Annotated[Current, POSITIVE] = 15.0  # the battery's continuous current, thesis 2.2.1
 
 
 # Calibration by eye leaves 1 to 3 deg, either way (an assumption).
 LARGEST_OFFSET = math.radians(10.0)  # [rad]
+OFFSETS = Range(
+    -LARGEST_OFFSET, LARGEST_OFFSET, words=f"{LARGEST_OFFSET:.4f} rad (10 deg) at most, either way"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorParameters:
+class SensorParameters(Parameters):
     """Encoders and the velocity estimates of the firmware.
 
     Attributes:
@@ -176,22 +164,17 @@ class SensorParameters:
     """
 
     ideal: bool = True
-    encoder_counts: int = 8192
-    angle_noise: float = 0.0
-    offset: Mapping[tuple[Side, JointName], float] = field(default_factory=dict)
-    fast_time_constant: float = 0.005
-    decimation: int = 10
-    window: int = 10
+    encoder_counts: Annotated[int, COUNT] = 8192
+    angle_noise: Annotated[Angle, NOT_NEGATIVE] = 0.0
+    offset: Annotated[Mapping[tuple[Side, JointName], Angle], OFFSETS, AsInFile()] = field(
+        default_factory=dict
+    )
+    fast_time_constant: Annotated[Time, NOT_NEGATIVE] = 0.005
+    decimation: Annotated[int, COUNT] = 10
+    window: Annotated[int, COUNT] = 10
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_count("encoder_counts", self.encoder_counts)
-        require_non_negative("angle_noise", self.angle_noise)
-        for (side, joint), offset in self.offset.items():
-            name = f"offset of the {side} {joint}"
-            require(joint in MOTOR_JOINTS, name, "a hip or a knee", str(joint))
-            largest = f"{LARGEST_OFFSET:.4f} rad (10 deg) at most, either way"
-            require(abs(offset) <= LARGEST_OFFSET, name, largest, offset)
-        require_non_negative("fast_time_constant", self.fast_time_constant)
-        require_count("decimation", self.decimation)
-        require_count("window", self.window)
+        """Check ranges and joints."""
+        super().__post_init__()
+        for side, joint in self.offset:
+            require(joint in MOTOR_JOINTS, f"offset of the {side} {joint}", "a hip or a knee", str(joint))

@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from twin_gait.core.friction import ASYMMETRIC, BRISTLE, FRICTIONLESS, ROTATIONAL, PlantFriction
-from twin_gait.parameters.checks import require, require_non_negative, require_positive
+from twin_gait.parameters.checks import require, require_non_negative
+from twin_gait.parameters.quantities import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    AngularVelocity,
+    Parameters,
+    Ratio,
+    RotaryDamping,
+    RotaryStiffness,
+    Torque,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrictionParameters:
+class FrictionParameters(Parameters):
     """Parameters of the rotational friction law, equation (3.1) of the thesis.
 
     Attributes:
@@ -21,10 +31,11 @@ class FrictionParameters:
         viscous_friction: d in [N m s] / [rad].
     """
 
-    breakaway_torque: float
-    coulomb_friction: float
-    breakaway_velocity: float
-    viscous_friction: float
+    kind, tag, implied = "rotational", "law", True
+    breakaway_torque: Torque
+    coulomb_friction: Torque
+    breakaway_velocity: AngularVelocity
+    viscous_friction: Annotated[RotaryDamping, NOT_NEGATIVE]
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -33,8 +44,9 @@ class FrictionParameters:
         friction must not inject power, which non-negative normalised parameters and a dip that
         stays above zero guarantee; :meth:`normalised` brings them to that form first.
         """
+        super().__post_init__()
         require(
-            math.isfinite(self.breakaway_velocity) and self.breakaway_velocity != 0.0,
+            self.breakaway_velocity != 0.0,
             "breakaway_velocity",
             "a number other than 0",
             self.breakaway_velocity,
@@ -42,7 +54,6 @@ class FrictionParameters:
         sign = math.copysign(1.0, self.breakaway_velocity)
         require_non_negative("breakaway_torque (with the sign of c)", sign * self.breakaway_torque)
         require_non_negative("coulomb_friction (with the sign of c)", sign * self.coulomb_friction)
-        require_non_negative("viscous_friction", self.viscous_friction)
         # With a < b the law dips near c/√2, where tanh(10/√2) lacks 1.4e-6 to 1: a and d must make up for it.
         law = self.normalised()
         floor = law.breakaway_torque + law.viscous_friction * law.breakaway_velocity / math.sqrt(2.0)
@@ -103,7 +114,7 @@ NO_FRICTION = FrictionParameters(
 
 
 @dataclass(frozen=True, kw_only=True)
-class StribeckFriction:
+class StribeckFriction(Parameters):
     """What laws with a Stribeck curve and directions of their own have in common.
 
     The Coulomb friction is F_c + T_0 forwards and F_c - T_0 backwards: a difference in it and an offset are
@@ -120,6 +131,7 @@ class StribeckFriction:
         offset: T_0 in [N m].
     """
 
+    tag: ClassVar[str] = "law"
     law: ClassVar[int]
     # What is proportional to the friction; velocities, exponents and the way until bristles slide are not.
     torques: ClassVar[tuple[str, ...]] = (
@@ -129,22 +141,18 @@ class StribeckFriction:
         "viscous_friction_backward",
         "offset",
     )
-    coulomb_friction: float
-    breakaway_torque: float | None = None
-    stribeck_velocity: float | None = None
-    stribeck_exponent: float = 2.0
-    viscous_friction_forward: float = 0.0
-    viscous_friction_backward: float = 0.0
-    viscous_exponent: float = 1.0
-    offset: float = 0.0
+    coulomb_friction: Annotated[Torque, POSITIVE]
+    breakaway_torque: Annotated[Torque | None, POSITIVE] = None
+    stribeck_velocity: Annotated[AngularVelocity | None, POSITIVE] = None
+    stribeck_exponent: Annotated[Ratio, POSITIVE] = 2.0
+    viscous_friction_forward: Annotated[Torque, NOT_NEGATIVE] = 0.0
+    viscous_friction_backward: Annotated[Torque, NOT_NEGATIVE] = 0.0
+    viscous_exponent: Annotated[Ratio, POSITIVE] = 1.0
+    offset: Torque = 0.0
 
     def __post_init__(self) -> None:
         """Check the ranges: no law may drive a joint that slides."""
-        for name, value in self._given().items():
-            if name in ("viscous_friction_forward", "viscous_friction_backward", "bristle_damping"):
-                require_non_negative(name, value)
-            elif name != "offset":
-                require_positive(name, value)
+        super().__post_init__()
         require(
             (self.breakaway_torque is None) == (self.stribeck_velocity is None),
             "stribeck_velocity",
@@ -189,8 +197,9 @@ class AsymmetricFriction(StribeckFriction):
         transition_velocity: ω_t in [rad] / [s], within which the direction changes.
     """
 
+    kind: ClassVar[str] = "asymmetric"
     law: ClassVar[int] = ASYMMETRIC
-    transition_velocity: float
+    transition_velocity: Annotated[AngularVelocity, POSITIVE]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,10 +215,11 @@ class LuGreFriction(StribeckFriction):
         bristle_damping: σ1 in [N m s] / [rad].
     """
 
+    kind: ClassVar[str] = "lugre"
     law: ClassVar[int] = BRISTLE
     torques: ClassVar[tuple[str, ...]] = (*StribeckFriction.torques, "bristle_stiffness", "bristle_damping")
-    bristle_stiffness: float
-    bristle_damping: float = 0.0
+    bristle_stiffness: Annotated[RotaryStiffness, POSITIVE]
+    bristle_damping: Annotated[RotaryDamping, NOT_NEGATIVE] = 0.0
 
 
 FrictionLaw = FrictionParameters | AsymmetricFriction | LuGreFriction

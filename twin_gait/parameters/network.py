@@ -7,9 +7,23 @@ import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import Annotated
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.parameters.checks import require, require_non_negative, require_positive, require_share
+from twin_gait.parameters.checks import require, require_non_negative
+from twin_gait.parameters.quantities import (
+    POSITIVE,
+    SHARE,
+    BitRate,
+    Drift,
+    Named,
+    Notation,
+    Parameters,
+    Range,
+    Ratio,
+    ShortTime,
+    Time,
+)
 from twin_gait.vocabulary import MOTOR_JOINTS, Side
 
 CCU = "ccu"  # the central control unit
@@ -18,7 +32,10 @@ NODES = (CCU, *BOARDS)
 
 # Of CAN 2.0; CiA 102 has these for networks of all lengths.
 BIT_RATES = (10e3, 20e3, 50e3, 125e3, 250e3, 500e3, 800e3, 1e6)  # [bit] / [s]
-SHORTEST_CYCLE, LONGEST_CYCLE = 1e-3, 0.1  # [s]; the shortest one is a tick of the boards
+BIT_RATE_RANGE = Range(
+    BIT_RATES[0], BIT_RATES[-1], words=f"{BIT_RATES[0]:g} to {BIT_RATES[-1]:g} bit/s, as CAN 2.0 has them"
+)
+CYCLES = Range(1e-3, 0.1, words="0.001 to 0.1 s")  # the shortest one is a tick of the boards
 LARGEST_DRIFT = 0.01
 LONGEST_DELAY = 0.1  # [s]
 _SHAPE = re.compile(r"([a-z_]+)(?::([a-z_]+))?@([^=@\s]+?)s(?:=([^=@\s]+?)(m?)s)?")
@@ -107,7 +124,7 @@ def parse_outage(text: str) -> Outage:
 
 
 @dataclass(frozen=True, kw_only=True)
-class NetworkParameters:
+class NetworkParameters(Parameters):
     """The CAN bus of the star; the thesis (2.1.2) has CAN and 500 Hz, and prints neither bit rate nor layout.
 
     All values but the cycle are assumptions; the defaults are a healthy bus.
@@ -132,28 +149,24 @@ class NetworkParameters:
         outages: Of nodes or the bus.
     """
 
-    bit_rate: float = 1e6
+    bit_rate: Annotated[BitRate, BIT_RATE_RANGE] = 1e6
     dbc: str = "twin.dbc"
-    cycle: float = 2e-3
-    phase: Mapping[str, float] = field(default_factory=dict)
-    clock_drift: Mapping[str, float] = field(default_factory=dict)
-    jitter: float = 0.0
-    delay: float = 0.0
-    loss: float = 0.0
-    error_share: float = 0.0
+    cycle: Annotated[Time, CYCLES] = 2e-3
+    phase: Annotated[Mapping[str, ShortTime], Named(BOARDS)] = field(default_factory=dict)
+    clock_drift: Annotated[Mapping[str, Drift], Named(BOARDS)] = field(default_factory=dict)
+    jitter: ShortTime = 0.0
+    delay: Time = 0.0
+    loss: Annotated[Ratio, SHARE] = 0.0
+    error_share: Annotated[Ratio, SHARE] = 0.0
     bus_off_recovery: bool = True
     impedance: ImpedancePlace = ImpedancePlace.BOARD
-    board_silence: float = 0.02
-    ccu_silence: float = 0.02
-    outages: tuple[Outage, ...] = ()
+    board_silence: Annotated[Time, POSITIVE] = 0.02
+    ccu_silence: Annotated[Time, POSITIVE] = 0.02
+    outages: Annotated[tuple[Outage, ...], Notation(parse_outage, "KIND:NODE@TIMEs=DURATIONs")] = ()
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        slowest, fastest = BIT_RATES[0], BIT_RATES[-1]
-        within = slowest <= self.bit_rate <= fastest
-        require(within, "bit_rate", f"{slowest:g} to {fastest:g} bit/s, as CAN 2.0 has them", self.bit_rate)
-        shortest, longest = SHORTEST_CYCLE, LONGEST_CYCLE
-        require(shortest <= self.cycle <= longest, "cycle", f"{shortest:g} to {longest:g} s", self.cycle)
+        super().__post_init__()
         for name, values in (("phase", self.phase), ("clock_drift", self.clock_drift)):
             for board in values:
                 require(board in BOARDS, name, f"of {', '.join(BOARDS)}", board)
@@ -170,10 +183,6 @@ class NetworkParameters:
         whole = abs(self.delay * 1e3 - round(self.delay * 1e3)) < 1e-9
         in_range = 0.0 <= self.delay <= LONGEST_DELAY and whole
         require(in_range, "delay", f"0 s to {LONGEST_DELAY:g} s in whole milliseconds", self.delay)
-        require_share("loss", self.loss)
-        require_share("error_share", self.error_share)
-        require_positive("board_silence", self.board_silence)
-        require_positive("ccu_silence", self.ccu_silence)
 
     def require_fit(self, sides: Collection[Side], duration: float) -> None:
         """Check that what the parameters name is there, and happens within the run.

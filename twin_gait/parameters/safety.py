@@ -3,12 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from twin_gait.parameters.checks import require_non_negative, require_positive
+from twin_gait.parameters.quantities import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Angle,
+    AngularAcceleration,
+    AngularVelocity,
+    Current,
+    Parameters,
+    Ratio,
+    RotaryDamping,
+    Time,
+    Torque,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
-class SafetyParameters:
+class SafetyParameters(Parameters):
     """Bounds of the safety monitor, and the hold that a trip leads to.
 
     Joint range and highest speed are those of the URDF, torque and current limits those of
@@ -43,31 +56,23 @@ class SafetyParameters:
     """
 
     enabled: bool = True
-    stopping_deceleration: float = 10.0
-    speed_share: float = 1.0
-    angle_step: float = 0.02
-    frozen_time: float = 0.01
-    frozen_speed: float = 0.3
-    model_deviation: float = 0.05
-    model_time_constant: float = 0.2
-    model_resistance_ratio: float = 1.0
-    torque_time: float = 0.5
-    highest_command: float = 300.0
-    current_share: float = 1.2
-    thermal_time_constant: float = 52.6
-    drive_deviation: float = 1.0
-    drive_time: float = 0.02
-    phase_time_out: float = 5.0
-    frozen_load_time: float = 0.1
-    least_voltage_share: float = 0.6
-    voltage_time: float = 0.01
-    hold_damping: float = 60.0
-    lowering_time: float = 3.0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        for name in self.__dataclass_fields__:
-            if name == "enabled":
-                continue
-            check = require_non_negative if name in ("frozen_speed", "hold_damping") else require_positive
-            check(f"safety {name}", getattr(self, name))
+    stopping_deceleration: Annotated[AngularAcceleration, POSITIVE] = 10.0
+    speed_share: Annotated[Ratio, POSITIVE] = 1.0
+    angle_step: Annotated[Angle, POSITIVE] = 0.02
+    frozen_time: Annotated[Time, POSITIVE] = 0.01
+    frozen_speed: Annotated[AngularVelocity, NOT_NEGATIVE] = 0.3
+    model_deviation: Annotated[Angle, POSITIVE] = 0.05
+    model_time_constant: Annotated[Time, POSITIVE] = 0.2
+    model_resistance_ratio: Annotated[Ratio, POSITIVE] = 1.0
+    torque_time: Annotated[Time, POSITIVE] = 0.5
+    highest_command: Annotated[Torque, POSITIVE] = 300.0
+    current_share: Annotated[Ratio, POSITIVE] = 1.2
+    thermal_time_constant: Annotated[Time, POSITIVE] = 52.6
+    drive_deviation: Annotated[Current, POSITIVE] = 1.0
+    drive_time: Annotated[Time, POSITIVE] = 0.02
+    phase_time_out: Annotated[Time, POSITIVE] = 5.0
+    frozen_load_time: Annotated[Time, POSITIVE] = 0.1
+    least_voltage_share: Annotated[Ratio, POSITIVE] = 0.6
+    voltage_time: Annotated[Time, POSITIVE] = 0.01
+    hold_damping: Annotated[RotaryDamping, NOT_NEGATIVE] = 60.0
+    lowering_time: Annotated[Time, POSITIVE] = 3.0

@@ -3,14 +3,34 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Annotated
 
-from twin_gait.parameters.checks import require, require_non_negative, require_positive, require_share
+from twin_gait.parameters.checks import require
+from twin_gait.parameters.quantities import (
+    LATER,
+    NOT_NEGATIVE,
+    POSITIVE,
+    SHARE,
+    Angle,
+    HertzStiffness,
+    LinearDamping,
+    LinearDissipation,
+    LinearStiffness,
+    Parameters,
+    Range,
+    Ratio,
+    RotaryDamping,
+    RotaryDissipation,
+    RotaryStiffness,
+    Speed,
+    Time,
+)
 from twin_gait.vocabulary import JointName, PelvisGuide
 
 
 @dataclass(frozen=True, kw_only=True)
-class BeltProfile:
+class BeltProfile(Parameters):
     """A belt that starts and stops, and when its wearer is told to walk; see :mod:`twin_gait.core.belt`.
 
     Attributes:
@@ -20,22 +40,20 @@ class BeltProfile:
         delay: Time from either command until the belt follows it in [s].
     """
 
-    start: float
-    stop: float = math.inf
-    ramp: float
-    delay: float = 0.0
+    start: Annotated[Time, NOT_NEGATIVE]
+    stop: Annotated[Time, LATER] = math.inf
+    ramp: Annotated[Time, POSITIVE]
+    delay: Annotated[Time, NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_non_negative("belt start", self.start)
-        require_positive("belt ramp", self.ramp)
-        require_non_negative("belt delay", self.delay)
+        """Check the ranges, and that the belt has come to its speed before it stops."""
+        super().__post_init__()
         earliest = self.start + self.ramp
-        require(self.stop >= earliest, "belt stop", f"start + ramp, {earliest:g} s, or later", self.stop)
+        require(self.stop >= earliest, "stop", f"start + ramp, {earliest:g} s, or later", self.stop)
 
 
 @dataclass(frozen=True, kw_only=True)
-class ContactParameters:
+class ContactParameters(Parameters):
     """Foot contact at heel and toe; see :func:`twin_gait.core.contact.contact_normal_force`.
 
     Attributes:
@@ -50,21 +68,14 @@ class ContactParameters:
         transition_velocity: Of the regularised friction in [m] / [s].
     """
 
-    stiffness: float = 3.0e5
-    dissipation: float = 2.5
-    friction_coefficient: float = 0.8
-    transition_velocity: float = 0.05
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_positive("contact stiffness", self.stiffness)
-        require_non_negative("contact dissipation", self.dissipation)
-        require_non_negative("friction_coefficient", self.friction_coefficient)
-        require_positive("transition_velocity", self.transition_velocity)
+    stiffness: Annotated[HertzStiffness, POSITIVE] = 3.0e5
+    dissipation: Annotated[LinearDissipation, NOT_NEGATIVE] = 2.5
+    friction_coefficient: Annotated[Ratio, NOT_NEGATIVE] = 0.8
+    transition_velocity: Annotated[Speed, POSITIVE] = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class StopParameters:
+class StopParameters(Parameters):
     """Mechanical stops of the joints; where they sit comes from the URDF limits.
 
     Attributes:
@@ -72,17 +83,15 @@ class StopParameters:
         dissipation: In [s] / [rad].
     """
 
-    stiffness: float = 2000.0
-    dissipation: float = 0.5
+    stiffness: Annotated[RotaryStiffness, NOT_NEGATIVE] = 2000.0
+    dissipation: Annotated[RotaryDissipation, NOT_NEGATIVE] = 0.5
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_non_negative("stop stiffness", self.stiffness)
-        require_non_negative("stop dissipation", self.dissipation)
+
+ANKLE_REST = Range(-math.radians(30.0), math.radians(30.0), words="-0.5236 to 0.5236 rad (30 deg either way)")
 
 
 @dataclass(frozen=True, kw_only=True)
-class AnkleParameters:
+class AnkleParameters(Parameters):
     """Ankle-foot orthosis: a passive spring and damper about the angle that it is built with.
 
     Attributes:
@@ -95,20 +104,13 @@ class AnkleParameters:
             of foot and shank.
     """
 
-    stiffness: float = 75.0
-    damping: float = 6.0
-    rest: float = math.radians(7.0)
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_non_negative("ankle stiffness", self.stiffness)
-        require_non_negative("ankle damping", self.damping)
-        within = abs(self.rest) <= math.radians(30.0)
-        require(within, "ankle rest", "-0.5236 to 0.5236 rad (30 deg either way)", self.rest)
+    stiffness: Annotated[RotaryStiffness, NOT_NEGATIVE] = 75.0
+    damping: Annotated[RotaryDamping, NOT_NEGATIVE] = 6.0
+    rest: Annotated[Angle, ANKLE_REST] = math.radians(7.0)
 
 
 @dataclass(frozen=True, kw_only=True)
-class SupportParameters:
+class SupportParameters(Parameters):
     """Body-weight support and guide of the treadmill.
 
     At a trip the rope locks: from then on the harness also carries what sinks below the height of the trip,
@@ -127,45 +129,48 @@ class SupportParameters:
         catch_dissipation: Of the locked harness in [s] / [m] (an assumption).
     """
 
-    share: float = 0.6
-    damping: float = 90.0
+    share: Annotated[Ratio, SHARE] = 0.6
+    damping: Annotated[LinearDamping, NOT_NEGATIVE] = 90.0
     guide: PelvisGuide = PelvisGuide.HARNESS
-    forward_stiffness: float = 1500.0
-    forward_damping: float = 300.0
-    catch_stiffness: float = 20.0e3
-    catch_dissipation: float = 2.0
+    forward_stiffness: Annotated[LinearStiffness, POSITIVE] = 1500.0
+    forward_damping: Annotated[LinearDamping, NOT_NEGATIVE] = 300.0
+    catch_stiffness: Annotated[LinearStiffness, NOT_NEGATIVE] = 20.0e3
+    catch_dissipation: Annotated[LinearDissipation, NOT_NEGATIVE] = 2.0
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_share("support share", self.share)
-        require_non_negative("support damping", self.damping)
-        require(self.guide is not PelvisGuide.FIXED, "support guide", "vertical or harness", str(self.guide))
-        require_positive("harness forward_stiffness", self.forward_stiffness)
-        require_non_negative("harness forward_damping", self.forward_damping)
-        require_non_negative("catch_stiffness", self.catch_stiffness)
-        require_non_negative("catch_dissipation", self.catch_dissipation)
+        """Check the ranges, and that the pelvis can move."""
+        super().__post_init__()
+        require(self.guide is not PelvisGuide.FIXED, "guide", "vertical or harness", str(self.guide))
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpringDamper:
+class SpringDamper(Parameters):
     """A linear spring with a damper beside it.
 
     Attributes:
-        stiffness: In [N m] / [rad], or [N] / [m] where the coordinate slides.
-        damping: In [N m s] / [rad], or [N s] / [m].
+        stiffness: In [N m] / [rad].
+        damping: In [N m s] / [rad].
     """
 
-    stiffness: float
-    damping: float
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_positive("stiffness", self.stiffness)
-        require_non_negative("damping", self.damping)
+    stiffness: Annotated[RotaryStiffness, POSITIVE]
+    damping: Annotated[RotaryDamping, NOT_NEGATIVE]
 
 
 @dataclass(frozen=True, kw_only=True)
-class BraceParameters:
+class SlidingSpringDamper(Parameters):
+    """A linear spring with a damper beside it, between what slides.
+
+    Attributes:
+        stiffness: In [N] / [m].
+        damping: In [N s] / [m].
+    """
+
+    stiffness: Annotated[LinearStiffness, POSITIVE]
+    damping: Annotated[LinearDamping, NOT_NEGATIVE]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BraceParameters(Parameters):
     """Braces that bind the wearer to the device: a spring and a damper between their coordinates.
 
     No measurement of this device is known, all sizes are assumptions: a cuff of 10 kN/m at 0.25 m
@@ -180,7 +185,7 @@ class BraceParameters:
         ankle: Of each ankle.
     """
 
-    pelvis: SpringDamper = SpringDamper(stiffness=20e3, damping=400.0)
+    pelvis: SlidingSpringDamper = SlidingSpringDamper(stiffness=20e3, damping=400.0)
     hip: SpringDamper = SpringDamper(stiffness=600.0, damping=20.0)
     knee: SpringDamper = SpringDamper(stiffness=400.0, damping=8.0)
     ankle: SpringDamper = SpringDamper(stiffness=1000.0, damping=3.0)
@@ -194,17 +199,13 @@ class BraceParameters:
         Returns:
             The braces.
         """
-
-        def stiffer(item: SpringDamper) -> SpringDamper:
-            return SpringDamper(
-                stiffness=factor * item.stiffness, damping=math.sqrt(max(factor, 0.0)) * item.damping
-            )
-
+        grown = math.sqrt(max(factor, 0.0))
+        braces = {item.name: getattr(self, item.name) for item in fields(self)}
         return BraceParameters(
-            pelvis=stiffer(self.pelvis),
-            hip=stiffer(self.hip),
-            knee=stiffer(self.knee),
-            ankle=stiffer(self.ankle),
+            **{
+                name: replace(item, stiffness=factor * item.stiffness, damping=grown * item.damping)
+                for name, item in braces.items()
+            }
         )
 
     def of(self, joint: JointName) -> SpringDamper:

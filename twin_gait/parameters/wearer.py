@@ -5,8 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
-from twin_gait.parameters.checks import require, require_non_negative, require_share
+from twin_gait.parameters.checks import require
+from twin_gait.parameters.quantities import (
+    NOT_NEGATIVE,
+    SHARE,
+    Angle,
+    AngularVelocity,
+    AsInFile,
+    Length,
+    Mass,
+    Parameters,
+    Range,
+    Ratio,
+    RotaryDamping,
+    Time,
+)
 from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
 HEAVIEST_WEARER = 110.0  # [kg] that the device carries (thesis, table 2.1)
@@ -21,9 +36,13 @@ HEIGHT_RANGE = (
     f"{TIBIA_RANGE[0]:g} to {TIBIA_RANGE[1]:g} m (1.40 to 2.05 m with leg.fit_device: false)"
 )
 
+MASSES = Range(30.0, HEAVIEST_WEARER, words=f"30 to {HEAVIEST_WEARER:g} kg (what TWIN carries)")
+HEIGHTS = Range(1.40, 2.05, words=HEIGHT_RANGE)
+CONTRACTURES = Range(0.0, math.radians(60.0), words=f"0 to {math.radians(60.0):.3f} rad (60 deg)")
+
 
 @dataclass(frozen=True, kw_only=True)
-class JointCondition:
+class JointCondition(Parameters):
     """What the wearer does at one joint; see :mod:`twin_gait.core.wearer`. The default does nothing.
 
     Attributes:
@@ -35,32 +54,22 @@ class JointCondition:
         strength: Share of it that the muscles can give; less than 1 is weakness.
     """
 
-    passive: float = 0.0
-    contracture: float = 0.0
-    stretch_reflex_threshold: float = 1.0
-    stretch_reflex_gain: float = 0.0
-    effort: float = 0.0
-    strength: float = 1.0
+    passive: Annotated[Ratio, Range(0.0, 3.0, words="0 to 3")] = 0.0
+    contracture: Annotated[Angle, CONTRACTURES] = 0.0
+    stretch_reflex_threshold: Annotated[AngularVelocity, NOT_NEGATIVE] = 1.0
+    stretch_reflex_gain: Annotated[RotaryDamping, NOT_NEGATIVE] = 0.0
+    effort: Annotated[Ratio, SHARE] = 0.0
+    strength: Annotated[Ratio, SHARE] = 1.0
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
-        require(math.isfinite(self.passive) and 0.0 <= self.passive <= 3.0, "passive", "0 to 3", self.passive)
-        require(
-            math.isfinite(self.contracture) and 0.0 <= self.contracture <= math.radians(60.0),
-            "contracture",
-            f"0 to {math.radians(60.0):.3f} rad (60 deg)",
-            self.contracture,
-        )
+        """Check the ranges, and that there is a moment for a contracture to shift."""
+        super().__post_init__()
         require(
             self.contracture == 0.0 or self.passive > 0.0,
             "contracture",
             "0 without a passive moment that it could shift (passive is 0)",
             self.contracture,
         )
-        require_non_negative("stretch_reflex_threshold", self.stretch_reflex_threshold)
-        require_non_negative("stretch_reflex_gain", self.stretch_reflex_gain)
-        require_share("effort", self.effort)
-        require_share("strength", self.strength)
 
     @property
     def does_nothing(self) -> bool:
@@ -69,7 +78,7 @@ class JointCondition:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Patient:
+class Patient(Parameters):
     """The wearer.
 
     The shipped gaits were tuned for a wearer who is mass alone, so that is the default.
@@ -84,35 +93,19 @@ class Patient:
         effort_noise: Standard deviation of the effort's torque from tick to tick, as a share of it.
     """
 
-    mass: float = 70.0
-    height: float = 1.75
+    mass: Annotated[Mass, MASSES] = 70.0
+    height: Annotated[Length, HEIGHTS] = 1.75
     sex: Sex = Sex.MALE
     segment_model: SegmentModel = SegmentModel.DE_LEVA
-    conditions: Mapping[tuple[Side, JointName], JointCondition] = field(default_factory=dict)
-    effort_delay: float = 0.1
-    effort_noise: float = 0.0
+    conditions: Annotated[Mapping[tuple[Side, JointName], JointCondition], AsInFile()] = field(
+        default_factory=dict
+    )
+    effort_delay: Annotated[Time, Range(0.0, 1.0, words="0 to 1 s")] = 0.1
+    effort_noise: Annotated[Ratio, NOT_NEGATIVE] = 0.0
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
-        require(
-            math.isfinite(self.mass) and 30.0 <= self.mass <= HEAVIEST_WEARER,
-            "patient mass",
-            f"30 to {HEAVIEST_WEARER:g} kg (what TWIN carries)",
-            self.mass,
-        )
-        require(
-            math.isfinite(self.height) and 1.40 <= self.height <= 2.05,
-            "patient height",
-            HEIGHT_RANGE,
-            self.height,
-        )
-        require(
-            math.isfinite(self.effort_delay) and 0.0 <= self.effort_delay <= 1.0,
-            "effort_delay",
-            "0 to 1 s",
-            self.effort_delay,
-        )
-        require_non_negative("effort_noise", self.effort_noise)
+        """Check ranges and joints."""
+        super().__post_init__()
         for side, joint in self.conditions:
             require(
                 joint is not JointName.ANKLE, f"condition of the {side} {joint}", "a hip or a knee", joint

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -16,15 +17,26 @@ from twin_gait.parameters import (
     FrictionLaw,
     StopParameters,
     require,
-    require_non_negative,
-    require_positive,
+)
+from twin_gait.parameters.quantities import (
+    LATER,
+    NOT_NEGATIVE,
+    POSITIVE,
+    Angle,
+    AsInFile,
+    Frequency,
+    Key,
+    Parameters,
+    RotaryDamping,
+    RotaryStiffness,
+    Time,
 )
 from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.worlds.world import World, build_plant
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImposedMotionParameters:
+class ImposedMotionParameters(Parameters):
     """An imposed motion of one joint, as by a hand that leads it and then lets go.
 
     Attributes:
@@ -37,24 +49,20 @@ class ImposedMotionParameters:
     """
 
     joint: JointName = JointName.KNEE
-    amplitude: float = math.radians(40.0)
-    frequency: float = 0.25
-    stiffness: float = 400.0
-    damping: float = 40.0
-    release_time: float = math.inf
+    amplitude: Angle = math.radians(40.0)
+    frequency: Annotated[Frequency, POSITIVE] = 0.25
+    stiffness: Annotated[RotaryStiffness, NOT_NEGATIVE] = 400.0
+    damping: Annotated[RotaryDamping, NOT_NEGATIVE] = 40.0
+    release_time: Annotated[Time, LATER, Key("release")] = math.inf
 
     def __post_init__(self) -> None:
-        """Check the ranges."""
+        """Check the ranges, and that the joint is one with a motor."""
+        super().__post_init__()
         require(self.joint is not JointName.ANKLE, "imposed motion joint", "hip or knee", str(self.joint))
-        require(math.isfinite(self.amplitude), "imposed motion amplitude", "a finite angle", self.amplitude)
-        require_positive("imposed motion frequency", self.frequency)
-        require_non_negative("imposed motion stiffness", self.stiffness)
-        require_non_negative("imposed motion damping", self.damping)
-        require(self.release_time >= 0.0, "imposed motion release_time", "0 or more", self.release_time)
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchLeg:
+class BenchLeg(Parameters):
     """One leg on a stand, stepping in the air.
 
     Attributes:
@@ -63,8 +71,12 @@ class BenchLeg:
         imposed_motion: Imposed motion, or None.
     """
 
-    start_angles: tuple[float, float] = (math.radians(20.0), math.radians(10.0))
-    initial_phase: str | None = None
+    kind: ClassVar = "bench_leg"
+    start_angles: Annotated[tuple[float, float], Key("start"), AsInFile()] = (
+        math.radians(20.0),
+        math.radians(10.0),
+    )
+    initial_phase: Annotated[str | None, Key("start_phase")] = None
     imposed_motion: ImposedMotionParameters | None = None
 
     @property

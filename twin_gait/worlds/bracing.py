@@ -10,7 +10,7 @@ import numpy as np
 
 from twin_gait.core.plant import Brace, Plant, free_coordinate
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import BraceParameters
+from twin_gait.parameters import BraceParameters, SlidingSpringDamper, SpringDamper
 from twin_gait.vocabulary import JointName
 from twin_gait.worlds.world import Braces, World
 
@@ -39,7 +39,9 @@ def brace_world(world: World, device: LegModel, wearer: LegModel, parameters: Br
 
 
 def _braces(model: LegModel, parameters: BraceParameters) -> tuple[Brace, ...]:
-    laws = dict.fromkeys(range(model.nv), parameters.pelvis)  # the pelvis is what is no joint
+    laws: dict[int, SpringDamper | SlidingSpringDamper] = dict.fromkeys(
+        range(model.nv), parameters.pelvis
+    )  # the pelvis is what is no joint
     for side, leg in model.legs.items():
         laws |= {model.index(side, joint): parameters.of(joint) for joint, _ in leg.items()}
     return tuple(Brace(laws[index].stiffness, laws[index].damping) for index in range(model.nv))

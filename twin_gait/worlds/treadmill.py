@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from twin_gait.parameters import (
     SupportParameters,
     require,
 )
+from twin_gait.parameters.quantities import Angle, AsInFile, Key, Parameters, Range, Speed, Time
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 from twin_gait.worlds.world import World, build_plant
 
@@ -27,10 +29,14 @@ _DEGREE = math.pi / 180.0
 STEEPEST = math.radians(10.0)  # [rad]; treadmills rise to 15 % (8.5 deg) as a rule
 # A drop of the pelvis by this share of the leg length (hip to sole) at the start counts as a fall.
 FALL_SHARE = 0.75
+Posture = Annotated[tuple[float, float], AsInFile()]  # hip and knee
+SPEEDS = Range(0.0, 2.0, above=True, words="a belt speed above 0 and at most 2 m/s (7.2 km/h)")
+RAMPS = Range(0.0, above=True, endless=True, words="a time above 0")
+SLOPES = Range(-STEEPEST, STEEPEST, words=f"{STEEPEST:.4f} rad (10 deg) at most, up or down")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Treadmill:
+class Treadmill(Parameters):
     """Treadmill with body-weight support.
 
     The pelvis moves vertically, and in a harness fore-aft against a spring and a damper; guide or harness
@@ -53,33 +59,24 @@ class Treadmill:
         initial_phases: Phases at the start of the leading and the trailing leg.
     """
 
-    belt_speed: float = 1.5 / 3.6
+    kind: ClassVar = "treadmill"
+    belt_speed: Annotated[Speed, SPEEDS] = 1.5 / 3.6
     belt: BeltProfile | None = None
-    stop_ramp: float = 0.5
-    slope: float = 0.0
+    stop_ramp: Annotated[Time, RAMPS] = 0.5
+    slope: Annotated[Angle, SLOPES] = 0.0
     support: SupportParameters = field(default_factory=SupportParameters)
     contact: ContactParameters = field(default_factory=ContactParameters)
     leading: Side = Side.LEFT
     # Between two steps of the default walk; both feet reach the belt, and the first swings clear it.
-    leading_angles: tuple[float, float] = (18.0 * _DEGREE, 10.0 * _DEGREE)
-    trailing_angles: tuple[float, float] = (-8.0 * _DEGREE, 11.0 * _DEGREE)
-    initial_phases: tuple[str, str] = ("early_stance", "late_stance")
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require(
-            math.isfinite(self.belt_speed) and 0.0 < self.belt_speed <= 2.0,
-            "belt speed",
-            "above 0 and at most 2 m/s (7.2 km/h)",
-            self.belt_speed,
-        )
-        require(self.stop_ramp > 0.0, "stop_ramp", "a time above 0", self.stop_ramp)
-        require(
-            abs(self.slope) <= STEEPEST,
-            "slope",
-            f"{STEEPEST:.4f} rad (10 deg) at most, up or down",
-            self.slope,
-        )
+    leading_angles: Annotated[Posture, Key("leading_start")] = (
+        18.0 * _DEGREE,
+        10.0 * _DEGREE,
+    )
+    trailing_angles: Annotated[Posture, Key("trailing_start")] = (
+        -8.0 * _DEGREE,
+        11.0 * _DEGREE,
+    )
+    initial_phases: Annotated[tuple[str, str], AsInFile()] = ("early_stance", "late_stance")
 
     def _belt(self) -> Belt:
         belt = Belt(self.belt_speed, stop_ramp=self.stop_ramp)

@@ -1,0 +1,246 @@
+"""Sections of a file that say more than the fields of their parameters: see :mod:`.sections`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import create_model, model_validator
+
+from twin_gait.configuration.overrides import merge
+from twin_gait.configuration.sections import Section, reads
+from twin_gait.configuration.sections import section_of as section_of
+from twin_gait.configuration.validation import Number, Strict
+from twin_gait.exceptions import ParameterError
+from twin_gait.experiment import AssistanceParameters, PlantParameters
+from twin_gait.parameters import JointCondition, Patient, SensorParameters, StribeckFriction
+from twin_gait.parameters.quantities import DEGREE
+from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
+from twin_gait.worlds import BenchLeg, Treadmill
+
+SIDES = ("both", "left", "right")
+
+
+class AnglesEntry(Strict):
+    """Angles of joints, each in one unit."""
+
+    hip_deg: Number | None = None
+    hip_rad: Number | None = None
+    knee_deg: Number | None = None
+    knee_rad: Number | None = None
+
+    def of(self, joint: JointName) -> float | None:
+        """Angle of a joint in [rad], None where none is given."""
+        given = {end: getattr(self, f"{joint}_{end}") for end in ("deg", "rad")}
+        given = {end: value for end, value in given.items() if value is not None}
+        if len(given) > 1:
+            raise ParameterError(f"expected exactly one of {joint}_deg or {joint}_rad, got both")
+        return next((value * (DEGREE if end == "deg" else 1.0) for end, value in given.items()), None)
+
+    def posture(self) -> tuple[float, float]:
+        """Hip and knee in [rad]."""
+        hip, knee = (self.of(joint) for joint in MOTOR_JOINTS)
+        if hip is None or knee is None:
+            missing = MOTOR_JOINTS[0 if hip is None else 1]
+            raise ParameterError(f"expected exactly one of {missing}_deg or {missing}_rad, got none")
+        return hip, knee
+
+    @staticmethod
+    def document(angles: tuple[float, float]) -> dict[str, float]:
+        """As the mapping of a file, in SI."""
+        return {f"{joint}_rad": angle for joint, angle in zip(MOTOR_JOINTS, angles, strict=True)}
+
+
+@reads(Treadmill)
+class TreadmillReader(Section):
+    """The treadmill: postures and phases of the leading and the trailing leg."""
+
+    leading_start: AnglesEntry | None = None
+    trailing_start: AnglesEntry | None = None
+    leading_phase: str = Treadmill.initial_phases[0]
+    trailing_phase: str = Treadmill.initial_phases[1]
+
+    def values(self, default: Any = None) -> dict[str, Any]:
+        """Fields that are given, in SI."""
+        given = {"leading_angles": self.leading_start, "trailing_angles": self.trailing_start}
+        angles = {name: entry.posture() for name, entry in given.items() if entry is not None}
+        phases = (self.leading_phase, self.trailing_phase)
+        return super().values(default) | angles | {"initial_phases": phases}
+
+    @classmethod
+    def document(cls, parameters: Treadmill) -> dict[str, Any]:
+        """As the mapping of a file, in SI."""
+        leading, trailing = parameters.initial_phases
+        return super().document(parameters) | {
+            "leading_start": AnglesEntry.document(parameters.leading_angles),
+            "trailing_start": AnglesEntry.document(parameters.trailing_angles),
+            "leading_phase": leading,
+            "trailing_phase": trailing,
+        }
+
+
+@reads(BenchLeg)
+class BenchLegReader(Section):
+    """The bench leg: its posture at the start."""
+
+    start: AnglesEntry | None = None
+
+    def values(self, default: Any = None) -> dict[str, Any]:
+        """Fields that are given, in SI."""
+        angles = {} if self.start is None else {"start_angles": self.start.posture()}
+        return super().values(default) | angles
+
+    @classmethod
+    def document(cls, parameters: BenchLeg) -> dict[str, Any]:
+        """As the mapping of a file, in SI."""
+        return super().document(parameters) | {"start": AnglesEntry.document(parameters.start_angles)}
+
+
+class OffsetEntry(Strict):
+    """Calibration errors of the encoders; what is not given is 0."""
+
+    left: AnglesEntry = AnglesEntry()
+    right: AnglesEntry = AnglesEntry()
+
+
+@reads(SensorParameters)
+class SensorsReader(Section):
+    """Encoders and filters: calibration errors by side and joint."""
+
+    offset: OffsetEntry = OffsetEntry()
+
+    def values(self, default: Any = None) -> dict[str, Any]:
+        """Fields that are given, in SI."""
+        found = {}
+        for side in Side:
+            for joint in MOTOR_JOINTS:
+                angle = getattr(self.offset, side).of(joint)
+                if angle:
+                    found[side, joint] = angle
+        return super().values(default) | {"offset": found}
+
+    @classmethod
+    def document(cls, parameters: SensorParameters) -> dict[str, Any]:
+        """As the mapping of a file, in SI."""
+        offset = {
+            str(side): {f"{joint}_rad": parameters.offset.get((side, joint), 0.0) for joint in MOTOR_JOINTS}
+            for side in Side
+        }
+        return super().document(parameters) | {"offset": offset}
+
+
+@reads(AssistanceParameters)
+class AssistanceReader(Section):
+    """Assistance level: the share of each joint stands beside the rest."""
+
+    hip: Number = 1.0
+    knee: Number = 1.0
+
+    def values(self, default: Any = None) -> dict[str, Any]:
+        """Fields that are given, in SI."""
+        return {"share": {joint: getattr(self, joint) for joint in MOTOR_JOINTS}, **super().values(default)}
+
+    @classmethod
+    def document(cls, parameters: AssistanceParameters) -> dict[str, Any]:
+        """As the mapping of a file, in SI."""
+        return {str(joint): value for joint, value in parameters.share.items()} | super().document(parameters)
+
+
+@reads(PlantParameters)
+class PlantReader(Section):
+    """The plant of today, and of runs from before the efficiency of a gear cost torque."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_load_friction(cls, data: Any) -> Any:
+        """Such runs say that they had no load friction."""
+        if not isinstance(data, Mapping) or "load_friction" not in data:
+            return data
+        if data["load_friction"] not in (None, {"hip": 0.0, "knee": 0.0}):
+            raise ValueError("load_friction is gone; set actuators.hip.gear_efficiency to 1 less it")
+        return {key: value for key, value in data.items() if key != "load_friction"}
+
+
+_DIRECTIONS = ("viscous_friction_forward", "viscous_friction_backward")
+
+
+@reads(StribeckFriction)
+class StribeckReader(Section):
+    """Friction with a Stribeck curve: a linear viscous friction may be given for both directions."""
+
+    viscous_friction_Nms_per_rad: Number | None = None
+
+    def values(self, default: Any = None) -> dict[str, Any]:
+        """Fields that are given; a linear viscous friction is that of both directions."""
+        values, both = super().values(default), self.viscous_friction_Nms_per_rad
+        if both is None:
+            return values
+        linear = dict.fromkeys(_DIRECTIONS, both) | {"viscous_exponent": 1.0}
+        if any(values[name] != linear[name] for name in linear if name in values):
+            raise ParameterError(
+                f"viscous_friction_Nms_per_rad: {both:g} is linear and of both directions; leave it out "
+                "beside viscous_friction_forward_Nm, viscous_friction_backward_Nm or viscous_exponent"
+            )
+        return {**values, **linear}
+
+    @classmethod
+    def document(cls, parameters: Any) -> dict[str, Any]:
+        """As the mapping of a file: what is given."""
+        given = super().document(parameters)
+        forward, backward = (getattr(parameters, name) for name in _DIRECTIONS)
+        if forward == backward and parameters.viscous_exponent == 1.0:
+            for key in ("viscous_friction_forward_Nm", "viscous_friction_backward_Nm", "viscous_exponent"):
+                del given[key]
+            given["viscous_friction_Nms_per_rad"] = forward
+        return given
+
+
+_Condition = section_of(JointCondition)
+_Joints = create_model(  # type: ignore[call-overload]
+    "Joints", __base__=Strict, **{joint: (_Condition, _Condition()) for joint in MOTOR_JOINTS}
+)
+_Sides = create_model(  # type: ignore[call-overload]
+    "Sides", __base__=Section, **{name: (_Joints, _Joints()) for name in SIDES}
+)
+
+
+@reads(Patient)
+class PatientReader(_Sides):  # type: ignore[misc, valid-type]
+    """The wearer: ``left`` and ``right`` are laid over what stands under ``both``."""
+
+    def values(self, default: Any = None) -> dict[str, Any]:
+        """Fields that are given, in SI."""
+        conditions = {(side, joint): self._condition(side, joint) for side in Side for joint in MOTOR_JOINTS}
+        does = {place: item for place, item in conditions.items() if item != JointCondition()}
+        return {**super().values(default), "conditions": does}
+
+    @classmethod
+    def document(cls, parameters: Patient) -> dict[str, Any]:
+        """As the mapping of a file, in SI.
+
+        What both sides have in common stands under ``both``; what does nothing is left out.
+        """
+        sides: dict[str, dict[str, Any]] = {name: {} for name in SIDES}
+        for joint in MOTOR_JOINTS:
+            left, right = (_condition_document(parameters, side, joint) for side in Side)
+            both = {key: value for key, value in left.items() if right.get(key) == value}
+            own = ({key: item[key] for key in item if key not in both} for item in (left, right))
+            for name, items in zip(SIDES, (both, *own), strict=True):
+                if items:
+                    sides[name][str(joint)] = items
+        return super().document(parameters) | {name: joints for name, joints in sides.items() if joints}
+
+    def _condition(self, side: Side, joint: JointName) -> JointCondition:
+        common = getattr(self.both, joint).model_dump(exclude_unset=True, exclude_none=True)
+        own = getattr(getattr(self, side), joint).model_dump(exclude_unset=True, exclude_none=True)
+        try:
+            condition: JointCondition = _Condition(**merge(common, own)).convert()
+        except ParameterError as error:
+            raise ParameterError(f"{side if own else 'both'}.{joint}.{error}") from error
+        return condition
+
+
+def _condition_document(patient: Patient, side: Side, joint: JointName) -> dict[str, float]:
+    usual = _Condition.document(JointCondition())
+    own = _Condition.document(patient.conditions.get((side, joint), JointCondition()))
+    return {key: value for key, value in own.items() if value != usual[key]}

@@ -1,0 +1,268 @@
+"""How a parameter is declared: once, as an annotated field of a frozen dataclass.
+
+A field says its type, its unit, its range and its default; the docstring of its class says what it means and
+where it comes from. Checks of values, the YAML of experiments and gait tables, their JSON Schema and the
+reference pages are made from that.
+
+>>> @dataclass(frozen=True, kw_only=True)
+... class Spring(Parameters):
+...     stiffness: Annotated[RotaryStiffness, NOT_NEGATIVE] = 75.0
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import math
+import re
+import types
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
+
+from twin_gait.parameters.checks import require
+
+DEGREE = math.pi / 180.0
+
+
+class Unit:
+    """Units in which a file may give a quantity.
+
+    Attributes:
+        factors: SI value of one unit, by the end of the key; the unit of SI first.
+    """
+
+    def __init__(self, si: str, **others: float) -> None:
+        """Take the unit of SI and what others are in it."""
+        self.factors: Mapping[str, float] = {si: 1.0, **others}
+
+
+@dataclass(frozen=True)
+class Range:
+    """Range of a number.
+
+    Attributes:
+        least: Least value.
+        most: Largest value.
+        above: Whether the least value itself is outside.
+        words: What is expected, for messages; made from the numbers where empty.
+        endless: Whether infinity is meant, too: a time that never comes, ``null`` in a file.
+    """
+
+    least: float = -math.inf
+    most: float = math.inf
+    above: bool = False
+    words: str = ""
+    endless: bool = False
+
+    def holds(self, value: float) -> bool:
+        """Whether a value lies within."""
+        inside = self.least < value <= self.most if self.above else self.least <= value <= self.most
+        return inside and (self.endless or math.isfinite(value))
+
+    @property
+    def expected(self) -> str:
+        """What is expected, in words."""
+        if self.words:
+            return self.words
+        if math.isfinite(self.most):
+            return f"a number from {self.least:g} to {self.most:g}"
+        if math.isinf(self.least):
+            return "a finite number"
+        return f"a number above {self.least:g}" if self.above else f"a number of {self.least:g} or more"
+
+
+POSITIVE, NOT_NEGATIVE, SHARE = Range(0.0, above=True), Range(0.0), Range(0.0, 1.0)
+FINITE, COUNT = Range(), Range(1, words="a whole number above 0")
+LATER = Range(0.0, endless=True)
+
+
+@dataclass(frozen=True)
+class Key:
+    """Name of a field in a file, without its unit, where that is another."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Notation:
+    """A value that a file writes as a text, for example ``encoder_freeze:left_knee@4.2s``.
+
+    Attributes:
+        read: From the text to the value, whose ``str`` is the text.
+        shape: In words.
+    """
+
+    read: Callable[[str], Any]
+    shape: str
+
+
+@dataclass(frozen=True)
+class Named:
+    """Names that the keys of a mapping may have."""
+
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class UnitInside:
+    """A mapping whose unit stands behind each of its keys, ``{hip_deg: 18}``, instead of its own."""
+
+
+@dataclass(frozen=True)
+class AsInFile:
+    """A field of which a file says more than its type: its section has a reader of its own."""
+
+
+# Quantities by what they measure. A file may give them in any of the units.
+Angle = Annotated[float, Unit("rad", deg=DEGREE)]
+AngularVelocity = Annotated[float, Unit("rad_per_s", deg_per_s=DEGREE)]
+Acceleration = Annotated[float, Unit("m_per_s2")]
+AngularAcceleration = Annotated[float, Unit("rad_per_s2")]
+BitRate = Annotated[float, Unit("bit_per_s", kbit_per_s=1e3)]
+Current = Annotated[float, Unit("A")]
+Drift = Annotated[float, Unit("", ppm=1e-6)]
+Energy = Annotated[float, Unit("J")]
+Frequency = Annotated[float, Unit("Hz")]
+HertzStiffness = Annotated[float, Unit("N_per_m1p5")]
+Inertia = Annotated[float, Unit("kgm2")]
+Length = Annotated[float, Unit("m")]
+LinearDamping = Annotated[float, Unit("Ns_per_m")]
+LinearDissipation = Annotated[float, Unit("s_per_m")]
+LinearStiffness = Annotated[float, Unit("N_per_m")]
+Mass = Annotated[float, Unit("kg")]
+PerAngle = Annotated[float, Unit("per_rad")]
+Power = Annotated[float, Unit("W")]
+Ratio = Annotated[float, Unit("")]
+Resistance = Annotated[float, Unit("Ohm")]
+RotaryDamping = Annotated[float, Unit("Nms_per_rad", Nms_per_deg=1.0 / DEGREE)]
+RotaryDissipation = Annotated[float, Unit("s_per_rad")]
+RotaryStiffness = Annotated[float, Unit("Nm_per_rad", Nm_per_deg=1.0 / DEGREE)]
+Speed = Annotated[float, Unit("m_per_s", km_per_h=1.0 / 3.6)]
+Time = Annotated[float, Unit("s", ms=1e-3)]
+ShortTime = Annotated[float, Unit("s", ms=1e-3, us=1e-6)]
+Torque = Annotated[float, Unit("Nm")]
+TorqueConstant = Annotated[float, Unit("Nm_per_A")]
+Voltage = Annotated[float, Unit("V")]
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """What is said of a parameter.
+
+    Attributes:
+        name: Of the field.
+        kind: Its type without ``None``.
+        optional: Whether it may be None.
+        default: Its default; ``dataclasses.MISSING`` without one.
+        unit: Its units, None for what is no quantity.
+        range: Its range, None for what is no number.
+        key: Its name in a file, without the unit.
+        meaning: From the docstring of its class, in one line.
+        marks: What else is said of it.
+    """
+
+    name: str
+    kind: Any
+    optional: bool
+    default: Any
+    unit: Unit | None
+    range: Range | None
+    key: str
+    meaning: str
+    marks: tuple[Any, ...]
+
+    @property
+    def keys(self) -> Mapping[str, float]:
+        """Keys in a file, with their unit in SI."""
+        factors = {"": 1.0} if self.unit is None else self.unit.factors
+        return {f"{self.key}_{end}" if end else self.key: factor for end, factor in factors.items()}
+
+    def mark(self, kind: type[Any]) -> Any:
+        """A mark of a kind, or None."""
+        return next((item for item in self.marks if isinstance(item, kind)), None)
+
+    def check(self, value: Any) -> None:
+        """Raise a :class:`~twin_gait.exceptions.ParameterError` unless a value is within the range."""
+        if self.range is None or (value is None and self.optional):
+            return
+        if isinstance(value, Mapping):
+            for name, item in value.items():
+                place = name if isinstance(name, str) else " ".join(name)
+                require(self.range.holds(item), f"{self.name} of the {place}", self.range.expected, item)
+            return
+        whole = self.kind is not int or isinstance(value, int)
+        require(whole and self.range.holds(value), self.name, self.range.expected, value)
+
+
+class Parameters:
+    """Base of frozen dataclasses of parameters: what their fields declare is checked when one is made."""
+
+    kind: ClassVar[str] = ""  # what a file calls it where there are several kinds
+    tag: ClassVar[str] = "kind"  # the key under which the kind is named
+    implied: ClassVar[bool] = False  # the kind that is meant where none is named
+
+    def __post_init__(self) -> None:
+        """Check the ranges."""
+        kind: Any = type(self)
+        for item in declarations(kind):
+            item.check(getattr(self, item.name))
+
+
+@cache
+def declarations(parameters: type[Any]) -> tuple[Declaration, ...]:
+    """What a dataclass declares of its fields, in their order."""
+    hints, meanings = get_type_hints(parameters, include_extras=True), _meanings(parameters)
+    return tuple(
+        _declaration(item, hints[item.name], meanings.get(item.name, ""))
+        for item in dataclasses.fields(parameters)
+    )
+
+
+def _declaration(item: dataclasses.Field[Any], hint: Any, meaning: str) -> Declaration:
+    kind, marks = hint, []
+    optional = False
+    while True:
+        if get_origin(kind) is Annotated:
+            kind, *more = get_args(kind)
+            marks += more
+        elif get_origin(kind) in (Union, types.UnionType) and type(None) in get_args(kind):
+            optional = True
+            kind = Union[tuple(one for one in get_args(kind) if one is not type(None))]  # noqa: UP007
+        else:
+            break
+    numbers = kind
+    if get_origin(kind) is not None and get_args(kind) and get_origin(kind) is not Union:
+        numbers = get_args(kind)[-1]
+        if get_origin(numbers) is Annotated:
+            numbers, *more = get_args(numbers)
+            marks += more
+    unit = next((mark for mark in marks if isinstance(mark, Unit)), None)
+    bounds = next((mark for mark in marks if isinstance(mark, Range)), None)
+    if bounds is None and numbers in (float, int) and get_origin(kind) is not tuple:
+        bounds = FINITE
+    key = next((mark.name for mark in marks if isinstance(mark, Key)), item.name)
+    default = item.default if item.default_factory is dataclasses.MISSING else item.default_factory()
+    return Declaration(item.name, kind, optional, default, unit, bounds, key, meaning, tuple(marks))
+
+
+_ENTRY = re.compile(r"^(\w+): (.*)$")
+
+
+def _meanings(parameters: type[Any]) -> dict[str, str]:
+    """Meaning of each field: the section ``Attributes`` of the docstrings of a class and its bases."""
+    found: dict[str, str] = {}
+    for kind in reversed(parameters.__mro__):
+        lines = inspect.cleandoc(kind.__doc__ or "").partition("Attributes:\n")[2].splitlines()
+        name = ""
+        for line in lines:
+            entry = _ENTRY.match(line[4:]) if line.startswith("    ") and line[4:5] != " " else None
+            if entry:
+                name = entry.group(1)
+                found[name] = entry.group(2)
+            elif name and line.startswith("        "):
+                found[name] += f" {line.strip()}"
+            else:
+                name = ""
+    return found
