@@ -179,8 +179,10 @@ def starting_pairs(case: CheckCase) -> list[Pair]:
     """
     table = case.table
     scenario = None if case.experiment is None else case.experiment.scenario
-    if isinstance(scenario, Treadmill) and set(scenario.initial_phases) <= set(table.phases):
-        return [scenario.initial_phases]
+    if isinstance(scenario, Treadmill):
+        phases = scenario.leading_phase, scenario.trailing_phase
+        if set(phases) <= set(table.phases):
+            return [phases]
     first = table.phase_names[0]
     return [(first, phase) for phase in table.phases if not table.is_swing(phase)] or [(first, first)]
 

@@ -12,7 +12,6 @@ from typing import Any
 
 import yaml
 
-from twin_gait.configuration.experiment_file import LegEntry
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION
 from twin_gait.configuration.readers import section_of
 from twin_gait.experiment import Experiment
@@ -136,30 +135,14 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
     Returns:
         The mapping; reading it gives an equal experiment.
     """
-    written = {
-        "integration": experiment.integration,
-        "network": experiment.network,
-        "patient": experiment.patient,
-        "interface": experiment.interface,
-        "scenario": experiment.scenario,
-        "control": experiment.control,
-        "plant": experiment.plant,
-        "sensors": experiment.sensors,
-    }
-    sections = {
-        key: section_of(type(item)).document(item) for key, item in written.items() if item is not None
-    }
-    kinds = {"interface": "brace", "network": "can"}
+    document = section_of(Experiment).document(experiment)
+    if experiment.network is None:
+        del document["network"]
+    faults = document.pop("faults")
     return {
         "schema_version": SCHEMA_VERSION,
-        "name": experiment.name,
-        "duration_s": experiment.duration,
-        "engine": str(experiment.engine),
-        "seed": experiment.seed,
-        **({"faults": [str(item) for item in experiment.faults]} if experiment.faults else {}),
-        "patient": None,
-        "interface": {"kind": "rigid"},
-        **{key: ({"kind": kinds[key]} if key in kinds else {}) | item for key, item in sections.items()},
-        "leg": LegEntry.document(experiment.leg),
+        **document,
+        **({"faults": faults} if faults else {}),
+        "patient": document.get("patient"),
         "table": table_document(experiment.table),
     }

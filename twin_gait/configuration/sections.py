@@ -6,12 +6,10 @@ or null, keeps what is underneath: the default of the parameters that the sectio
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import types
 from collections.abc import Mapping
 from dataclasses import MISSING, replace
-from enum import StrEnum
 from functools import reduce
 from operator import or_
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin
@@ -23,35 +21,51 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.parameters.quantities import (
     AsInFile,
     Declaration,
+    Inline,
     Named,
     Notation,
     Parameters,
     UnitInside,
+    Word,
     declarations,
 )
 
-_WORDS = {"gt": "exclusiveMinimum", "ge": "minimum", "le": "maximum"}  # of a JSON Schema
-_PLAIN = {float: Number, int: Count, bool: bool, str: str}
-# A time that never comes is no number of YAML: null stands for it.
+_PLAIN = {float: Number, int: Count}
 _ENDLESS = AfterValidator(lambda value: math.inf if value is None else value)
+_WORDS = {"gt": "exclusiveMinimum", "ge": "minimum", "le": "maximum"}  # of a JSON Schema
 
 
 class Section(Strict):
     """A section whose keys are the declared fields of a frozen dataclass with their units.
 
     Subclasses are made by :func:`section_of`; a field that is :class:`AsInFile` is read and written by the
-    class that :data:`READERS` has for its dataclass.
+    class that is registered with :func:`reads`.
     """
 
     parameters: ClassVar[type[Any]]
     bounded: ClassVar[bool] = False  # whether values out of range are refused at the key, before all others
 
-    def given(self, keys: Mapping[str, float]) -> tuple[str, Any] | None:
-        """The one of the keys of a quantity that is given, with its value; None if none is."""
+    def value_of(self, item: Declaration, beneath: Any, *, named: bool = True) -> Any:
+        """Value of a field in SI; ``MISSING`` where none is given.
+
+        Args:
+            item: What is declared of it.
+            beneath: What it is laid over.
+            named: Whether its key stands in front of what is wrong inside it.
+        """
+        if item.mark(AsInFile):
+            return MISSING
+        form, keys = form_of(item), item.keys
+        if item.mark(Inline):
+            given: Any = {key: getattr(self, key) for key in form.keys if key in self.model_fields_set}
+            return form.read_keys(given, beneath)
         found = [key for key in keys if key in self.model_fields_set and getattr(self, key) is not None]
         if len(found) > 1:
             raise ParameterError(f"expected exactly one of {' or '.join(keys)}, got {found}")
-        return (found[0], getattr(self, found[0])) if found else None
+        if not found:
+            return MISSING
+        key = found[0] if named else ""
+        return within(key, form.read, getattr(self, found[0]), keys[found[0]], beneath)
 
     def values(self, default: Any = None) -> dict[str, Any]:
         """Fields that are given, in SI.
@@ -61,12 +75,9 @@ class Section(Strict):
         """
         found = {}
         for item in declarations(self.parameters):
-            given = None if item.mark(AsInFile) else self.given(item.keys)
-            if given is not None:
-                key, value = given
-                beneath = item.default if default is None else getattr(default, item.name)
-                found[item.name] = _converted(item, key, value, None if beneath is MISSING else beneath)
-        return found
+            beneath = item.default if default is None else getattr(default, item.name)
+            found[item.name] = self.value_of(item, None if beneath is MISSING else beneath)
+        return {name: value for name, value in found.items() if value is not MISSING}
 
     def convert(self, default: Any = None) -> Any:
         """The parameters in SI.
@@ -85,182 +96,285 @@ class Section(Strict):
     @classmethod
     def document(cls, parameters: Any) -> dict[str, Any]:
         """Parameters as the mapping of a file, in SI; reading it gives the same."""
-        tag = () if cls.parameters.implied or not cls.parameters.kind else (cls.parameters.tag,)
-        found: dict[str, Any] = dict.fromkeys(tag, cls.parameters.kind)
+        named = cls.parameters.kind and not cls.parameters.implied
+        found: dict[str, Any] = {cls.parameters.tag: cls.parameters.kind} if named else {}
         for item in declarations(cls.parameters):
             value = getattr(parameters, item.name)
-            if not item.mark(AsInFile) and (value is not None or not item.optional):
-                found[next(iter(item.keys))] = _plain(item, value)
+            if item.mark(Inline):
+                found |= form_of(item).write(value)
+            elif not item.mark(AsInFile) and (value is not None or item.mark(Word)):
+                found[next(iter(item.keys))] = form_of(item).write(value)
         return found
 
 
-# Sections with keys beside those of the declared fields.
-READERS: dict[type[Any], type[Section]] = {}
+def within(key: str, read: Any, *arguments: Any) -> Any:
+    """What a function gives; in front of what it complains about stands a key."""
+    try:
+        return read(*arguments)
+    except ParameterError as error:
+        joint = "" if not key or str(error).startswith("[") else "."
+        raise ParameterError(f"{key}{joint}{error}") from error
+
+
+# ------------------------------------------------------------------ how values stand in a file
+
+
+class Form:
+    """How a number, a word or a truth value stands in a file."""
+
+    def __init__(self, kind: Any) -> None:
+        """Take what pydantic checks a value against."""
+        self.kind = kind
+
+    def read(self, value: Any, factor: float, beneath: Any) -> Any:
+        """A value in SI.
+
+        Args:
+            value: As pydantic has checked it.
+            factor: SI value of the unit of its key.
+            beneath: What it is laid over.
+        """
+        return value if factor == 1.0 else factor * value
+
+    def write(self, value: Any) -> Any:
+        """A value as YAML holds it, in SI."""
+        if isinstance(value, float) and math.isinf(value):
+            return None  # a time that never comes is no number of YAML
+        return str(value) if isinstance(value, str) else value
+
+
+class ListForm(Form):
+    """A list of texts, each the notation of a value or the value itself."""
+
+    def __init__(self, notation: Notation | None) -> None:
+        """Take the notation, if there is one."""
+        super().__init__(tuple[str, ...])
+        self._notation = notation
+
+    def read(self, value: Any, factor: float, beneath: Any) -> Any:
+        """The values."""
+        if self._notation is None:
+            return value
+        return tuple(_noted(self._notation, number, text) for number, text in enumerate(value))
+
+    def write(self, value: Any) -> Any:
+        """The texts."""
+        return [str(item) for item in value]
+
+
+def _noted(notation: Notation, number: int, text: str) -> Any:
+    try:
+        return notation.read(text)
+    except ParameterError as error:
+        raise ParameterError(f"[{number}]: {error}") from error
+
+
+class SectionForm(Form):
+    """A section of one of some kinds, told apart by their tag; the first may be implied."""
+
+    def __init__(self, kinds: tuple[type[Any], ...]) -> None:
+        """Take the classes of the parameters."""
+        tag, first = kinds[0].tag, kinds[0]
+
+        def with_tag(value: Any) -> Any:
+            return {tag: first.kind, **value} if isinstance(value, Mapping) and first.implied else value
+
+        sections = [section_of(kind) for kind in kinds]
+        several = Annotated[reduce(or_, sections), Field(discriminator=tag), BeforeValidator(with_tag)]  # type: ignore[valid-type]
+        super().__init__(several if len(kinds) > 1 else sections[0])
+
+    def read(self, value: Any, factor: float, beneath: Any) -> Any:
+        """The parameters."""
+        return value.convert(beneath)
+
+    def write(self, value: Any) -> Any:
+        """The section."""
+        return section_of(type(value)).document(value)
+
+
+class WordForm(SectionForm):
+    """A section, or a word for it or for its absence; ``kind`` has that word inside the section."""
+
+    def __init__(self, parameters: type[Any], word: Word) -> None:
+        """Take the class of the parameters and the words."""
+        self._word, choices = word, Literal[word.without, word.kind]  # type: ignore[name-defined]
+        model = create_model(parameters.__name__, __base__=section_of(parameters), kind=(choices, ...))
+        model.parameters, self._standard = parameters, parameters()
+
+        def as_mapping(value: Any) -> Any:
+            if isinstance(value, str):
+                return {"kind": value}
+            if not isinstance(value, Mapping):
+                kinds = f"{word.without}, {word.kind}"
+                raise ValueError(f"expected {kinds} or a mapping with a kind, got {value!r}")
+            return {"kind": word.kind, **value} if word.implied else value
+
+        def alone(section: Any) -> Any:
+            given = sorted(section.model_fields_set - {"kind"})
+            if section.kind == word.without and given:
+                raise ValueError(
+                    f"{word.without} has no {given[0]}: set kind to {word.kind}, or it all to {word.without}"
+                )
+            return section
+
+        self.kind = Annotated[model, BeforeValidator(as_mapping), AfterValidator(alone)]
+
+    def read(self, value: Any, factor: float, beneath: Any) -> Any:
+        """The parameters, or None."""
+        return None if value.kind == self._word.without else value.convert(self._standard)
+
+    def write(self, value: Any) -> Any:
+        """The section."""
+        if value is None:
+            return {"kind": self._word.without}
+        return {"kind": self._word.kind, **super().write(value)}
+
+
+class MappingForm(Form):
+    """A value by name, each with a unit of its own if the mapping has none."""
+
+    def __init__(self, item: Declaration, kind: Any) -> None:
+        """Take the declaration, and the mapping itself or one inside it."""
+        names, inner = get_args(kind)
+        named = item.mark(Named)
+        self._names = dict.fromkeys(named.names) if named else {str(name): name for name in names}
+        self.inner = _form(item, inner)
+        ends = item.unit.factors if item.unit and item.mark(UnitInside) else {"": 1.0}
+        ends = {"": 1.0} if isinstance(self.inner, MappingForm) else ends
+        self.keys = {
+            f"{name}_{end}" if end else name: (name, factor)
+            for name in self._names
+            for end, factor in ends.items()
+        }
+        self._sparse = named is not None  # what is zero is not kept
+        fields: dict[str, Any] = {key: (Union[self.inner.kind, None], None) for key in self.keys}  # noqa: UP007
+        groups = [[f"{name}_{end}" for end in ends] for name in self._names if len(ends) > 1]
+        model = create_model(f"{item.name}_by_name", __base__=Strict, **fields)
+        super().__init__(_with_schema(model, groups))
+
+    def read(self, value: Any, factor: float, beneath: Any) -> Any:
+        """What is given by name, laid over what is beneath."""
+        given = {key: getattr(value, key) for key in self.keys if key in value.model_fields_set}
+        return self.read_keys(given, beneath, factor)
+
+    def read_keys(self, given: Mapping[str, Any], beneath: Any, factor: float = 1.0) -> Any:
+        """As :meth:`read`, of what stands under the keys."""
+        found = {}
+        for key, value in given.items():
+            name, own = self.keys[key]
+            place = self._names[name] or name
+            if place in found:
+                raise ParameterError(f"expected {name} in one unit, got two")
+            if value is not None and not (self._sparse and value == 0.0):
+                under = (beneath or {}).get(place)
+                found[place] = within(name, self.inner.read, value, factor * own, under)
+        both = {**(beneath or {}), **found}
+        return {place: both[place] for place in (*self._places, *both) if place in both}
+
+    @property
+    def _places(self) -> list[Any]:
+        return [place or name for name, place in self._names.items()]
+
+    def write(self, value: Any) -> Any:
+        """The mapping in SI."""
+        first = {name: key for key, (name, factor) in self.keys.items() if factor == 1.0}
+        return {first[str(name)]: self.inner.write(item) for name, item in value.items()}
+
+
+def form_of(item: Declaration) -> Any:
+    """How the values of a field stand in a file."""
+    if item not in _forms:
+        _forms[item] = _form(item, item.kind)
+    return _forms[item]
+
+
+def _form(item: Declaration, kind: Any) -> Form:
+    while get_origin(kind) is Annotated:
+        kind = get_args(kind)[0]
+    origin = get_origin(kind)
+    if origin is tuple:
+        return ListForm(item.mark(Notation))
+    if origin in (Union, types.UnionType):
+        return SectionForm(get_args(kind))
+    if isinstance(origin, type) and issubclass(origin, Mapping):
+        return MappingForm(item, kind)
+    if isinstance(kind, type) and issubclass(kind, Parameters):
+        word = item.mark(Word)
+        return WordForm(kind, word) if word else SectionForm((kind,))
+    return Form(_PLAIN.get(kind, kind))
+
+
+_forms: dict[Declaration, Form] = {}
+
+
+# ------------------------------------------------------------------ sections made from declarations
 
 
 def reads(parameters: type[Any]) -> Any:
-    """Make a class the base of the section of some parameters."""
+    """Make a class the base of the section of some parameters, for keys beside those of declared fields."""
 
     def register(section: type[Section]) -> type[Section]:
-        READERS[parameters] = section
+        _readers[parameters] = section
         return section
 
     return register
 
 
-def section_of(parameters: type[Any]) -> type[Section]:
-    """The section of a dataclass of parameters."""
-    if parameters not in _known:
-        base = next((READERS[kind] for kind in parameters.__mro__ if kind in READERS), Section)
-        keys: dict[str, Any] = {}
-        if parameters.kind:
-            keys[parameters.tag] = (Literal[parameters.kind], parameters.kind)  # type: ignore[name-defined]
-        groups = []
-        for item in declarations(parameters):
-            if not item.mark(AsInFile):
-                keys |= {key: _field(item, factor, base.bounded) for key, factor in item.keys.items()}
-                groups += [list(item.keys)] if len(item.keys) > 1 else []
-        model = create_model(parameters.__name__, __base__=base, __module__=__name__, **keys)
-        model.parameters = parameters
-        model.__doc__ = (parameters.__doc__ or "").splitlines()[0]
-        model.model_config = ConfigDict(**Strict.model_config, json_schema_extra=one_unit_each(groups))
-        model.model_rebuild(force=True)
-        _known[parameters] = model
-    return _known[parameters]
-
-
+_readers: dict[type[Any], type[Section]] = {}
 _known: dict[type[Any], type[Section]] = {}
 
 
-def one_unit_each(groups: list[list[str]]) -> Any:
-    """For a JSON Schema: of the keys of a quantity in several units one at most."""
+def section_of(parameters: type[Any]) -> type[Section]:
+    """The section of a dataclass of parameters."""
+    if parameters not in _known:
+        base = next((_readers[kind] for kind in parameters.__mro__ if kind in _readers), Section)
+        fields: dict[str, Any] = {}
+        if parameters.kind:
+            fields[parameters.tag] = (Literal[parameters.kind], parameters.kind)  # type: ignore[name-defined]
+        groups = []
+        for item in declarations(parameters):
+            if item.mark(Inline):
+                fields |= {key: (Union[form_of(item).inner.kind, None], None) for key in form_of(item).keys}  # noqa: UP007
+            elif not item.mark(AsInFile):
+                fields |= {key: _field(item, factor, base.bounded) for key, factor in item.keys.items()}
+                groups += [list(item.keys)] if len(item.keys) > 1 else []
+        model = create_model(parameters.__name__, __base__=base, **fields)
+        model.parameters = parameters
+        model.__doc__ = (parameters.__doc__ or "").splitlines()[0]
+        _known[parameters] = _with_schema(model, groups)
+    return _known[parameters]
+
+
+def _with_schema(model: Any, groups: list[list[str]]) -> Any:
+    """A model whose JSON Schema says that of the keys of a quantity in several units one at most is given."""
     pairs = [[first, second] for keys in groups for n, first in enumerate(keys) for second in keys[n + 1 :]]
-    return {"allOf": [{"not": {"required": pair}} for pair in pairs]} if pairs else {}
+    said: Any = {"allOf": [{"not": {"required": pair}} for pair in pairs]} if pairs else {}
+    model.model_config = ConfigDict(**{**Strict.model_config, "json_schema_extra": said})
+    model.model_rebuild(force=True)
+    return model
 
 
 def _field(item: Declaration, factor: float, bounded: bool) -> tuple[Any, Any]:
     """Type of a key, with its default and what a JSON Schema says of it."""
-    single = len(item.keys) == 1 and item.default is not MISSING and item.kind in _PLAIN
-    endless = item.range is not None and item.range.endless
-    kind = _annotation(item, item.kind)
-    if not single or item.default is None or endless:
-        kind = kind | None if isinstance(kind, type) else Union[kind, None]  # noqa: UP007
-    if endless:
-        kind = Annotated[kind, _ENDLESS]
-    extra: dict[str, Any] = {}
-    bounds = item.range
-    default = item.default if single else None
-    if item.default is MISSING and item.unit is None and not item.optional:
-        default = ...
-    if bounds is not None and item.kind in (int, float):
-        if math.isfinite(bounds.least):
-            extra["gt" if bounds.above else "ge"] = bounds.least / factor
-        if math.isfinite(bounds.most):
-            extra["le"] = bounds.most / factor
+    plain = not isinstance(item.default, (Mapping, Parameters, tuple)) and len(item.keys) == 1
+    default = item.default if plain and item.default is not MISSING else None
+    kind = form_of(item).kind
+    if item.range is not None and item.range.endless:
+        kind = Annotated[
+            Union[kind, None], AfterValidator(lambda value: math.inf if value is None else value)
+        ]  # noqa: UP007
+    elif default is None and not (item.unit is None and item.default is MISSING and not item.optional):
+        kind = Union[kind, None]  # noqa: UP007
+    else:
+        default = default if item.default is not MISSING else ...
+    limits: dict[str, float] = {}
+    if item.range is not None and item.kind in (int, float):
+        if math.isfinite(item.range.least):
+            limits["gt" if item.range.above else "ge"] = item.range.least / factor
+        if math.isfinite(item.range.most):
+            limits["le"] = item.range.most / factor
+    meaning = item.meaning or None
     if bounded:
-        return kind, Field(default, description=item.meaning or None, **extra)
-    said = {_WORDS[name]: value for name, value in extra.items()}
-    return kind, Field(default, description=item.meaning or None, json_schema_extra=said or None)
-
-
-def _annotation(item: Declaration, kind: Any) -> Any:
-    """What pydantic checks a value against."""
-    if get_origin(kind) is Annotated:
-        kind = get_args(kind)[0]
-    if get_origin(kind) in (Union, types.UnionType):
-        return one_of_kinds(get_args(kind))
-    if get_origin(kind) is tuple:
-        return tuple[str, ...]
-    if isinstance(get_origin(kind), type) and issubclass(get_origin(kind), Mapping):
-        names, inner = get_args(kind)
-        marked = item.mark(Named)
-        known = marked.names if marked else tuple(str(name) for name in names)
-        fields: dict[str, Any] = {}
-        ends = item.unit.factors if item.mark(UnitInside) and item.unit else {"": 1.0}
-        for name in known:
-            for end in ends:
-                fields[f"{name}_{end}" if end else name] = (Union[_annotation(item, inner), None], None)  # noqa: UP007
-        groups = [[f"{name}_{end}" for end in ends] for name in known] if len(ends) > 1 else []
-        model = create_model(f"{item.name.title()}Mapping", __base__=Strict, __module__=__name__, **fields)
-        model.model_config = ConfigDict(**Strict.model_config, json_schema_extra=one_unit_each(groups))
-        return model
-    if isinstance(kind, type) and dataclasses.is_dataclass(kind) and issubclass(kind, Parameters):
-        return section_of(kind)
-    return _PLAIN.get(kind, kind)
-
-
-def one_of_kinds(kinds: tuple[type[Any], ...]) -> Any:
-    """One of several sections, told apart by their tag; where the first is implied, it need not be named."""
-    tag, first = kinds[0].tag, kinds[0]
-
-    def with_tag(value: Any) -> Any:
-        return {tag: first.kind, **value} if isinstance(value, Mapping) and first.implied else value
-
-    return Annotated[
-        reduce(or_, (section_of(kind) for kind in kinds)), Field(discriminator=tag), BeforeValidator(with_tag)
-    ]
-
-
-def _converted(item: Declaration, key: str, value: Any, beneath: Any) -> Any:
-    """A value of a file in SI."""
-    unit = item.keys.get(key, 1.0)
-    try:
-        if isinstance(value, Section):
-            return value.convert(beneath)
-        if notation := item.mark(Notation):
-            return tuple(_noted(notation, index, text) for index, text in enumerate(value))
-    except ParameterError as error:
-        place = str(error) if str(error).startswith("[") else f".{error}"
-        raise ParameterError(f"{key}{place}") from error
-    if isinstance(value, Strict):
-        return {**(beneath or {}), **_by_name(item, key, value, unit, beneath or {})}
-    return value if unit == 1.0 or isinstance(value, (bool, str)) else value * unit
-
-
-def _noted(notation: Notation, index: int, text: str) -> Any:
-    try:
-        return notation.read(text)
-    except ParameterError as error:
-        raise ParameterError(f"[{index}]: {error}") from error
-
-
-def _by_name(
-    item: Declaration, key: str, given: Strict, unit: float, beneath: Mapping[Any, Any]
-) -> dict[Any, Any]:
-    """What a mapping has for each name, in SI."""
-    names, _ = get_args(item.kind)
-    found = {}
-    for written in given.model_fields_set:
-        value, name, factor = getattr(given, written), written, unit
-        if value is None or (item.mark(Named) and value == 0.0):
-            continue
-        if item.mark(UnitInside) and item.unit:
-            name, factor = next(
-                (written.removesuffix(f"_{end}"), own)
-                for end, own in item.unit.factors.items()
-                if written.endswith(f"_{end}")
-            )
-        place = names(name) if issubclass(names, StrEnum) else name
-        try:
-            found[place] = (
-                value.convert(beneath.get(place))
-                if isinstance(value, Section)
-                else (value if factor == 1.0 else factor * value)
-            )
-        except ParameterError as error:
-            raise ParameterError(f"{key}.{name}.{error}") from error
-    return {name: found[name] for name in (*beneath, *found) if name in found} if beneath else found
-
-
-def _plain(item: Declaration, value: Any) -> Any:
-    """A value as YAML holds it."""
-    if isinstance(value, Parameters):
-        return section_of(type(value)).document(value)
-    if isinstance(value, Mapping):
-        end = f"_{next(iter(item.unit.factors))}" if item.mark(UnitInside) and item.unit else ""
-        return {f"{name}{end}": _plain(item, inner) for name, inner in value.items()}
-    if isinstance(value, tuple):
-        return [str(inner) if item.mark(Notation) else inner for inner in value]
-    if isinstance(value, str):
-        return str(value)
-    return None if isinstance(value, float) and math.isinf(value) else value
+        return kind, Field(default, description=meaning, **limits)  # type: ignore[arg-type]
+    said: Any = {_WORDS[name]: value for name, value in limits.items()}
+    return kind, Field(default, description=meaning, json_schema_extra=said or None)

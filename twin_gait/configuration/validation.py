@@ -128,7 +128,11 @@ def converting(source: str, key: str, convert: Callable[[], _Result]) -> _Result
     except ParameterFileError:
         raise
     except TwinGaitError as error:
-        raise ParameterFileError(source, key, str(error)) from error
+        text = str(error)
+        if key and text.startswith("["):  # an entry of a list
+            place, _, text = text.partition(": ")
+            key += place
+        raise ParameterFileError(source, key, text) from error
 
 
 def _explain(first: Any, model: type[BaseModel]) -> str:

@@ -22,7 +22,7 @@ from twin_gait.parameters.quantities import (
     NOT_NEGATIVE,
     SHARE,
     Angle,
-    AsInFile,
+    Inline,
     Parameters,
     PerAngle,
     Ratio,
@@ -59,7 +59,7 @@ class AssistanceParameters(Parameters):
         least: α_min (assumption).
     """
 
-    share: Annotated[Mapping[JointName, Ratio], SHARE, AsInFile()] = field(
+    share: Annotated[Mapping[JointName, Ratio], SHARE, Inline()] = field(
         default_factory=lambda: {JointName.HIP: 1.0, JointName.KNEE: 1.0}
     )
     adaptive: bool = False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment.control import ControlParameters
@@ -24,18 +25,20 @@ from twin_gait.parameters import (
     SensorParameters,
     require,
 )
+from twin_gait.parameters.quantities import AsInFile, Notation, Parameters, Range, Time, Word
 from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.worlds.bracing import brace_world, carries, rk4_growth, semi_implicit_euler_growth
-from twin_gait.worlds.faults import Fault, FaultKind, check_faults
+from twin_gait.worlds.faults import Fault, FaultKind, check_faults, parse_fault
 from twin_gait.worlds.treadmill import Treadmill
 from twin_gait.worlds.world import LegSource, World, build_leg_model
 
 # A log keeps about 1 kB a millisecond in memory; an hour of walking is 3 GB.
 LONGEST_RUN = 3600.0  # [s]
+DURATIONS = Range(TICK, LONGEST_RUN, words=f"a number of seconds from {TICK:g} to {LONGEST_RUN:g}")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Experiment:
+class Experiment(Parameters):
     """Everything that a run needs; two runs of equal experiments give equal logs.
 
     Attributes:
@@ -59,35 +62,29 @@ class Experiment:
     name: str
     scenario: Scenario
     leg: LegSource
-    table: GaitTable
-    duration: float = 20.0
+    table: Annotated[GaitTable, AsInFile()]
+    duration: Annotated[Time, DURATIONS] = 20.0
     patient: Patient | None = field(default_factory=Patient)
     control: ControlParameters = field(default_factory=ControlParameters)
     plant: PlantParameters = field(default_factory=PlantParameters)
     sensors: SensorParameters = field(default_factory=SensorParameters)
     integration: Integration | None = None
     engine: Engine = Engine.COMPILED
-    seed: int = 0
-    faults: tuple[Fault, ...] = ()
-    interface: BraceParameters | None = None
-    network: NetworkParameters | None = None
+    seed: Annotated[int, Range(0, words="a whole number of 0 or more")] = 0
+    faults: Annotated[tuple[Fault, ...], Notation(parse_fault, "KIND:SIDE_JOINT@TIMEs")] = ()
+    interface: Annotated[BraceParameters | None, Word("rigid", "brace")] = None
+    network: Annotated[NetworkParameters | None, Word("ideal", "can", implied=True)] = None
 
     def __post_init__(self) -> None:
-        """Check the duration, the joints of the table, the seed and the faults."""
-        require(
-            math.isfinite(self.duration) and TICK <= self.duration <= LONGEST_RUN,
-            "duration",
-            f"a number of seconds from {TICK:g} to {LONGEST_RUN:g}",
-            self.duration,
-        )
-        require(self.seed >= 0, "seed", "a whole number of 0 or more", self.seed)
+        """Check the ranges, the joints of the table and the faults."""
+        super().__post_init__()
         if tuple(self.table.joints) != (JointName.HIP, JointName.KNEE):
             raise ParameterError(
                 f"gait table {self.table.name!r} is for {', '.join(self.table.joints)}; "
                 "this device drives hip, knee"
             )
         check_faults(self.faults, self.leg.legs, isinstance(self.scenario, Treadmill), self.duration)
-        for side in {side for side, _ in self.sensors.offset}:
+        for side in self.sensors.offset:
             require(side in self.leg.legs, "sensors offset", "a leg of the experiment", str(side))
         missing = [item for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
         if missing and not self.control.safety.enabled:

@@ -114,10 +114,10 @@ def starting_on_path(experiment: Experiment) -> Experiment:
     )
 
 
-def _posture(path: Path, start: float) -> tuple[float, float]:
+def _posture(path: Path, start: float) -> dict[JointName, float]:
     before, share = cycle_place(start, len(path.angles))
     hip, knee = path.angles[before] + share * (path.angles[before + 1] - path.angles[before])
-    return float(hip), float(knee)
+    return {JointName.HIP: float(hip), JointName.KNEE: float(knee)}
 
 
 def driven_rows(

@@ -117,7 +117,7 @@ def build_problem(experiment: Experiment) -> Problem:
     sensors = experiment.sensors
     ratio = np.array([experiment.plant.actuators[item.joint].gear_ratio for item in joints])
     counts = sensors.encoder_counts * ratio
-    offset = np.array([sensors.offset.get((item.side, item.joint), 0.0) for item in joints])
+    offset = np.array([sensors.offset.get(item.side, {}).get(item.joint, 0.0) for item in joints])
     return Problem(
         experiment=experiment,
         world=world,

@@ -7,14 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from twin_gait.parameters.checks import require
 from twin_gait.parameters.quantities import (
     COUNT,
     NOT_NEGATIVE,
     POSITIVE,
     SHARE,
     Angle,
-    AsInFile,
     Current,
     Energy,
     Inertia,
@@ -26,9 +24,10 @@ from twin_gait.parameters.quantities import (
     Time,
     Torque,
     TorqueConstant,
+    UnitInside,
     Voltage,
 )
-from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
+from twin_gait.vocabulary import JointName, Side
 
 # Below it a gear that is driven backwards locks itself, and its load does not settle (core.plant.gear_load).
 LEAST_EFFICIENCY = 0.5
@@ -166,15 +165,9 @@ class SensorParameters(Parameters):
     ideal: bool = True
     encoder_counts: Annotated[int, COUNT] = 8192
     angle_noise: Annotated[Angle, NOT_NEGATIVE] = 0.0
-    offset: Annotated[Mapping[tuple[Side, JointName], Angle], OFFSETS, AsInFile()] = field(
+    offset: Annotated[Mapping[Side, Mapping[JointName, Angle]], OFFSETS, UnitInside()] = field(
         default_factory=dict
     )
     fast_time_constant: Annotated[Time, NOT_NEGATIVE] = 0.005
     decimation: Annotated[int, COUNT] = 10
     window: Annotated[int, COUNT] = 10
-
-    def __post_init__(self) -> None:
-        """Check ranges and joints."""
-        super().__post_init__()
-        for side, joint in self.offset:
-            require(joint in MOTOR_JOINTS, f"offset of the {side} {joint}", "a hip or a knee", str(joint))

@@ -111,6 +111,26 @@ class UnitInside:
 
 
 @dataclass(frozen=True)
+class Inline:
+    """A mapping whose names stand beside the keys of the other fields."""
+
+
+@dataclass(frozen=True)
+class Word:
+    """What a file may say by a word instead of a section.
+
+    Attributes:
+        without: Word for None.
+        kind: Word for the parameters, which a section has under ``kind``.
+        implied: Whether a section without a ``kind`` means it.
+    """
+
+    without: str
+    kind: str
+    implied: bool = False
+
+
+@dataclass(frozen=True)
 class AsInFile:
     """A field of which a file says more than its type: its section has a reader of its own."""
 
@@ -147,7 +167,7 @@ TorqueConstant = Annotated[float, Unit("Nm_per_A")]
 Voltage = Annotated[float, Unit("V")]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Declaration:
     """What is said of a parameter.
 
@@ -176,7 +196,8 @@ class Declaration:
     @property
     def keys(self) -> Mapping[str, float]:
         """Keys in a file, with their unit in SI."""
-        factors = {"": 1.0} if self.unit is None else self.unit.factors
+        own = self.unit is not None and not self.mark(UnitInside) and not self.mark(Inline)
+        factors = self.unit.factors if self.unit is not None and own else {"": 1.0}
         return {f"{self.key}_{end}" if end else self.key: factor for end, factor in factors.items()}
 
     def mark(self, kind: type[Any]) -> Any:
@@ -187,13 +208,16 @@ class Declaration:
         """Raise a :class:`~twin_gait.exceptions.ParameterError` unless a value is within the range."""
         if self.range is None or (value is None and self.optional):
             return
+        self._check(value, self.range, self.name)
+
+    def _check(self, value: Any, bounds: Range, name: str) -> None:
         if isinstance(value, Mapping):
-            for name, item in value.items():
-                place = name if isinstance(name, str) else " ".join(name)
-                require(self.range.holds(item), f"{self.name} of the {place}", self.range.expected, item)
+            for place, item in value.items():
+                joined = " " if name.startswith(f"{self.name} of") else " of the "
+                self._check(item, bounds, f"{name}{joined}{place}")
             return
         whole = self.kind is not int or isinstance(value, int)
-        require(whole and self.range.holds(value), self.name, self.range.expected, value)
+        require(whole and bounds.holds(value), name, bounds.expected, value)
 
 
 class Parameters:
@@ -233,18 +257,20 @@ def _declaration(item: dataclasses.Field[Any], hint: Any, meaning: str) -> Decla
         else:
             break
     numbers = kind
-    if get_origin(kind) is not None and get_args(kind) and get_origin(kind) is not Union:
-        numbers = get_args(kind)[-1]
-        if get_origin(numbers) is Annotated:
-            numbers, *more = get_args(numbers)
-            marks += more
+    while get_origin(numbers) is Annotated or _is_mapping(numbers):
+        marks += get_args(numbers)[1:] if get_origin(numbers) is Annotated else ()
+        numbers = get_args(numbers)[0 if get_origin(numbers) is Annotated else -1]
     unit = next((mark for mark in marks if isinstance(mark, Unit)), None)
     bounds = next((mark for mark in marks if isinstance(mark, Range)), None)
-    if bounds is None and numbers in (float, int) and get_origin(kind) is not tuple:
+    if bounds is None and numbers in (float, int):
         bounds = FINITE
     key = next((mark.name for mark in marks if isinstance(mark, Key)), item.name)
     default = item.default if item.default_factory is dataclasses.MISSING else item.default_factory()
     return Declaration(item.name, kind, optional, default, unit, bounds, key, meaning, tuple(marks))
+
+
+def _is_mapping(kind: Any) -> bool:
+    return isinstance(get_origin(kind), type) and issubclass(get_origin(kind), Mapping)
 
 
 _ENTRY = re.compile(r"^(\w+): (.*)$")

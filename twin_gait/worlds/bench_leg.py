@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
 
 import numpy as np
@@ -23,13 +23,13 @@ from twin_gait.parameters.quantities import (
     NOT_NEGATIVE,
     POSITIVE,
     Angle,
-    AsInFile,
     Frequency,
     Key,
     Parameters,
     RotaryDamping,
     RotaryStiffness,
     Time,
+    UnitInside,
 )
 from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.worlds.world import World, build_plant
@@ -66,15 +66,14 @@ class BenchLeg(Parameters):
     """One leg on a stand, stepping in the air.
 
     Attributes:
-        start_angles: Hip and knee at time 0 in [rad].
+        start_angles: Of the joints at time 0 in [rad].
         initial_phase: Phase at time 0; the first of the table if None.
         imposed_motion: Imposed motion, or None.
     """
 
     kind: ClassVar = "bench_leg"
-    start_angles: Annotated[tuple[float, float], Key("start"), AsInFile()] = (
-        math.radians(20.0),
-        math.radians(10.0),
+    start_angles: Annotated[Mapping[JointName, Angle], UnitInside(), Key("start")] = field(
+        default_factory=lambda: {JointName.HIP: math.radians(20.0), JointName.KNEE: math.radians(10.0)}
     )
     initial_phase: Annotated[str | None, Key("start_phase")] = None
     imposed_motion: ImposedMotionParameters | None = None
@@ -110,7 +109,7 @@ class BenchLeg(Parameters):
         require(len(model.legs) == 1, "legs", "one leg on the bench", len(model.legs))
         (side,) = model.sides
         q = np.zeros(model.nv)
-        for joint, angle in zip((JointName.HIP, JointName.KNEE), self.start_angles, strict=True):
+        for joint, angle in self.start_angles.items():
             q[model.index(side, joint)] = angle
         if model.legs[side].ankle is not None:
             q[model.index(side, JointName.ANKLE)] = ankle.rest

@@ -21,7 +21,7 @@ from twin_gait.parameters import (
     SupportParameters,
     require,
 )
-from twin_gait.parameters.quantities import Angle, AsInFile, Key, Parameters, Range, Speed, Time
+from twin_gait.parameters.quantities import Angle, Key, Parameters, Range, Speed, Time, UnitInside
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 from twin_gait.worlds.world import World, build_plant
 
@@ -29,7 +29,6 @@ _DEGREE = math.pi / 180.0
 STEEPEST = math.radians(10.0)  # [rad]; treadmills rise to 15 % (8.5 deg) as a rule
 # A drop of the pelvis by this share of the leg length (hip to sole) at the start counts as a fall.
 FALL_SHARE = 0.75
-Posture = Annotated[tuple[float, float], AsInFile()]  # hip and knee
 SPEEDS = Range(0.0, 2.0, above=True, words="a belt speed above 0 and at most 2 m/s (7.2 km/h)")
 RAMPS = Range(0.0, above=True, endless=True, words="a time above 0")
 SLOPES = Range(-STEEPEST, STEEPEST, words=f"{STEEPEST:.4f} rad (10 deg) at most, up or down")
@@ -53,10 +52,11 @@ class Treadmill(Parameters):
         support: Body-weight support and guide.
         contact: Of heels and toes.
         leading: Leg that starts in front.
-        leading_angles: Hip and knee of the leading leg at the start in [rad], on level ground; on a slope
+        leading_angles: Of the joints of the leading leg at the start in [rad], on level ground; on a slope
             both legs are turned with it about the hips, so that they stand as they would there.
-        trailing_angles: Hip and knee of the trailing leg in [rad].
-        initial_phases: Phases at the start of the leading and the trailing leg.
+        trailing_angles: Of the joints of the trailing leg in [rad].
+        leading_phase: Phase of the leading leg at the start.
+        trailing_phase: Phase of the trailing leg at the start.
     """
 
     kind: ClassVar = "treadmill"
@@ -68,15 +68,14 @@ class Treadmill(Parameters):
     contact: ContactParameters = field(default_factory=ContactParameters)
     leading: Side = Side.LEFT
     # Between two steps of the default walk; both feet reach the belt, and the first swings clear it.
-    leading_angles: Annotated[Posture, Key("leading_start")] = (
-        18.0 * _DEGREE,
-        10.0 * _DEGREE,
+    leading_angles: Annotated[Mapping[JointName, Angle], UnitInside(), Key("leading_start")] = field(
+        default_factory=lambda: {JointName.HIP: 18.0 * _DEGREE, JointName.KNEE: 10.0 * _DEGREE}
     )
-    trailing_angles: Annotated[Posture, Key("trailing_start")] = (
-        -8.0 * _DEGREE,
-        11.0 * _DEGREE,
+    trailing_angles: Annotated[Mapping[JointName, Angle], UnitInside(), Key("trailing_start")] = field(
+        default_factory=lambda: {JointName.HIP: -8.0 * _DEGREE, JointName.KNEE: 11.0 * _DEGREE}
     )
-    initial_phases: Annotated[tuple[str, str], AsInFile()] = ("early_stance", "late_stance")
+    leading_phase: str = "early_stance"
+    trailing_phase: str = "late_stance"
 
     def _belt(self) -> Belt:
         belt = Belt(self.belt_speed, stop_ramp=self.stop_ramp)
@@ -160,12 +159,11 @@ class Treadmill(Parameters):
         phases: dict[Side, str | None] = {}
         for side in model.sides:
             leads = side is self.leading
-            hip, knee = self.leading_angles if leads else self.trailing_angles
-            q[model.index(side, JointName.HIP)] = hip + self.slope
-            q[model.index(side, JointName.KNEE)] = knee
+            for joint, angle in (self.leading_angles if leads else self.trailing_angles).items():
+                q[model.index(side, joint)] = angle + (self.slope if joint is JointName.HIP else 0.0)
             if model.legs[side].ankle is not None:
                 q[model.index(side, JointName.ANKLE)] = ankle.rest
-            phases[side] = self.initial_phases[0 if leads else 1]
+            phases[side] = self.leading_phase if leads else self.trailing_phase
         q[pelvis] = _stand_on_both_feet(model, q, math.tan(self.slope))
         return World(
             model=model,

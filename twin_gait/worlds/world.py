@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated, Literal
 
 import numpy as np
 
@@ -19,12 +20,14 @@ from twin_gait.parameters import (
     FrictionLaw,
     Patient,
     StopParameters,
+    require,
 )
+from twin_gait.parameters.quantities import Inline, Parameters
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 
 @dataclass(frozen=True, kw_only=True)
-class LegSource:
+class LegSource(Parameters):
     """Where the leg model comes from.
 
     Attributes:
@@ -34,10 +37,15 @@ class LegSource:
         up_axis: Vertical axis of the URDF, ``"z"`` or ``"y"``.
     """
 
-    urdf: str
-    legs: Mapping[Side, LegJoints]
+    urdf: str = "twin.urdf"
+    legs: Annotated[Mapping[Side, LegJoints], Inline()] = field(default_factory=dict)
     fit_device: bool = True
-    up_axis: str = "z"
+    up_axis: Literal["y", "z"] = "z"
+
+    def __post_init__(self) -> None:
+        """Check that there is a leg."""
+        super().__post_init__()
+        require(bool(self.legs), "legs", "the joint names of left, right or both legs", "none")
 
 
 @dataclass(frozen=True, kw_only=True)
