@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import yaml
@@ -17,8 +18,8 @@ from twin_gait.configuration.readers import section_of
 from twin_gait.experiment import Experiment
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
 from twin_gait.gait.table import (
-    SCALING_EXPONENTS,
     TICK,
+    Blending,
     DrivenBy,
     GaitTable,
     PhaseParameters,
@@ -52,15 +53,12 @@ def table_document(table: GaitTable) -> dict[str, Any]:
         "name": table.name,
         "description": table.description,
         "joints": list(table.joints),
-        "blending": {"law": str(table.blending.law), "duration_ms": table.blending.duration_ticks},
-        "scaling": _scaling(table),
-        "phases": {name: _phase(phase) for name, phase in table.phases.items()},
+        "blending": section_of(Blending).document(table.blending),
+        "scaling": section_of(Scaling).document(table.scaling),
+        "phases": _phases(table.phases),
         "transitions": [_transition(item) for item in table.transitions],
     }
-    sides = {
-        str(side): {name: _phase(phase) for name, phase in phases.items()}
-        for side, phases in table.side_phases.items()
-    }
+    sides = {str(side): _phases(phases) for side, phases in table.side_phases.items()}
     if table.cycles:
         document["cycles"] = [list(cycle) for cycle in table.cycles]
     if table.waivers:
@@ -68,38 +66,8 @@ def table_document(table: GaitTable) -> dict[str, Any]:
     return {**document, "sides": sides} if sides else document
 
 
-def _scaling(table: GaitTable) -> dict[str, Any]:
-    law = table.scaling
-    document: dict[str, Any] = {"stance_phases": list(law.stance_phases)}
-    if law.carried_mass is not None:
-        document["carried_mass_kg"] = law.carried_mass
-    if law.height is not None:
-        document["height_m"] = law.height
-    if law.speed is not None:
-        document |= {"speed_m_per_s": law.speed}
-    if law.speed is not None or law.height is not None:
-        document["hip_centre_rad"] = law.hip_centre
-    usual = Scaling()
-    for name in SCALING_EXPONENTS:
-        if getattr(law, name) != getattr(usual, name):
-            document[name] = getattr(law, name)
-    return document
-
-
-def _phase(phase: PhaseParameters) -> dict[str, Any]:
-    document: dict[str, Any] = {}
-    for name, joint in phase.joints.items():
-        entry = {"stiffness_Nm_per_rad": joint.stiffness}
-        if joint.damping is not None:
-            entry["damping_Nms_per_rad"] = joint.damping
-        if joint.damping_ratio is not None:
-            entry["damping_ratio"] = joint.damping_ratio
-        entry["equilibrium_rad"] = joint.equilibrium_angle
-        entry["friction_compensation_gain"] = joint.friction_compensation_gain
-        document[name] = entry
-    document["gravity_compensation"] = phase.gravity_compensation
-    document["minimum_duration_ms"] = phase.minimum_ticks
-    return document
+def _phases(phases: Mapping[str, PhaseParameters]) -> dict[str, Any]:
+    return {name: section_of(PhaseParameters).document(phase) for name, phase in phases.items()}
 
 
 def _transition(item: Transition) -> dict[str, Any]:

@@ -25,7 +25,6 @@ from twin_gait.gait.table import (
     LONGEST,
     TICK,
     Blending,
-    BlendingLaw,
     DraftTable,
     DrivenBy,
     GaitTable,
@@ -36,16 +35,20 @@ from twin_gait.gait.table import (
     Waiver,
 )
 from twin_gait.parameters.quantities import declarations
-from twin_gait.vocabulary import GaitPhase, Side
+from twin_gait.vocabulary import GaitPhase, JointName, Side
 
 SCHEMA_VERSION = 1
 
 
-@reads(JointImpedance)
-class JointReader(Section):
-    """Impedance of a joint in a phase: every quantity once."""
+class _Bounded(Section):
+    """What is out of range is refused at its key, before all else."""
 
     bounded: ClassVar = True
+
+
+@reads(JointImpedance)
+class JointReader(_Bounded):
+    """Impedance of a joint in a phase: every quantity once."""
 
     @model_validator(mode="after")
     def _one_unit_each(self) -> JointReader:
@@ -60,14 +63,22 @@ class JointReader(Section):
 
 
 @reads(Scaling)
-class ScalingReader(Section):
-    """Scaling laws."""
+class ScalingReader(_Bounded):
+    """Scaling laws; what is usual is not written."""
 
-    bounded: ClassVar = True
+    @classmethod
+    def document(cls, parameters: Scaling) -> dict[str, Any]:
+        """As the mapping of a file, in SI."""
+        written = super().document
+        usual, own = written(Scaling()), written(parameters)
+        return {key: value for key, value in own.items() if key == "stance_phases" or usual.get(key) != value}
 
 
-_Joint, _ScalingEntry, _WaiverEntry = map(section_of, (JointImpedance, Scaling, Waiver))
-_PHASE_KEYS = ("gravity_compensation", "minimum_duration_ms")
+reads(Blending)(_Bounded)
+reads(PhaseParameters)(_Bounded)
+_Phase, _Blending, _Scaling, _Waiver = (  # sections made from what the classes declare
+    section_of(kind) for kind in (PhaseParameters, Blending, Scaling, Waiver)
+)
 
 
 class TransitionEntry(Strict):
@@ -96,13 +107,6 @@ class TransitionEntry(Strict):
         return self
 
 
-class BlendingEntry(Strict):
-    """Blending of the parameters."""
-
-    law: BlendingLaw = BlendingLaw.MINIMUM_JERK
-    duration_ms: Count = Field(default=60, ge=0, le=2000)
-
-
 class GaitTableFile(Strict):
     """A gait table file."""
 
@@ -110,12 +114,12 @@ class GaitTableFile(Strict):
     name: str | None = None
     description: str = ""
     joints: list[str] = Field(min_length=1)
-    blending: BlendingEntry = BlendingEntry()
-    scaling: _ScalingEntry = _ScalingEntry()
+    blending: _Blending = _Blending()  # type: ignore[valid-type]
+    scaling: _Scaling = _Scaling()  # type: ignore[valid-type]
     phases: dict[str, dict[str, Any]] = Field(min_length=1)
     transitions: list[TransitionEntry]
     cycles: list[list[str]] = Field(default_factory=list)
-    waive: list[_WaiverEntry] = Field(default_factory=list)
+    waive: list[_Waiver] = Field(default_factory=list)  # type: ignore[valid-type]
     sides: dict[Side, dict[str, dict[str, Any]]] = Field(default_factory=dict)
 
 
@@ -157,7 +161,7 @@ def gait_table_from_mapping(
     Raises:
         ParameterFileError: If something is wrong.
     """
-    entry = validate(GaitTableFile, data, source)
+    entry: Any = validate(GaitTableFile, data, source)
     joints = tuple(entry.joints)
     phases = {
         phase: _phase(values, joints, source, f"phases.{phase}") for phase, values in entry.phases.items()
@@ -176,7 +180,7 @@ def gait_table_from_mapping(
     side_phases = {
         side: {
             phase: _phase(
-                _merged(entry, phase, values, source, side), joints, source, f"sides.{side}.{phase}"
+                _on_side(entry, phase, values, source, side), joints, source, f"sides.{side}.{phase}"
             )
             for phase, values in differences.items()
         }
@@ -192,7 +196,7 @@ def gait_table_from_mapping(
             joints=joints,
             phases=phases,
             transitions=transitions,
-            blending=Blending(law=entry.blending.law, duration_ticks=entry.blending.duration_ms),
+            blending=entry.blending.convert(),
             side_phases=side_phases,
             scaling=entry.scaling.convert(),
             description=entry.description,
@@ -202,7 +206,7 @@ def gait_table_from_mapping(
     )
 
 
-def _merged(
+def _on_side(
     entry: GaitTableFile, phase: str, differences: dict[str, Any], source: str, side: Side
 ) -> dict[str, Any]:
     """Lay the differences of one side over the common values of a phase."""
@@ -213,39 +217,20 @@ def _merged(
 
 
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> PhaseParameters:
+    """What a phase sets, of all joints of the table and no others."""
+    others = [name for name in JointName if name not in joints]
     for name in values:
-        if name not in (*joints, *_PHASE_KEYS):
-            reason = unknown_key(name, [*joints, *_PHASE_KEYS])
-            raise ParameterFileError(source, f"{key}.{name}", reason)
+        if name in others:
+            raise ParameterFileError(source, f"{key}.{name}", unknown_key(name, joints))
     for joint in joints:
         if not isinstance(values.get(joint), dict):
             raise ParameterFileError(source, f"{key}.{joint}", "is missing; expected an impedance")
-    entries = {joint: _at(_Joint, values[joint], source, f"{key}.{joint}") for joint in joints}
-    rest = _at(PhaseRest, {name: values[name] for name in _PHASE_KEYS if name in values}, source, key)
-    return converting(
-        source,
-        key,
-        lambda: PhaseParameters(
-            joints={joint: item.convert() for joint, item in entries.items()},
-            gravity_compensation=rest.gravity_compensation,
-            minimum_ticks=rest.minimum_duration_ms,
-        ),
-    )
-
-
-class PhaseRest(Strict):
-    """What a phase has beside its joints."""
-
-    gravity_compensation: Number = Field(default=0.0, ge=0, le=1)
-    minimum_duration_ms: Count = Field(default=0, ge=0)
-
-
-def _at(model: type[Any], data: Any, source: str, key: str) -> Any:
-    """Validate a part of the file, with its place in front of the key."""
     try:
-        return validate(model, data, source)
+        entry: Any = validate(_Phase, values, source)
     except ParameterFileError as error:
         raise ParameterFileError(source, f"{key}.{error.key}".rstrip("."), error.problem) from error
+    phase: PhaseParameters = converting(source, key, entry.convert)
+    return phase
 
 
 def _transition(

@@ -101,7 +101,8 @@ class PatientReader(_Sides):  # type: ignore[misc, valid-type]
             for name, items in zip(SIDES, (both, *own), strict=True):
                 if items:
                     sides[name][str(joint)] = items
-        return super().document(parameters) | {name: joints for name, joints in sides.items() if joints}
+        document: dict[str, Any] = super().document(parameters)
+        return document | {name: joints for name, joints in sides.items() if joints}
 
     def _condition(self, side: Side, joint: JointName) -> JointCondition:
         common = getattr(self.both, joint).model_dump(exclude_unset=True, exclude_none=True)

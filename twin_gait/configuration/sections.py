@@ -197,8 +197,9 @@ class WordForm(SectionForm):
 
     def __init__(self, parameters: type[Any], word: Word) -> None:
         """Take the class of the parameters and the words."""
-        self._word, choices = word, Literal[word.without, word.kind]  # type: ignore[name-defined]
-        model = create_model(parameters.__name__, __base__=section_of(parameters), kind=(choices, ...))
+        choices: Any = Literal[word.without, word.kind]
+        self._word = word
+        model: Any = create_model(parameters.__name__, __base__=section_of(parameters), kind=(choices, ...))
         model.parameters, self._standard = parameters, parameters()
 
         def as_mapping(value: Any) -> Any:
@@ -324,13 +325,13 @@ _readers: dict[type[Any], type[Section]] = {}
 _known: dict[type[Any], type[Section]] = {}
 
 
-def section_of(parameters: type[Any]) -> type[Section]:
+def section_of(parameters: type[Any]) -> Any:
     """The section of a dataclass of parameters."""
     if parameters not in _known:
         base = next((_readers[kind] for kind in parameters.__mro__ if kind in _readers), Section)
         fields: dict[str, Any] = {}
         if parameters.kind:
-            fields[parameters.tag] = (Literal[parameters.kind], parameters.kind)  # type: ignore[name-defined]
+            fields[parameters.tag] = (Literal[parameters.kind], parameters.kind)
         groups = []
         for item in declarations(parameters):
             if item.mark(Inline):
@@ -360,9 +361,7 @@ def _field(item: Declaration, factor: float, bounded: bool) -> tuple[Any, Any]:
     default = item.default if plain and item.default is not MISSING else None
     kind = form_of(item).kind
     if item.range is not None and item.range.endless:
-        kind = Annotated[
-            Union[kind, None], AfterValidator(lambda value: math.inf if value is None else value)
-        ]  # noqa: UP007
+        kind = Annotated[kind | None, AfterValidator(lambda value: math.inf if value is None else value)]
     elif default is None and not (item.unit is None and item.default is MISSING and not item.optional):
         kind = Union[kind, None]  # noqa: UP007
     else:
@@ -375,6 +374,6 @@ def _field(item: Declaration, factor: float, bounded: bool) -> tuple[Any, Any]:
             limits["le"] = item.range.most / factor
     meaning = item.meaning or None
     if bounded:
-        return kind, Field(default, description=meaning, **limits)  # type: ignore[arg-type]
+        return kind, Field(default, description=meaning, **limits)  # type: ignore[call-overload]
     said: Any = {_WORDS[name]: value for name, value in limits.items()}
     return kind, Field(default, description=meaning, json_schema_extra=said or None)

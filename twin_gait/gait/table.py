@@ -16,14 +16,16 @@ from typing import Annotated
 from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
 from twin_gait.gait.guards import OTHER, AllOf, Comparison, Guard, PhaseMembership, all_signal_names, atoms
-from twin_gait.parameters import require, require_share
+from twin_gait.parameters import require
 from twin_gait.parameters.quantities import (
     DEGREE,
     SHARE,
     Angle,
+    Inline,
     Key,
     Length,
     Mass,
+    Named,
     Parameters,
     Range,
     Ratio,
@@ -31,7 +33,7 @@ from twin_gait.parameters.quantities import (
     RotaryStiffness,
     Speed,
 )
-from twin_gait.vocabulary import PRE_SWING, Side
+from twin_gait.vocabulary import PRE_SWING, JointName, Side
 
 TICK = 1e-3  # [s], the firmware's control period (thesis, section 2.1.2)
 LONGEST = 10**9  # ticks, eleven days: no time in a table is longer
@@ -61,7 +63,7 @@ class BlendingLaw(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Blending:
+class Blending(Parameters):
     """Blending of k, b, θ0, G and the gravity share when a phase is entered.
 
     Attributes:
@@ -70,11 +72,7 @@ class Blending:
     """
 
     law: BlendingLaw = BlendingLaw.MINIMUM_JERK
-    duration_ticks: int = 60
-
-    def __post_init__(self) -> None:
-        """Check the range."""
-        require(self.duration_ticks >= 0, "blending.duration_ms", "0 or more", self.duration_ticks)
+    duration_ticks: Annotated[int, Range(0, 2000), Key("duration_ms")] = 60
 
 
 # Far beyond any drive, mass and speed; squares and powers of such numbers still are numbers.
@@ -113,7 +111,7 @@ class JointImpedance(Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PhaseParameters:
+class PhaseParameters(Parameters):
     """What one phase of gait sets.
 
     Attributes:
@@ -122,16 +120,9 @@ class PhaseParameters:
         minimum_ticks: The phase is not left before so many ticks.
     """
 
-    joints: Mapping[str, JointImpedance]
-    gravity_compensation: float = 0.0
-    minimum_ticks: int = 0
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        require_share("gravity_compensation", self.gravity_compensation)
-        require(
-            0 <= self.minimum_ticks <= LONGEST, "minimum_duration_ms", f"0 to {LONGEST}", self.minimum_ticks
-        )
+    joints: Annotated[Mapping[str, JointImpedance], Named(tuple(map(str, JointName))), Inline()]
+    gravity_compensation: Annotated[Ratio, SHARE] = 0.0
+    minimum_ticks: Annotated[int, Range(0, LONGEST), Key("minimum_duration_ms")] = 0
 
 
 class DrivenBy(StrEnum):

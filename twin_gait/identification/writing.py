@@ -12,20 +12,22 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.configuration.device_sections import (
-    AsymmetricFrictionEntry,
-    FrictionEntry,
-    LuGreFrictionEntry,
-)
 from twin_gait.configuration.documents import dump_yaml
-from twin_gait.configuration.sections import Section
+from twin_gait.configuration.readers import section_of
 from twin_gait.exceptions import ParameterError
 from twin_gait.files import write_atomically
 from twin_gait.identification import Identification, IdentifiedModel
 from twin_gait.identification.bootstrap import DRAWS, LEVEL
 from twin_gait.identification.figures import draw_fits, draw_residuals
 from twin_gait.identification.fitting import HUBER_SIGMAS, Loss
-from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION, FrictionLaw
+from twin_gait.parameters import (
+    HIP_FRICTION,
+    KNEE_FRICTION,
+    AsymmetricFriction,
+    FrictionLaw,
+    FrictionParameters,
+    LuGreFriction,
+)
 from twin_gait.report.canvas import readable
 from twin_gait.report.pages import figures_page, picture_of
 from twin_gait.runs.folders import FolderKind, staged_directory
@@ -40,21 +42,18 @@ SCHEMA_VERSION = 1
 PRESET = "bench_leg"
 _DIGITS = 10
 _LISTED_SAMPLES = 100_000
-_TABLE = {
-    JointName.HIP: (FrictionEntry, HIP_FRICTION),
-    JointName.KNEE: (FrictionEntry, KNEE_FRICTION),
-}
-# Models that a simulation takes, with the section whose keys are their parameters.
-PARAMETER_FILES: Mapping[str, Mapping[str, type[Section]]] = {
+_TABLE: Mapping[JointName, FrictionLaw] = {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
+# Models that a simulation takes, with the law whose keys are their parameters.
+PARAMETER_FILES: Mapping[str, Mapping[str, type[FrictionLaw]]] = {
     PLANT_FILE: {
-        "rotational": FrictionEntry,
-        "asymmetric": AsymmetricFrictionEntry,
-        "asymmetric_stribeck": AsymmetricFrictionEntry,
-        "dahl": LuGreFrictionEntry,
-        "lugre": LuGreFrictionEntry,
-        "lugre_asymmetric": LuGreFrictionEntry,
+        "rotational": FrictionParameters,
+        "asymmetric": AsymmetricFriction,
+        "asymmetric_stribeck": AsymmetricFriction,
+        "dahl": LuGreFriction,
+        "lugre": LuGreFriction,
+        "lugre_asymmetric": LuGreFriction,
     },
-    COMPENSATOR_FILE: {"rotational": FrictionEntry},
+    COMPENSATOR_FILE: {"rotational": FrictionParameters},
 }
 
 
@@ -215,7 +214,7 @@ def _parameter_laws(result: Identification) -> dict[str, tuple[str, FrictionLaw]
             if file not in found and item.name in entries:
                 values = item.fit.model.parameters(item.fit.x)
                 with contextlib.suppress(ParameterError):
-                    found[file] = (item.name, entries[item.name](**values).convert())
+                    found[file] = (item.name, section_of(entries[item.name])(**values).convert())
     return found
 
 
@@ -224,10 +223,8 @@ def _parameter_file(file: str, law: FrictionLaw, model: str, joint: JointName) -
 
     The other joint keeps table 3.1 of the thesis. A plant that was measured has a friction ratio of 1.
     """
-    entries = {
-        name: (PARAMETER_FILES[file][model], law) if name is joint else _TABLE[name] for name in _TABLE
-    }
-    laws = {str(name): entry.document(item) for name, (entry, item) in entries.items()}
+    found = {**_TABLE, joint: law}
+    laws = {str(name): section_of(type(item)).document(item) for name, item in found.items()}
     ratios = {str(name): 1.0 if name is joint else 0.5 for name in _TABLE}
     section = {"plant": {"friction": laws, "friction_ratio": ratios}}
     if file == COMPENSATOR_FILE:

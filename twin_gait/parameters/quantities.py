@@ -18,7 +18,6 @@ import re
 import types
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from typing import Annotated, Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
 from twin_gait.parameters.checks import require
@@ -229,19 +228,22 @@ class Parameters:
 
     def __post_init__(self) -> None:
         """Check the ranges."""
-        kind: Any = type(self)
-        for item in declarations(kind):
+        for item in declarations(type(self)):
             item.check(getattr(self, item.name))
 
 
-@cache
 def declarations(parameters: type[Any]) -> tuple[Declaration, ...]:
     """What a dataclass declares of its fields, in their order."""
-    hints, meanings = get_type_hints(parameters, include_extras=True), _meanings(parameters)
-    return tuple(
-        _declaration(item, hints[item.name], meanings.get(item.name, ""))
-        for item in dataclasses.fields(parameters)
-    )
+    if parameters not in _declared:
+        hints, meanings = get_type_hints(parameters, include_extras=True), _meanings(parameters)
+        _declared[parameters] = tuple(
+            _declaration(item, hints[item.name], meanings.get(item.name, ""))
+            for item in dataclasses.fields(parameters)
+        )
+    return _declared[parameters]
+
+
+_declared: dict[type[Any], tuple[Declaration, ...]] = {}
 
 
 def _declaration(item: dataclasses.Field[Any], hint: Any, meaning: str) -> Declaration:
@@ -276,7 +278,7 @@ def _is_mapping(kind: Any) -> bool:
 _ENTRY = re.compile(r"^(\w+): (.*)$")
 
 
-def _meanings(parameters: type[Any]) -> dict[str, str]:
+def _meanings(parameters: Any) -> dict[str, str]:
     """Meaning of each field: the section ``Attributes`` of the docstrings of a class and its bases."""
     found: dict[str, str] = {}
     for kind in reversed(parameters.__mro__):
