@@ -30,6 +30,7 @@ from twin_gait.identification.laws import (
 from twin_gait.identification.models import inherited_starts
 from twin_gait.identification.refining import jacobian
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests
+from twin_gait.configuration.readers import section_of
 from twin_gait.identification.writing import PARAMETER_FILES, PLANT_FILE
 
 SPEEDS = np.linspace(-3.0, 3.0, 241)
@@ -238,7 +239,7 @@ def test_a_plant_with_an_identified_law_has_the_torque_that_was_identified(name)
     x[count:] = np.log(np.clip(np.exp(vector(name, 4, rows)[count:]), 1e-3, 1e3))
     if name.startswith(("asymmetric", "lugre_")):
         x[count - 1] = 0.1  # an offset below what it adds to
-    friction = PARAMETER_FILES[PLANT_FILE][name](**model.parameters(x)).convert().in_plant()
+    friction = section_of(PARAMETER_FILES[PLANT_FILE][name])(**model.parameters(x)).convert().in_plant()
     # A test whose first torque is not the bristles' starts with straight ones.
     directions = (friction.viscous_friction_forward, friction.viscous_friction_backward)
     rest = directional_viscous_torque(rows.velocity[0], *directions, friction.viscous_exponent)

@@ -14,7 +14,8 @@ from twin_gait.configuration.validation import Number, Strict
 from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import PlantParameters
 from twin_gait.parameters import JointCondition, Patient, StribeckFriction
-from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
+from twin_gait.parameters.wearer import WEARER_JOINTS
+from twin_gait.vocabulary import JointName, Side
 
 SIDES = ("both", "left", "right")
 
@@ -70,7 +71,7 @@ class StribeckReader(Section):
 
 _Condition = section_of(JointCondition)
 _Joints = create_model(  # type: ignore[call-overload]
-    "Joints", __base__=Strict, **{joint: (_Condition, _Condition()) for joint in MOTOR_JOINTS}
+    "Joints", __base__=Strict, **{joint: (_Condition, _Condition()) for joint in WEARER_JOINTS}
 )
 _Sides = create_model(  # type: ignore[call-overload]
     "Sides", __base__=Section, **{name: (_Joints, _Joints()) for name in SIDES}
@@ -83,7 +84,7 @@ class PatientReader(_Sides):  # type: ignore[misc, valid-type]
 
     def values(self, default: Any = None) -> dict[str, Any]:
         """Fields that are given, in SI."""
-        conditions = {(side, joint): self._condition(side, joint) for side in Side for joint in MOTOR_JOINTS}
+        conditions = {(side, joint): self._condition(side, joint) for side in Side for joint in WEARER_JOINTS}
         does = {place: item for place, item in conditions.items() if item != JointCondition()}
         return {**super().values(default), "conditions": does}
 
@@ -94,7 +95,7 @@ class PatientReader(_Sides):  # type: ignore[misc, valid-type]
         What both sides have in common stands under ``both``; what does nothing is left out.
         """
         sides: dict[str, dict[str, Any]] = {name: {} for name in SIDES}
-        for joint in MOTOR_JOINTS:
+        for joint in WEARER_JOINTS:
             left, right = (_condition_document(parameters, side, joint) for side in Side)
             both = {key: value for key, value in left.items() if right.get(key) == value}
             own = ({key: item[key] for key in item if key not in both} for item in (left, right))

@@ -30,9 +30,11 @@ from twin_gait.parameters.quantities import (
     Time,
     Torque,
 )
-from twin_gait.vocabulary import MOTOR_JOINTS, JointName
+from twin_gait.vocabulary import JointName
 
 LONGEST_DELAY = 0.01  # [s]
+# In the mode ``position``, whose path was found on TWIN (twin_gait.experiment.path).
+PATH_JOINTS = (JointName.HIP, JointName.KNEE)
 
 
 class ControlMode(StrEnum):
@@ -123,7 +125,7 @@ class ControlParameters(Parameters):
     )
     inertia_compensation: Annotated[Ratio, SHARE] = 0.0
     target_torque: Mapping[JointName, Torque] = field(
-        default_factory=lambda: dict.fromkeys(MOTOR_JOINTS, 0.0)
+        default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: 0.0}
     )
     limits: LimitParameters = field(default_factory=LimitParameters)
     safety: SafetyParameters = field(default_factory=SafetyParameters)

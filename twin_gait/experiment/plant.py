@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import (
     HIP_ACTUATOR,
     HIP_FRICTION,
@@ -27,7 +28,7 @@ class PlantParameters(Parameters):
     """What the leg really is, beside its rigid bodies.
 
     Attributes:
-        friction_ratio: True friction over the model of table 3.1, per joint.
+        friction_ratio: True friction over the model of table 3.1, per joint; 1 for one that is left out.
         friction: The friction law that the ratio scales; any law, the compensator keeps its own.
         actuators: Motor and gear per joint.
         battery: The pack.
@@ -52,6 +53,15 @@ class PlantParameters(Parameters):
     ankle: AnkleParameters = field(default_factory=AnkleParameters)
     gravity: Annotated[Acceleration, NOT_NEGATIVE] = 9.81
 
+    def __post_init__(self) -> None:
+        """Check the ranges, and that every drive has its friction."""
+        super().__post_init__()
+        for joint in self.actuators:
+            if joint not in self.friction:
+                raise ParameterError(f"friction.{joint}: the {joint} has a drive; give its friction")
+
     def true_friction(self) -> dict[JointName, FrictionLaw]:
         """Friction of the plant: the law times the ratio, per joint."""
-        return {joint: law.scaled(self.friction_ratio[joint]) for joint, law in self.friction.items()}
+        return {
+            joint: law.scaled(self.friction_ratio.get(joint, 1.0)) for joint, law in self.friction.items()
+        }

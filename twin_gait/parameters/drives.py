@@ -155,8 +155,8 @@ class SensorParameters(Parameters):
         ideal: True for angles that are exact but for the offset; the velocity filters stay.
         encoder_counts: Counts per motor turn (an assumption).
         angle_noise: Standard deviation of white noise on the motor-side angle, seen at the joint, in [rad].
-        offset: Calibration error of hips and knees in [rad], from the start: what an encoder reads in excess
-            of the angle. One that is not named has none.
+        offset: Calibration error of the joints in [rad], from the start: what an encoder reads in excess of
+            the angle. One that is not named has none.
         fast_time_constant: Of ``velocity_fast`` in [s].
         decimation: Of ``velocity_slow``: every so many ticks one encoder difference.
         window: Samples in the moving average of ``velocity_slow``.

@@ -41,6 +41,10 @@ HEIGHTS = Range(1.40, 2.05, words=HEIGHT_RANGE)
 CONTRACTURES = Range(0.0, math.radians(60.0), words=f"0 to {math.radians(60.0):.3f} rad (60 deg)")
 
 
+# At which the wearer acts: the passive moments of Riener and Edrich (1999) and the efforts are theirs.
+WEARER_JOINTS = (JointName.HIP, JointName.KNEE)
+
+
 @dataclass(frozen=True, kw_only=True)
 class JointCondition(Parameters):
     """What the wearer does at one joint; see :mod:`twin_gait.core.wearer`. The default does nothing.
@@ -107,9 +111,7 @@ class Patient(Parameters):
         """Check ranges and joints."""
         super().__post_init__()
         for side, joint in self.conditions:
-            require(
-                joint is not JointName.ANKLE, f"condition of the {side} {joint}", "a hip or a knee", joint
-            )
+            require(joint in WEARER_JOINTS, f"condition of the {side} {joint}", "a hip or a knee", joint)
 
     @property
     def is_mass_alone(self) -> bool:
