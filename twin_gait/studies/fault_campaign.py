@@ -99,7 +99,8 @@ def _draw(experiment: Experiment, kind: FaultKind, index: int, seed: int) -> Fau
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
     sides = list(experiment.leg.legs)
     side = sides[int(generator.integers(len(sides)))]
-    joint = (JointName.HIP, JointName.KNEE)[int(generator.integers(2))]
+    joints = experiment.table.joints
+    joint = JointName(joints[int(generator.integers(len(joints)))])
     time = round(float(generator.uniform(FIRST_TIME, experiment.duration - REST)), 3)
     magnitude = None
     if kind in MAGNITUDES:

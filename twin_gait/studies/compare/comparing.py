@@ -55,7 +55,7 @@ class Controller:
         if self.adaptive or self.partial:
             assistance = replace(experiment.control.assistance, adaptive=self.adaptive)
         if self.partial and assistance.is_full:
-            shares = {JointName.HIP: TWINCARE_SHARE, JointName.KNEE: TWINCARE_SHARE}
+            shares = dict.fromkeys(map(JointName, experiment.table.joints), TWINCARE_SHARE)
             assistance = replace(assistance, share=shares)
         return replace(experiment, control=replace(experiment.control, mode=self.mode, assistance=assistance))
 
