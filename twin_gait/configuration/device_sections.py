@@ -51,10 +51,11 @@ class FrictionEntry(Section):
 
 
 class JointFrictionEntry(PerJoint):
-    """Friction of hip and knee as the compensator models it."""
+    """Friction as the compensator models it; a hip or knee that is left out has table 3.1."""
 
-    hip: FrictionEntry
-    knee: FrictionEntry
+    hip: FrictionEntry = FrictionEntry(**FrictionEntry.document(HIP_FRICTION))
+    knee: FrictionEntry = FrictionEntry(**FrictionEntry.document(KNEE_FRICTION))
+    ankle: FrictionEntry | None = None
 
 
 _DIRECTIONS = ("viscous_friction_forward", "viscous_friction_backward")
@@ -128,14 +129,15 @@ PlantFrictionEntry = Annotated[
 
 
 class PlantFrictionsEntry(PerJoint):
-    """True friction of hip and knee; a joint that is left out has table 3.1."""
+    """True friction; a hip or knee that is left out has table 3.1."""
 
     hip: PlantFrictionEntry = FrictionEntry(**FrictionEntry.document(HIP_FRICTION))
     knee: PlantFrictionEntry = FrictionEntry(**FrictionEntry.document(KNEE_FRICTION))
+    ankle: PlantFrictionEntry | None = None
 
 
 class ActuatorEntry(Section):
-    """Motor and gear of a joint; what is left out is that of TWIN's."""
+    """Motor and gear of a joint; what is left out is that of TWIN's hip or knee."""
 
     parameters: ClassVar = ActuatorParameters
     torque_constant_Nm_per_A: Number | None = None
@@ -152,11 +154,15 @@ class ActuatorsEntry(PerJoint):
 
     hip: ActuatorEntry = ActuatorEntry()
     knee: ActuatorEntry = ActuatorEntry()
+    ankle: ActuatorEntry | None = None
 
     def _of(self, joint: JointName) -> ActuatorParameters:
-        default, given = PlantParameters().actuators[joint], getattr(self, joint).values()
+        default, given = PlantParameters().actuators.get(joint), getattr(self, joint).values()
+        for name in () if default else ("torque_constant", "resistance"):
+            if name not in given:
+                raise ParameterError(f"{joint}.{name}: expected that of the motor, got none")
         try:
-            return replace(default, **given)
+            return ActuatorParameters(**given) if default is None else replace(default, **given)
         except ParameterError as error:
             raise ParameterError(f"{joint}.{error}") from error
 
@@ -229,6 +235,7 @@ class AssistanceEntry(Section):
     parameters: ClassVar = AssistanceParameters
     hip: Number = 1.0
     knee: Number = 1.0
+    ankle: Number | None = None
     adaptive: bool = AssistanceParameters.adaptive
     forgetting: Number = AssistanceParameters.forgetting
     gain_per_rad: Number = AssistanceParameters.gain
@@ -238,7 +245,8 @@ class AssistanceEntry(Section):
 
     def values(self) -> dict[str, Any]:
         """Fields that are given, in SI."""
-        return {"share": {JointName.HIP: self.hip, JointName.KNEE: self.knee}, **super().values()}
+        share = {joint: getattr(self, joint) for joint in JointName if getattr(self, joint) is not None}
+        return {"share": share, **super().values()}
 
     @classmethod
     def document(cls, parameters: AssistanceParameters) -> dict[str, Any]:

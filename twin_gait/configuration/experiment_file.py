@@ -11,16 +11,15 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from twin_gait.configuration.device_sections import ControlEntry, InterfaceEntry, PlantEntry
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.configuration.network_section import NetworkEntry
-from twin_gait.configuration.overrides import merge
 from twin_gait.configuration.people import PatientEntry
-from twin_gait.configuration.scenario_section import AnglesEntry, BenchLegEntry, LegEntry, TreadmillEntry
+from twin_gait.configuration.scenario_section import BenchLegEntry, LegEntry, TreadmillEntry
 from twin_gait.configuration.sections import Section
-from twin_gait.configuration.validation import Count, Number, Strict, converting, validate
+from twin_gait.configuration.validation import DEGREE, Count, Number, Strict, converting, one_of, validate
 from twin_gait.exceptions import ModelError
 from twin_gait.experiment import (
     Engine,
@@ -32,36 +31,46 @@ from twin_gait.experiment import (
 )
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.parameters import SensorParameters
-from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
+from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.faults import Fault, parse_fault
 
 
-def _zero_if_not_given(value: Any) -> Any:
-    return merge({"hip_rad": 0.0, "knee_rad": 0.0}, value) if isinstance(value, Mapping) else value
+class JointAnglesEntry(Strict):
+    """Angles of joints; what is not given is 0."""
 
+    hip_deg: Number | None = None
+    hip_rad: Number | None = None
+    knee_deg: Number | None = None
+    knee_rad: Number | None = None
+    ankle_deg: Number | None = None
+    ankle_rad: Number | None = None
 
-OffsetsEntry = Annotated[AnglesEntry, BeforeValidator(_zero_if_not_given)]
+    def of(self, joint: JointName) -> float:
+        """Convert that of a joint to SI."""
+        units = {f"{joint}_deg": DEGREE, f"{joint}_rad": 1.0}
+        return one_of(self, units) if any(getattr(self, key) is not None for key in units) else 0.0
 
 
 class OffsetEntry(Strict):
     """Calibration errors of the encoders; what is not given is 0."""
 
-    left: OffsetsEntry = AnglesEntry(hip_rad=0.0, knee_rad=0.0)
-    right: OffsetsEntry = AnglesEntry(hip_rad=0.0, knee_rad=0.0)
+    left: JointAnglesEntry = JointAnglesEntry()
+    right: JointAnglesEntry = JointAnglesEntry()
 
     def convert(self) -> dict[tuple[Side, JointName], float]:
         """Those that are not 0, in SI."""
-        found = {}
-        for side in Side:
-            angles = zip(MOTOR_JOINTS, getattr(self, side).convert(), strict=True)
-            found.update({(side, joint): angle for joint, angle in angles if angle != 0.0})
-        return found
+        found = {(side, joint): getattr(self, side).of(joint) for side in Side for joint in JointName}
+        return {place: angle for place, angle in found.items() if angle != 0.0}
 
     @staticmethod
     def document(offset: Mapping[tuple[Side, JointName], float]) -> dict[str, Any]:
         """As the mapping of a file, in SI."""
         return {
-            str(side): {f"{joint}_rad": offset.get((side, joint), 0.0) for joint in MOTOR_JOINTS}
+            str(side): {
+                f"{joint}_rad": offset.get((side, joint), 0.0)
+                for joint in JointName
+                if joint is not JointName.ANKLE or (side, joint) in offset
+            }
             for side in Side
         }
 

@@ -17,7 +17,8 @@ from twin_gait.configuration.sections import Section
 from twin_gait.configuration.validation import Number, Strict, converting, read_yaml, validate
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import JointCondition, Patient
-from twin_gait.vocabulary import MOTOR_JOINTS, JointName, SegmentModel, Sex, Side
+from twin_gait.parameters.wearer import WEARER_JOINTS
+from twin_gait.vocabulary import JointName, SegmentModel, Sex, Side
 
 SIDES = ("both", "left", "right")
 _HEADER = ("schema_version", "name", "description")
@@ -61,7 +62,7 @@ class PatientEntry(Section):
 
     def values(self) -> dict[str, Any]:
         """Fields that are given, in SI."""
-        conditions = {(side, joint): self._condition(side, joint) for side in Side for joint in MOTOR_JOINTS}
+        conditions = {(side, joint): self._condition(side, joint) for side in Side for joint in WEARER_JOINTS}
         does = {place: item for place, item in conditions.items() if item != JointCondition()}
         return {**super().values(), "conditions": does}
 
@@ -72,7 +73,7 @@ class PatientEntry(Section):
         What both sides have in common stands under ``both``; what does nothing is left out.
         """
         sides: dict[str, dict[str, Any]] = {name: {} for name in SIDES}
-        for joint in MOTOR_JOINTS:
+        for joint in WEARER_JOINTS:
             left, right = (_condition_document(parameters, side, joint) for side in Side)
             both = {key: value for key, value in left.items() if right.get(key) == value}
             own = ({key: item[key] for key in item if key not in both} for item in (left, right))

@@ -82,14 +82,15 @@ class Section(Strict):
 
 
 class PerJoint(Strict):
-    """Something for the hip and the same for the knee."""
+    """Something for each joint; a powered ankle has it, too."""
 
     hip: Any
     knee: Any
+    ankle: Any = None
 
     def convert(self) -> dict[JointName, Any]:
         """By joint, in SI."""
-        return {joint: self._of(joint) for joint in (JointName.HIP, JointName.KNEE)}
+        return {joint: self._of(joint) for joint in JointName if getattr(self, joint) is not None}
 
     def _of(self, joint: JointName) -> Any:
         item = getattr(self, joint)
@@ -105,10 +106,11 @@ class PerJoint(Strict):
 
 
 class JointNumbers(PerJoint):
-    """A number for the hip and one for the knee."""
+    """A number for each joint."""
 
     hip: Number
     knee: Number
+    ankle: Number | None = None
 
 
 def _in_si(value: Any, unit: float) -> Any:

@@ -234,10 +234,10 @@ def watch_phase(controller: ControllerState, limits: Limits, number: int, tick: 
 
 
 def watch_foot(controller: ControllerState, limits: Limits, number: int) -> None:
-    """Note whether the load of a foot stands still while the hip above it turns."""
-    leg, hip = controller.legs[number], controller.joints[number * JOINTS_PER_LEG]
+    """Note whether the load of a foot stands still while the first joint of its leg, the hip, turns."""
+    leg, proximal = controller.legs[number], controller.joints[number * JOINTS_PER_LEG]
     still = leg.load == leg.last_load and leg.load > 0.0
-    turning = abs(hip.measurement.motor_speed) > leg.frozen_speed
+    turning = abs(proximal.measurement.motor_speed) > leg.frozen_speed
     leg.load_streak = leg.load_streak + 1 if still and turning else 0
     leg.load_cause = LOAD_TRIP if leg.load_streak >= limits.frozen_load_ticks else NO_TRIP
 

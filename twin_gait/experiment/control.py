@@ -19,9 +19,11 @@ from twin_gait.parameters import (
     require_non_negative,
     require_share,
 )
-from twin_gait.vocabulary import MOTOR_JOINTS, JointName
+from twin_gait.vocabulary import JointName
 
 LONGEST_DELAY = 0.01  # [s]
+# In the mode ``position``, whose path was found on TWIN (twin_gait.experiment.path).
+PATH_JOINTS = (JointName.HIP, JointName.KNEE)
 
 
 class ControlMode(StrEnum):
@@ -128,7 +130,9 @@ class ControlParameters:
         default_factory=lambda: {JointName.HIP: HIP_FRICTION, JointName.KNEE: KNEE_FRICTION}
     )
     inertia_compensation: float = 0.0
-    target_torque: Mapping[JointName, float] = field(default_factory=lambda: dict.fromkeys(MOTOR_JOINTS, 0.0))
+    target_torque: Mapping[JointName, float] = field(
+        default_factory=lambda: {JointName.HIP: 0.0, JointName.KNEE: 0.0}
+    )
     limits: LimitParameters = field(default_factory=LimitParameters)
     safety: SafetyParameters = field(default_factory=SafetyParameters)
     patient: Patient | None = None

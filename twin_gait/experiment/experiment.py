@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment.control import ControlParameters
+from twin_gait.experiment.control import PATH_JOINTS, ControlMode, ControlParameters
 from twin_gait.experiment.integration import (
     Engine,
     Integration,
@@ -81,21 +81,45 @@ class Experiment:
             self.duration,
         )
         require(self.seed >= 0, "seed", "a whole number of 0 or more", self.seed)
-        if tuple(self.table.joints) != (JointName.HIP, JointName.KNEE):
-            raise ParameterError(
-                f"gait table {self.table.name!r} is for {', '.join(self.table.joints)}; "
-                "this device drives hip, knee"
-            )
-        check_faults(self.faults, self.leg.legs, isinstance(self.scenario, Treadmill), self.duration)
-        for side in {side for side, _ in self.sensors.offset}:
+        self._check_joints()
+        feet = isinstance(self.scenario, Treadmill)
+        check_faults(self.faults, self.leg.legs, feet, self.duration, self.joints)
+        for side, joint in self.sensors.offset:
             require(side in self.leg.legs, "sensors offset", "a leg of the experiment", str(side))
+            require(joint in self.joints, "sensors offset", f"one of {', '.join(self.joints)}", str(joint))
         missing = [item for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
         if missing and not self.control.safety.enabled:
             raise ParameterError(f"fault {missing[0]}: no gait without angles; switch control.safety on")
         if self.network is not None:
-            self.network.require_fit(self.leg.legs, self.duration)
+            self.network.require_fit(self.leg.legs, self.joints, self.duration)
         if self.interface is not None and self.patient is None:
             raise ParameterError("interface: braces need a wearer; give a patient, or interface: rigid")
+
+    def _check_joints(self) -> None:
+        """Every joint that the table controls is one of the legs' and has a drive, friction and a path."""
+        table = f"gait table {self.table.name!r}"
+        names = ", ".join(self.table.joints)
+        if [joint for joint in JointName if joint in self.table.joints] != list(self.table.joints):
+            expected = f"expected some of {', '.join(JointName)}, in this order"
+            raise ParameterError(f"{table} controls {names}; {expected}")
+        for joint in self.joints:
+            controls = f"{table} controls the {joint}"
+            for side, leg in self.leg.legs.items():
+                if joint not in dict(leg.items()):
+                    way_out = f"give its name in the URDF as leg.{side}.{joint}"
+                    raise ParameterError(f"{controls}, which the {side} leg has not; {way_out}")
+            if joint not in self.plant.actuators:
+                raise ParameterError(f"{controls}, which has no drive; give plant.actuators.{joint}")
+            if joint not in self.control.friction_model:
+                raise ParameterError(f"control.friction_model.{joint}: {controls}; give its friction")
+        if self.control.mode is ControlMode.POSITION and self.joints != PATH_JOINTS:
+            paths = f"position has a path for {', '.join(PATH_JOINTS)}"
+            raise ParameterError(f"control.mode: {paths}, {table} controls {names}; take another mode")
+
+    @property
+    def joints(self) -> tuple[JointName, ...]:
+        """Controlled joints of a leg, in the order of the chain."""
+        return tuple(JointName(name) for name in self.table.joints)
 
     @property
     def stepping(self) -> Integration:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from twin_gait.exceptions import ParameterError
 from twin_gait.parameters import (
     HIP_ACTUATOR,
     HIP_FRICTION,
@@ -26,7 +27,7 @@ class PlantParameters:
     """What the leg really is, beside its rigid bodies.
 
     Attributes:
-        friction_ratio: True friction over the model of table 3.1, per joint.
+        friction_ratio: True friction over the model of table 3.1, per joint; 1 for one that is left out.
         friction: The friction law that the ratio scales; any law, the compensator keeps its own.
         actuators: Motor and gear per joint.
         battery: The pack.
@@ -55,8 +56,13 @@ class PlantParameters:
         """Check the ranges."""
         for joint, ratio in self.friction_ratio.items():
             require_non_negative(f"friction_ratio of the {joint}", ratio)
+        for joint in self.actuators:
+            if joint not in self.friction:
+                raise ParameterError(f"friction.{joint}: the {joint} has a drive; give its friction")
         require_non_negative("gravity", self.gravity)
 
     def true_friction(self) -> dict[JointName, FrictionLaw]:
         """Friction of the plant: the law times the ratio, per joint."""
-        return {joint: law.scaled(self.friction_ratio[joint]) for joint, law in self.friction.items()}
+        return {
+            joint: law.scaled(self.friction_ratio.get(joint, 1.0)) for joint, law in self.friction.items()
+        }

@@ -27,11 +27,11 @@ from twin_gait.worlds.world import World
 
 
 class ActuatedJoint(NamedTuple):
-    """A joint with a motor.
+    """A joint that is controlled.
 
     Attributes:
         side: Leg.
-        joint: Hip or knee.
+        joint: Hip, knee or ankle.
         coordinate: Position in ``q`` and ``v`` of the plant.
         control_coordinate: Position in ``q`` of the controller's model.
     """
@@ -52,7 +52,7 @@ class Problem:
         control_model: The controller's rigid-body model.
         table: The gait table after scaling.
         program: Its guards.
-        joints: Actuated joints, leg by leg in the order of the table.
+        joints: Controlled joints, leg by leg in the order of the table.
         phase_rows: k, b, θ0, G per joint and gravity share: shape ``(n_legs, n_phases, n_columns)``.
         offset: Calibration error of each encoder in [rad], shape ``(n_joints,)``.
         noise: What an encoder reads in excess of the angle in every tick, noise and offset, in [rad], shape
@@ -84,8 +84,16 @@ class Problem:
 
     @property
     def joints_per_leg(self) -> int:
-        """Actuated joints of a leg."""
+        """Controlled joints of a leg."""
         return len(self.table.joints)
+
+    @property
+    def passive(self) -> tuple[tuple[Side, JointName], ...]:
+        """Joints that are not controlled, leg by leg."""
+        legs, controlled = self.world.model.legs, self.experiment.joints
+        return tuple(
+            (side, joint) for side, leg in legs.items() for joint, _ in leg.items() if joint not in controlled
+        )
 
     def first_signals(self) -> list[float]:
         """Signals before anything is measured, with the command to walk at the end."""
@@ -102,14 +110,9 @@ def build_problem(experiment: Experiment) -> Problem:
     control_model = experiment.build_control_model()
     table = scaled_table(experiment, world)
     joints = tuple(
-        ActuatedJoint(
-            side,
-            JointName(name),
-            world.model.index(side, JointName(name)),
-            control_model.index(side, JointName(name)),
-        )
+        ActuatedJoint(side, joint, world.model.index(side, joint), control_model.index(side, joint))
         for side in world.model.sides
-        for name in table.joints
+        for joint in experiment.joints
     )
     inertia = _inertia_of(control_model)
     resolved = [(side, resolve_phases(table, side, inertia)) for side in world.model.sides]
@@ -130,7 +133,7 @@ def build_problem(experiment: Experiment) -> Problem:
         noise=_noise(experiment, len(joints)) + offset,
         resolution=np.zeros(len(joints)) if sensors.ideal else 2.0 * np.pi / counts,
         fast_gain=first_order_gain(TICK, sensors.fast_time_constant),
-        wearer=wearer_of(experiment, table, [(item.side, item.joint) for item in joints]),
+        wearer=wearer_of(experiment, table, world.model.sides),
         path=_path(experiment, world.model.sides),
     )
 

@@ -14,6 +14,7 @@ from twin_gait.experiment.experiment import Experiment
 from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, reference_curve
 from twin_gait.parameters import JointCondition, Patient
+from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds.treadmill import Treadmill
 
@@ -31,8 +32,8 @@ class Wearer(NamedTuple):
 
     Attributes:
         acts: Whether the wearer gives any torque.
-        conditions: Of each joint.
-        moments: Normative moment in [N m] by joint, phase and hip angle, shape
+        conditions: Of each hip and knee, leg by leg.
+        moments: Normative moment in [N m] by such a joint, phase and hip angle, shape
             ``(n_joints, n_phases, POSTURES)``.
         noise: Share by which the effort strays in a tick, shape ``(n_ticks or 1, n_joints)``.
         delay: Of the effort in ticks.
@@ -45,13 +46,13 @@ class Wearer(NamedTuple):
     delay: int
 
 
-def wearer_of(experiment: Experiment, table: GaitTable, joints: Sequence[tuple[Side, JointName]]) -> Wearer:
+def wearer_of(experiment: Experiment, table: GaitTable, sides: Sequence[Side]) -> Wearer:
     """Lay the wearer of an experiment out.
 
     Raises:
         ParameterError: If the wearer makes an effort, and the table's cycle is no stride.
     """
-    patient = experiment.patient
+    patient, joints = experiment.patient, [(side, joint) for side in sides for joint in WEARER_JOINTS]
     count, phases = len(joints), len(table.phase_names)
     moments = np.zeros((count, phases, POSTURES))
     if patient is None or patient.is_mass_alone:

@@ -13,7 +13,7 @@ from twin_gait.parameters.checks import (
     require_positive,
     require_share,
 )
-from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
+from twin_gait.vocabulary import JointName, Side
 
 # Below it a gear that is driven backwards locks itself, and its load does not settle (core.plant.gear_load).
 LEAST_EFFICIENCY = 0.5
@@ -168,8 +168,8 @@ class SensorParameters:
         ideal: True for angles that are exact but for the offset; the velocity filters stay.
         encoder_counts: Counts per motor turn (an assumption).
         angle_noise: Standard deviation of white noise on the motor-side angle, seen at the joint, in [rad].
-        offset: Calibration error of hips and knees in [rad], from the start: what an encoder reads in excess
-            of the angle. One that is not named has none.
+        offset: Calibration error of the joints in [rad], from the start: what an encoder reads in excess of
+            the angle. One that is not named has none.
         fast_time_constant: Of ``velocity_fast`` in [s].
         decimation: Of ``velocity_slow``: every so many ticks one encoder difference.
         window: Samples in the moving average of ``velocity_slow``.
@@ -189,7 +189,6 @@ class SensorParameters:
         require_non_negative("angle_noise", self.angle_noise)
         for (side, joint), offset in self.offset.items():
             name = f"offset of the {side} {joint}"
-            require(joint in MOTOR_JOINTS, name, "a hip or a knee", str(joint))
             largest = f"{LARGEST_OFFSET:.4f} rad (10 deg) at most, either way"
             require(abs(offset) <= LARGEST_OFFSET, name, largest, offset)
         require_non_negative("fast_time_constant", self.fast_time_constant)

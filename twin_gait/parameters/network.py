@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 from twin_gait.exceptions import ParameterError
 from twin_gait.parameters.checks import require, require_non_negative, require_positive, require_share
-from twin_gait.vocabulary import MOTOR_JOINTS, Side
+from twin_gait.vocabulary import JointName, Side
 
 CCU = "ccu"  # the central control unit
-BOARDS = tuple(f"{side}_{joint}" for side in Side for joint in MOTOR_JOINTS)
+BOARD_JOINTS = (JointName.HIP, JointName.KNEE)  # the frames of the DBC file are those of TWIN's boards
+BOARDS = tuple(f"{side}_{joint}" for side in Side for joint in BOARD_JOINTS)
 NODES = (CCU, *BOARDS)
 
 # Of CAN 2.0; CiA 102 has these for networks of all lengths.
@@ -175,16 +176,20 @@ class NetworkParameters:
         require_positive("board_silence", self.board_silence)
         require_positive("ccu_silence", self.ccu_silence)
 
-    def require_fit(self, sides: Collection[Side], duration: float) -> None:
+    def require_fit(self, sides: Collection[Side], joints: Sequence[JointName], duration: float) -> None:
         """Check that what the parameters name is there, and happens within the run.
 
         Args:
             sides: Legs of the device.
+            joints: Controlled joints of a leg.
             duration: Of the run in [s].
 
         Raises:
             ParameterError: If it is not.
         """
+        boards, controlled = (", ".join(names) for names in (BOARD_JOINTS, joints))
+        wanted = f"a gait table for {boards}, whose boards are on the bus; or take network: ideal"
+        require(tuple(joints) == BOARD_JOINTS, "network", wanted, controlled)
         there = (CCU, *(board for board in BOARDS if board.partition("_")[0] in sides))
         for board in (*self.phase, *self.clock_drift):
             require(board in there, "network phase and clock_drift", f"of {', '.join(there[1:])}", board)

@@ -22,6 +22,10 @@ HEIGHT_RANGE = (
 )
 
 
+# At which the wearer acts: the passive moments of Riener and Edrich (1999) and the efforts are theirs.
+WEARER_JOINTS = (JointName.HIP, JointName.KNEE)
+
+
 @dataclass(frozen=True, kw_only=True)
 class JointCondition:
     """What the wearer does at one joint; see :mod:`twin_gait.core.wearer`. The default does nothing.
@@ -114,9 +118,7 @@ class Patient:
         )
         require_non_negative("effort_noise", self.effort_noise)
         for side, joint in self.conditions:
-            require(
-                joint is not JointName.ANKLE, f"condition of the {side} {joint}", "a hip or a knee", joint
-            )
+            require(joint in WEARER_JOINTS, f"condition of the {side} {joint}", "a hip or a knee", joint)
 
     @property
     def is_mass_alone(self) -> bool:

@@ -92,8 +92,8 @@ class CompiledEngine:
 
     def _give_rows(self, episode: Episode) -> None:
         """Rows behind addresses; they live as long as the engine."""
-        wearer, joints = self.problem.wearer, len(self.problem.joints)
-        self._efforts = np.zeros((episode.efforts.n_ring, joints))
+        wearer = self.problem.wearer
+        self._efforts = np.zeros((episode.efforts.n_ring, len(episode.limbs)))
         self._noise = np.ascontiguousarray(self.problem.noise), np.ascontiguousarray(wearer.noise)
         self.switches = np.zeros(episode.recording.most_switches, _SWITCHES)
         self.point_at_rows()
@@ -279,7 +279,7 @@ def bound_to(pattern: Pattern) -> dict[str, Any]:
     return {
         **pattern.structure,
         **bound_kernel(pattern.bodies),
-        **compiled_rows(pattern.row, pattern.episode["joints"].shape[0]),
+        **compiled_rows(pattern.row, *(pattern.episode[name].shape[0] for name in ("joints", "limbs"))),
     }
 
 
@@ -295,11 +295,12 @@ def bound_kernel(bodies: Bodies) -> dict[str, Any]:
 
 
 @lru_cache(maxsize=32)
-def compiled_rows(row: np.dtype[Any], joints: int) -> dict[str, Any]:
+def compiled_rows(row: np.dtype[Any], joints: int, limbs: int) -> dict[str, Any]:
     """Functions of :mod:`twin_gait.simulation.interface` that find rows behind addresses."""
     from twin_gait.simulation.compiling import jit, numbers_at, rows_at
 
-    logs, switches, numbers = rows_at(row), rows_at(_SWITCHES), numbers_at(joints)
+    logs, switches = rows_at(row), rows_at(_SWITCHES)
+    readings, efforts = numbers_at(joints), numbers_at(limbs)
 
     def log_row(e: Episode, tick: int) -> Any:
         return logs(e.recording.log, tick - e.recording.first_row)
@@ -308,13 +309,13 @@ def compiled_rows(row: np.dtype[Any], joints: int) -> dict[str, Any]:
         return switches(e.recording.switches, number)
 
     def noise_row(e: Episode, tick: int) -> Any:
-        return numbers(e.recording.noise, tick % e.recording.n_noise)
+        return readings(e.recording.noise, tick % e.recording.n_noise)
 
     def effort_row(e: Episode, tick: int) -> Any:
-        return numbers(e.efforts.ring, tick % e.efforts.n_ring)
+        return efforts(e.efforts.ring, tick % e.efforts.n_ring)
 
     def effort_noise_row(e: Episode, tick: int) -> Any:
-        return numbers(e.efforts.noise, tick % e.efforts.n_noise)
+        return efforts(e.efforts.noise, tick % e.efforts.n_noise)
 
     rows = (log_row, switch_row, noise_row, effort_row, effort_noise_row)
     return {item.__name__: jit(item) for item in rows}

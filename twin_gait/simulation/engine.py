@@ -15,7 +15,6 @@ from twin_gait.simulation.episode import DIVERGED, FELL
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.run import RunStatus
 from twin_gait.simulation.traffic import BusTraffic
-from twin_gait.vocabulary import JointName
 
 # A joint that turns faster than this is no longer physical: the run has diverged.
 DIVERGED_VELOCITY = 1e3  # [rad] / [s]
@@ -45,8 +44,8 @@ def log_layout(problem: Problem) -> LogLayout:
     """Columns that a problem's log has."""
     legs = problem.world.model.legs
     return LogLayout(
-        legs={side: tuple(JointName(name) for name in problem.table.joints) for side in legs},
-        ankles=tuple(side for side, leg in legs.items() if leg.ankle is not None),
+        legs=dict.fromkeys(legs, problem.experiment.joints),
+        passive=problem.passive,
         feet=tuple(side for side in legs if problem.world.contact_frames.get(side)),
         pelvis=problem.world.model.pelvis_index is not None,
         forward=problem.world.model.forward_index is not None,

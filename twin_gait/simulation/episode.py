@@ -29,14 +29,12 @@ COMPLETED, FELL, DIVERGED = 0, 1, 2
 
 @dataclass(slots=True)
 class Joint:
-    """An actuated joint.
+    """A controlled joint.
 
     Attributes:
         place: In the coordinates.
         board: Its board.
         motor: Motor and gear.
-        condition: What the wearer does.
-        moments: Normative moment in [N m] by phase and posture of the hip.
         line: Commands on their way to the drive in [N m].
         reading: What the encoder reads before it quantises, in [rad].
         last_reading: Likewise in the tick before.
@@ -52,8 +50,6 @@ class Joint:
     place: int
     board: BoardState
     motor: Motor
-    condition: Condition
-    moments: list[list[float]]
     line: DelayLine
     reading: float
     last_reading: float = 0.0
@@ -64,6 +60,21 @@ class Joint:
     push: float = 0.0
     off: bool = False
     heard: Demand = field(default_factory=Demand)
+
+
+@dataclass(slots=True)
+class Limb:
+    """A hip or knee of the wearer.
+
+    Attributes:
+        place: In the coordinates of the device.
+        condition: What the wearer does.
+        moments: Normative moment in [N m] by phase and posture of the hip.
+    """
+
+    place: int
+    condition: Condition
+    moments: list[list[float]]
 
 
 @dataclass(slots=True)
@@ -213,7 +224,9 @@ class Episode:
         catch_dissipation: In [s] / [m].
         watching: Whether the safety monitor is on.
         first_fault: First tick with a fault.
+        limbs: Hip and knee of the wearer, leg by leg.
         ankles: Place of the ankle of each leg in the coordinates; none without.
+        passive: Places of the joints that are not controlled, in the order of the log.
         status: ``COMPLETED``, ``FELL`` or ``DIVERGED``.
         contact_power: Of the contact forces in [W].
         last_contact_power: Of the step before.
@@ -253,7 +266,9 @@ class Episode:
     joints: list[Joint]
     soles: list[Sole]
     network: Network
+    limbs: list[Limb]
     ankles: list[int]
+    passive: list[int]
     plant: list[Plant]
     ground: Ground
     points: list[Point]

@@ -28,12 +28,14 @@ from twin_gait.gait.table import TICK
 from twin_gait.network.bus import MEASUREMENT, SETPOINT, cyclic_messages, new_bus
 from twin_gait.network.dbc import Message, load_messages
 from twin_gait.parameters import ImpedancePlace, NetworkParameters
+from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.simulation.engine import DIVERGED_VELOCITY
 from twin_gait.simulation.episode import (
     Ends,
     Episode,
     Joint,
     Lately,
+    Limb,
     Network,
     Path,
     Sole,
@@ -76,6 +78,8 @@ def structure_of(problem: Problem, n_points: int) -> Structure:
         "FORWARD": -1 if model.forward_index is None else model.forward_index,
         "SHIFT": problem.world.wearer_shift,
         "ANKLES": all(leg.ankle is not None for leg in model.legs.values()),
+        "POWERED_ANKLES": JointName.ANKLE in experiment.joints,
+        "PASSIVE": bool(problem.passive),
         "OTHER_LAWS": any(plant.friction.law > ROTATIONAL for plant in problem.world.plant),
         "WITH_FRICTION": tuple(
             place for place, plant in enumerate(problem.world.plant) if plant.friction.law == ROTATIONAL
@@ -110,6 +114,7 @@ def new_episode(
     faults = fault_records(problem)
     pelvis = [] if world.model.pelvis_index is None else [world.model.pelvis_index]
     ankles = [world.model.index(side, JointName.ANKLE) for side in problem.sides if _has_ankle(problem, side)]
+    passive = [world.model.index(side, joint) for side, joint in problem.passive]
     return Episode(
         step=stepping.step,
         substeps=stepping.substeps,
@@ -135,14 +140,16 @@ def new_episode(
         joints=[_joint(problem, number) for number in range(len(problem.joints))],
         soles=[Sole() for _ in problem.sides],
         network=_network(problem),
+        limbs=_limbs(problem),
         ankles=ankles,
+        passive=passive,
         plant=[copied(plant) for plant in world.plant],
         ground=world.ground(),
         points=[Point() for _ in range(max(n_points, 1))],
         belt=copied(world.belt),
         imposed_motion=_imposed_motion(problem),
         braces=[] if world.braces is None else [copied(brace) for brace in world.braces.braces],
-        braced=[*(joint.coordinate for joint in problem.joints), *ankles, *pelvis],
+        braced=[*(joint.coordinate for joint in problem.joints), *passive, *pelvis],
         faults=faults,
         path=_path(problem),
         efforts=Efforts(
@@ -182,12 +189,19 @@ def _joint(problem: Problem, number: int) -> Joint:
             silent_ticks=-_delay_ticks(experiment.network),
         ),
         motor=motor,
-        condition=problem.wearer.conditions[number],
-        moments=problem.wearer.moments[number].tolist() if problem.wearer.acts else [],
         # What is put in at the end of a tick is taken out for the next one.
         line=new_delay_line(max(0, experiment.control.delay_ticks - 1)),
         reading=angle,
     )
+
+
+def _limbs(problem: Problem) -> list[Limb]:
+    wearer, model = problem.wearer, problem.world.model
+    places = [model.index(side, joint) for side in problem.sides for joint in WEARER_JOINTS]
+    return [
+        Limb(place, condition, moments.tolist() if wearer.acts else [])
+        for place, condition, moments in zip(places, wearer.conditions, wearer.moments, strict=True)
+    ]
 
 
 def _network(problem: Problem) -> Network:
@@ -249,7 +263,7 @@ def _controlled_joint(problem: Problem, number: int, phase: int) -> ControlledJo
         blend_start=copied(setpoints[phase]),
         blended=copied(setpoints[phase]),
         target=control.target_torque.get(joint.joint, 0.0),
-        assistance=control.assistance.share[joint.joint],
+        assistance=control.assistance.share.get(joint.joint, 1.0),
         silent_ticks=-_delay_ticks(problem.experiment.network),
     )
 

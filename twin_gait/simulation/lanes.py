@@ -163,17 +163,18 @@ IN_LOCKSTEP = Manner(InLanes, 3, True)
 @lru_cache(maxsize=32)
 def bound_in_lanes(episode: np.dtype[Any], row: np.dtype[Any]) -> dict[str, Any]:
     """What a loop over a block is bound to in place of what that of a single episode is."""
-    row_of, tables = rows_beside(row), numbers_at(episode["joints"].shape[0])
+    row_of = rows_beside(row)
+    readings, efforts = (numbers_at(episode[name].shape[0]) for name in ("joints", "limbs"))
 
     def log_row(e: Any, tick: int) -> Any:
         return row_of(e.recording.log, tick - e.recording.first_row, e)
 
     # No run of a block is longer than its table, in which a modulo would look for the row.
     def noise_row(e: Any, tick: int) -> Any:
-        return tables(e.recording.noise, min(tick, e.recording.n_noise - 1))
+        return readings(e.recording.noise, min(tick, e.recording.n_noise - 1))
 
     def effort_noise_row(e: Any, tick: int) -> Any:
-        return tables(e.efforts.noise, min(tick, e.efforts.n_noise - 1))
+        return efforts(e.efforts.noise, min(tick, e.efforts.n_noise - 1))
 
     found = {item.__name__: jit(item, manner=IN_LOCKSTEP) for item in (log_row, noise_row, effort_noise_row)}
     return {"episode_at": block_at(episode), "lanes": _through(True), "each": _through(False), **found}

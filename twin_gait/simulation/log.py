@@ -42,7 +42,7 @@ def column(unit: str, meaning: str) -> Any:
 
 @dataclass(slots=True)
 class JointRow:
-    """Columns of an actuated joint; torques act on the joint, positive in flexion."""
+    """Columns of a controlled joint; torques act on the joint, positive in flexion."""
 
     angle: float = column("rad", "true angle; of the device, if braces bind the wearer to it")
     velocity: float = column("rad/s", "true velocity")
@@ -72,11 +72,18 @@ class JointRow:
 
 
 @dataclass(slots=True)
-class AnkleRow:
-    """Columns of an ankle."""
+class OrthosisRow:
+    """One more column of an ankle that is controlled."""
 
-    angle: float = column("rad", "dorsiflexion")
-    velocity: float = column("rad/s", "of it")
+    orthosis_torque: float = column("N m", "of the orthosis on the ankle")
+
+
+@dataclass(slots=True)
+class PassiveRow:
+    """Columns of a joint that is not controlled."""
+
+    angle: float = column("rad", "true angle; of the device, if braces bind the wearer to it")
+    velocity: float = column("rad/s", "true velocity")
     orthosis_torque: float = column("N m", "of the orthosis on the ankle")
 
 
@@ -163,7 +170,8 @@ class LogRow:
 
     phases: list[float]
     joints: list[JointRow]
-    ankles: list[AnkleRow]
+    passive: list[PassiveRow]
+    orthoses: list[OrthosisRow]
     feet: list[FootRow]
     pelvis: PelvisRow
     forward: ForwardRow
@@ -259,7 +267,8 @@ def unit_of(name: str) -> str:
 def meaning_of(name: str) -> str:
     """What a column of a log means, as it is declared; empty for one that is not."""
     rows = (
-        AnkleRow if JointName.ANKLE in name else JointRow,
+        JointRow,
+        OrthosisRow,
         FootRow,
         PelvisRow,
         ForwardRow,
@@ -283,8 +292,8 @@ class LogLayout:
     ``time_s`` and the names of the phases are added when the table is made.
 
     Attributes:
-        legs: Actuated joints per leg, in order.
-        ankles: Legs with an ankle.
+        legs: Controlled joints per leg, in order.
+        passive: Side and joint of those that are not.
         feet: Legs with foot contact.
         pelvis: Whether the pelvis moves.
         forward: Whether it moves fore-aft too.
@@ -292,7 +301,7 @@ class LogLayout:
     """
 
     legs: Mapping[Side, Sequence[JointName]]
-    ankles: tuple[Side, ...]
+    passive: tuple[tuple[Side, JointName], ...]
     feet: tuple[Side, ...]
     pelvis: bool
     forward: bool = False
@@ -300,16 +309,16 @@ class LogLayout:
 
     def row(self) -> LogRow:
         """An empty row."""
-        braces = [*self._joints, *self.ankles] if self.braced else []
         return LogRow(
             phases=[0.0] * len(self.legs),
             joints=[JointRow() for _ in self._joints],
-            ankles=[AnkleRow() for _ in self.ankles],
+            passive=[PassiveRow() for _ in self.passive],
+            orthoses=[OrthosisRow() for _ in self._orthoses],
             feet=[FootRow() for _ in self.feet],
             pelvis=PelvisRow() if self.pelvis else ABSENT,
             forward=ForwardRow() if self.forward else ABSENT,
             brace_work=BraceWorkRow() if self.braced else ABSENT,
-            braces=[BraceRow() for _ in braces],
+            braces=[BraceRow() for _ in (*self._joints, *self._passive) if self.braced],
             pelvis_brace=PelvisBraceRow() if self.braced and self.pelvis else ABSENT,
             forward_brace=ForwardBraceRow() if self.braced and self.forward else ABSENT,
         )
@@ -318,15 +327,23 @@ class LogLayout:
     def _joints(self) -> list[str]:
         return [f"{side}_{joint}" for side, joints in self.legs.items() for joint in joints]
 
+    @property
+    def _passive(self) -> list[str]:
+        return [f"{side}_{joint}" for side, joint in self.passive]
+
+    @property
+    def _orthoses(self) -> list[str]:
+        return [name for name in self._joints if name.endswith(JointName.ANKLE)]
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the columns, in the order of the numbers of a row."""
-        ankles = [f"{side}_{JointName.ANKLE}" for side in self.ankles]
         prefixes = {
             "joints": self._joints,
-            "ankles": ankles,
+            "passive": self._passive,
+            "orthoses": self._orthoses,
             "feet": [f"{side}_foot" for side in self.feet],
-            "braces": [*self._joints, *ankles],
+            "braces": [*self._joints, *self._passive],
         }
         row, names = self.row(), [f"{side}_phase" for side in self.legs]
         for item in fields(row):

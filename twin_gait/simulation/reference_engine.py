@@ -65,8 +65,7 @@ class ReferenceEngine:
         ]
         self.switches: list[Switch] = []
         self._row = self.layout.row()
-        joints, efforts = len(problem.joints), self.episode.efforts
-        self._efforts = [[0.0] * joints for _ in range(efforts.n_ring)]
+        self._efforts = [[0.0] * len(self.episode.limbs) for _ in range(self.episode.efforts.n_ring)]
         self._noise, self._effort_noise = problem.noise.tolist(), problem.wearer.noise.tolist()
         kernel = PinocchioKernel(problem.world, problem.control_model).functions if kernel is None else kernel
         rows = (self.log_row, self.switch_row, self.noise_row, self.effort_row, self.effort_noise_row)

@@ -86,8 +86,8 @@ class BenchLeg:
 
         Args:
             model: One leg with a fixed pelvis.
-            friction: True friction of hip and knee.
-            actuators: Motor and gear of hip and knee.
+            friction: True friction of the joints with a drive.
+            actuators: Their motors and gears.
             stops: Mechanical stops.
             ankle: The orthosis, if the leg has one.
             gravity: In [m] / [s²].

@@ -88,9 +88,6 @@ class Fault:
             _expected_place(self.kind),
             self.place,
         )
-        require(
-            self.joint is not JointName.ANKLE, f"place of {self.kind}", _expected_place(self.kind), self.place
-        )
         if self.magnitude is not None:
             units = " or ".join(self.kind.units) or "no magnitude"
             require(
@@ -120,11 +117,11 @@ class Fault:
         return f"{self.kind}{place}@{self.time!r}s{size}"
 
 
-def _expected_place(kind: FaultKind) -> str:
+def _expected_place(kind: FaultKind, joints: Collection[str] = tuple(JointName)) -> str:
     """Where faults of a kind can be injected, in words."""
     if kind is FaultKind.SUPPLY_DIP:
         return "no place, as in supply_dip@4.2s"
-    names = ["foot"] if kind is FaultKind.FOOT_LOAD_STUCK else ["hip", "knee"]
+    names = [FOOT] if kind is FaultKind.FOOT_LOAD_STUCK else joints
     return " or ".join(f"left_{name} or right_{name}" for name in names)
 
 
@@ -168,7 +165,7 @@ def _place(text: str, kind: FaultKind, place: str | None) -> tuple[Side | None, 
     if place is None:
         return None, None
     side, _, name = place.partition("_")
-    if side not in list(Side) or name not in (FOOT, JointName.HIP, JointName.KNEE):
+    if side not in list(Side) or name not in (FOOT, *JointName):
         raise ParameterError(f"fault {text!r}: no place {place!r}; expected {_expected_place(kind)}")
     return Side(side), None if name == FOOT else JointName(name)
 
@@ -184,15 +181,25 @@ def _magnitude(text: str, kind: FaultKind, size: str | None) -> float | None:
     return float(match.group(1)) * kind.units[match.group(2)]
 
 
-def check_faults(faults: Collection[Fault], sides: Collection[Side], feet: bool, duration: float) -> None:
+def check_faults(
+    faults: Collection[Fault],
+    sides: Collection[Side],
+    feet: bool,
+    duration: float,
+    joints: Collection[JointName],
+) -> None:
     """Check that faults act on something that is there, within the run.
 
     Args:
         duration: Of the run in [s].
+        joints: Those that are controlled.
     """
     for fault in faults:
         if fault.side is not None and fault.side not in sides:
             raise ParameterError(f"fault {fault}: there is no {fault.side} leg, only {', '.join(sides)}")
+        if fault.joint is not None and fault.joint not in joints:
+            expected = _expected_place(fault.kind, joints)
+            raise ParameterError(f"fault {fault}: no {fault.joint} is controlled; expected {expected}")
         if fault.kind is FaultKind.FOOT_LOAD_STUCK and not feet:
             raise ParameterError(f"fault {fault}: the feet of this experiment have no load sensors")
         if fault.time >= duration:

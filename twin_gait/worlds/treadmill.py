@@ -137,8 +137,8 @@ class Treadmill:
 
         Args:
             model: Both legs with a pelvis that moves.
-            friction: True friction of hip and knee.
-            actuators: Motor and gear of hip and knee.
+            friction: True friction of the joints with a drive.
+            actuators: Their motors and gears.
             stops: Mechanical stops.
             ankle: The orthosis.
             gravity: In [m] / [s²].

@@ -135,7 +135,7 @@ def build_leg_model(
 
     Args:
         patient: The wearer, or None.
-        actuators: For the armature of hip and knee.
+        actuators: For the armature of the joints.
         gravity: In [m] / [s²].
     """
     return LegModel(
@@ -168,7 +168,7 @@ def build_plant(
             plant.stop.stiffness, plant.stop.dissipation = stops.stiffness, stops.dissipation
             if joint is JointName.ANKLE:
                 plant.spring = Spring(ankle.stiffness, ankle.damping, ankle.stiffness * ankle.rest)
-            else:
+            if joint in actuators:
                 plant.friction = friction[joint].in_plant(actuators[joint].gear_efficiency)
                 plant.armature = actuators[joint].armature
     return result

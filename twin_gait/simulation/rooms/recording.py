@@ -5,16 +5,17 @@ from __future__ import annotations
 from twin_gait.core.contact import LEAST_FORCE
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import (
-    ANKLES,
     FORWARD,
+    PASSIVE,
     PELVIS,
     POINTS_PER_FOOT,
+    POWERED_ANKLES,
     SHIFT,
     lanes,
     log_row,
     observe,
 )
-from twin_gait.simulation.log import JointRow, LogRow
+from twin_gait.simulation.log import JointRow, LogRow, PassiveRow
 from twin_gait.simulation.rooms.motion import acceleration
 from twin_gait.simulation.rooms.sensors import normal_force, point_force
 
@@ -25,6 +26,10 @@ def record(e: Episode, tick: int) -> None:
     for number in range(len(e.joints)):
         for one in lanes(e):
             _record_joint(one, number, log_row(one, tick).joints[number])
+    if PASSIVE:
+        for number in range(len(e.passive)):
+            for one in lanes(e):
+                _record_passive(one, number, log_row(one, tick).passive[number])
     for number in range(len(e.controller.legs)):
         for one in lanes(e):
             _record_leg(one, number, log_row(one, tick))
@@ -91,14 +96,19 @@ def _record_joint(e: Episode, number: int, out: JointRow) -> None:
     out.friction_compensation_gain = asked.gain
 
 
+def _record_passive(e: Episode, number: int, out: PassiveRow) -> None:
+    """Write motion and spring of a joint that is not controlled."""
+    place = e.passive[number]
+    out.angle = e.q[place]
+    out.velocity = e.v[place]
+    out.orthosis_torque = e.plant[place].spring_torque
+
+
 def _record_leg(e: Episode, number: int, row: LogRow) -> None:
-    """Write phase, ankle and foot."""
+    """Write phase, orthosis and foot."""
     row.phases[number] = float(e.controller.legs[number].phase)
-    if ANKLES:
-        ankle, place = row.ankles[number], e.ankles[number]
-        ankle.angle = e.q[place]
-        ankle.velocity = e.v[place]
-        ankle.orthosis_torque = e.plant[place].spring_torque
+    if POWERED_ANKLES:
+        row.orthoses[number].orthosis_torque = e.plant[e.ankles[number]].spring_torque
     if POINTS_PER_FOOT > 0:
         foot, first = row.feet[number], number * POINTS_PER_FOOT
         friction, pressed, lowest = 0.0, 0.0, e.points[first].height

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from twin_gait.control.gait_controller import JOINTS_PER_LEG
 from twin_gait.core.wearer import passive_hip_torque, passive_knee_torque, posture_place, spastic_torque
 from twin_gait.simulation.episode import Episode
 from twin_gait.simulation.interface import ANKLES, SHIFT, WEARER, effort_noise_row, effort_row, lanes
 
+LIMBS_PER_LEG = 2  # thigh and shank: hip and knee, controlled or not
+
 
 def push(e: Episode, tick: int) -> None:
     """Torques from outside for this tick: a push, and what the wearer does."""
+    if WEARER:
+        for number in range(len(e.limbs)):
+            for one in lanes(e):
+                one.external[one.limbs[number].place + SHIFT] = 0.0
     for number in range(len(e.joints)):
         for one in lanes(e):
-            place = one.joints[number].place
-            one.external[place] = one.joints[number].push
-            if SHIFT > 0:
-                one.external[place + SHIFT] = 0.0
+            one.external[one.joints[number].place] = one.joints[number].push
     if WEARER:
         for number in range(len(e.controller.legs)):
             for one in lanes(e):
@@ -24,22 +26,22 @@ def push(e: Episode, tick: int) -> None:
 
 def _push_leg(e: Episode, number: int, tick: int) -> None:
     """What the wearer does on hip and knee of a leg."""
-    first = number * JOINTS_PER_LEG
-    hip_joint, knee_joint = e.joints[first], e.joints[first + 1]
-    hip, knee, ankle = e.q[hip_joint.place + SHIFT], e.q[knee_joint.place + SHIFT], 0.0
+    first = number * LIMBS_PER_LEG
+    thigh, shank = e.limbs[first], e.limbs[first + 1]
+    hip, knee, ankle = e.q[thigh.place + SHIFT], e.q[shank.place + SHIFT], 0.0
     if ANKLES:
         ankle = e.q[e.ankles[number] + SHIFT]
-    bent_hip = hip - hip_joint.condition.contracture
-    bent_knee = knee - knee_joint.condition.contracture
+    bent_hip = hip - thigh.condition.contracture
+    bent_knee = knee - shank.condition.contracture
     _wear(e, tick, first, passive_hip_torque(bent_hip, bent_knee), hip)
     _wear(e, tick, first + 1, passive_knee_torque(bent_hip, bent_knee, ankle), hip)
 
 
 def _wear(e: Episode, tick: int, number: int, passive: float, hip: float) -> None:
-    """Add the wearer's torque on one joint; the effort comes with a delay."""
-    joint, phase = e.joints[number], e.controller.legs[number // JOINTS_PER_LEG].phase
-    condition, place = joint.condition, joint.place + SHIFT
-    moments = joint.moments[phase]
+    """Add the wearer's torque on hip or knee; the effort comes with a delay."""
+    limb, phase = e.limbs[number], e.controller.legs[number // LIMBS_PER_LEG].phase
+    condition, place = limb.condition, limb.place + SHIFT
+    moments = limb.moments[phase]
     below, share = posture_place(hip, e.efforts.lowest_posture, e.efforts.posture_step, len(moments))
     moment = moments[below] + share * (moments[below + 1] - moments[below])
     effort_row(e, tick)[number] = condition.effort * moment
