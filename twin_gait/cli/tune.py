@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
                 workers=workers,
                 resume=arguments.resume,
                 force=arguments.force,
-                progress=partial(_note, experiment.table.joints),
+                progress=partial(_note, experiment.joints),
                 should_stop=should_stop,
                 on_compile=terminal.note_compilation,
             )

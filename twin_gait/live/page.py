@@ -29,7 +29,6 @@ from twin_gait.runs.run_page import belt_speed_of, describe, slope_of
 from twin_gait.viewer.live.figure import LiveFigure
 from twin_gait.viewer.live.page import panel_page
 from twin_gait.viewer.live.server import LiveServer, Panel
-from twin_gait.vocabulary import JointName
 from twin_gait.worlds import Treadmill
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
@@ -64,7 +63,7 @@ class LivePage:
         self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
         self.figure = LiveFigure(
             experiment.build_world().model,
-            drives=tuple(map(JointName, experiment.table.joints)),
+            drives=experiment.joints,
             title=f"twin_gait live · {experiment.name}",
             subtitle=describe(experiment.patient, self._belt_speed),
             patient=experiment.patient,

@@ -35,7 +35,7 @@ def step_error(
     reference = simulate(
         replace(run.experiment, integration=fine), progress=progress, should_stop=should_stop
     )
-    names = [f"{side}_{joint}_angle_rad" for side in run.sides for joint in run.table.joints]
+    names = [f"{side}_{joint}_angle_rad" for side in run.sides for joint in run.experiment.joints]
     common = min(len(run.log), len(reference.log))
     difference = np.abs(run.log[names].to_numpy()[:common] - reference.log[names].to_numpy()[:common])
     same = _ticks_with_equal_phases(run, reference, common)

@@ -62,9 +62,9 @@ class Shown(NamedTuple):
 
 
 @cache
-def shown_measures(joints: tuple[str, ...]) -> dict[str, dict[str, Shown]]:
+def shown_measures(joints: tuple[JointName, ...]) -> dict[str, dict[str, Shown]]:
     """Measures that a report on these joints shows, by group and name."""
-    others = set(JointName) - {JointName(joint) for joint in joints}
+    others = set(JointName) - set(joints)
     text = Path(__file__).with_name("measures.yaml").read_text(encoding="utf-8")
     groups = yaml.safe_load(text)
     return {
@@ -111,7 +111,7 @@ def subtitle_of(comparison: Comparison, who: str) -> str:
 
 def conclusions(comparison: Comparison) -> list[str]:
     """What the measures say, as a few paragraphs."""
-    joints = comparison.experiment.table.joints
+    joints = comparison.experiment.joints
     names = {name: shown for rows in shown_measures(joints).values() for name, shown in rows.items()}
     walked = {item.name: comparison.walked(item.name) for item in comparison.controllers}
     walking = [item for item in comparison.controllers if walked[item.name]]
@@ -152,7 +152,7 @@ def page_of(comparison: Comparison, who: str, picture: Picture) -> str:
             }
             for name, shown in rows.items()
         ]
-        for group, rows in shown_measures(comparison.experiment.table.joints).items()
+        for group, rows in shown_measures(comparison.experiment.joints).items()
     }
     # Labels that mean the same share their explanation.
     meanings: dict[str, list[str]] = {}
@@ -177,7 +177,7 @@ def figure_of(comparison: Comparison) -> Figure:
     bars = nominal.reindex(columns=list(_BARS.values())).dropna().to_dict("index")
     walked = [item for item in comparison.controllers if item.name in bars]
     colours = [COLOURS[list(CONTROLLERS).index(item.name)] for item in walked]
-    joints = [JointName(joint) for joint in comparison.experiment.table.joints]
+    joints = comparison.experiment.joints
     count = len(joints) * len(Side) + len(_BARS)
     figure = Figure(figsize=(13.0 * count / 6, 3.3), layout="constrained")
     panels = iter(figure.subplots(1, count, squeeze=False)[0])

@@ -28,7 +28,6 @@ from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, WORST, 
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
 from twin_gait.studies.tune.tune import Chosen, choose, final_table
 from twin_gait.studies.tune.walks import standing, table_of, walk_all, walker
-from twin_gait.vocabulary import JointName
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
 OUTCOME_VERSION = 1
@@ -131,7 +130,7 @@ def outcome(
         "belt_speed_m_per_s": check_walker(experiment)[0].belt_speed,
         "reference": _reference_words(settings, experiment),
         "table_before": experiment.table.name,
-        "joints": list(experiment.table.joints),
+        "joints": list(experiment.joints),
         "began_with": tuning.began_with,
         "found_better": after.points is not None,
         "parts": _parts(before.walks[0][1], after.walks[0][1]),
@@ -216,7 +215,7 @@ def gait_curves(
         str(joint): {
             "reference": np.degrees(reference_curve(joint, PERCENT, speed=speed, height=patient.height))
         }
-        for joint in map(JointName, experiment.table.joints)
+        for joint in experiment.joints
     }
     walked = walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration)
     for name, table in (("before", before), ("after", after)):

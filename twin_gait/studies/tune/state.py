@@ -83,7 +83,7 @@ def identity(experiment: Experiment, settings: Settings) -> dict[str, Any]:
     return {
         "experiment": content_hash(experiment_document(experiment)),
         **chosen,
-        "parts": {part.name: [part.goal, part.weight] for part in parts_of(tuple(experiment.table.joints))},
+        "parts": {part.name: [part.goal, part.weight] for part in parts_of(experiment.joints)},
         "costs": [WORST, FALL, AIM, HELD_TO, NEEDED_CLEARANCE, NOMINAL_WEIGHT],
         "sources": sources_hash(),
         "versions": {"numpy": metadata.version("numpy")},
