@@ -100,7 +100,7 @@ def synthetic_run(*, timed_out: Collection[int] = ()) -> Run:
     experiment = synthetic_experiment()
     layout = LogLayout(
         legs={side: (JointName.HIP, JointName.KNEE) for side in Side},
-        ankles=tuple(Side),
+        passive=tuple((side, JointName.ANKLE) for side in Side),
         feet=tuple(Side),
         pelvis=True,
     )

@@ -78,7 +78,7 @@ def test_log_carries_units_schema_version_and_status(directory):
 
 
 def test_every_column_has_a_unit():
-    layout = LogLayout(legs={"left": ("hip",)}, ankles=("left",), feet=("left",), pelvis=True)
+    layout = LogLayout(legs={"left": ("hip",)}, passive=(("left", "ankle"),), feet=("left",), pelvis=True)
     without = [name for name in layout.names if unit_of(name) == "1"]
     assert without == ["left_hip_friction_compensation_gain", "left_foot_pressure_place"]
 

@@ -17,6 +17,7 @@ from twin_gait.simulation.log import (
     BRACED_WORK_SOURCES,
     WORK_SOURCES,
     LogLayout,
+    LogRow,
     columns_of,
     meaning_of,
     state_columns,
@@ -30,14 +31,17 @@ BOTH = (JointName.HIP, JointName.KNEE)
 LAYOUTS = [
     LogLayout(
         legs=dict.fromkeys(sides, joints),
-        ankles=sides if ankles else (),
+        passive=tuple((side, joint) for side in sides for joint in passive if joint not in joints),
         feet=sides if feet else (),
         pelvis=pelvis,
         forward=forward,
         braced=braced,
     )
-    for sides, joints, ankles, feet, pelvis, forward, braced in product(
-        [(Side.RIGHT,), tuple(Side)], [BOTH[:1], BOTH], *[[False, True]] * 5
+    for sides, joints, passive, feet, pelvis, forward, braced in product(
+        [(Side.RIGHT,), tuple(Side)],
+        [BOTH[:1], BOTH, tuple(JointName)],
+        [(), tuple(JointName)],
+        *[[False, True]] * 4,
     )
     if pelvis or not forward
 ]
@@ -88,12 +92,13 @@ def test_every_column_of_every_layout_has_a_unit_and_a_meaning_and_says_them_by_
 
 
 def test_a_class_of_rows_declares_a_column_once() -> None:
-    layout = next(item for item in LAYOUTS if item.ankles and item.feet and item.forward and item.braced)
-    rows = {type(layout.row())}
-    for item in fields(layout.row()):
-        value = getattr(layout.row(), item.name)
-        rows |= {type(entry) for entry in (value if isinstance(value, list) else [value])} - {float}
-    assert len(rows) == 11
+    rows = {LogRow}
+    for layout in LAYOUTS:
+        for item in fields(layout.row()):
+            value = getattr(layout.row(), item.name)
+            rows |= {type(entry) for entry in (value if isinstance(value, list) else [value])}
+    rows = {row for row in rows if is_dataclass(row)}
+    assert len(rows) == 12
     for row in rows:
         units = [unit for unit, _ in columns_of(row).values()]
         assert len(columns_of(row)) == len(units) and set(units) <= {*SUFFIXES, "1", "code"}

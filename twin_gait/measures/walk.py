@@ -101,7 +101,7 @@ class WalkMeasures:
         swing_load: Vertical force on the foot at that moment in [N].
         further_contacts: Bounces and scuffs in the whole record.
         belt_power: That the belt gives to the foot, in [W].
-        motor_power: Mechanical power of each motor at its joint, net, in [W].
+        motor_power: Mechanical power of each controlled motor at its joint, net, in [W].
         wearer_power: Of the wearer's own effort (and of pushes) at hip and knee, net, in [W].
     """
 
@@ -324,14 +324,19 @@ def _joints(log: pd.DataFrame, leg: LegRecord, bounds: np.ndarray) -> dict[str, 
     ankle = wearer_column(log.columns, leg.side, JointName.ANKLE, "angle_rad")
     lowest = ankle_range = math.nan
     if len(bounds):
-        lowest = float(stride_extremes(leg.angles[JointName.HIP], bounds)[:, 0].mean())
+        lowest = float(stride_extremes(_angle(log, leg, JointName.HIP), bounds)[:, 0].mean())
     if len(bounds) and ankle in log:
-        ankle_range = float(np.ptp(stride_extremes(log[ankle].to_numpy(), bounds), axis=1).mean())
+        ankle_range = float(np.ptp(stride_extremes(_angle(log, leg, JointName.ANKLE), bounds), axis=1).mean())
     return {
         "ankle_range": ankle_range,
         "hip_lowest": lowest,
-        **knee_shape(mean_stride(leg.angles[JointName.KNEE], bounds)),
+        **knee_shape(mean_stride(_angle(log, leg, JointName.KNEE), bounds)),
     }
+
+
+def _angle(log: pd.DataFrame, leg: LegRecord, joint: JointName) -> np.ndarray:
+    """Angle of a joint of the wearer, controlled or not."""
+    return log[wearer_column(log.columns, leg.side, joint, "angle_rad")].to_numpy()
 
 
 def _slip(leg: LegRecord, fore_aft: np.ndarray, bounds: np.ndarray, walkway: Walkway) -> float:

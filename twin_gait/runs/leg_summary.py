@@ -65,6 +65,7 @@ def summarise_side(
         "joints": {
             str(joint): {
                 **_effort(run, record, joint, skip),
+                **_work(run, record, joint, skip),
                 **torque_at_switches(run, record, joint, skip),
                 **_energy_at_switches(run, record, joint, skip),
                 **_jerk(run, record, joint, skip),
@@ -243,6 +244,18 @@ def _effort(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[st
         "current_peak_A": current.peak,
         "current_rms_A": current.rms,
         "current_continuous_share": current.continuous_share,
+    }
+
+
+def _work(run: Run, record: LegRecord, joint: JointName, skip: int) -> dict[str, float]:
+    """What a motor does at its joint, means over the counted strides; work is per mass of the wearer."""
+    name, log, strides = f"{record.side}_{joint}", run.log, record.strides(skip=skip)
+    power = (log[f"{name}_motor_torque_Nm"] * log[f"{name}_velocity_rad_per_s"]).to_numpy()
+    mass = math.nan if run.experiment.patient is None else run.experiment.patient.mass
+    return {
+        "power_peak_W": _mean(stride_extremes(power, strides)[:, 1]),
+        "positive_work_J_per_kg": TICK * _mean(sums_over(np.maximum(power, 0.0), strides)) / mass,
+        "negative_work_J_per_kg": TICK * _mean(sums_over(np.minimum(power, 0.0), strides)) / mass,
     }
 
 

@@ -1,0 +1,245 @@
+"""A motor at the ankle by data alone: URDF, drive, friction and gait table; and tables for fewer joints."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import oracle
+import pytest
+
+from twin_gait import load_experiment, simulate
+from twin_gait.configuration import experiment_document
+from twin_gait.exceptions import TwinGaitError
+from twin_gait.experiment import Experiment
+from twin_gait.experiment.problem import Problem, build_problem
+from twin_gait.runs.summary import summarise
+from twin_gait.simulation import lane_engine
+from twin_gait.simulation.compiled_engine import CompiledEngine
+from twin_gait.simulation.engine import EngineResult
+from twin_gait.simulation.lane_engine import LaneEngine
+from twin_gait.simulation.log import state_columns
+from twin_gait.simulation.reference_engine import ReferenceEngine
+from twin_gait.vocabulary import JointName, Side
+
+WALK = Path(__file__).parent.parent / "tables" / "powered_ankle_walk.yaml"
+HARD = (
+    "control.inertia_compensation=0.3",
+    "control.assistance={hip: 0.9, knee: 0.9, ankle: 0.8, adaptive: true}",
+)
+STEP = "integration={method: semi_implicit_euler, step_ms: 0.5}"
+
+
+def experiment(*settings: str) -> Experiment:
+    return load_experiment(WALK, [STEP, *settings]).experiment
+
+
+def problem(*settings: str) -> Problem:
+    return build_problem(experiment(*settings))
+
+
+def assert_near(ours: EngineResult, theirs: EngineResult, names: tuple[str, ...], tolerance: float) -> None:
+    assert ours.switches == theirs.switches != ()
+    for name, mine, other in zip(names, ours.rows.T, theirs.rows.T, strict=True):
+        np.testing.assert_allclose(mine, other, atol=tolerance, rtol=0.0, err_msg=name)
+
+
+@pytest.fixture(scope="module")
+def run():
+    return simulate(load_experiment(WALK, ["duration_s=12"]).experiment)
+
+
+def test_three_controlled_joints_walk_and_the_log_has_the_ankle_as_another_joint(run):
+    assert run.verdict.outcome == "walked"
+    assert run.trip is None
+    ankle, knee = (
+        {name.removeprefix(f"left_{joint}_") for name in run.log if name.startswith(f"left_{joint}_")}
+        for joint in ("ankle", "knee")
+    )
+    assert ankle - knee == {"orthosis_torque_Nm"}
+    assert knee <= ankle
+    assert np.abs(run.log["left_ankle_motor_torque_Nm"]).max() > 5.0
+    assert not run.log["left_ankle_orthosis_torque_Nm"].any()  # it is slack
+
+
+def test_the_motor_of_the_ankle_is_in_the_balance_of_energy_and_in_the_summary(run):
+    summary = summarise(run)
+    assert summary["energy_residual_share"] < 1e-8
+    found = summary["sides"]["left"]["joints"]["ankle"]
+    strides = run.leg_record("left").strides()
+    power = (run.log["left_ankle_motor_torque_Nm"] * run.log["left_ankle_velocity_rad_per_s"]).to_numpy()
+    works = [np.maximum(power[first:last], 0.0).sum() * 1e-3 for first, last in strides]
+    assert found["positive_work_J_per_kg"] == pytest.approx(np.mean(works) / 70.0)
+    assert found["power_peak_W"] > 1.0 > found["negative_work_J_per_kg"]
+    assert found["range_of_motion_deg"] > 5.0
+    assert "saturated_share" in found
+    assert "rmse_ankle_by_contact_deg" in summary["sides"]["left"]
+
+
+def test_orthosis_and_motor_act_in_parallel():
+    log = simulate(experiment("duration_s=1", "plant.ankle={stiffness_Nm_per_rad: 40, rest_deg: 5}")).log
+    angle, velocity = log["left_ankle_angle_rad"], log["left_ankle_velocity_rad_per_s"]
+    assert np.abs(log["left_ankle_motor_torque_Nm"]).max() > 1.0
+    expected = -40.0 * (angle - np.radians(5.0)) - 0.0 * velocity
+    np.testing.assert_allclose(log["left_ankle_orthosis_torque_Nm"], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("settings", [(), HARD], ids=["plain", "all that is shared"])
+def test_the_reference_engine_agrees_with_the_compiled_one(settings):
+    laid_out = problem("duration_s=0.8", *settings)
+    compiled = CompiledEngine(laid_out)
+    assert_near(compiled.run(), ReferenceEngine(laid_out).run(), compiled.layout.names, 1e-7)
+
+
+def test_the_rooms_over_mujoco_give_the_log_of_the_compiled_engine():
+    pytest.importorskip("mujoco")
+    from mujoco_kernel import MujocoKernel  # needs MuJoCo
+
+    laid_out = problem("duration_s=0.8", *HARD)
+    compiled, kernel = CompiledEngine(laid_out), MujocoKernel(laid_out)
+    assert_near(
+        compiled.run(), ReferenceEngine(laid_out, kernel=kernel.functions).run(), compiled.layout.names, 1e-9
+    )
+
+
+def test_the_second_loop_moves_three_joints_alike():
+    laid_out = problem(
+        "duration_s=0.5",
+        "plant.actuators.ankle.gear_efficiency=0.8",
+        "control.target_torque_Nm={hip: 0, knee: 0, ankle: 2}",
+    )
+    engine = CompiledEngine(laid_out)
+    ours, theirs = engine.run(), oracle.motion(laid_out, 500)
+    places = [engine.layout.positions[name] for name in state_columns(laid_out.world.model)[0]]
+    np.testing.assert_allclose(ours.rows[:, places], theirs.q, atol=1e-12, rtol=0.0)
+    motors = [
+        engine.layout.positions[f"{item.side}_{item.joint}_motor_torque_Nm"] for item in laid_out.joints
+    ]
+    coordinates = [item.coordinate for item in laid_out.joints]
+    np.testing.assert_allclose(ours.rows[:, motors], theirs.motor[:, coordinates], atol=1e-10, rtol=0.0)
+    assert ours.switches
+
+
+@pytest.mark.slow
+@pytest.mark.compile
+def test_lanes_walk_on_powered_ankles_as_each_does_alone(monkeypatch):
+    monkeypatch.setattr(lane_engine, "FEWEST", 2)
+    settings = [f"patient.mass_kg={mass}" for mass in range(60, 78)]
+    ours, theirs = ([CompiledEngine(problem("duration_s=5", item)) for item in settings] for _ in range(2))
+    for together, engine in zip(LaneEngine(ours).run(), theirs, strict=True):
+        alone = engine.run()
+        assert together.switches == alone.switches != ()
+        assert together.rows.tobytes() == alone.rows.tobytes()
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ("faults=['encoder_freeze:left_ankle@0.5s']",),
+        ("faults=['motor_dead:right_ankle@0.2s']", "control.safety.enabled=false"),
+    ],
+)
+def test_what_breaks_at_an_ankle_is_noticed(settings):
+    run = simulate(experiment("duration_s=1.5", *settings))
+    if run.experiment.control.safety.enabled:
+        assert run.trip is not None
+        assert run.trip.place == "left ankle"
+    else:
+        assert not run.log["right_ankle_measured_current_A"].to_numpy()[200:].any()
+
+
+def test_an_encoder_of_an_ankle_may_be_out_of_calibration():
+    log = simulate(experiment("duration_s=0.05", "sensors.offset.left.ankle_deg=2")).log
+    difference = log["left_ankle_measured_angle_rad"] - log["left_ankle_angle_rad"]
+    np.testing.assert_allclose(difference, np.radians(2.0), atol=1e-12)
+
+
+def test_a_file_with_an_ankle_is_written_and_read_back():
+    document = experiment_document(experiment("sensors.offset.left.ankle_deg=2"))
+    assert set(document["plant"]["actuators"]) == {"hip", "knee", "ankle"}
+    assert document["sensors"]["offset"]["left"]["ankle_rad"] == pytest.approx(np.radians(2.0))
+    assert "ankle_rad" not in document["sensors"]["offset"]["right"]
+
+
+# ------------------------------------------------------------------ fewer joints
+
+
+def test_a_drive_that_the_table_does_not_control_keeps_friction_and_rotor_but_gets_no_current():
+    driven, free = (problem("duration_s=0.4", *settings) for settings in ((), ("table=treadmill",)))
+    place = free.world.model.index(Side.LEFT, JointName.ANKLE)
+    assert free.world.plant[place].friction == driven.world.plant[place].friction
+    assert free.world.plant[place].armature == driven.world.plant[place].armature > 0.0
+    log = simulate(experiment("duration_s=0.4", "table=treadmill")).log
+    assert "left_ankle_motor_torque_Nm" not in log
+    assert log["left_ankle_angle_rad"].std() > 0.0
+
+
+@pytest.mark.parametrize("joints", [["hip"], ["knee"], ["knee", "ankle"]])
+def test_a_table_may_control_fewer_joints(joints):
+    base = experiment("duration_s=0.5", "patient=stroke_left")
+    table = replace(
+        base.table,
+        joints=tuple(joints),
+        phases={
+            name: replace(phase, joints={joint: phase.joints[joint] for joint in joints})
+            for name, phase in base.table.phases.items()
+        },
+        transitions=tuple(
+            replace(item, guard=type(item.guard)(guards=()), time_out_ticks=200)
+            for item in base.table.transitions
+        ),
+    )
+    fewer = replace(base, table=table)
+    laid_out = build_problem(fewer)
+    compiled = CompiledEngine(laid_out)
+    result = compiled.run()
+    assert_near(result, ReferenceEngine(laid_out).run(), compiled.layout.names, 1e-7)
+    log = simulate(fewer).log
+    for joint in ("hip", "knee", "ankle"):
+        assert (f"left_{joint}_motor_torque_Nm" in log) == (joint in joints)
+        assert f"left_{joint}_angle_rad" in log
+    assert summarise(simulate(fewer))["sides"]["left"]["joints"].keys() == set(joints)
+
+
+# ------------------------------------------------------------------ refusals
+
+
+@pytest.mark.parametrize(
+    ("preset", "settings", "message"),
+    [
+        (
+            "treadmill",
+            [f"table={WALK.parent / 'powered_ankle.yaml'}"],
+            "gait table 'powered_ankle' controls the ankle, which has no drive; give plant.actuators.ankle",
+        ),
+        (WALK, ["plant.friction.ankle=null"], r"friction.ankle: the ankle has a drive; give its friction"),
+        (
+            WALK,
+            ["control.friction_model.ankle=null"],
+            "control.friction_model.ankle: gait table 'powered_ankle'",
+        ),
+        (
+            WALK,
+            ["plant.actuators.ankle.resistance_Ohm=null"],
+            "plant: ankle.resistance: expected that of the motor",
+        ),
+        (
+            WALK,
+            ["leg.left.ankle=null"],
+            "controls the ankle, which the left leg has not; give its name in the URDF",
+        ),
+        (WALK, ["control.mode=position"], "control.mode: position has a path for hip, knee, gait table"),
+        (WALK, ["network=can"], "expected a gait table for hip, knee, whose boards are on the bus"),
+        (
+            "treadmill",
+            ["faults=['motor_dead:left_ankle@1s']"],
+            "no ankle is controlled; expected left_hip or",
+        ),
+        ("treadmill", ["sensors.offset.left.ankle_deg=1"], "sensors offset: expected one of hip, knee, got"),
+    ],
+)
+def test_what_an_ankle_lacks_is_said_in_one_line(preset, settings, message):
+    with pytest.raises(TwinGaitError, match=message) as refused:
+        build_problem(load_experiment(preset, [*settings]).experiment)
+    assert "\n" not in str(refused.value)
