@@ -318,7 +318,7 @@ def test_accuracy_reports_the_step_error(tmp_path, capsys):
     assert accuracy["reference_step_s"] == pytest.approx(accuracy["step_s"] / 10)
     assert 0.0 < accuracy["largest_angle_error_rad"] < 1e-2
     largest = f"{math.degrees(accuracy['largest_angle_error_rad']):.2g}°"
-    assert f"moves hip and knee by up to {largest}" in capsys.readouterr().out
+    assert f"moves the joints by up to {largest}" in capsys.readouterr().out
 
 
 def test_accuracy_of_a_run_that_did_not_complete_is_said_to_be_missing(tmp_path, capsys):

@@ -362,7 +362,7 @@ def test_folder_holds_a_page_that_needs_nothing_else(stroke, tmp_path):
     wide = [row for row in page.rows if len(row) == 4]
     assert wide[0][1:] == [item.title for item in stroke.controllers]
     assert [row[0] for row in wide[1:]] == [
-        shown.label for rows in shown_measures().values() for shown in rows.values()
+        shown.label for rows in shown_measures(stroke.experiment.joints).values() for shown in rows.values()
     ]
     assert all(row[3] == "–" for row in wide[2:])  # who fell has no gait
     table = pd.read_csv(out / RUNS_FILE)

@@ -35,11 +35,11 @@ from twin_gait.studies.tune.cases import corner_cases, departures, robust_cases,
 from twin_gait.studies.tune.outcome import verdict
 from twin_gait.studies.tune.parts import (
     FALL,
-    PARTS,
     WORST,
     Rating,
     nominal_cost,
     part_costs,
+    parts_of,
     residuals,
     walk_cost,
 )
@@ -166,19 +166,21 @@ def test_a_tuned_table_does_not_inherit_waivers(shipped: GaitTable) -> None:
 
 # ---------------------------------------------------------------------- cost
 
+JOINTS = ("hip", "knee")
+PARTS = parts_of(JOINTS)
 AT_GOAL = {part.name: part.goal for part in PARTS}
 
 
 def test_at_all_goals_a_walk_costs_the_sum_of_the_weights() -> None:
     weights = sum(part.weight for part in PARTS)
-    assert walk_cost(AT_GOAL, 1.0, False) == pytest.approx(weights)
-    assert walk_cost({name: 2.0 * goal for name, goal in AT_GOAL.items()}, 1.0, False) == pytest.approx(
-        4.0 * weights
-    )
+    assert walk_cost(AT_GOAL, 1.0, False, JOINTS) == pytest.approx(weights)
+    assert walk_cost(
+        {name: 2.0 * goal for name, goal in AT_GOAL.items()}, 1.0, False, JOINTS
+    ) == pytest.approx(4.0 * weights)
 
 
 def _walk_with(values: Mapping[str, float | None]) -> Rating:
-    return Rating(walk_cost(values, 1.0, False), dict(values), False, 1.0, (0.1,))
+    return Rating(walk_cost(values, 1.0, False, JOINTS), dict(values), False, 1.0, (0.1,))
 
 
 def test_a_goal_that_is_missed_costs_more_than_one_that_is_surpassed_saves() -> None:
@@ -198,13 +200,13 @@ def test_of_two_walks_the_worse_costs_more_and_any_fall_the_most(errors: list[fl
         nominal_cost(_walk_with({**AT_GOAL, "hip_error_deg": error})) for error in sorted(errors)
     )
     assert better <= worse <= WORST
-    assert nominal_cost(Rating(walk_cost({}, 1.0, True), {}, True, 1.0)) >= WORST
+    assert nominal_cost(Rating(walk_cost({}, 1.0, True, JOINTS), {}, True, 1.0)) >= WORST
 
 
 def test_residuals_are_what_the_cost_is_made_of() -> None:
     """With errors that are told by two deviations their squares add up to the cost."""
     values = {**AT_GOAL, "hip_error_deg": 5.0, "torque_jump_Nm": 9.0, "scuffs_per_stride": None}
-    walk = Rating(walk_cost(values, 1.0, False), values, False, 1.0, (5.0 / 4.0, 1.0))
+    walk = Rating(walk_cost(values, 1.0, False, JOINTS), values, False, 1.0, (5.0 / 4.0, 1.0))
     found = residuals(walk)
     assert found is not None
     assert found @ found == pytest.approx(nominal_cost(walk))
@@ -220,20 +222,20 @@ def test_missed_goals_count_in_the_nominal_walk_only() -> None:
 
 
 def test_a_part_that_is_not_defined_costs_its_weight() -> None:
-    assert part_costs({**AT_GOAL, "stride_variation_pct": None}) == part_costs(AT_GOAL)
+    assert part_costs({**AT_GOAL, "stride_variation_pct": None}, JOINTS) == part_costs(AT_GOAL, JOINTS)
 
 
 @given(lasted=st.floats(0.0, 1.0), later=st.floats(0.0, 1.0))
 def test_a_fall_costs_more_than_any_walk_and_less_the_later_it_comes(lasted: float, later: float) -> None:
     early, late = sorted((lasted, later))
-    worst = walk_cost({name: 1e3 for name in AT_GOAL}, 1.0, False)
-    costs = [walk_cost({}, share, True) for share in (early, late)]
+    worst = walk_cost({name: 1e3 for name in AT_GOAL}, 1.0, False, JOINTS)
+    costs = [walk_cost({}, share, True, JOINTS) for share in (early, late)]
     assert worst == WORST
     assert WORST <= costs[1] <= costs[0] <= FALL
 
 
 def test_standing_about_costs_as_much_as_the_worst_walk() -> None:
-    assert walk_cost({**AT_GOAL, "knee_error_deg": None}, 1.0, False) == WORST
+    assert walk_cost({**AT_GOAL, "knee_error_deg": None}, 1.0, False, JOINTS) == WORST
 
 
 @pytest.mark.parametrize(
@@ -444,7 +446,7 @@ class Bowl:
             values: dict[str, float | None] = {part.name: 0.0 for part in PARTS}
             values |= {"hip_error_deg": hip, "knee_error_deg": knee}
             told = ((angle - 45.0) / 20.0, math.log(stiffness / 3.0))
-            results.append(Rating(walk_cost(values, 1.0, False), values, False, 1.0, told))
+            results.append(Rating(walk_cost(values, 1.0, False, JOINTS), values, False, 1.0, told))
         return results
 
 

@@ -27,14 +27,15 @@ from twin_gait.simulation import Run, RunStatus, simulate
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune import outcome, stages
 from twin_gait.studies.tune.cases import Case, departures
-from twin_gait.studies.tune.parts import PARTS, Rating, part_values, rate_walk
+from twin_gait.studies.tune.parts import Rating, part_values, parts_of, rate_walk
 from twin_gait.studies.tune.space import editable_document
 from twin_gait.studies.tune.state import Settings
 from twin_gait.studies.tune.tune import tune
 from twin_gait.studies.tune.walks import quick_errors, standing, table_of, walk_all
 from twin_gait.vocabulary import JointName, Outcome, Side
 
-TITLES = [part.title for part in PARTS]
+JOINTS = ("hip", "knee")
+TITLES = [part.title for part in parts_of(JOINTS)]
 FALLS = (Outcome.FELL, Outcome.DIVERGED, Outcome.HELD)
 NOMINAL = Case("nominal", lambda walked: walked)
 LOW = Case(
@@ -335,7 +336,9 @@ def test_the_torque_of_a_walk_is_that_of_its_motors(walk: Run) -> None:
 def test_the_best_compromises_and_the_chosen_table_are_drawn(told: dict[str, Any]) -> None:
     """In both panels: candidates with an effort of 20 to 22 N m, of which one is dominated."""
     tried = [[6.0, 20.0, 9.0], [5.0, 22.0, 8.0], [6.5, 21.0, 9.0], [4.0, 25.0, None], [None, None, 3.0]]
-    figure = pictures.draw_trade_offs({"candidates": tried, "before": [9.0, 24.0, 9.5], "after": tried[1]})
+    figure = pictures.draw_trade_offs(
+        {"candidates": tried, "before": [9.0, 24.0, 9.5], "after": tried[1]}, JOINTS
+    )
     for axes, column in zip(figure.axes, (1, 2), strict=True):
         shown = {
             str(line.get_label()): sorted(zip(line.get_xdata(), line.get_ydata(), strict=True))
@@ -357,7 +360,7 @@ def test_falls_are_marked_where_no_error_can_be_drawn(told: dict[str, Any]) -> N
     errors = {"hip_error_deg": [5.0, 4.0, 5.0], "knee_error_deg": [9.0, 8.0, 9.0]}
     item = {"nominal": 70.0, "values": [50.0, 70.0, 90.0], "before": errors, "after": errors}
     lost = {**item, "after": {**errors, "knee_error_deg": [None, 8.0, 9.0]}}
-    figure = pictures.draw_departures({"mass [kg]": item, "height [m]": lost})
+    figure = pictures.draw_departures({"mass [kg]": item, "height [m]": lost}, JOINTS)
     assert pictures.draw_figures({**told, "departures": {"mass [kg]": lost}}, {"hip": {}, "knee": {}})
     crosses = [[line.get_xdata() for line in axes.lines if line.get_marker() == "x"] for axes in figure.axes]
     assert crosses == [[], [[50.0]]]

@@ -54,9 +54,9 @@ def load_case(
 
     Args:
         source: Name of a packaged table, or path of a table file; None for the experiment's own table.
-        experiment: Preset, or path of an experiment file or run directory. Without it a table for hip
-            and knee is checked against the preset of its name, or the default one, and a table for other
-            joints by itself.
+        experiment: Preset, or path of an experiment file or run directory. Without it a table for the joints
+            of the preset of its name, or the default one, is checked against that, and one for other joints
+            by itself.
         settings: Laid over the experiment, as in :func:`~twin_gait.configuration.load_experiment`.
 
     Returns:
@@ -70,9 +70,9 @@ def load_case(
         return build_case(own.table, own)
     table = load_gait_table(source, draft=True)
     if experiment is None:
-        if table.joints != (JointName.HIP, JointName.KNEE):
-            return build_case(table)
-        experiment = table.name if table.name in presets() else DEFAULT_PRESET
+        preset = table.name if table.name in presets() else DEFAULT_PRESET
+        own = load_experiment(preset, settings).experiment
+        return build_case(table, own if table.joints == own.table.joints else None)
     return build_case(table, load_experiment(experiment, settings).experiment)
 
 

@@ -55,7 +55,7 @@ def friction_stiffness(law: FrictionLaw, velocity: float) -> float:
 
 @dataclass(frozen=True)
 class HangingLeg:
-    """One leg of a case, its pelvis held and its ankle, if it has one, at zero.
+    """One leg of a case, its pelvis held and what the table does not drive, as an orthosis, at zero.
 
     Attributes:
         problem: The experiment as arrays, table scaled and damping ratios resolved.

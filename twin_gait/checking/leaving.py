@@ -119,7 +119,7 @@ def _is_driven_by_contact(space: SignalSpace, leg: HangingLeg, index: int) -> bo
 def cannot_leave(case: CheckCase) -> list[Finding]:
     """The leg comes to rest in a phase, or friction stops it, before any exit but the time-out opens.
 
-    The static balance of hip and knee: spring with its torque, current and angle limits, gravity and its
+    The static balance of the joints: spring with its torque, current and angle limits, gravity and its
     compensation, and the friction that compensation leaves over at the stated friction ratio. In stance on
     a belt the foot carries the leg and belt and other leg move the hip, so the finding is a warning there,
     and none if an exit of the phase is declared ``driven_by: contact``.

@@ -22,7 +22,8 @@ class PublishedRange(NamedTuple):
     source: str
 
 
-# Chapter 4 of the thesis on TWIN's joints: the loop with 0.20 to 0.60 was usable, 0.35 the best.
+# Chapter 4 of the thesis on TWIN's hip and knee: the loop with 0.20 to 0.60 was usable, 0.35 the best.
+GAIN_JOINTS = (JointName.HIP, JointName.KNEE)
 GAIN_RANGE = PublishedRange(0.20, 0.60, "the thesis on TWIN's joints, chapter 4")
 # Ogata, Modern Control Engineering (from memory, high confidence): a transient that neither oscillates much
 # nor is sluggish. No leg exoskeleton with a table of ζ per phase was found.
@@ -31,7 +32,8 @@ DAMPING_RATIO_RANGE = PublishedRange(0.4, 0.8, "Ogata, Modern Control Engineerin
 # phases in the mean curves of moment over angle of Winter (1991; slow, normal) and Fukuchi et al. (2018;
 # 0.9 and 1.2 m/s), for 75 kg: 16 to 231 Nm/rad and none to 359 Nm/rad. The human hip in swing at 0.5 m/s,
 # 34 to 66 Nm/rad (van der Kooij et al., 2022), and the knees of Sup et al. (2009; 0 to 5 Nm/deg) lie inside.
-# Ankle: from the swing of the Open-Source Leg's example, 7.9 Nm/rad, to the stance of Sup et al. (2009).
+# Ankle, found in the tables of prostheses: from the swing of the Open-Source Leg, 7.9 Nm/rad, to the
+# stance of Sup et al. (2009); the swings of Sup et al., 0.3 to 0.7 Nm/deg, lie inside.
 STIFFNESS_RANGES: Mapping[str, PublishedRange] = {
     JointName.HIP: PublishedRange(
         math.radians(16.0), math.radians(231.0), "Winter 1991, Fukuchi et al. 2018"
@@ -80,13 +82,14 @@ def _out_of(what: str, value: float | None, published: PublishedRange | None, un
 def unusual_gain(case: CheckCase) -> list[Finding]:
     """A friction compensation gain lies outside 0.20 to 0.60, what was usable on the bench.
 
-    The range is that of TWIN's joints; a table for joints of another device is left alone.
+    The range is that of TWIN's hip and knee; for other joints and devices there is no published one.
     """
     if case.experiment is None:
         return []
 
     def look(side: Side | None, phase: str, name: str, joint: JointImpedance) -> str:
-        return _out_of(f"{name} G", joint.friction_compensation_gain, GAIN_RANGE)
+        published = GAIN_RANGE if name in GAIN_JOINTS else None
+        return _out_of(f"{name} G", joint.friction_compensation_gain, published)
 
     return _find(case, "unusual_gain", "take a gain from 0.20 to 0.60", look)
 

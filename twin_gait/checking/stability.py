@@ -1,4 +1,4 @@
-"""Stability of the sampled loop of hip and knee in every phase."""
+"""Stability of the sampled loop of the joints in every phase."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _about(velocity: float) -> str:
 
 
 def unstable(case: CheckCase) -> list[Finding]:
-    """The sampled loop of hip and knee is unstable in a phase: its spectral radius is above 1.
+    """The sampled loop of the joints is unstable in a phase: its spectral radius is above 1.
 
     That of the closed-loop transition matrix, at rest or at ±1 rad/s. The leg is in the air with its pelvis
     held, at the equilibrium angles of the phase and under the plant's stated friction; ground and belt are

@@ -123,7 +123,7 @@ def _gait(run: Run) -> dict[str, Any]:
     from twin_gait.runs.leg_summary import side_in_brief
 
     briefs = {str(side): side_in_brief(run, side) for side in run.sides}
-    kept = ("strides_by_phase", *(f"rmse_{joint}_by_contact_deg" for joint in ("hip", "knee")))
+    kept = ("strides_by_phase", *(f"rmse_{joint}_by_contact_deg" for joint in run.table.joints))
     return {side: {name: brief.get(name) for name in kept} for side, brief in briefs.items()}
 
 
@@ -139,11 +139,13 @@ def report(manifest: Mapping[str, Any], out: Path) -> Iterator[str]:
 
 def checks(document: Mapping[str, Any]) -> Iterator[str]:
     """What was compared, in a line each."""
+    from twin_gait.report.walk_words import off_the_reference
+
     words = {True: "passed", False: "FAILED", None: "skipped"}
     for item in document["checks"]:
         yield f"{words[item['passed']]}: {item['name']}: {item['text']}"
     for name, sides in document["walks"].items():
         for side, gait in sides.items():
-            hip, knee = gait["rmse_hip_by_contact_deg"], gait["rmse_knee_by_contact_deg"]
-            off = "" if hip is None else f", off the reference by {hip:.4f}° (hip) and {knee:.4f}° (knee) RMS"
-            yield f"  {name.replace('_', ' ')}, {side}: {gait['strides_by_phase']} strides{off}"
+            off = off_the_reference(gait, 4)
+            of = f", off the reference by {off} RMS" if off else ""
+            yield f"  {name.replace('_', ' ')}, {side}: {gait['strides_by_phase']} strides{of}"

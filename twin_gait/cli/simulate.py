@@ -142,7 +142,7 @@ def accuracy_line(accuracy: Mapping[str, Any]) -> str:
 
     names = ("largest_angle_error_rad", "largest_angle_error_before_first_slip_rad")
     whole, before = (f"{math.degrees(accuracy[name]):.2g}°" for name in names)
-    line = f"a tenth of the step ({accuracy['reference_step_s']:g} s) moves hip and knee by up to {whole}"
+    line = f"a tenth of the step ({accuracy['reference_step_s']:g} s) moves the joints by up to {whole}"
     if accuracy["first_slip_s"] is not None:
         line += f", {before} before the first switch in another tick at {accuracy['first_slip_s']:.3f} s"
     return line if accuracy["same_phase_order"] else f"{line}; the phases come in another order"
@@ -152,7 +152,13 @@ def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
     """The figures that a reader wants first."""
     from twin_gait.measures.strides import stride_count
     from twin_gait.report.network_words import table_of_network
-    from twin_gait.report.walk_words import carried_by_belt, lines_of, table_of_walk, who_drives
+    from twin_gait.report.walk_words import (
+        carried_by_belt,
+        lines_of,
+        off_the_reference,
+        table_of_walk,
+        who_drives,
+    )
 
     for side, values in summary["sides"].items():
         found, counted = values.get("strides"), values.get("strides_counted")
@@ -164,10 +170,8 @@ def summary_lines(summary: dict[str, Any]) -> Iterator[str]:
         line = f"{side}: {stride_count(counted, found)} of {values['stride_time_mean_s']:.2f} s"
         if values["swing_share"] is not None:
             line = f"{line}, swing {values['swing_share'] * 100:.0f} %"
-        hip, knee = values["rmse_hip_by_contact_deg"], values["rmse_knee_by_contact_deg"]
-        if hip is not None:
-            line = f"{line}, off the Koopman reference by {hip:.1f}° (hip) and {knee:.1f}° (knee) RMS"
-        yield line
+        off = off_the_reference(values, 1)
+        yield f"{line}, off the Koopman reference by {off} RMS" if off else line
     yield from lines_of(table_of_walk(summary))
     yield from filter(None, (who_drives(summary), carried_by_belt(summary)))
     yield from lines_of(table_of_network(summary))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
                 workers=workers,
                 resume=arguments.resume,
                 force=arguments.force,
-                progress=_note,
+                progress=partial(_note, experiment.joints),
                 should_stop=should_stop,
                 on_compile=terminal.note_compilation,
             )
@@ -135,13 +136,12 @@ def _wearer(person: str | None, experiment: Experiment) -> str:
     return size if person is None else f"{person} ({size})"
 
 
-def _note(step: Progress) -> None:
+def _note(joints: Sequence[str], step: Progress) -> None:
     """One line on a terminal: the stage and the best gait so far."""
     total = "" if step.total is None else f" of {step.total}"
     line = f"{step.elapsed / 60.0:4.1f} min  {step.stage} {step.done}{total}"
     if step.best_cost < float("inf"):
         line += f"  best: cost {step.best_cost:.2f} (from {step.start_cost:.2f})"
-    hip, knee = (step.best_values.get(f"{joint}_error_deg") for joint in ("hip", "knee"))
-    if hip is not None and knee is not None:
-        line += f", hip {hip:.1f}°, knee {knee:.1f}°"
+    errors = {joint: step.best_values.get(f"{joint}_error_deg") for joint in joints}
+    line += "".join(f", {joint} {error:.1f}°" for joint, error in errors.items() if error is not None)
     terminal.note_line(line)

@@ -9,7 +9,7 @@ The ground acts on each foot with one force at its centre of pressure,
 in the axes of the belt, of the moment about a point on it; heel and toe are taken apart again by the law of
 the contact at the logged state. Support and guide of the pelvis are a load of their own, so that nothing is
 left over there.
-The moments of hip and knee are what arrives at the leg behind the gear: the torques of the log less what
+The moments of joints with a motor are what arrives at the leg behind the gear: torques of the log less what
 accelerates the rotor, :math:`J_{rotor}\,\dot\omega`, which no body of OpenSim has.
 
 With braces the bodies are the wearer's or the device's, and the braces are among the moments. The log has
@@ -262,7 +262,7 @@ def _joint_moment(run: Run, world: World, side: Side, joint: JointName, device: 
 
 
 def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.ndarray:
-    """Motor, friction and stop less what the rotor takes; of an ankle, orthosis and stop."""
+    """Motor, friction, stop and orthosis less what the rotor takes; without a motor, orthosis and stop."""
     name, log, index = f"{side}_{joint}", run.log, world.model.index(side, joint)
     velocity = log[f"{name}_velocity_rad_per_s"].to_numpy()
     if f"{name}_motor_torque_Nm" not in log:
@@ -280,7 +280,8 @@ def _device_moment(run: Run, world: World, side: Side, joint: JointName) -> np.n
     # The log has the motor from its tick on, an acceleration at the tick is the mean of before and after.
     held = np.concatenate((motor[:1], 0.5 * (motor[1:] + motor[:-1])))
     rotor = run.experiment.plant.actuators[joint].armature * np.gradient(velocity, TICK)
-    return np.asarray(held + friction + stop - rotor)
+    orthosis = log[f"{name}_orthosis_torque_Nm"].to_numpy() if f"{name}_orthosis_torque_Nm" in log else 0.0
+    return np.asarray(held + friction + stop + orthosis - rotor)
 
 
 # ---------------------------------------------------------------------- files

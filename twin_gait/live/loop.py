@@ -102,8 +102,8 @@ class LiveLoop:
         layout = run.layout
         self._columns = {
             name: layout.positions[name]
-            for side in layout.legs
-            for name in leg_columns(side).values()
+            for side, joints in layout.legs.items()
+            for name in leg_columns(side, joints).values()
             if name in layout.positions
         }
         self.clock = BlockClock()

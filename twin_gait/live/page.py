@@ -63,6 +63,7 @@ class LivePage:
         self._id = secrets.token_hex(8)  # a page that outlives the session must not take the next one for it
         self.figure = LiveFigure(
             experiment.build_world().model,
+            drives=experiment.joints,
             title=f"twin_gait live · {experiment.name}",
             subtitle=describe(experiment.patient, self._belt_speed),
             patient=experiment.patient,

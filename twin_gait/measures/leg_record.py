@@ -32,6 +32,11 @@ def wearer_column(columns: Container[str], side: Side, joint: JointName, quantit
     return own if own in columns else f"{side}_{joint}_{quantity}"
 
 
+def driven_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
+    """Joints of a leg that a log with these columns has the motors of, from proximal to distal."""
+    return tuple(joint for joint in JointName if f"{side}_{joint}_motor_torque_Nm" in columns)
+
+
 @dataclass(frozen=True, eq=False)
 class LegRecord:
     """One leg over a run.
@@ -129,8 +134,7 @@ def leg_record(
     columns = () if device else log.columns
     angles = {
         joint: log[wearer_column(columns, side, joint, "angle_rad")].to_numpy()
-        for joint in JointName
-        if f"{side}_{joint}_motor_torque_Nm" in log
+        for joint in driven_joints(log, side)
     }
     phases = pd.Categorical(log[f"{side}_phase"], dtype=_phase_type(tuple(phase_names)))
     on_ground = f"{side}_foot_normal_force_N" in log

@@ -127,6 +127,11 @@ def flexion(joint: str) -> str:
     return f"{joint} {'dorsiflexion' if joint == JointName.ANKLE else 'flexion'} [°]"
 
 
+def height_of(height: float, records: Sequence[LegRecord], below: int = 0) -> float:
+    """Height of a figure with a row of panels a joint, from that of one for two joints, and rows below."""
+    return height * (len(records[0].angles) + below) / (2 + below)
+
+
 def leg_panels(
     figure: Figure, records: Sequence[LegRecord], unit: Callable[[str], str], *, below: int = 0, **share: Any
 ) -> Iterator[tuple[Axes, LegRecord, JointName]]:
@@ -159,7 +164,7 @@ def draw_over_time(
 ) -> Figure:
     """Draw something of every joint of every leg over time, on the phases and with the events."""
     records, names = run.leg_records(), run.table.phase_names
-    figure = new_figure(run, title, width=size[0], height=size[1])
+    figure = new_figure(run, title, width=size[0], height=height_of(size[1], records, int(last is not None)))
     share = {} if last else {"sharex": True, "sharey": "row"}
     lines: list[Artist] = []
     for axes, record, joint in leg_panels(figure, records, unit, below=int(last is not None), **share):

@@ -50,6 +50,7 @@ from twin_gait.report.panels import (
     draw_phase_bars,
     end_or_events,
     flexion,
+    height_of,
     last_strides,
     leg_panels,
     limit_lines,
@@ -81,7 +82,7 @@ def draw_cycle(run: Run, *, width: float = SCREEN_WIDTH) -> Figure | None:
     if any(len(shown_strides(record)) == 0 for record in records):
         return None
     beginning = "heel strike" if records[0].contacts is not None else f"entry into {readable(names[0])}"
-    figure = new_figure(run, f"Gait cycle from {beginning}", height=7.5, width=width)
+    figure = new_figure(run, f"Gait cycle from {beginning}", height=height_of(7.5, records), width=width)
     lines: list[Artist] = []
     for axes, record, joint in leg_panels(figure, records, flexion, sharex=True, sharey="row"):
         lines += _draw_mean_cycle(axes, run, record, joint)
@@ -282,7 +283,8 @@ def _draw_clearances(axes: Axes, records: list[LegRecord], window: Window) -> li
 def draw_portrait(run: Run, *, width: float = SCREEN_WIDTH) -> Figure:
     """Draw angle against velocity, coloured by phase, over the last settled strides or else the whole run."""
     records, names = run.leg_records(), run.table.phase_names
-    figure = new_figure(run, "Phase portraits; a dot marks each change of phase", height=8.5, width=width)
+    title = "Phase portraits; a dot marks each change of phase"
+    figure = new_figure(run, title, height=height_of(8.5, records), width=width)
     occurring = []
     unit = "{} velocity [°/s]".format
     for axes, record, joint in leg_panels(figure, records, unit, sharex="row", sharey="row"):

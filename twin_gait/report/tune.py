@@ -15,7 +15,7 @@ from twin_gait.palette import BLACK, BLUE, GREY, JOINT_COLOURS, REFERENCE_COLOUR
 from twin_gait.report.canvas import SCREEN_WIDTH, amount, put_legend, readable, style_panel
 from twin_gait.report.pages import paragraphs, picture_of, render
 from twin_gait.report.panels import draw_cycle_curve, flexion
-from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
+from twin_gait.vocabulary import JointName, Side
 
 BEFORE_COLOUR, AFTER_COLOUR = GREY, BLUE
 _SIDE_LINES = {Side.LEFT: "-", Side.RIGHT: "--"}
@@ -61,7 +61,8 @@ def summary(outcome: Outcome) -> list[str]:
 
 def _content(outcome: Outcome) -> dict[str, Any]:
     known = {name: value for name, value in outcome.items() if name != "version"}
-    return {**known, "amount": amount, "name_of": name_of}
+    errors = [f"{joint}_error_deg" for joint in outcome["joints"]]
+    return {**known, "errors": errors, "amount": amount, "name_of": name_of}
 
 
 def name_of(name: str) -> str:
@@ -81,9 +82,9 @@ def draw_figures(outcome: Outcome, curves: Curves) -> dict[str, Figure]:
     return {
         "gait": draw_gait(curves),
         "parts": draw_parts(outcome["parts"]),
-        "trade_offs": draw_trade_offs(outcome["trade_offs"]),
+        "trade_offs": draw_trade_offs(outcome["trade_offs"], outcome["joints"]),
         "convergence": draw_convergence(outcome["convergence"], outcome["worst_cost"]),
-        "departures": draw_departures(outcome["departures"]),
+        "departures": draw_departures(outcome["departures"], outcome["joints"]),
     }
 
 
@@ -98,13 +99,13 @@ def draw_gait(curves: Curves) -> Figure:
     Args:
         curves: By joint: ``reference`` and such as ``before left``, in [deg] at ``PERCENT``.
     """
-    figure, panels = _figure(4.2, columns=2)
+    figure, panels = _figure(4.2, columns=len(curves))
     styles: dict[str, dict[str, Any]] = {"reference": {"color": REFERENCE_COLOUR, "linewidth": 2.2}}
     for which, colour in (("before", BEFORE_COLOUR), ("after", AFTER_COLOUR)):
         for side, line in _SIDE_LINES.items():
             styles[f"{which} {side}"] = {"color": colour, "linewidth": 1.5, "linestyle": line}
-    for axes, joint in zip(panels, MOTOR_JOINTS, strict=True):
-        for name, curve in curves[str(joint)].items():
+    for axes, (joint, known) in zip(panels, curves.items(), strict=True):
+        for name, curve in known.items():
             draw_cycle_curve(axes, curve, **styles[name])
         style_panel(axes, f"{joint}, mean stride from foot contact", flexion(joint))
     labels = {name: name if name == "reference" else f"{name} leg" for name in styles}
@@ -146,7 +147,7 @@ def non_dominated(points: np.ndarray) -> np.ndarray:
     return np.asarray(~(no_worse & better).any(axis=0))
 
 
-def draw_trade_offs(trade_offs: Mapping[str, Any]) -> Figure:
+def draw_trade_offs(trade_offs: Mapping[str, Any], joints: Sequence[str]) -> Figure:
     """Draw error over effort and over sensitivity, the best compromises marked and the front of each panel.
 
     Args:
@@ -167,6 +168,7 @@ def draw_trade_offs(trade_offs: Mapping[str, Any]) -> Figure:
         (after, {**_MARK, "marker": "*", "markersize": 16, "color": VERMILLION, "label": "chosen"}),
     ]
     shown = np.vstack((whole, before, after))
+    error = f"error: RMS of {' and '.join(', '.join(joints).rsplit(', ', 1))} [°]"
     labels = ("effort: RMS torque of the motors [N m]", "sensitivity: mean cost in the other cases")
     for axes, column, label in zip(panels, (1, 2), labels, strict=True):
         pair = whole[:, [column, 0]]
@@ -177,7 +179,7 @@ def draw_trade_offs(trade_offs: Mapping[str, Any]) -> Figure:
             axes.plot(points[:, column], points[:, 0], linestyle="none", **style)
         axes.set_xlim(_around(shown[:, column]))
         axes.set_ylim(_around(shown[:, 0]))
-        style_panel(axes, "", "error: RMS of hip and knee [°]" if column == 1 else "")
+        style_panel(axes, "", error if column == 1 else "")
         axes.set_xlabel(label)
     put_legend(figure, [Line2D([], [], linestyle="none", **style) for _, style in groups])
     return figure
@@ -212,26 +214,27 @@ def draw_convergence(convergence: Mapping[str, Sequence[float]], worst: float) -
     return figure
 
 
-def draw_departures(departures: Mapping[str, Mapping[str, Any]]) -> Figure:
+def draw_departures(departures: Mapping[str, Mapping[str, Any]], joints: Sequence[str]) -> Figure:
     """Draw the errors over each quantity that departs; a cross marks a fall or a walk without strides."""
     figure, panels = _figure(6.4, 2, 3)
     for axes, (name, item) in zip(panels, departures.items(), strict=False):
         for which, line in (("before", "--"), ("after", "-")):
-            for joint in MOTOR_JOINTS:
-                _draw_degradation(axes, item, which, joint, line)
+            for joint in map(JointName, joints):
+                errors = _draw_degradation(axes, item, which, joint, line)
+            _mark_lost(axes, item["values"], errors, which)
         axes.axvline(item["nominal"], color=BLACK, linewidth=0.8, linestyle=":")
         style_panel(axes, "", "error [°]")
         axes.set_xlabel(name)
         axes.set_ylim(bottom=0.0)
     for axes in panels[len(departures) :]:
         axes.remove()
-    joints = [Line2D([], [], color=JOINT_COLOURS[joint], label=str(joint)) for joint in MOTOR_JOINTS]
+    lines = [Line2D([], [], color=JOINT_COLOURS[JointName(joint)], label=joint) for joint in joints]
     dots: dict[str, Any] = {"color": GREY, "marker": "o", "markersize": 3}
     cross: dict[str, Any] = {"linestyle": "none", "marker": "x"}
     put_legend(
         figure,
         [
-            *joints,
+            *lines,
             Line2D([], [], linestyle="--", label="before", **dots),
             Line2D([], [], linestyle="-", label="after", **dots),
         ],
@@ -244,12 +247,18 @@ def draw_departures(departures: Mapping[str, Mapping[str, Any]]) -> Figure:
     return figure
 
 
-def _draw_degradation(axes: Axes, item: Mapping[str, Any], which: str, joint: JointName, line: str) -> None:
+def _draw_degradation(
+    axes: Axes, item: Mapping[str, Any], which: str, joint: JointName, line: str
+) -> np.ndarray:
     errors = np.array(item[which][f"{joint}_error_deg"], dtype=float)
     style: dict[str, Any] = {"linestyle": line, "linewidth": 1.4, "marker": "o", "markersize": 3}
     axes.plot(item["values"], errors, color=JOINT_COLOURS[joint], **style)
-    lost = np.array(item["values"])[np.isnan(errors)].tolist()
-    if joint is MOTOR_JOINTS[-1] and lost:
+    return errors
+
+
+def _mark_lost(axes: Axes, values: Sequence[float], errors: np.ndarray, which: str) -> None:
+    lost = np.array(values)[np.isnan(errors)].tolist()
+    if lost:
         height, colour = (0.06, BLACK) if which == "after" else (0.13, GREY)
         place = axes.get_xaxis_transform()
         axes.plot(lost, [height] * len(lost), "x", color=colour, transform=place, clip_on=False)

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from twin_gait.measures.strides import ErrorParts
 from twin_gait.measures.walk import WalkMeasures
+from twin_gait.vocabulary import JointName
 
 DASH = "–"
 HEAD = "peaks over carried weight"  # of the table
@@ -70,8 +71,7 @@ ROWS = (
     Row("slip in a stride", "mm", "slip_m", 0, 1e3),
     Row("swing begins at", "% of the cycle", "swing_entry", 0, 100.0),
     Row("load on the foot then", "N", "swing_load_N", 0),
-    Row("power of the hip motor", "W", "hip_motor_power_W", 1),
-    Row("power of the knee motor", "W", "knee_motor_power_W", 1),
+    *(Row(f"power of the {joint} motor", "W", f"{joint}_motor_power_W", 1) for joint in JointName),
     Row("power of the belt", "W", "belt_power_W", 1),
 )
 
@@ -157,6 +157,17 @@ def carried_by_belt(summary: Mapping[str, Any]) -> str:
         return ""
     force = _text(power["guide_force_N"], Row("", "", "", 0))
     return f"The belt carries this walk: it drags the feet back, and {force} N at the pelvis hold against it."
+
+
+def off_the_reference(leg: Mapping[str, Any], places: int) -> str:
+    """RMS errors of the joints of a leg of a summary, as ``3.1° (hip) and 4.2° (knee)``; empty without.
+
+    Args:
+        places: Behind the point.
+    """
+    errors = {joint: leg.get(f"rmse_{joint}_by_contact_deg") for joint in JointName}
+    told = [f"{error:.{places}f}° ({joint})" for joint, error in errors.items() if error is not None]
+    return " and ".join(filter(None, (", ".join(told[:-1]), *told[-1:])))
 
 
 def lines_of(table: Sequence[Sequence[str]]) -> Iterator[str]:

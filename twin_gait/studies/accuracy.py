@@ -27,7 +27,7 @@ def step_error(
     switch at different ticks is the integrator's own.
 
     Returns:
-        Steps, largest difference of any hip or knee angle in the common time, the same up to the
+        Steps, largest difference of the angle of any driven joint in the common time, the same up to the
         first switch at different ticks, and whether the phases came in the same order.
     """
     integration = run.experiment.stepping
@@ -35,8 +35,7 @@ def step_error(
     reference = simulate(
         replace(run.experiment, integration=fine), progress=progress, should_stop=should_stop
     )
-    names = [name for name in run.log.columns if name.endswith(("hip_angle_rad", "knee_angle_rad"))]
-    names = [name for name in names if "measured" not in name]
+    names = [f"{side}_{joint}_angle_rad" for side in run.sides for joint in run.experiment.joints]
     common = min(len(run.log), len(reference.log))
     difference = np.abs(run.log[names].to_numpy()[:common] - reference.log[names].to_numpy()[:common])
     same = _ticks_with_equal_phases(run, reference, common)

@@ -76,11 +76,7 @@ SUMMARY_COLUMNS = (
         for side in Side
         for name in (
             *(f"{side}_{name}" for name in SIDE_COLUMNS),
-            *(
-                f"{side}_{joint}_{name}"
-                for joint in (JointName.HIP, JointName.KNEE)
-                for name in JOINT_COLUMNS
-            ),
+            *(f"{side}_{joint}_{name}" for joint in JointName for name in JOINT_COLUMNS),
         )
     ),
 )

@@ -17,7 +17,7 @@ from twin_gait.gait.table import TICK
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.studies.episodes import run_episodes
 from twin_gait.studies.jobs import JobFailed, Workers
-from twin_gait.vocabulary import JointName, Outcome
+from twin_gait.vocabulary import Outcome
 from twin_gait.worlds import Treadmill
 from twin_gait.worlds.faults import Fault, FaultKind
 
@@ -99,7 +99,8 @@ def _draw(experiment: Experiment, kind: FaultKind, index: int, seed: int) -> Fau
     generator = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
     sides = list(experiment.leg.legs)
     side = sides[int(generator.integers(len(sides)))]
-    joint = (JointName.HIP, JointName.KNEE)[int(generator.integers(2))]
+    joints = experiment.joints
+    joint = joints[int(generator.integers(len(joints)))]
     time = round(float(generator.uniform(FIRST_TIME, experiment.duration - REST)), 3)
     magnitude = None
     if kind in MAGNITUDES:

@@ -16,7 +16,7 @@ from twin_gait.palette import phase_colour
 from twin_gait.parameters import Patient
 from twin_gait.viewer import surroundings
 from twin_gait.viewer.commands import Recorder, Track, rgb, set_animation
-from twin_gait.viewer.motion import LegMotion, Motion, held_rows, read_motion
+from twin_gait.viewer.motion import LegMotion, Motion, held_rows, read_motion, shown_joints
 from twin_gait.viewer.page import leg_entry, packed, packed_json, page_data
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.staging import build_scene
@@ -75,7 +75,8 @@ def recorded_run(
     moments = [*moments, *(event.time for event in events)]
     motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments, slope=slope)
     recorder = Recorder()
-    scene = build_scene(recorder, model, patient=patient, slope=slope)
+    drives = shown_joints(log, model.sides[0])
+    scene = build_scene(recorder, model, drives=drives, patient=patient, slope=slope)
     scene.draw_trails(motion)
     scene.apply(scene.state_at(motion, 0, belt_speed))
     recorder.send(set_animation(list(_tracks(scene, motion, belt_speed)), frames_per_second))

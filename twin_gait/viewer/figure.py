@@ -38,12 +38,14 @@ class Motor(NamedTuple):
     Attributes:
         radius: In [m].
         length: Along the joint's axis in [m].
-        centre: In the frame of the joint in [m], shape ``(3,)``.
+        centre: In the frame of its link in [m], shape ``(3,)``.
+        link: Joint that carries the link that it is drawn on: its own, or the one before if it stands there.
     """
 
     radius: float
     length: float
     centre: np.ndarray
+    link: str
 
 
 class Figure:
@@ -164,7 +166,9 @@ class Figure:
         return next(end.copy() for end in candidates if float(np.linalg.norm(end)) > _SHORTEST_SEGMENT)
 
     def motor(self, joint: str, discs: Sequence[Disc], default_radius: float) -> Motor:
-        """Size of the motor of a joint: the largest cylinder about its axis.
+        """Size of the motor of a joint: the largest cylinder about its axis, or one that turns it by a rod.
+
+        That one stands on the link before, parallel to the axes of both joints and about neither.
 
         Args:
             default_radius: Used if there is none, in [m].
@@ -173,27 +177,33 @@ class Figure:
         parent = str(self.model.names[self.model.parents[index]])
         placements = {joint: pin.SE3.Identity(), parent: self.model.jointPlacements[index].inverse()}
         axis = self.axis(joint)
-        found = []
+        found, beside = [], []
         for disc in discs:
             if disc.joint not in placements:
                 continue
             placement = placements[disc.joint]
             centre = placement.act(np.asarray(disc.centre))
-            along_axis = float(centre @ axis)
-            off_axis = float(np.linalg.norm(centre - along_axis * axis))
-            parallel = abs(float(placement.rotation @ disc.axis @ axis)) > 0.99
+            if abs(float(placement.rotation @ disc.axis @ axis)) <= 0.99:
+                continue
             # The other leg's motor may lie on the same axis, but not here.
-            if parallel and off_axis < _COAXIAL and abs(along_axis) < 2.0 * disc.length:
-                found.append(Motor(disc.radius, disc.length, centre))
-        default = Motor(default_radius, default_radius, np.zeros(3))
-        return max(found, key=lambda motor: motor.radius, default=default)
+            if _off_axis(centre, axis) < _COAXIAL:
+                if abs(float(centre @ axis)) < 2.0 * disc.length:
+                    found.append(Motor(disc.radius, disc.length, centre, joint))
+            elif disc.joint == parent and parent != FIXED_JOINT:
+                own = self.axis(parent)
+                if abs(float(disc.axis @ own)) > 0.99 and _off_axis(np.asarray(disc.centre), own) > _COAXIAL:
+                    beside.append(Motor(disc.radius, disc.length, np.asarray(disc.centre), parent))
+        default = Motor(default_radius, default_radius, np.zeros(3), joint)
+        return max(found or beside, key=lambda motor: motor.radius, default=default)
 
     def draw_cover(self, joint: str, motor: Motor, material: Material) -> str:
         """Draw the cover of a motor, whose colour shows the phase."""
         cover = shapes.ring_cap(motor.radius + _COVER_MARGIN, motor.length + 2.0 * _COVER_MARGIN)
-        placement = along(self.axis(joint))
+        own = motor.link == joint
+        placement = along(self.axis(motor.link))
         placement[:3, 3] = motor.centre
-        return self.draw(joint, "motor_cover", shapes.moved(cover, placement), material)
+        name = "motor_cover" if own else f"motor_cover_{joint.replace('/', '_')}"
+        return self.draw(motor.link, name, shapes.moved(cover, placement), material)
 
     def draw_arc(self, joint: str, motor: Motor, outward: float, full_torque: float) -> TorqueArc:
         """Draw the arrows that show the torque of a motor, all hidden.
@@ -210,7 +220,8 @@ class Figure:
         axis = np.asarray(before.rotation @ self.axis(joint))
         left = self.base[:3, :3].T @ np.array([0.0, 1.0, 0.0])
         face = outward * math.copysign(1.0, float(axis @ left)) * axis
-        centre = before.act(motor.centre) + (0.5 * motor.length + _ARC_GAP) * face
+        middle = before.act(motor.centre) if motor.link == joint else motor.centre
+        centre = middle + (0.5 * motor.length + _ARC_GAP) * face
         up = self.base[:3, :3].T @ np.array([0.0, 0.0, 1.0])
         start = up - (up @ axis) * axis
         start /= np.linalg.norm(start)
@@ -280,6 +291,11 @@ class Figure:
         found = self.model.frames[self.model.getFrameId(frame)]
         joint = str(self.model.names[found.parentJoint])
         return self.world_point(q, joint, np.asarray(found.placement.translation))
+
+
+def _off_axis(point: np.ndarray, axis: np.ndarray) -> float:
+    """Distance of a point from an axis through the origin in [m]."""
+    return float(np.linalg.norm(point - (point @ axis) * axis))
 
 
 def _stick(radius: float, end: np.ndarray) -> Shape:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from twin_gait.control import SafetyState
 from twin_gait.core.contact import contact_normal_force
 from twin_gait.exceptions import ViewerError
 from twin_gait.leg_model import LegModel
+from twin_gait.measures.leg_record import driven_joints
 from twin_gait.simulation.log import state_columns
 from twin_gait.viewer.curves import Curve, faithful_curve
 from twin_gait.viewer.surroundings import tilted
@@ -20,7 +21,6 @@ from twin_gait.vocabulary import HOLD, JointName, Side
 
 FRAMES_PER_SECOND = 30.0
 _MOST_FRAMES = 3000  # longer runs get fewer frames per second, so that a page stays small
-_CURVES = {"hip": JointName.HIP, "knee": JointName.KNEE}
 # Parts of the commanded torque, by the words of the log columns; the last two only where they are used.
 _PARTS = ("impedance", "friction_compensation", "gravity_compensation", "inertia_compensation", "target")
 _RARE_PARTS = _PARTS[3:]
@@ -60,10 +60,10 @@ class LegMotion:
 
     Attributes:
         phases: Its phases, or None if the log has none.
-        curves: Angles in [deg] as ``hip`` and ``knee``, motor torques in [N m] as ``hip_torque`` and
-            ``knee_torque``, the parts of the commanded torque in [N m] as ``hip_impedance`` and so on, and
-            the normal force of the foot in [N] as ``force``; each with the frames and the points between
-            them that its shape takes.
+        curves: Angles in [deg] by the names of the joints, motor torques in [N m] as ``hip_torque`` and so
+            on, the parts of the commanded torque in [N m] as ``hip_impedance`` and so on, and the normal
+            force of the foot in [N] as ``force``; each with the frames and the points between them that its
+            shape takes.
         footing: Ground force, or None off the ground.
         torques: Torque of each motor in [N m] by the name of its joint, positive in increasing angle;
             shape ``(n,)`` each, empty where the log has none.
@@ -237,20 +237,25 @@ def leg_values(log: pd.DataFrame, side: Side) -> dict[str, np.ndarray]:
         are never used are left out.
     """
     values = {}
-    for name, column in leg_columns(side).items():
+    for name, column in leg_columns(side, shown_joints(log, side)).items():
         if column in log.columns and not (name.endswith(_RARE_PARTS) and not log[column].any()):
             found = log[column].to_numpy(dtype=float)
-            values[name] = np.degrees(found) if name in _CURVES else found
+            values[name] = np.degrees(found) if name in list(JointName) else found
     return values
 
 
-def leg_columns(side: Side) -> dict[str, str]:
+def shown_joints(columns: Container[str], side: Side) -> tuple[JointName, ...]:
+    """Joints that a page reads out: those with a motor, or in a recording without any, all."""
+    return driven_joints(columns, side) or tuple(JointName)
+
+
+def leg_columns(side: Side, joints: Iterable[JointName]) -> dict[str, str]:
     """Columns of the log that a page reads out of a leg, by the names of :class:`LegMotion`."""
     columns = {}
-    for name, joint in _CURVES.items():
-        columns[name] = f"{side}_{joint}_angle_rad"
-        columns[f"{name}_torque"] = f"{side}_{joint}_motor_torque_Nm"
-        columns |= {f"{name}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in _PARTS}
+    for joint in joints:
+        columns[str(joint)] = f"{side}_{joint}_angle_rad"
+        columns[f"{joint}_torque"] = f"{side}_{joint}_motor_torque_Nm"
+        columns |= {f"{joint}_{part}": f"{side}_{joint}_{part}_torque_Nm" for part in _PARTS}
     return columns | {"force": f"{side}_foot_normal_force_N"}
 
 

@@ -28,7 +28,7 @@ from twin_gait.palette import (
     phase_colour,
 )
 from twin_gait.viewer.commands import FULL_TORQUE, METRES_PER_NEWTON
-from twin_gait.vocabulary import Side
+from twin_gait.vocabulary import JointName, Side
 
 if TYPE_CHECKING:
     from twin_gait.viewer.scene import View
@@ -105,7 +105,7 @@ def page_data(
         "parts": _part_entries(legs),
         "legs": list(legs),
         "arrow": {"label": _arrow_label(), "colour": GROUND_FORCE_COLOUR} if arrows else None,
-        "arcs": _arc_entries() if legs else [],
+        "arcs": _arc_entries(legs) if legs else [],
         "floor": FLOOR,
         "duration": duration,
         "footnote": FOOTNOTE,
@@ -176,10 +176,14 @@ def _arrow_label() -> str:
     return f"Ground force (10 cm: {0.1 / METRES_PER_NEWTON:.0f} N)"
 
 
-def _arc_entries() -> list[dict[str, str]]:
+def _arc_entries(legs: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
+    ankle = any(JointName.ANKLE in leg["shows"] for leg in legs)
+    up, down = (
+        ("Flexion or dorsiflexion", "Extension or plantarflexion") if ankle else ("Flexion", "Extension")
+    )
     return [
-        {"label": "Flexion torque", "colour": FLEXION_COLOUR},
-        {"label": f"Extension torque (to {FULL_TORQUE:.0f} N·m)", "colour": EXTENSION_COLOUR},
+        {"label": f"{up} torque", "colour": FLEXION_COLOUR},
+        {"label": f"{down} torque (to {FULL_TORQUE:.0f} N·m)", "colour": EXTENSION_COLOUR},
     ]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,7 +69,7 @@ class Scene:
         missing_meshes: Mesh files of the URDF that were not found.
         covers: Places of the coloured motor covers per leg.
         arrows: Place of the ground force per leg.
-        arcs: Arrows of the motor torque per leg, by the name of the joint (``hip``, ``knee``).
+        arcs: Arrows of the motor torque per leg, by joint.
         ropes: Ropes of the body-weight support, maybe none.
         trails: Paths of the feet per stride, once a motion is known.
         legs: Joint names per leg.
@@ -89,21 +89,23 @@ class Scene:
         self._window = window
         self._shown: State = {}
 
-    def draw_covers(self, side: Side, leg: LegJoints, visuals: Visuals) -> None:
+    def draw_covers(self, side: Side, leg: LegJoints, drives: Collection[str], visuals: Visuals) -> None:
         """Draw the covers of the motors of a leg, which show its phase."""
-        paths = []
         material = Material(colour=_IDLE, roughness=0.4, glow=0.12)
-        for joint in (leg.hip, leg.knee):
-            paths.append(self.figure.draw_cover(joint, self._motor(joint, leg, visuals), material))
-        self.covers[side] = paths
+        self.covers[side] = [
+            self.figure.draw_cover(joint, self._motor(joint, leg, visuals), material)
+            for name, joint in leg.items()
+            if name in drives
+        ]
         self.legs[side] = leg
 
-    def draw_arcs(self, side: Side, leg: LegJoints, visuals: Visuals) -> None:
+    def draw_arcs(self, side: Side, leg: LegJoints, drives: Collection[str], visuals: Visuals) -> None:
         """Draw the arrows of the motor torques of a leg, hidden."""
         outward = 1.0 if side is Side.LEFT else -1.0
         self.arcs[side] = {
-            name: self.figure.draw_arc(joint, self._motor(joint, leg, visuals), outward, FULL_TORQUE)
-            for name, joint in (("hip", leg.hip), ("knee", leg.knee))
+            str(name): self.figure.draw_arc(joint, self._motor(joint, leg, visuals), outward, FULL_TORQUE)
+            for name, joint in leg.items()
+            if name in drives
         }
 
     def draw_ropes(self, joint: str, hooks: Sequence[np.ndarray], height: float) -> None:

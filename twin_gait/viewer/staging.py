@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -19,19 +19,25 @@ from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.harness import draw_harness
 from twin_gait.viewer.scene import FORCE_ROOT, RIGHT_SIDE, Scene, View
 from twin_gait.viewer.visuals import FIXED_JOINT, Visuals, load_visuals
-from twin_gait.vocabulary import PelvisGuide, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Side
 
 _BAR_ABOVE_HEAD = 0.08  # [m]
 _FROM_THE_FRONT = (0.6, -1.0, 0.3)
 
 
 def build_scene(
-    window: Window, model: LegModel, *, patient: Patient | None = None, slope: float = 0.0
+    window: Window,
+    model: LegModel,
+    *,
+    drives: Collection[str] = (JointName.HIP, JointName.KNEE),
+    patient: Patient | None = None,
+    slope: float = 0.0,
 ) -> Scene:
     """Draw a leg model with its wearer and its surroundings.
 
     Args:
         model: The model; with a guided pelvis it stands on a treadmill, one leg alone hangs on a bench.
+        drives: Joints with a motor.
         patient: The wearer to draw, or None.
         slope: By which the treadmill rises forwards in [rad].
 
@@ -42,11 +48,13 @@ def build_scene(
     surroundings.set_studio(window)
     visuals = load_visuals(model.model, model.urdf_path)
     scene = _start(window, model.model, visuals, model.legs, model.up_axis)
+    for side, leg in model.legs.items():
+        scene.draw_covers(side, leg, drives, visuals)
     trunk = PELVIS_JOINT if model.pelvis is not PelvisGuide.FIXED else FIXED_JOINT
     if patient is not None:
         draw_wearer(scene.figure, model.legs, patient, trunk_joint=trunk if len(model.legs) > 1 else None)
     for side, leg in model.legs.items():
-        scene.draw_arcs(side, leg, visuals)
+        scene.draw_arcs(side, leg, drives, visuals)
     top, bottom = _extent(scene.figure, model.legs)
     if model.pelvis is not PelvisGuide.FIXED:
         _surround_walker(window, scene, model.legs, top - bottom, slope)
@@ -93,10 +101,7 @@ def _start(
     figure = Figure(window, model, up_axis=up_axis)
     figure.draw_visuals(visuals)
     figure.draw_sticks(legs.values(), visuals)
-    scene = Scene(window, figure, visuals)
-    for side, leg in legs.items():
-        scene.draw_covers(side, leg, visuals)
-    return scene
+    return Scene(window, figure, visuals)
 
 
 def _surround_walker(

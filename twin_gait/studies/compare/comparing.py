@@ -17,7 +17,6 @@ from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
 from twin_gait.simulation import Run
 from twin_gait.simulation.together import EpisodeFailed, simulate_together
 from twin_gait.studies.compare.measures import Measures, run_measures
-from twin_gait.vocabulary import JointName
 from twin_gait.worlds import Treadmill
 
 # By how much a day differs from the nominal one, either way, evenly distributed (assumptions): clothes and
@@ -55,7 +54,7 @@ class Controller:
         if self.adaptive or self.partial:
             assistance = replace(experiment.control.assistance, adaptive=self.adaptive)
         if self.partial and assistance.is_full:
-            shares = {JointName.HIP: TWINCARE_SHARE, JointName.KNEE: TWINCARE_SHARE}
+            shares = dict.fromkeys(experiment.joints, TWINCARE_SHARE)
             assistance = replace(assistance, share=shares)
         return replace(experiment, control=replace(experiment.control, mode=self.mode, assistance=assistance))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,7 +42,7 @@ from twin_gait.report.reference import reference_cycle
 from twin_gait.runs.leg_summary import blend_length, summarise_side
 from twin_gait.runs.run_page import belt_speed_of
 from twin_gait.simulation.run import Run
-from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Outcome, Side
+from twin_gait.vocabulary import JointName, Outcome, Side
 from twin_gait.worlds import Treadmill
 
 LEAST_STRIDES = 2  # a leg that has made fewer after the first two has not walked
@@ -75,7 +76,7 @@ def run_measures(run: Run) -> Measures:
     for side, leg in legs.items():
         other = next(item for name, item in legs.items() if name is not side)
         found |= {f"{side}_{name}": value for name, value in _gait(run, leg, other).items()}
-        for joint in MOTOR_JOINTS:
+        for joint in leg.record.angles:
             measures = {**_shape(run, leg, joint), **_effort(run, leg, joint)}
             found |= {f"{side}_{joint}_{name}": value for name, value in measures.items()}
     return {**found, **_together(run, found)}
@@ -217,7 +218,7 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
     """Share of the stiffness of its phases that a joint was given: in full 1, without springs 0.
 
     Args:
-        joint: Hip or knee.
+        joint: A driven one.
         since: Stays in a phase that begin before this tick do not count.
 
     Returns:
@@ -243,33 +244,34 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
 
 def _together(run: Run, found: Measures) -> Measures:
     """Measures of both legs together."""
+    joints = run.table.joints
 
-    def every(name: str, joints: tuple[JointName, ...] = MOTOR_JOINTS) -> list[float]:
+    def every(name: str, joints: Sequence[str] = joints) -> list[float]:
         return [found[f"{side}_{joint}_{name}"] for side in run.sides for joint in joints]
 
     def both(name: str) -> list[float]:
         return [found[f"{side}_{name}"] for side in run.sides]
 
-    def mean(name: str, joints: tuple[JointName, ...] = MOTOR_JOINTS) -> float:
+    def mean(name: str, joints: Sequence[str] = joints) -> float:
         return float(np.mean(every(name, joints)))
 
     power = float(run.log["battery_power_W"].mean())
     work = {who: sum(every(f"{who}_work_J")) for who in ("wearer", "device")}
-    torques = [
-        sum(found[f"{side}_{joint}_interaction_rms_Nm"] for joint in MOTOR_JOINTS) for side in run.sides
-    ]
+    torques = [sum(found[f"{side}_{joint}_interaction_rms_Nm"] for joint in joints) for side in run.sides]
     rms = ("interaction_rms_Nm", "opposing_rms_Nm", "effort_rms_Nm")
     return {
         **{name: float(np.mean(both(name))) for name in _PER_LEG},
         "toe_clearance_m": min(both("toe_clearance_m")),
         "scuffs": sum(both("scuffs")),
-        **{f"{joint}_{name}": mean(name, (joint,)) for joint in MOTOR_JOINTS for name in _PER_JOINT},
+        **{f"{joint}_{name}": mean(name, (joint,)) for joint in joints for name in _PER_JOINT},
         "gps_koopman_deg": gait_profile_score(every("gvs_koopman_deg")),
         "gps_winter_deg": gait_profile_score(every("gvs_winter_deg")),
         "step_time_symmetry": symmetry_index(*both("step_time_s")),
         "swing_symmetry": symmetry_index(*both("swing_share")),
-        "knee_range_symmetry": symmetry_index(*every("range_of_motion_deg", (JointName.KNEE,))),
-        "hip_range_symmetry": symmetry_index(*every("range_of_motion_deg", (JointName.HIP,))),
+        **{
+            f"{joint}_range_symmetry": symmetry_index(*every("range_of_motion_deg", (joint,)))
+            for joint in reversed(joints)
+        },
         "interaction_symmetry": symmetry_index(*torques),
         **{name: root_mean_square(np.array(every(name))) for name in rms},
         "wearer_work_share": share_of_work(work["wearer"], work["device"]),

@@ -34,7 +34,7 @@ from twin_gait.runs.folders import FolderKind, staged_directory
 from twin_gait.runs.run_page import belt_speed_of, describe
 from twin_gait.runs.summary import versions
 from twin_gait.studies.compare.comparing import CONTROLLERS, Comparison, Controller, Interval
-from twin_gait.vocabulary import MOTOR_JOINTS, Side
+from twin_gait.vocabulary import JointName, Side
 
 PAGE_FILE = "compare.html"
 COMPARISON = FolderKind("a comparison", PAGE_FILE)
@@ -62,11 +62,15 @@ class Shown(NamedTuple):
 
 
 @cache
-def shown_measures() -> dict[str, dict[str, Shown]]:
-    """Measures that a report shows, by group and name."""
+def shown_measures(joints: tuple[JointName, ...]) -> dict[str, dict[str, Shown]]:
+    """Measures that a report on these joints shows, by group and name."""
+    others = set(JointName) - set(joints)
     text = Path(__file__).with_name("measures.yaml").read_text(encoding="utf-8")
     groups = yaml.safe_load(text)
-    return {group: {name: Shown(**row) for name, row in rows.items()} for group, rows in groups.items()}
+    return {
+        group: {name: Shown(**row) for name, row in rows.items() if name.partition("_")[0] not in others}
+        for group, rows in groups.items()
+    }
 
 
 def text_of(found: Interval, shown: Shown) -> str:
@@ -107,7 +111,8 @@ def subtitle_of(comparison: Comparison, who: str) -> str:
 
 def conclusions(comparison: Comparison) -> list[str]:
     """What the measures say, as a few paragraphs."""
-    names = {name: shown for rows in shown_measures().values() for name, shown in rows.items()}
+    joints = comparison.experiment.joints
+    names = {name: shown for rows in shown_measures(joints).values() for name, shown in rows.items()}
     walked = {item.name: comparison.walked(item.name) for item in comparison.controllers}
     walking = [item for item in comparison.controllers if walked[item.name]]
 
@@ -119,6 +124,7 @@ def conclusions(comparison: Comparison) -> list[str]:
         return ordered[0], ordered[-1]
 
     content = {
+        "joints": joints,
         "controllers": comparison.controllers,
         "seeds": comparison.seeds,
         "duration": comparison.experiment.duration,
@@ -146,7 +152,7 @@ def page_of(comparison: Comparison, who: str, picture: Picture) -> str:
             }
             for name, shown in rows.items()
         ]
-        for group, rows in shown_measures().items()
+        for group, rows in shown_measures(comparison.experiment.joints).items()
     }
     # Labels that mean the same share their explanation.
     meanings: dict[str, list[str]] = {}
@@ -171,10 +177,12 @@ def figure_of(comparison: Comparison) -> Figure:
     bars = nominal.reindex(columns=list(_BARS.values())).dropna().to_dict("index")
     walked = [item for item in comparison.controllers if item.name in bars]
     colours = [COLOURS[list(CONTROLLERS).index(item.name)] for item in walked]
-    figure = Figure(figsize=(13.0, 3.3), layout="constrained")
-    panels = iter(figure.subplots(1, 2 * len(MOTOR_JOINTS) + len(_BARS), squeeze=False)[0])
+    joints = comparison.experiment.joints
+    count = len(joints) * len(Side) + len(_BARS)
+    figure = Figure(figsize=(13.0 * count / 6, 3.3), layout="constrained")
+    panels = iter(figure.subplots(1, count, squeeze=False)[0])
     lines: list[Artist] = []
-    for joint, side in product(MOTOR_JOINTS, Side):
+    for joint, side in product(joints, Side):
         axes = next(panels)
         for item, colour in zip(walked, colours, strict=True):
             record = comparison.runs[item.name].leg_record(side)

@@ -10,7 +10,6 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR
 from twin_gait.parameters import HEAVIEST_WEARER, LOADED_EFFICIENCY, Patient
-from twin_gait.vocabulary import MOTOR_JOINTS
 from twin_gait.worlds import Treadmill
 
 NOMINAL = "nominal"
@@ -193,8 +192,11 @@ def _height(height: float) -> Change:
 
 
 def _friction(ratio: float) -> Change:
-    ratios = dict.fromkeys(MOTOR_JOINTS, ratio)
-    return lambda walked: replace(walked, plant=replace(walked.plant, friction_ratio=ratios))
+    def change(walked: Experiment) -> Experiment:
+        ratios = dict.fromkeys(walked.plant.friction_ratio, ratio)
+        return replace(walked, plant=replace(walked.plant, friction_ratio=ratios))
+
+    return change
 
 
 def _efficiency(efficiency: float) -> Change:

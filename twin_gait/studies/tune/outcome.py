@@ -24,11 +24,10 @@ from twin_gait.report.tune import draw_figures, page
 from twin_gait.simulation import simulate
 from twin_gait.studies.jobs import Workers
 from twin_gait.studies.tune.cases import check_walker, departures, search_cases
-from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, PARTS, WORST, Rating, part_costs
+from twin_gait.studies.tune.parts import AIM, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, errors_of, part_costs
 from twin_gait.studies.tune.state import Finalist, Settings, Tuning
 from twin_gait.studies.tune.tune import Chosen, choose, final_table
 from twin_gait.studies.tune.walks import standing, table_of, walk_all, walker
-from twin_gait.vocabulary import MOTOR_JOINTS
 
 TABLE_FILE, OUTCOME_FILE, REPORT_FILE, FIGURES_FOLDER = "table.yaml", "tune.json", "report.html", "figures"
 OUTCOME_VERSION = 1
@@ -131,6 +130,7 @@ def outcome(
         "belt_speed_m_per_s": check_walker(experiment)[0].belt_speed,
         "reference": _reference_words(settings, experiment),
         "table_before": experiment.table.name,
+        "joints": list(experiment.joints),
         "began_with": tuning.began_with,
         "found_better": after.points is not None,
         "parts": _parts(before.walks[0][1], after.walks[0][1]),
@@ -168,7 +168,7 @@ def walk_departures(
     """How two tables degrade as the world departs from what one of them was tuned for.
 
     Returns:
-        By quantity: its nominal value, the values, and of both tables the errors of hip and knee in [deg],
+        By quantity: its nominal value, the values, and of both tables the errors of the joints in [deg],
         None where it fell or hardly walked, and the falls. None if it was stopped.
     """
     found = departures(experiment)
@@ -215,14 +215,14 @@ def gait_curves(
         str(joint): {
             "reference": np.degrees(reference_curve(joint, PERCENT, speed=speed, height=patient.height))
         }
-        for joint in MOTOR_JOINTS
+        for joint in experiment.joints
     }
     walked = walker(replace(experiment, seed=settings.seed), duration=settings.robust_duration)
     for name, table in (("before", before), ("after", after)):
         run = simulate(replace(walked, table=table_of(table)))
         for record in run.leg_records():
-            for joint in MOTOR_JOINTS:
-                cycles = normalise_strides(record.angles[joint], record.strides())
+            for joint, angles in record.angles.items():
+                cycles = normalise_strides(angles, record.strides())
                 if len(cycles):
                     curves[str(joint)][f"{name} {record.side}"] = np.degrees(cycles.mean(axis=0))
     return curves
@@ -237,7 +237,7 @@ def _reference_words(settings: Settings, experiment: Experiment) -> str:
 
 def _parts(before: Rating, after: Rating) -> list[dict[str, Any]]:
     """Named parts side by side, each with its verdict."""
-    costs = part_costs(before.values), part_costs(after.values)
+    costs = part_costs(before.values, before.joints), part_costs(after.values, after.joints)
     return [
         {
             **asdict(part),
@@ -247,7 +247,7 @@ def _parts(before: Rating, after: Rating) -> list[dict[str, Any]]:
             "cost_after": costs[1][part.name],
             "verdict": verdict(first, second, part.goal),
         }
-        for part in PARTS
+        for part in before.parts
     ]
 
 
@@ -292,8 +292,7 @@ def _degradation(walks: Sequence[Rating]) -> dict[str, list[Any]]:
         return [None if walk.fell else walk.values[name] for walk in walks]
 
     return {
-        "hip_error_deg": of("hip_error_deg"),
-        "knee_error_deg": of("knee_error_deg"),
+        **{part.name: of(part.name) for part in errors_of(walks[0].joints)},
         "fell": [walk.fell for walk in walks],
     }
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -70,11 +71,8 @@ SAMPLES_APART = 5  # [%] of a stride: of the deviations that the search learns f
 _TOE = f"toe lower than {NEEDED_CLEARANCE:g} mm in swing by"
 _PROPULSION, _YIELD = "propulsion, lacking to the healthy", "yield of the knee under load, lacking"
 # 60 N m is the motors' limit. Forces are over the weight that the legs carry.
-PARTS = (
-    Part("hip_error_deg", "hip error", "°", goal=4.0, weight=1.0, excess=HELD_TO),
-    Part("knee_error_deg", "knee error", "°", goal=6.5, weight=1.0, excess=HELD_TO),
-    Part("offset_deg", "offset of a joint", "°", goal=2.5, weight=0.25),
-    Part("ankle_error_deg", "ankle error", "°", goal=7.0, weight=0.25),
+ERROR_GOALS = {JointName.HIP: 4.0, JointName.KNEE: 6.5, JointName.ANKLE: 7.0}
+_OTHERS = (
     Part("knee_at_contact_deg", "knee at foot contact", "°", goal=9.0, weight=0.25),
     Part("yield_lack_deg", _YIELD, "°", goal=4.0, weight=0.25),
     Part("stride_time_error_pct", "stride time, off the healthy", "%", goal=10.0, weight=0.5),
@@ -92,7 +90,24 @@ PARTS = (
     Part("clearance_lack_mm", _TOE, "mm", goal=3.0, weight=0.25),
     Part("asymmetry_pct", "difference of the legs", "%", goal=10.0, weight=0.25),
 )
-ERRORS = PARTS[:2]
+
+
+@lru_cache(maxsize=16)
+def errors_of(joints: tuple[str, ...]) -> tuple[Part, ...]:
+    """The errors of the joints that a table drives, in its order."""
+    return tuple(
+        Part(f"{joint}_error_deg", f"{joint} error", "°", ERROR_GOALS[JointName(joint)], 1.0, HELD_TO)
+        for joint in joints
+    )
+
+
+@lru_cache(maxsize=16)
+def parts_of(joints: tuple[str, ...]) -> tuple[Part, ...]:
+    """What a table for these joints is rated by; an ankle that it does not drive counts a little."""
+    ankle = Part("ankle_error_deg", "ankle error", "°", ERROR_GOALS[JointName.ANKLE], 0.25)
+    carried = () if JointName.ANKLE in joints else (ankle,)
+    offset = Part("offset_deg", "offset of a joint", "°", goal=2.5, weight=0.25)
+    return (*errors_of(joints), offset, *carried, *_OTHERS)
 
 
 def part_values(run: Run, reference_speed: float | None = None) -> dict[str, float | None]:
@@ -111,10 +126,11 @@ def part_values(run: Run, reference_speed: float | None = None) -> dict[str, flo
     # Contacts of a foot that has just landed; further contacts in swing are scuffs.
     bounces = [(side["further_contacts"] - side["scuffs"], side["strides"]) for side in sides]
     return {
-        "hip_error_deg": _error(run, legs, sides, JointName.HIP, reference_speed),
-        "knee_error_deg": _error(run, legs, sides, JointName.KNEE, reference_speed),
+        **{
+            f"{joint}_error_deg": _error(run, legs, sides, joint, reference_speed) for joint in legs[0].angles
+        },
         "offset_deg": _offset(run, legs, reference_speed),
-        "ankle_error_deg": _ankle_error(run, legs, reference_speed),
+        "ankle_error_deg": _ankle_error(run, legs, reference_speed),  # driven or not
         **_of_walk(run, walks, reference_speed),
         "stride_variation_pct": _percent(_largest(side["stride_time_variation"] for side in sides)),
         "second_contacts_per_stride": _per_stride(bounces),
@@ -193,6 +209,7 @@ class Rating(NamedTuple):
         deviations: Of the mean strides from the reference, over goals; their squares add up to about those of
             the errors, halved by the legs. Empty if a leg made no stride.
         torque: Root mean square over all motors in [N m], whose square heats their windings.
+        joints: That its table drives.
     """
 
     cost: float
@@ -201,6 +218,12 @@ class Rating(NamedTuple):
     lasted: float
     deviations: tuple[float, ...] = ()
     torque: float = math.nan
+    joints: tuple[str, ...] = (JointName.HIP, JointName.KNEE)
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """What it is rated by."""
+        return parts_of(self.joints)
 
 
 def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
@@ -214,22 +237,25 @@ def rate_walk(run: Run, reference_speed: float | None = None) -> Rating:
         Cost (0 or more, 30 for the worst walk and more for a fall), values of the parts such as
         ``hip_error_deg``, whether it fell, and the share of the time that it lasted.
     """
-    values = part_values(run, reference_speed)
+    values, joints = part_values(run, reference_speed), tuple(run.table.joints)
     fell = run.trip is not None or run.status in (RunStatus.FELL, RunStatus.DIVERGED)
     end = run.duration if run.trip is None else run.trip.time
     lasted = min(1.0, end / run.experiment.duration)
     torques = run.log.filter(regex="_motor_torque_Nm$").to_numpy().ravel()
     return Rating(
-        walk_cost(values, lasted, fell),
+        walk_cost(values, lasted, fell, joints),
         values,
         fell,
         lasted,
         _deviations(run, reference_speed),
         root_mean_square(torques),
+        joints,
     )
 
 
-def walk_cost(values: Mapping[str, float | None], lasted: float, fell: bool) -> float:
+def walk_cost(
+    values: Mapping[str, float | None], lasted: float, fell: bool, joints: tuple[str, ...]
+) -> float:
     """Cost of a walk with these values that lasted for a share of the time.
 
     A walk whose errors are not defined because it hardly made a stride costs ``WORST``, any other part that
@@ -237,15 +263,15 @@ def walk_cost(values: Mapping[str, float | None], lasted: float, fell: bool) -> 
     """
     if fell:
         return WORST + (FALL - WORST) * (1.0 - lasted)
-    if values["hip_error_deg"] is None or values["knee_error_deg"] is None:
+    if any(values[part.name] is None for part in errors_of(joints)):
         return WORST
-    return min(WORST, sum(part_costs(values).values()))
+    return min(WORST, sum(part_costs(values, joints).values()))
 
 
-def part_costs(values: Mapping[str, float | None]) -> dict[str, float]:
+def part_costs(values: Mapping[str, float | None], joints: tuple[str, ...]) -> dict[str, float]:
     """Cost of each part; its weight where it is not defined."""
     costs = {}
-    for part in PARTS:
+    for part in parts_of(joints):
         value = values[part.name]
         ratio = 1.0 if value is None else value / part.goal
         costs[part.name] = part.weight * ratio * ratio
@@ -264,7 +290,7 @@ def nominal_cost(walk: Rating) -> float:
     """
     if walk.fell or not walk.deviations:
         return walk.cost
-    total = walk.cost + sum(lack * lack for lack in _lacks(walk.values))
+    total = walk.cost + sum(lack * lack for lack in _lacks(walk))
     half = 0.5 * WORST
     return total if total <= half else WORST - half * half / total
 
@@ -272,19 +298,21 @@ def nominal_cost(walk: Rating) -> float:
 def residuals(walk: Rating) -> np.ndarray | None:
     """Numbers whose squares add up to about the :func:`nominal_cost` of a walk; None of one that fell.
 
-    The errors are told sample by sample, and so more than by two numbers.
+    The errors are told sample by sample, and so more than by a number for each joint.
     """
     if walk.fell or not walk.deviations:
         return None
-    costs = part_costs(walk.values)
-    others = [math.sqrt(costs[part.name]) for part in PARTS if part not in ERRORS]
-    return np.array([*walk.deviations, *others, *_lacks(walk.values)])
+    costs = part_costs(walk.values, walk.joints)
+    others = [math.sqrt(costs[part.name]) for part in walk.parts[len(walk.joints) :]]
+    return np.array([*walk.deviations, *others, *_lacks(walk)])
 
 
-def _lacks(values: Mapping[str, float | None]) -> list[float]:
+def _lacks(walk: Rating) -> list[float]:
     """Roots of what each part costs beyond ``AIM`` of its goal; 0 of one that is not defined."""
-    ratios = ((values[part.name] or 0.0) / part.goal for part in PARTS)
-    return [math.sqrt(part.excess) * max(0.0, ratio - AIM) for part, ratio in zip(PARTS, ratios, strict=True)]
+    ratios = ((walk.values[part.name] or 0.0) / part.goal for part in walk.parts)
+    return [
+        math.sqrt(part.excess) * max(0.0, ratio - AIM) for part, ratio in zip(walk.parts, ratios, strict=True)
+    ]
 
 
 def _deviations(run: Run, reference_speed: float | None) -> tuple[float, ...]:
@@ -292,13 +320,13 @@ def _deviations(run: Run, reference_speed: float | None) -> tuple[float, ...]:
     legs = run.leg_records()
     found: list[float] = []
     for leg in legs:
-        for part, joint in zip(ERRORS, (JointName.HIP, JointName.KNEE), strict=True):
-            cycles = normalise_strides(leg.angles[joint], leg.strides())
+        for joint, angles in leg.angles.items():
+            cycles = normalise_strides(angles, leg.strides())
             reference = _reference(run, joint, reference_speed)
             if not len(cycles) or reference is None:
                 return ()
             apart = np.degrees(cycles.mean(axis=0) - reference)[:-1:SAMPLES_APART]
-            found += (apart / (part.goal * math.sqrt(len(legs) * len(apart)))).tolist()
+            found += (apart / (ERROR_GOALS[joint] * math.sqrt(len(legs) * len(apart)))).tolist()
     return tuple(found)
 
 
@@ -317,9 +345,9 @@ def _reference(run: Run, joint: JointName, reference_speed: float | None) -> np.
 
 
 def _offset(run: Run, legs: Sequence[LegRecord], reference_speed: float | None) -> float | None:
-    """Largest mean distance of hip or knee from the reference in [deg]."""
+    """Largest mean distance of a driven joint from the reference in [deg]."""
     found: list[float | None] = []
-    for joint in (JointName.HIP, JointName.KNEE):
+    for joint in legs[0].angles:
         reference = _reference(run, joint, reference_speed)
         for leg in legs:
             cycles = normalise_strides(leg.angles[joint], leg.strides())
@@ -374,11 +402,10 @@ def _per_stride(counted: Iterable[tuple[int, int]]) -> float | None:
 
 
 def _asymmetry(sides: Sequence[Mapping[str, Any]]) -> float | None:
-    """Largest symmetry index, without its sign, of the share of swing and the ranges of hip and knee."""
+    """Largest symmetry index, without its sign, of the share of swing and the ranges of the joints."""
     pairs = [[side["swing_share"] for side in sides]]
     pairs += [
-        [side["joints"][joint]["range_of_motion_deg"] for side in sides]
-        for joint in (JointName.HIP, JointName.KNEE)
+        [side["joints"][joint]["range_of_motion_deg"] for side in sides] for joint in sides[0]["joints"]
     ]
     if any(value is None for pair in pairs for value in pair):
         return None

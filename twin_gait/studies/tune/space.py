@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from twin_gait.checking.sense import GAIN_RANGE
+from twin_gait.checking.sense import GAIN_RANGE, STIFFNESS_RANGES
 from twin_gait.configuration.documents import table_document
 from twin_gait.configuration.overrides import assign
 from twin_gait.exceptions import ParameterError
@@ -24,9 +24,10 @@ from twin_gait.vocabulary import JointName, Side
 
 _PER_DEGREE = 180.0 / math.pi
 # Bounds of the search; a start outside widens them. Stiffness in [N m] / [deg]: the least that moves a leg
-# against the friction of these drives, and a little above what the shipped table was searched with.
+# against the friction of these drives, and a little above what the shipped table was searched with; of the
+# ankle the published range (Sup et al. 2009), for lack of such a search.
 SOFTEST = 0.3
-STIFFEST = {JointName.HIP: 8.0, JointName.KNEE: 10.0}
+STIFFEST = {JointName.HIP: 8.0, JointName.KNEE: 10.0, JointName.ANKLE: STIFFNESS_RANGES[JointName.ANKLE].most}
 DAMPING_RATIOS = (0.4, 1.3)
 DAMPINGS = (5.0, 80.0)  # [N m s] / [rad], for tables that give no ratio
 ANGLE_REACH = 12.0  # [deg] to either side of the start
@@ -173,8 +174,7 @@ def _impedance(entry: Mapping[str, float], joint: JointName, path: tuple[str, ..
     stiffness = entry["stiffness_Nm_per_deg"]
     if stiffness > 0.0:  # steps by ratios never leave zero
         place = (*path, "stiffness_Nm_per_deg")
-        stiffest = STIFFEST.get(joint, max(STIFFEST.values()))
-        yield _parameter(place, "Nm/deg", stiffness, SOFTEST, stiffest, 2, logarithmic=True)
+        yield _parameter(place, "Nm/deg", stiffness, SOFTEST, STIFFEST[joint], 2, logarithmic=True)
     angle = entry["equilibrium_deg"]
     place = (*path, "equilibrium_deg")
     yield _parameter(place, "deg", angle, angle - ANGLE_REACH, angle + ANGLE_REACH, 1)

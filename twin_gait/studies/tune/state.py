@@ -21,7 +21,7 @@ from twin_gait.measures.reference import KILOMETRES_PER_HOUR, reference_covers
 from twin_gait.runs.folders import FolderKind, check_target
 from twin_gait.simulation import RunStatus
 from twin_gait.studies.jobs import sources_hash
-from twin_gait.studies.tune.parts import AIM, FALL, HELD_TO, NEEDED_CLEARANCE, PARTS, WORST, Rating
+from twin_gait.studies.tune.parts import AIM, FALL, HELD_TO, NEEDED_CLEARANCE, WORST, Rating, parts_of
 from twin_gait.studies.tune.search import Descent, Generation
 from twin_gait.studies.tune.space import Parameter
 from twin_gait.studies.tune.walks import NOMINAL_WEIGHT, weighted_cost
@@ -83,7 +83,7 @@ def identity(experiment: Experiment, settings: Settings) -> dict[str, Any]:
     return {
         "experiment": content_hash(experiment_document(experiment)),
         **chosen,
-        "parts": {part.name: [part.goal, part.weight] for part in PARTS},
+        "parts": {part.name: [part.goal, part.weight] for part in parts_of(experiment.joints)},
         "costs": [WORST, FALL, AIM, HELD_TO, NEEDED_CLEARANCE, NOMINAL_WEIGHT],
         "sources": sources_hash(),
         "versions": {"numpy": metadata.version("numpy")},

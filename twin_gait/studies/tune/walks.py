@@ -20,7 +20,7 @@ from twin_gait.measures.walk import WALK_COLUMNS
 from twin_gait.simulation.block import WIDTH
 from twin_gait.studies.episodes import run_episodes
 from twin_gait.studies.jobs import JobFailed, Workers
-from twin_gait.studies.tune.parts import ERRORS, Rating, nominal_cost, rate_walk
+from twin_gait.studies.tune.parts import Rating, errors_of, nominal_cost, rate_walk
 
 # Rules of the check that can find an error and take less time than a walk; the rest reads the final table.
 QUICK_RULES: tuple[Rule, ...] = tuple(
@@ -121,11 +121,11 @@ def standing(walks: Sequence[Rating]) -> list[float | None]:
         walks: Of the table over its cases, the nominal one first.
 
     Returns:
-        Root mean square of the nominal walk's errors of hip and knee in [deg] and of its motors' torques in
+        Root mean square of the nominal walk's errors of all joints in [deg] and of its motors' torques in
         [N m], None if it fell or has no error; and the mean cost of the other walks, None without.
     """
     nominal, *others = walks
-    errors = [nominal.values[part.name] for part in ERRORS]
+    errors = [nominal.values[part.name] for part in errors_of(nominal.joints)]
     known = [error for error in errors if error is not None]
     walked = not nominal.fell and len(known) == len(errors)
     return [

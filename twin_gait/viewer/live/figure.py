@@ -24,9 +24,8 @@ from twin_gait.viewer.motion import (
 )
 from twin_gait.viewer.page import leg_entry, page_data
 from twin_gait.viewer.staging import build_scene
-from twin_gait.vocabulary import HOLD, Side
+from twin_gait.vocabulary import HOLD, JointName, Side
 
-_JOINTS = ("hip", "knee")
 _DEGREES = 180.0 / math.pi
 _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
 
@@ -57,6 +56,7 @@ class LiveFigure:
         self,
         model: LegModel,
         *,
+        drives: Sequence[JointName],
         title: str,
         subtitle: str = "",
         patient: Patient | None = None,
@@ -66,6 +66,7 @@ class LiveFigure:
         """Draw.
 
         Args:
+            drives: Joints with a motor.
             patient: The wearer to draw, or None.
             slope: By which the belt rises forwards in [rad].
 
@@ -75,7 +76,8 @@ class LiveFigure:
         """
         self.window = LiveWindow()
         self._model, self._phases, self._slope = model, (*phases, HOLD), slope
-        self._scene = build_scene(self.window, model, patient=patient, slope=slope)
+        self._drives = tuple(drives)
+        self._scene = build_scene(self.window, model, drives=drives, patient=patient, slope=slope)
         self._time, self._travelled = 0.0, 0.0
         self._columns = {side: self._read_out(side) for side in model.sides}
         self._traced = 0
@@ -126,7 +128,7 @@ class LiveFigure:
             for leg, columns in zip(curves, self._columns.values(), strict=True):
                 for key, column in columns.items():
                     ticks, values = trace.columns[column]
-                    factor = _DEGREES if key in _JOINTS else 1.0
+                    factor = _DEGREES if key in self._drives else 1.0
                     if missing:
                         leg[key]["times"].append(trace.first * TICK)
                         leg[key]["values"].append(None)
@@ -141,7 +143,7 @@ class LiveFigure:
             point = centre_of_pressure(self._model, q, self._model.legs[side].contact_frames, self._slope)
             footing = Footing(np.array(force), point[None, :])
         phase = PhaseSpells(np.array([time]), np.array([self._phase(side, row)]))
-        torques = {joint: np.array([row[f"{side}_{joint}_motor_torque_Nm"]]) for joint in _JOINTS}
+        torques = {str(joint): np.array([row[f"{side}_{joint}_motor_torque_Nm"]]) for joint in self._drives}
         return LegMotion(phases=phase, curves={}, footing=footing, torques=torques)
 
     def _phase(self, side: Side, row: Mapping[str, Any]) -> int:
@@ -150,14 +152,14 @@ class LiveFigure:
 
     def _read_out(self, side: Side) -> dict[str, str]:
         forces = bool(self._scene.arrows)
-        columns = leg_columns(side).items()
+        columns = leg_columns(side, self._drives).items()
         return {
             key: column for key, column in columns if not key.endswith(_UNUSED) and (forces or key != "force")
         }
 
     def _numbers(self, side: Side, row: Mapping[str, Any]) -> dict[str, float]:
         values = {key: float(row[column]) for key, column in self._columns[side].items()}
-        values |= {key: _DEGREES * values[key] for key in _JOINTS}
+        values |= {str(joint): _DEGREES * values[joint] for joint in self._drives}
         return values | {"phase": self._phase(side, row)}
 
     def _belt(self, time: float, speed: float) -> dict[tuple[str, str], Any]:

@@ -540,7 +540,9 @@
       }));
       const loose = own.filter((one) => !one.joint).map((one) => this.rows.get(one.name).node);
       const parts = [...this.joints.values()];
-      tabs.body("monitor").append(...loose, make("div", { className: "chips four", role: "group", aria: { label: "Joint" } },
+      tabs.body("monitor").append(...loose, make("div", {
+        className: "chips of-joints", style: { "--columns": joints.length > 4 ? 3 : 4 }, role: "group", aria: { label: "Joint" },
+      },
         ...parts.map((part) => part.chip)), ...parts.map((part) => part.sheet));
       this.choose_joint(joints.includes(this.joint) ? this.joint : joints[0]);
     },

@@ -29,7 +29,7 @@
 // SAMPLE: {time: s, legs: [{phase: code, KEY: value, ...}], curves: [{KEY: {times: [s], values: [value]}, ...}],
 // events: all of the run so far}, legs in the order of the description; curves are all that has been since the last
 // sample.
-// Keys of values: hip, knee [deg]; hip_torque, knee_torque [N m]; hip_ and knee_ before impedance,
+// Keys of values, JOINT being hip, knee or ankle: JOINT [deg]; JOINT_torque [N m]; JOINT_ before impedance,
 // friction_compensation, gravity_compensation, inertia_compensation, target [N m]; force [N].
 // A key that `shows` does not name is not read out; one that is not sent shows as a dash.
 //
@@ -38,7 +38,8 @@
 "use strict";
 
 const element = (id) => document.getElementById(id);
-const JOINTS = [["hip", "Hip"], ["knee", "Knee"]];
+// The chain, with the name of the positive direction; a page shows the joints that its legs drive.
+const JOINTS = [["hip", "Hip", "flexion"], ["knee", "Knee", "flexion"], ["ankle", "Ankle", "dorsiflexion"]];
 
 function make(tag, name = "", text = "") {
   const made = document.createElement(tag);

@@ -40,10 +40,10 @@ const plots = {
   },
 
   sets() {
-    const both = (suffix, label, unit) => JOINTS.map(([joint, name]) => (
-      { label: `${name} ${label}`, unit, lines: this.lines(joint + suffix) }));
+    const each = (suffix, unit, label) => JOINTS.map(([joint, name, positive]) => (
+      { label: `${name} ${label ?? positive}`, unit, lines: this.lines(joint + suffix) }));
     const sets = [
-      { name: "Angles and motor torques", panels: [...both("", "flexion", "°"), ...both("_torque", "motor torque", "N·m")] },
+      { name: "Angles and motor torques", panels: [...each("", "°"), ...each("_torque", "N·m", "motor torque")] },
       ...(this.runs[0] ? this.runs[0].legs.map((leg) => this.split(leg)) : []),
       { name: "Ground force", panels: [{ label: "Ground force on the foot", unit: "N", lines: this.lines("force") }] },
     ];
