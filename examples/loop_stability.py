@@ -58,6 +58,12 @@ class Case(NamedTuple):
     gain: float
 
 
+def posture(shift: float) -> dict[JointName, float]:
+    """Joint angles at the start in [rad], shifted from the posture."""
+    hip, knee = POSTURE
+    return {JointName.HIP: hip + shift, JointName.KNEE: knee + shift}
+
+
 def true_experiment(case: Case) -> Experiment:
     """Bench leg that holds one posture, gravity compensated as in the swing phases of the shipped tables."""
     base = load_experiment("bench_leg").experiment
@@ -72,7 +78,7 @@ def true_experiment(case: Case) -> Experiment:
     }
     phase = PhaseParameters(joints=joints, gravity_compensation=1.0)
     table = GaitTable(name=HOLD, joints=base.table.joints, phases={HOLD: phase}, transitions=())
-    scenario = BenchLeg(start_angles=tuple(angle + TRUE_START for angle in POSTURE))
+    scenario = BenchLeg(start_angles=posture(TRUE_START))
     # Instability is what is looked for here: no monitor may end it.
     control = replace(base.control, safety=replace(base.control.safety, enabled=False))
     return replace(base, name=HOLD, table=table, scenario=scenario, control=control, duration=DURATION)
@@ -87,7 +93,7 @@ def linear_experiment(case: Case, velocity: float) -> Experiment:
     ratios = dict.fromkeys(plant.friction, 1.0)
     return replace(
         true,
-        scenario=BenchLeg(start_angles=tuple(angle + LINEAR_START for angle in POSTURE)),
+        scenario=BenchLeg(start_angles=posture(LINEAR_START)),
         plant=replace(plant, friction=viscous_plant, friction_ratio=ratios),
         control=replace(control, friction_model=viscous_model),
     )

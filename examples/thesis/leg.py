@@ -81,7 +81,7 @@ def hanging_experiment(
     return replace(
         base,
         table=GaitTable(name="hanging", joints=base.table.joints, phases=phases, transitions=()),
-        scenario=BenchLeg(start_angles=raised),
+        scenario=BenchLeg(start_angles=dict(zip(JOINTS, raised, strict=True))),
         plant=replace(base.plant, friction_ratio=dict(zip(JOINTS, ratios, strict=True))),
         duration=duration,
     )

@@ -30,7 +30,7 @@ from twin_gait.gait import Blending, BlendingLaw, GaitTable, Transition
 from twin_gait.gait.guards import parse_guard
 from twin_gait.gait.table import DrivenBy
 from twin_gait.parameters import HIP_FRICTION, KNEE_FRICTION
-from twin_gait.vocabulary import Side
+from twin_gait.vocabulary import JointName, Side
 from twin_gait.worlds import BenchLeg
 
 RULES = (*leaving.RULES, *torques.RULES, *stability.RULES, *sense.RULES)
@@ -224,7 +224,9 @@ def test_the_engine_comes_to_rest_between_the_corners():
     )
     experiment, leg = holding(*settings)
     for start in ((40.0, 60.0), (-15.0, 0.0)):
-        scenario = BenchLeg(start_angles=tuple(np.radians(start).tolist()))
+        scenario = BenchLeg(
+            start_angles=dict(zip((JointName.HIP, JointName.KNEE), np.radians(start).tolist(), strict=True))
+        )
         log = simulate(replace(experiment, scenario=scenario)).log
         ends = log[["right_hip_angle_rad", "right_knee_angle_rad"]].iloc[-1].to_numpy()
         rest = find_rest(leg, 0, np.radians(start))

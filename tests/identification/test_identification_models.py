@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
+from twin_gait.configuration.readers import section_of
 from twin_gait.core.friction import advanced_deflection, friction_torque, rotational_friction_torque
 from twin_gait.core.friction_models import bristle_rate, bristle_step
 from twin_gait.identification import MODELS
@@ -30,7 +31,6 @@ from twin_gait.identification.laws import (
 from twin_gait.identification.models import inherited_starts
 from twin_gait.identification.refining import jacobian
 from twin_gait.identification.samples import FrictionTest, Samples, join_tests
-from twin_gait.configuration.readers import section_of
 from twin_gait.identification.writing import PARAMETER_FILES, PLANT_FILE
 
 SPEEDS = np.linspace(-3.0, 3.0, 241)

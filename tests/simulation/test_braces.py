@@ -242,7 +242,8 @@ def test_logs_have_columns_of_braces_only_where_there_are_some(bench_run):
 def test_a_step_carries_the_braces_up_to_the_stiffness_that_is_said(method):
     def braced(stiffness: float) -> Experiment:
         brace = BraceParameters(knee=SpringDamper(stiffness=stiffness, damping=0.5))
-        bent = replace(load_experiment("bench_leg").experiment.scenario, start_angles=(0.0, 1.0))
+        angles = {JointName.HIP: 0.0, JointName.KNEE: 1.0}
+        bent = replace(load_experiment("bench_leg").experiment.scenario, start_angles=angles)
         experiment = bench(interface=brace, scenario=bent, integration=replace(FINE, step=1e-5))
         plant = replace(
             experiment.plant, gravity=0.0, friction_ratio=dict.fromkeys(experiment.plant.friction, 0.0)

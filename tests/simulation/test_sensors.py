@@ -99,8 +99,11 @@ def test_an_offset_that_cannot_be_is_refused_in_one_line(setting, words):
 
 
 def test_the_joint_bench_has_no_offset():
-    sensors = SensorParameters(offset={(Side.LEFT, JointName.KNEE): 0.01})
+    sensors = SensorParameters(offset={Side.LEFT: {JointName.KNEE: 0.01}})
     with pytest.raises(ParameterError, match="none on the joint bench"):
         bench_joint(JointName.KNEE, sensors=sensors)
-    with pytest.raises(ParameterError, match="a hip or a knee"):
-        SensorParameters(offset={(Side.LEFT, JointName.ANKLE): 0.01})
+
+
+def test_only_joints_that_the_table_drives_have_an_offset():
+    with pytest.raises(ParameterFileError, match="sensors offset: expected one of hip, knee, got 'ankle'"):
+        load_experiment("treadmill", ["sensors.offset.left.ankle_deg=1"])

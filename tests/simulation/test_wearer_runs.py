@@ -380,7 +380,7 @@ def test_every_person_acts_in_a_table_of_six_phases_and_of_four(change, person):
         "treadmill", [f"patient={person}", "engine=pinocchio", "duration_s=0.02", "patient.effort_delay_ms=0"]
     ).experiment
     table = change(asked.table)
-    scenario = dataclasses.replace(asked.scenario, initial_phases=("late_stance", "early_stance"))
+    scenario = dataclasses.replace(asked.scenario, leading_phase="late_stance", trailing_phase="early_stance")
     asked = dataclasses.replace(asked, table=table, scenario=scenario)
     wearer = build_problem(asked).wearer
     active = any(item.effort for item in asked.patient.conditions.values())

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from twin_gait.configuration.overrides import merge, quantity_of
 from twin_gait.configuration.sections import Section, reads, section_of
@@ -16,7 +17,6 @@ from twin_gait.configuration.validation import (
     Strict,
     converting,
     short,
-    unknown_key,
     validate,
 )
 from twin_gait.exceptions import GaitTableError, ParameterFileError
@@ -35,7 +35,7 @@ from twin_gait.gait.table import (
     Waiver,
 )
 from twin_gait.parameters.quantities import declarations
-from twin_gait.vocabulary import GaitPhase, JointName, Side
+from twin_gait.vocabulary import GaitPhase, Side
 
 SCHEMA_VERSION = 1
 
@@ -74,10 +74,36 @@ class ScalingReader(_Bounded):
         return {key: value for key, value in own.items() if key == "stance_phases" or usual.get(key) != value}
 
 
+@reads(PhaseParameters)
+class PhaseReader(_Bounded):
+    """What a phase sets: the impedance of each joint beside the rest."""
+
+    joints: ClassVar[tuple[str, ...]] = ()
+
+    def values(self, default: Any = None) -> dict[str, Any]:
+        """Fields that are given, in SI."""
+        joints = {joint: getattr(self, joint).convert() for joint in self.joints}
+        return super().values(default) | {"joints": joints}
+
+    @classmethod
+    def document(cls, parameters: PhaseParameters) -> dict[str, Any]:
+        """As the mapping of a file, in SI."""
+        joints = {name: _Joint.document(joint) for name, joint in parameters.joints.items()}
+        return joints | super().document(parameters)
+
+
+@lru_cache
+def phase_section(joints: tuple[str, ...]) -> Any:
+    """The section of a phase of a table for some joints."""
+    fields: dict[str, Any] = dict.fromkeys(joints, (_Joint, ...))
+    section: Any = create_model("Phase", __base__=section_of(PhaseParameters), **fields)
+    section.joints = joints
+    return section
+
+
 reads(Blending)(_Bounded)
-reads(PhaseParameters)(_Bounded)
-_Phase, _Blending, _Scaling, _Waiver = (  # sections made from what the classes declare
-    section_of(kind) for kind in (PhaseParameters, Blending, Scaling, Waiver)
+_Joint, _Blending, _Scaling, _Waiver = (  # sections made from what the classes declare
+    section_of(kind) for kind in (JointImpedance, Blending, Scaling, Waiver)
 )
 
 
@@ -218,15 +244,11 @@ def _on_side(
 
 def _phase(values: dict[str, Any], joints: tuple[str, ...], source: str, key: str) -> PhaseParameters:
     """What a phase sets, of all joints of the table and no others."""
-    others = [name for name in JointName if name not in joints]
-    for name in values:
-        if name in others:
-            raise ParameterFileError(source, f"{key}.{name}", unknown_key(name, joints))
     for joint in joints:
         if not isinstance(values.get(joint), dict):
             raise ParameterFileError(source, f"{key}.{joint}", "is missing; expected an impedance")
     try:
-        entry: Any = validate(_Phase, values, source)
+        entry: Any = validate(phase_section(joints), values, source)
     except ParameterFileError as error:
         raise ParameterFileError(source, f"{key}.{error.key}".rstrip("."), error.problem) from error
     phase: PhaseParameters = converting(source, key, entry.convert)

@@ -21,11 +21,10 @@ from twin_gait.parameters.quantities import (
     DEGREE,
     SHARE,
     Angle,
-    Inline,
+    AsInFile,
     Key,
     Length,
     Mass,
-    Named,
     Parameters,
     Range,
     Ratio,
@@ -33,7 +32,7 @@ from twin_gait.parameters.quantities import (
     RotaryStiffness,
     Speed,
 )
-from twin_gait.vocabulary import PRE_SWING, JointName, Side
+from twin_gait.vocabulary import PRE_SWING, Side
 
 TICK = 1e-3  # [s], the firmware's control period (thesis, section 2.1.2)
 LONGEST = 10**9  # ticks, eleven days: no time in a table is longer
@@ -120,7 +119,7 @@ class PhaseParameters(Parameters):
         minimum_ticks: The phase is not left before so many ticks.
     """
 
-    joints: Annotated[Mapping[str, JointImpedance], Named(tuple(map(str, JointName))), Inline()]
+    joints: Annotated[Mapping[str, JointImpedance], AsInFile()]
     gravity_compensation: Annotated[Ratio, SHARE] = 0.0
     minimum_ticks: Annotated[int, Range(0, LONGEST), Key("minimum_duration_ms")] = 0
 
