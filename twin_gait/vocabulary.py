@@ -34,8 +34,6 @@ class JointName(StrEnum):
     ANKLE = "ankle"
 
 
-
-
 class Side(StrEnum):
     """Side of the body."""
 

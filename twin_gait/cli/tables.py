@@ -30,6 +30,11 @@ def add_parser(commands: Any) -> None:
     add = parser.add_argument
     add("name", nargs="?", help="preset, person or gait table to print as YAML")
     add("--as-table", action="store_true", help="print the gait table where a preset has its name")
+    add(
+        "--schema",
+        choices=["experiment", "table"],
+        help="print the JSON Schema of a kind of file, for editors",
+    )
     options.add_json(parser)
     parser.set_defaults(run=show_presets)
 
@@ -50,6 +55,13 @@ def show_presets(arguments: argparse.Namespace) -> int:
     from twin_gait.configuration import packaged_gait_tables, presets
     from twin_gait.configuration.people import people
 
+    if arguments.schema is not None:
+        import json
+
+        from twin_gait.configuration.schema import json_schema
+
+        print(json.dumps(json_schema(arguments.schema), indent=1, ensure_ascii=False))
+        return DONE
     if arguments.name is None and not arguments.as_table:
         experiments, persons, tables = presets(), people(), packaged_gait_tables()
         lines = [
@@ -76,6 +88,7 @@ def _text_of(name: str | None, *, as_table: bool) -> str:
     from twin_gait.configuration import load_experiment, packaged_gait_tables, presets
     from twin_gait.configuration.documents import dump_yaml
     from twin_gait.configuration.people import people, person_text
+    from twin_gait.configuration.schema import comment_for
     from twin_gait.configuration.table_inheritance import gait_table_path
 
     tables = packaged_gait_tables()
@@ -83,7 +96,9 @@ def _text_of(name: str | None, *, as_table: bool) -> str:
         return gait_table_path(name).read_text(encoding="utf-8")
     if name is None or as_table:
         raise ParameterError(f"--as-table: expected one of {', '.join(tables)}, got {name}")
-    return person_text(name) if name in people() else dump_yaml(load_experiment(name).document)
+    if name in people():
+        return person_text(name)
+    return f"{comment_for('experiment')}\n{dump_yaml(load_experiment(name).document)}"
 
 
 def _listed(title: str, entries: Mapping[str, str]) -> Iterator[str]:

@@ -32,7 +32,7 @@ from twin_gait.parameters.quantities import (
 
 _PLAIN = {float: Number, int: Count}
 _ENDLESS = AfterValidator(lambda value: math.inf if value is None else value)
-_WORDS = {"gt": "exclusiveMinimum", "ge": "minimum", "le": "maximum"}  # of a JSON Schema
+LIMITS = {"gt": "exclusiveMinimum", "ge": "minimum", "le": "maximum"}  # of a JSON Schema
 
 
 class Section(Strict):
@@ -375,5 +375,12 @@ def _field(item: Declaration, factor: float, bounded: bool) -> tuple[Any, Any]:
     meaning = item.meaning or None
     if bounded:
         return kind, Field(default, description=meaning, **limits)  # type: ignore[call-overload]
-    said: Any = {_WORDS[name]: value for name, value in limits.items()}
+    said: Any = {LIMITS[name]: _rounded(value) for name, value in limits.items()}
+    if isinstance(item.default, float) and math.isfinite(item.default):
+        said["default"] = _rounded(item.default / factor)
     return kind, Field(default, description=meaning, json_schema_extra=said or None)
+
+
+def _rounded(value: float) -> float:
+    """A number without what a change of its unit adds to its last digits."""
+    return float(f"{value:.12g}")

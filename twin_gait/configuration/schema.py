@@ -1,0 +1,90 @@
+"""JSON Schemas of experiment and gait-table files, by which editors complete and check them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from twin_gait.configuration.gait_table_file import GaitTableFile, phase_section
+from twin_gait.configuration.readers import section_of
+from twin_gait.configuration.sections import LIMITS
+from twin_gait.experiment import Experiment
+from twin_gait.parameters.quantities import Word, declarations
+from twin_gait.vocabulary import JointName
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+# What a text of a guard looks like; which signals there are depends on the table.
+_GUARD = r"^[^<>]+[<>]\s*[-+.\d][^<>]*$|^\s*other\.phase\s+in\s*\[[^\]]+\]\s*$"
+
+
+def comment_for(kind: str) -> str:
+    """First line of a YAML file by which editors find its schema, written beside it."""
+    return f"# yaml-language-server: $schema={kind}.schema.json"
+
+
+def json_schema(kind: str) -> dict[str, Any]:
+    """JSON Schema of a kind of file, as it is written: over a preset, or over the table that it extends.
+
+    Args:
+        kind: ``experiment`` or ``table``.
+
+    Returns:
+        The schema; nothing is required, since what is left out comes from what lies underneath.
+    """
+    table = _table()
+    if kind == "table":
+        return {"$schema": DIALECT, "title": "gait table of twin_gait", **table}
+    schema: dict[str, Any] = _lenient(section_of(Experiment).model_json_schema())
+    defined = schema["$defs"] | table.pop("$defs")
+    name = {"type": "string", "minLength": 1}
+    person = defined["Patient"]
+    person["properties"]["preset"] = name
+    defined["GaitTable"] = table
+    schema["properties"] |= {
+        "preset": name,
+        "patient": {"anyOf": [name, {"$ref": "#/$defs/Patient"}, {"type": "null"}]},
+        "table": {"anyOf": [name, {"$ref": "#/$defs/GaitTable"}]},
+    }
+    for item in declarations(Experiment):
+        word = item.mark(Word)
+        if word:
+            schema["properties"][item.key]["anyOf"].append({"enum": [word.without, word.kind]})
+    return {"$schema": DIALECT, **schema, "title": "experiment of twin_gait", "$defs": defined}
+
+
+def _table() -> dict[str, Any]:
+    schema: dict[str, Any] = _lenient(GaitTableFile.model_json_schema())
+    phase = _lenient(phase_section(tuple(map(str, JointName))).model_json_schema())
+    defined = schema["$defs"] | phase.pop("$defs")
+    by_name = {"type": "object", "additionalProperties": {"$ref": "#/$defs/Phase"}}
+    guards = {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/Guard"}}
+    defined["Phase"] = phase
+    defined["Guard"] = {
+        "anyOf": [
+            {"type": "string", "pattern": _GUARD},
+            {"type": "object", "properties": {"all": guards, "any": guards}, "maxProperties": 1,
+             "additionalProperties": False},
+        ]
+    }  # fmt: skip
+    defined["TransitionEntry"]["properties"] |= {"all": guards, "any": guards}
+    sides = {
+        "type": "object",
+        "properties": {"left": by_name, "right": by_name},
+        "additionalProperties": False,
+    }
+    schema["properties"] |= {"extends": {"type": "string"}, "phases": by_name, "sides": sides}
+    return {**schema, "$defs": defined}
+
+
+def _lenient(schema: Any) -> Any:
+    """The same in the words of JSON Schema, without required keys but for pairs of which one may be given."""
+    if isinstance(schema, list):
+        return [_lenient(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    return {
+        LIMITS.get(key, key) if isinstance(value, (float, int)) else key: (
+            value if key == "not" else _lenient(value)
+        )
+        for key, value in schema.items()
+        if key != "required" or not isinstance(value, list)
+    }
