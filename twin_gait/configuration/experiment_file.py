@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, replace
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
-
-from pydantic import Field, model_validator
+from typing import Any, NamedTuple
 
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.configuration.readers import section_of
-from twin_gait.configuration.sections import Section, reads
-from twin_gait.configuration.validation import Strict, converting, validate
+from twin_gait.configuration.validation import converting, validate
 from twin_gait.exceptions import ModelError, ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment, default_integration
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
@@ -20,31 +17,6 @@ from twin_gait.network.dbc import find_dbc
 from twin_gait.parameters import NetworkParameters
 from twin_gait.parameters.quantities import AsInFile, declarations
 from twin_gait.worlds import LegSource
-
-
-class ProvenanceEntry(Strict):
-    """What a resolved experiment was made with."""
-
-    urdf_sha256: str | None = None
-    table_sha256: str | None = None
-    versions: dict[str, str] = Field(default_factory=dict)
-
-
-@reads(Experiment)
-class ExperimentReader(Section):
-    """An experiment file, presets merged in."""
-
-    schema_version: Literal[1] = 1
-    description: str = ""
-    table: dict[str, Any]
-    provenance: ProvenanceEntry | None = None
-
-    @model_validator(mode="after")
-    def _name_is_a_word(self) -> ExperimentReader:
-        name = self.name  # type: ignore[attr-defined]  # a declared field
-        if not name or any(character in name for character in "/\\\0\n"):
-            raise ValueError(f"name: expected a plain name, got {name!r}")
-        return self
 
 
 class Converted(NamedTuple):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 from pydantic import Field, create_model, model_validator
 
-from twin_gait.configuration.overrides import merge, quantity_of
-from twin_gait.configuration.sections import Section, reads, section_of
+from twin_gait.configuration.overrides import merge
+from twin_gait.configuration.readers import section_of
 from twin_gait.configuration.table_inheritance import gait_table_path, own_entries_named, read_gait_table
 from twin_gait.configuration.validation import (
     Count,
@@ -34,62 +34,9 @@ from twin_gait.gait.table import (
     Transition,
     Waiver,
 )
-from twin_gait.parameters.quantities import declarations
 from twin_gait.vocabulary import GaitPhase, Side
 
 SCHEMA_VERSION = 1
-
-
-class _Bounded(Section):
-    """What is out of range is refused at its key, before all else."""
-
-    bounded: ClassVar = True
-
-
-@reads(JointImpedance)
-class JointReader(_Bounded):
-    """Impedance of a joint in a phase: every quantity once."""
-
-    @model_validator(mode="after")
-    def _one_unit_each(self) -> JointReader:
-        groups: dict[str, list[str]] = {}
-        for item in declarations(JointImpedance):
-            groups.setdefault(quantity_of(next(iter(item.keys))), []).extend(item.keys)
-        for name, keys in groups.items():
-            given = [key for key in keys if getattr(self, key) is not None]
-            if len(given) != 1 and len(keys) > 1:
-                raise ValueError(f"expected exactly one {name} ({' or '.join(keys)}), got {given or 'none'}")
-        return self
-
-
-@reads(Scaling)
-class ScalingReader(_Bounded):
-    """Scaling laws; what is usual is not written."""
-
-    @classmethod
-    def document(cls, parameters: Scaling) -> dict[str, Any]:
-        """As the mapping of a file, in SI."""
-        written = super().document
-        usual, own = written(Scaling()), written(parameters)
-        return {key: value for key, value in own.items() if key == "stance_phases" or usual.get(key) != value}
-
-
-@reads(PhaseParameters)
-class PhaseReader(_Bounded):
-    """What a phase sets: the impedance of each joint beside the rest."""
-
-    joints: ClassVar[tuple[str, ...]] = ()
-
-    def values(self, default: Any = None) -> dict[str, Any]:
-        """Fields that are given, in SI."""
-        joints = {joint: getattr(self, joint).convert() for joint in self.joints}
-        return super().values(default) | {"joints": joints}
-
-    @classmethod
-    def document(cls, parameters: PhaseParameters) -> dict[str, Any]:
-        """As the mapping of a file, in SI."""
-        joints = {name: _Joint.document(joint) for name, joint in parameters.joints.items()}
-        return joints | super().document(parameters)
 
 
 @lru_cache
@@ -101,7 +48,6 @@ def phase_section(joints: tuple[str, ...]) -> Any:
     return section
 
 
-reads(Blending)(_Bounded)
 _Joint, _Blending, _Scaling, _Waiver = (  # sections made from what the classes declare
     section_of(kind) for kind in (JointImpedance, Blending, Scaling, Waiver)
 )

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, ClassVar, Literal
 
-from pydantic import create_model, model_validator
+from pydantic import Field, create_model, model_validator
 
-from twin_gait.configuration.overrides import merge
+from twin_gait.configuration.overrides import merge, quantity_of
 from twin_gait.configuration.sections import Section, reads
 from twin_gait.configuration.sections import section_of as section_of
 from twin_gait.configuration.validation import Number, Strict
 from twin_gait.exceptions import ParameterError
-from twin_gait.experiment import PlantParameters
+from twin_gait.experiment import Experiment, PlantParameters
+from twin_gait.gait.table import Blending, JointImpedance, PhaseParameters, Scaling
 from twin_gait.parameters import JointCondition, Patient, StribeckFriction
+from twin_gait.parameters.quantities import declarations
 from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.vocabulary import JointName, Side
 
@@ -119,3 +121,84 @@ def _condition_document(patient: Patient, side: Side, joint: JointName) -> dict[
     usual = _Condition.document(JointCondition())
     own = _Condition.document(patient.conditions.get((side, joint), JointCondition()))
     return {key: value for key, value in own.items() if value != usual[key]}
+
+
+class ProvenanceEntry(Strict):
+    """What a resolved experiment was made with."""
+
+    urdf_sha256: str | None = None
+    table_sha256: str | None = None
+    versions: dict[str, str] = Field(default_factory=dict)
+
+
+@reads(Experiment)
+class ExperimentReader(Section):
+    """An experiment file, presets merged in."""
+
+    schema_version: Literal[1] = 1
+    description: str = ""
+    table: dict[str, Any]
+    provenance: ProvenanceEntry | None = None
+
+    @model_validator(mode="after")
+    def _name_is_a_word(self) -> ExperimentReader:
+        name = self.name  # type: ignore[attr-defined]  # a declared field
+        if not name or any(character in name for character in "/\\\0\n"):
+            raise ValueError(f"name: expected a plain name, got {name!r}")
+        return self
+
+
+class _Bounded(Section):
+    """What is out of range is refused at its key, before all else."""
+
+    bounded: ClassVar = True
+
+
+@reads(JointImpedance)
+class JointReader(_Bounded):
+    """Impedance of a joint in a phase: every quantity once."""
+
+    @model_validator(mode="after")
+    def _one_unit_each(self) -> JointReader:
+        groups: dict[str, list[str]] = {}
+        for item in declarations(JointImpedance):
+            groups.setdefault(quantity_of(next(iter(item.keys))), []).extend(item.keys)
+        for name, keys in groups.items():
+            given = [key for key in keys if getattr(self, key) is not None]
+            if len(given) != 1 and len(keys) > 1:
+                raise ValueError(f"expected exactly one {name} ({' or '.join(keys)}), got {given or 'none'}")
+        return self
+
+
+@reads(Scaling)
+class ScalingReader(_Bounded):
+    """Scaling laws; what is usual is not written."""
+
+    @classmethod
+    def document(cls, parameters: Scaling) -> dict[str, Any]:
+        """As the mapping of a file, in SI."""
+        written = super().document
+        usual, own = written(Scaling()), written(parameters)
+        return {key: value for key, value in own.items() if key == "stance_phases" or usual.get(key) != value}
+
+
+@reads(PhaseParameters)
+class PhaseReader(_Bounded):
+    """What a phase sets: the impedance of each joint beside the rest."""
+
+    joints: ClassVar[tuple[str, ...]] = ()
+
+    def values(self, default: Any = None) -> dict[str, Any]:
+        """Fields that are given, in SI."""
+        joints = {joint: getattr(self, joint).convert() for joint in self.joints}
+        return super().values(default) | {"joints": joints}
+
+    @classmethod
+    def document(cls, parameters: PhaseParameters) -> dict[str, Any]:
+        """As the mapping of a file, in SI."""
+        joints = {name: _Joint.document(joint) for name, joint in parameters.joints.items()}
+        return joints | super().document(parameters)
+
+
+reads(Blending)(_Bounded)
+_Joint = section_of(JointImpedance)
