@@ -24,6 +24,7 @@ const live = {
     this.page = page;
     document.title = page.title;
     document.body.classList.toggle("still", !page.legs.length);
+    document.body.classList.toggle("many", JOINTS.filter(([joint]) => page.legs.some((leg) => leg.shows.includes(joint))).length > 2);
     const legs = page.legs.map((leg) => ({
       ...leg, phases: null,
       series: Object.fromEntries(leg.shows.filter((key) => key !== "phase").map((key) => [key, { times: [], values: [] }])),

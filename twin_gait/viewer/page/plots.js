@@ -194,7 +194,9 @@ const plots = {
   layout() {
     const canvas = element("curves"), width = canvas.clientWidth, n = Math.max(this.panels.length, 1);
     const pair = this.panels.some((panel) => panel.below);
-    this.columns = width > 760 ? (pair ? n / 2 : Math.min(n, 4)) : 1;
+    // More panels than there is room for below each other stand in two columns: angles, and torques beside them.
+    this.beside = width <= 760 && !pair && n > 4 && this.room() < 76 * n + 60;
+    this.columns = this.beside ? 2 : width > 760 ? (pair ? n / 2 : Math.min(n, 4)) : 1;
     const rows = Math.ceil(n / this.columns), bands = this.columns === 1 ? this.banded().length : 0;
     const head = bands * (BAND + 3) + (bands ? 3 : 0);
     const room = this.room() - head - AXIS;
@@ -220,19 +222,19 @@ const plots = {
 
   draw() {
     if (!this.panels.length || !element("curves").clientWidth) return;
-    const { canvas, width, height, head, high, wide } = this.layout();
+    const { canvas, width, height, head, high, rows, wide } = this.layout();
     const context = canvas_context(canvas, width, height), [from, to] = this.shown();
     element("whole").setAttribute("aria-pressed", String(this.whole));
     if (head) this.bands(context, width, from, to);
     const order = this.columns > 1 && this.panels.some((panel) => panel.below)
       ? [...this.panels.filter((panel) => !panel.below), ...this.panels.filter((panel) => panel.below)] : this.panels;
     order.forEach((panel, index) => {
-      const column = index % this.columns, row = Math.floor(index / this.columns);
+      const [row, column] = this.beside ? [index % rows, Math.floor(index / rows)] : [Math.floor(index / this.columns), index % this.columns];
       const box = {
         left: column * wide + MARGIN.left, right: (column + 1) * wide - MARGIN.right,
         top: head + row * high + MARGIN.top, bottom: head + (row + 1) * high - MARGIN.bottom,
       };
-      this.panel(context, panel, box, from, to, index + this.columns >= order.length);
+      this.panel(context, panel, box, from, to, this.beside ? row === rows - 1 : index + this.columns >= order.length);
     });
   },
 
