@@ -12,7 +12,8 @@ with a format as in Python, or none, and a list of mappings with the same keys a
     <!-- / -->
 
 ``<!-- columns JointRow -->`` is a table of the columns that a class of ``twin_gait.simulation.log`` declares,
-``<!-- signals battery -->`` one of the signals of a message in ``urdf/twin.dbc``.
+``<!-- signals battery -->`` one of the signals of a message in ``urdf/twin.dbc``,
+``<!-- keys plant.battery -->`` one of the keys of a section of an experiment file or a gait table.
 
 ``python docs/insert.py`` brings all pages up to date, ``--check`` only says which are not.
 """
@@ -20,16 +21,23 @@ with a format as in Python, or none, and a list of mappings with the same keys a
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
+import math
 import re
 import sys
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
+
+from twin_gait.parameters.quantities import Parameters, declarations
 
 DOCS = Path(__file__).parent
 _WORD = r"(?: ((?!-->)\S+))?"
-QUOTED = re.compile(rf"<!-- (value|table|columns|signals) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", re.DOTALL)
+QUOTED = re.compile(
+    rf"<!-- (value|table|columns|signals|keys) (\S+){_WORD}{_WORD} -->(.*?)<!-- / -->", re.DOTALL
+)
 
 
 @cache
@@ -94,6 +102,65 @@ def signals(message: str) -> list[dict[str, Any]]:
     return found
 
 
+def keys(section: str) -> list[dict[str, Any]]:
+    """Keys of a section of an experiment file or gait table, as its class declares them."""
+    found = []
+    for item in declarations(_section(section)):
+        first, *others = item.keys
+        units = "".join(f", `…{key.removeprefix(item.key)}`" for key in others)
+        number = item.range is not None and item.kind in (int, float)
+        found.append(
+            {
+                "key": f"`{first}`{units}",
+                "default": _default(item.default),
+                "range": re.sub("^a number (of |from )?", "", item.range.expected)
+                if number and item.range
+                else "",
+                "meaning": item.meaning.replace("|", "or"),
+            }
+        )
+    return found
+
+
+def _default(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return "never" if math.isinf(value) else f"{value:.6g}"
+    plain = isinstance(value, (int, str)) and value is not dataclasses.MISSING
+    return str(value) if plain else ""
+
+
+def _section(path: str) -> Any:
+    """Class of the parameters that a section of a file has."""
+    from twin_gait.experiment import Experiment
+    from twin_gait.gait import table
+
+    in_table = {
+        "joint": table.JointImpedance,
+        "phase": table.PhaseParameters,
+        "scaling": table.Scaling,
+        "blending": table.Blending,
+    }
+    if path in in_table:
+        return in_table[path]
+    kind: Any = Experiment
+    for step in path.split(".") if path != "experiment" else []:
+        name, _, choice = step.partition(":")
+        item = next(item for item in declarations(kind) if item.key == name)
+        kinds = [one for one in _classes(item.kind) if not choice or one.kind == choice]
+        kind = kinds[0]
+    return kind
+
+
+def _classes(hint: Any) -> Iterator[Any]:
+    """Classes of parameters inside a type."""
+    if isinstance(hint, type) and issubclass(hint, Parameters):
+        yield hint
+    for inner in get_args(hint):
+        yield from _classes(inner)
+
+
 def with_results(page: str) -> str:
     """A page with every quoted number and table as the results have them."""
 
@@ -102,7 +169,7 @@ def with_results(page: str) -> str:
         if kind == "value":
             text = format(looked_up(name, key), spec or "")
         else:
-            declared = {"columns": columns, "signals": signals}.get(kind)
+            declared = {"columns": columns, "signals": signals, "keys": keys}.get(kind)
             text = f"\n{table_of(declared(name) if declared else looked_up(name, key))}\n"
         return match.group().replace(f"-->{old}<!-- / -->", f"-->{text}<!-- / -->")
 

@@ -276,6 +276,7 @@ def _is_mapping(kind: Any) -> bool:
 
 
 _ENTRY = re.compile(r"^(\w+): (.*)$")
+_ROLE = re.compile(r":\w+:`~?([^`]+)`")
 
 
 def _meanings(parameters: Any) -> dict[str, str]:
@@ -293,4 +294,4 @@ def _meanings(parameters: Any) -> dict[str, str]:
                 found[name] += f" {line.strip()}"
             else:
                 name = ""
-    return found
+    return {name: _ROLE.sub(r"`\1`", text) for name, text in found.items()}
