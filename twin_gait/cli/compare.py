@@ -29,7 +29,7 @@ def add_parser(commands: Any) -> None:
     )
     add = parser.add_argument
     options.add_experiment(parser, seconds=f"{DURATION:g}")
-    add("--controllers", metavar="NAME,…", help=f"names with commas between them (all: {NAMES})")
+    add("--controllers", metavar="NAME,…", help=f"names with commas between them (all that suit: {NAMES})")
     add(
         "--seeds",
         type=int,
@@ -65,12 +65,14 @@ def run(arguments: argparse.Namespace) -> int:
     names = list(CONTROLLERS)
     if arguments.controllers is not None:
         names = [name.strip() for name in arguments.controllers.split(",") if name.strip()]
-    controllers = find_controllers(names)
+    controllers = list(find_controllers(names))
     person = options.person_of(arguments.settings)
     who = person or "the wearer of the experiment"
     out: Path = arguments.out or FOLDER / (person or "wearer")
     check_target(out, COMPARISON, force=arguments.force)
     experiment = options.experiment_of(arguments, f"duration_s={DURATION:g}").experiment
+    if arguments.controllers is None:
+        controllers = [item for item in controllers if item.suits(experiment)]
     try:
         with terminal.watched("compare", "run") as watch:
             comparison = compare(experiment, controllers, seeds=arguments.seeds, **watch)

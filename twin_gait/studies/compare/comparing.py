@@ -13,6 +13,7 @@ from scipy.stats import t as student
 
 from twin_gait.exceptions import ParameterError, TwinGaitError
 from twin_gait.experiment import AssistanceParameters, ControlMode, Experiment
+from twin_gait.experiment.control import PATH_JOINTS
 from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
 from twin_gait.simulation import Run
 from twin_gait.simulation.together import EpisodeFailed, simulate_together
@@ -47,6 +48,10 @@ class Controller:
     mode: ControlMode
     adaptive: bool = False
     partial: bool = False
+
+    def suits(self, experiment: Experiment) -> bool:
+        """Whether it can drive the joints of an experiment."""
+        return self.mode is not ControlMode.POSITION or experiment.joints == PATH_JOINTS
 
     def change(self, experiment: Experiment) -> Experiment:
         """The same experiment with this controller."""
@@ -254,7 +259,8 @@ def varied(experiment: Experiment, seed: int) -> Experiment:
     assert isinstance(scenario, Treadmill) and patient is not None  # the caller has checked
     draw = np.random.default_rng((experiment.seed, seed)).uniform(-1.0, 1.0, size=4).tolist()
     friction = {
-        joint: (1.0 + FRICTION_SPREAD * draw[1]) * item for joint, item in plant.friction_ratio.items()
+        joint: (1.0 + FRICTION_SPREAD * draw[1]) * plant.friction_ratio.get(joint, 1.0)
+        for joint in plant.friction
     }
     return replace(
         experiment,

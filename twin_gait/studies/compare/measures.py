@@ -24,7 +24,7 @@ from twin_gait.measures.effort import (
 )
 from twin_gait.measures.leg_record import LegRecord, wearer_column
 from twin_gait.measures.phases import phase_spells
-from twin_gait.measures.reference import gait_profile_score, gait_variable_score
+from twin_gait.measures.reference import WINTER_JOINTS, gait_profile_score, gait_variable_score
 from twin_gait.measures.strides import (
     PERCENT,
     SKIPPED_STRIDES,
@@ -126,18 +126,25 @@ def _shape(run: Run, leg: _Leg, joint: JointName) -> Measures:
     """Range of motion, deviation from healthy gait, smoothness."""
     cycles = np.degrees(normalise_strides(leg.record.angles[joint], leg.strides))
     reference, known = reference_cycle(run.experiment, joint), leg.summary["joints"][joint]
+    winter = math.nan
+    if joint in WINTER_JOINTS:
+        winter = gait_variable_score(cycles, np.degrees(winter_cycle(joint)))
     koopman = math.nan if reference is None else gait_variable_score(cycles, np.degrees(reference))
     return {
         "range_of_motion_deg": known["range_of_motion_deg"],
         "gvs_koopman_deg": koopman,
-        "gvs_winter_deg": gait_variable_score(cycles, np.degrees(winter_cycle(joint))),
+        "gvs_winter_deg": winter,
         # The logarithm is after Balasubramanian et al. (2015); nearer to 0 is smoother.
         "smoothness": -math.log(known["jerk_dimensionless"]),
     }
 
 
 def winter_cycle(joint: JointName) -> np.ndarray:
-    """Angle of healthy walking at natural cadence (Winter 1991) in [rad] at ``PERCENT``, shape ``(101,)``."""
+    """Angle of healthy walking at natural cadence (Winter 1991) in [rad] at ``PERCENT``, shape ``(101,)``.
+
+    Args:
+        joint: One of ``WINTER_JOINTS``.
+    """
     walk = normative_walk(WINTER, strides=2)
     angles = walk.recording.angles[Side.LEFT][str(joint)]
     return np.asarray(np.interp(PERCENT / 100.0 * walk.cycle_time, np.arange(len(angles)) * TICK, angles))
@@ -229,7 +236,7 @@ def assistance_level(run: Run, side: Side, joint: JointName, since: int) -> floa
     if control.mode in (ControlMode.TRANSPARENT, ControlMode.GRAVITY):
         return 0.0
     if control.mode is not ControlMode.IMPEDANCE:
-        return control.assistance.share[joint]
+        return control.assistance.share.get(joint, 1.0)
     phases = [run.table.phases_of(side)[name] for name in run.table.phase_names]
     codes = run.leg_record(side).phases
     given = run.log[f"{side}_{joint}_stiffness_Nm_per_rad"].to_numpy()
@@ -265,7 +272,9 @@ def _together(run: Run, found: Measures) -> Measures:
         "scuffs": sum(both("scuffs")),
         **{f"{joint}_{name}": mean(name, (joint,)) for joint in joints for name in _PER_JOINT},
         "gps_koopman_deg": gait_profile_score(every("gvs_koopman_deg")),
-        "gps_winter_deg": gait_profile_score(every("gvs_winter_deg")),
+        "gps_winter_deg": gait_profile_score(
+            every("gvs_winter_deg", [joint for joint in joints if joint in WINTER_JOINTS])
+        ),
         "step_time_symmetry": symmetry_index(*both("step_time_s")),
         "swing_symmetry": symmetry_index(*both("swing_share")),
         **{

@@ -116,7 +116,8 @@ def departures(experiment: Experiment) -> tuple[Departure, ...]:
     masses = [patient.mass * factor for factor in (0.7, 0.85, 1.0, 1.15, 1.3)]
     masses = sorted({min(HEAVIEST_WEARER, mass) for mass in masses})
     heights = [patient.height + step for step in (-0.1, -0.05, 0.0, 0.05, 0.1)]
-    ratio = sum(experiment.plant.friction_ratio.values()) / len(experiment.plant.friction_ratio)
+    of = experiment.plant.friction_ratio
+    ratio = sum(of.get(joint, 1.0) for joint in experiment.joints) / len(experiment.joints)
     ratios = sorted({0.2, LOW_FRICTION, ratio, 0.75, HIGH_FRICTION})
     actuators = experiment.plant.actuators
     efficiency = sum(item.gear_efficiency for item in actuators.values()) / len(actuators)
@@ -193,7 +194,7 @@ def _height(height: float) -> Change:
 
 def _friction(ratio: float) -> Change:
     def change(walked: Experiment) -> Experiment:
-        ratios = dict.fromkeys(walked.plant.friction_ratio, ratio)
+        ratios = dict.fromkeys(walked.plant.friction, ratio)
         return replace(walked, plant=replace(walked.plant, friction_ratio=ratios))
 
     return change

@@ -279,7 +279,7 @@ const plots = {
     context.font = `600 11px ${FONT}`;
     context.fillStyle = theme.inks.ink;
     context.textAlign = "left";
-    context.fillText(`${panel.label} [${panel.unit}]`, box.left, box.top - 7);
+    context.fillText(`${panel.label} [${panel.unit}]`, box.left - (this.beside ? 24 : 0), box.top - 7);
     context.font = `11px ${FONT}`;
     context.fillStyle = theme.inks.soft;
     context.strokeStyle = theme.inks.line;
