@@ -186,5 +186,5 @@ def test_no_diode_current_flows_in_a_dip(voltage, drop, back_emf, resistance):
 )
 def test_safety_parameters_must_be_positive_numbers(name):
     for wrong in (-1.0, math.nan, math.inf):
-        with pytest.raises(ParameterError, match=f"safety {name}"):
+        with pytest.raises(ParameterError, match=f"^{name}: expected"):
             SafetyParameters(**{name: wrong})

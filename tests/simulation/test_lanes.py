@@ -289,7 +289,14 @@ def test_a_block_has_a_number_of_all_lanes_in_a_row_and_copies_where_there_is_no
 
 JOINT = np.dtype([("place", "i8"), ("x", "f8"), ("y", "f8")], align=True)
 TOY = np.dtype(
-    [("step", "f8"), ("q", "f8", 4), ("a", "f8", 4), ("table", "f8", (3, 4)), ("joints", JOINT, 3)],
+    [
+        ("step", "f8"),
+        ("q", "f8", 4),
+        ("a", "f8", 4),
+        ("table", "f8", (3, 4)),
+        ("joints", JOINT, 3),
+        ("limbs", JOINT, 3),
+    ],
     align=True,
 )
 ROW = np.dtype([("x", "f8")], align=True)

@@ -52,7 +52,7 @@ def test_the_notation_takes_degrees():
 WRONG = {
     "encoder_melt:left_knee@4.2s": "no kind 'encoder_melt'; there are encoder_freeze",
     "encoder_freeze:left_elbow@4.2s": "no place 'left_elbow'; expected left_hip or right_hip",
-    "encoder_freeze:left_ankle@4.2s": "no place 'left_ankle'",
+    "encoder_freeze:left_ankle@4.2s": "no ankle is controlled; expected left_hip",
     "encoder_freeze:left_foot@4.2s": "expected left_hip or right_hip",
     "encoder_freeze@4.2s": "expected left_hip or right_hip",
     "foot_load_stuck:left_knee@1s": "expected left_foot or right_foot",

@@ -71,7 +71,7 @@ class Blending(Parameters):
     """
 
     law: BlendingLaw = BlendingLaw.MINIMUM_JERK
-    duration_ticks: Annotated[int, Range(0, 2000), Key("duration_ms")] = 60
+    duration_ticks: Annotated[int, Range(0, LONGEST), Key("duration_ms")] = 60
 
 
 # Far beyond any drive, mass and speed; squares and powers of such numbers still are numbers.
