@@ -17,7 +17,7 @@ from twin_gait.configuration.experiment_file import IntegrationEntry, SensorsEnt
 from twin_gait.configuration.gait_table_file import SCHEMA_VERSION, WaiverEntry
 from twin_gait.configuration.network_section import NetworkEntry
 from twin_gait.configuration.people import PatientEntry
-from twin_gait.configuration.scenario_section import BenchLegEntry, LegEntry, TreadmillEntry
+from twin_gait.configuration.scenario_section import LegEntry, section_of_world
 from twin_gait.experiment import Experiment
 from twin_gait.gait.guards import AllOf, AnyOf, Guard
 from twin_gait.gait.table import (
@@ -29,7 +29,6 @@ from twin_gait.gait.table import (
     Scaling,
     Transition,
 )
-from twin_gait.worlds import Treadmill
 
 
 def dump_yaml(mapping: dict[str, Any]) -> str:
@@ -155,9 +154,7 @@ def experiment_document(experiment: Experiment) -> dict[str, Any]:
         **({} if network is None else {"network": NetworkEntry.document(network)}),
         "patient": None if patient is None else PatientEntry.document(patient),
         "interface": interface_document(experiment.interface),
-        "scenario": TreadmillEntry.document(scenario)
-        if isinstance(scenario, Treadmill)
-        else BenchLegEntry.document(scenario),
+        "scenario": section_of_world(scenario.kind).document(scenario),
         "leg": LegEntry.document(experiment.leg),
         "control": ControlEntry.document(experiment.control),
         "plant": PlantEntry.document(experiment.plant),

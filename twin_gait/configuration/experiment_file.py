@@ -7,18 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, create_model, model_validator
 
 from twin_gait.configuration.device_sections import ControlEntry, InterfaceEntry, PlantEntry
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.configuration.network_section import NetworkEntry
 from twin_gait.configuration.overrides import merge
 from twin_gait.configuration.people import PatientEntry
-from twin_gait.configuration.scenario_section import AnglesEntry, BenchLegEntry, LegEntry, TreadmillEntry
+from twin_gait.configuration.scenario_section import AnglesEntry, LegEntry, section_of_world
 from twin_gait.configuration.sections import Section
 from twin_gait.configuration.validation import Count, Number, Strict, converting, validate
 from twin_gait.exceptions import ModelError
@@ -27,12 +27,12 @@ from twin_gait.experiment import (
     Experiment,
     Integration,
     IntegrationMethod,
-    Scenario,
     default_integration,
 )
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.parameters import SensorParameters
 from twin_gait.vocabulary import MOTOR_JOINTS, JointName, Side
+from twin_gait.worlds import Scenario
 from twin_gait.worlds.faults import Fault, parse_fault
 
 
@@ -98,12 +98,13 @@ class ProvenanceEntry(Strict):
 
 
 class ExperimentFile(Strict):
-    """An experiment file, presets merged in."""
+    """An experiment file, presets merged in; :func:`file_about` has the section of its world in it."""
 
+    model_config = ConfigDict(defer_build=True)
     schema_version: Literal[1] = 1
     name: str = Field(min_length=1)
     description: str = ""
-    scenario: Annotated[TreadmillEntry | BenchLegEntry, Field(discriminator="kind")]
+    scenario: Section
     leg: LegEntry
     patient: PatientEntry | None = None
     interface: InterfaceEntry = InterfaceEntry(kind="rigid")
@@ -124,6 +125,18 @@ class ExperimentFile(Strict):
         if any(character in self.name for character in "/\\\0\n"):
             raise ValueError(f"name: expected a plain name, got {self.name!r}")
         return self
+
+
+def file_about(scenario: Any, source: str) -> type[ExperimentFile]:
+    """Schema of a file, by the world that it is about."""
+    if not isinstance(scenario, Mapping):
+        return ExperimentFile  # which says what is wrong
+    return _file_with(converting(source, "scenario.kind", lambda: section_of_world(scenario.get("kind"))))
+
+
+@cache
+def _file_with(section: type[Section]) -> type[ExperimentFile]:
+    return create_model("ExperimentFile", __base__=ExperimentFile, scenario=(section, ...))
 
 
 class Converted(NamedTuple):
@@ -151,7 +164,7 @@ def experiment_from_mapping(
     Raises:
         ParameterFileError: If something is wrong; one line with file, key and value.
     """
-    entry = validate(ExperimentFile, data, source)
+    entry = validate(file_about(data.get("scenario"), source), data, source)
 
     def section(key: str, convert: Callable[[], Any]) -> Any:
         if like is not None and data.get(key) is like.document.get(key):

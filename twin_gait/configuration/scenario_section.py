@@ -1,4 +1,4 @@
-"""The leg and its world as YAML: URDF and joint names, treadmill, bench leg."""
+"""The leg and its world as YAML: URDF and joint names, and the section of each kind of world."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from twin_gait.leg_model import LegJoints
 from twin_gait.leg_model.urdf import find_urdf
 from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters
 from twin_gait.vocabulary import JointName, PelvisGuide, Side
-from twin_gait.worlds import BenchLeg, ImposedMotionParameters, LegSource, Treadmill
+from twin_gait.worlds import BenchLeg, ImposedMotionParameters, LegSource, Treadmill, world_kinds, world_of
 
 
 class LegJointsEntry(Section):
@@ -180,3 +180,17 @@ class BenchLegEntry(Section):
         if parameters.imposed_motion is None:
             del values["imposed_motion"]
         return values
+
+
+_SECTIONS: Mapping[str, type[Section]] = {"treadmill": TreadmillEntry, "bench_leg": BenchLegEntry}
+
+
+def section_of_world(kind: Any) -> type[Section]:
+    """Schema by which files have a kind of world.
+
+    Raises:
+        ParameterError: If there is no such world, or the package that brings it is broken.
+    """
+    if not isinstance(kind, str):
+        raise ParameterError(f"expected a kind of world, one of {', '.join(world_kinds())}, got {kind!r}")
+    return world_of(kind).section or _SECTIONS[kind]

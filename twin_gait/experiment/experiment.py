@@ -11,7 +11,6 @@ from twin_gait.experiment.integration import (
     Engine,
     Integration,
     IntegrationMethod,
-    Scenario,
     default_integration,
 )
 from twin_gait.experiment.plant import PlantParameters
@@ -27,8 +26,8 @@ from twin_gait.parameters import (
 from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.worlds.bracing import brace_world, carries, rk4_growth, semi_implicit_euler_growth
 from twin_gait.worlds.faults import Fault, FaultKind, check_faults
-from twin_gait.worlds.treadmill import Treadmill
-from twin_gait.worlds.world import LegSource, World, build_leg_model
+from twin_gait.worlds.scenario import Scenario
+from twin_gait.worlds.world import LegSource, World, build_leg_model, build_plant
 
 # A log keeps about 1 kB a millisecond in memory; an hour of walking is 3 GB.
 LONGEST_RUN = 3600.0  # [s]
@@ -86,7 +85,7 @@ class Experiment:
                 f"gait table {self.table.name!r} is for {', '.join(self.table.joints)}; "
                 "this device drives hip, knee"
             )
-        check_faults(self.faults, self.leg.legs, isinstance(self.scenario, Treadmill), self.duration)
+        check_faults(self.faults, self.leg.legs, self.scenario.grounded, self.duration)
         for side in {side for side, _ in self.sensors.offset}:
             require(side in self.leg.legs, "sensors offset", "a leg of the experiment", str(side))
         missing = [item for item in self.faults if item.kind is FaultKind.ENCODER_MISSING]
@@ -111,7 +110,7 @@ class Experiment:
     @property
     def steady(self) -> tuple[float, float]:
         """From when to when in [s] the legs are to walk evenly."""
-        return self.scenario.steady if isinstance(self.scenario, Treadmill) else (0.0, math.inf)
+        return self.scenario.steady
 
     def build_world(self) -> World:
         """Build the world with its rigid-body model.
@@ -123,14 +122,15 @@ class Experiment:
             ModelError: If the URDF cannot be used.
             ParameterError: If something does not fit together, or the step does not carry braces or bristles.
         """
-        world = self.scenario.build(
-            self._plant_model(Bodies.BOTH),
-            friction=self.plant.true_friction(),
-            actuators=self.plant.actuators,
-            stops=self.plant.stops,
-            ankle=self.plant.ankle,
-            gravity=self.plant.gravity,
+        model, plant = self._plant_model(Bodies.BOTH), self.plant
+        rows = build_plant(
+            model,
+            friction=plant.true_friction(),
+            actuators=plant.actuators,
+            stops=plant.stops,
+            ankle=plant.ankle,
         )
+        world = self.scenario.build(model, plant=rows, ankle_rest=plant.ankle.rest, gravity=plant.gravity)
         if self.interface is not None:
             device, wearer = self._plant_model(Bodies.DEVICE), self._plant_model(Bodies.WEARER)
             world = brace_world(world, device, wearer, self.interface)

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
-from twin_gait.core.plant import ImposedMotion
+from twin_gait.core.plant import ImposedMotion, Plant
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import (
-    ActuatorParameters,
-    AnkleParameters,
-    FrictionLaw,
-    StopParameters,
-    require,
-    require_non_negative,
-    require_positive,
-)
-from twin_gait.vocabulary import JointName, PelvisGuide
-from twin_gait.worlds.world import World, build_plant
+from twin_gait.parameters import require, require_non_negative, require_positive
+from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
+from twin_gait.worlds.scenario import Scenario
+from twin_gait.worlds.world import World, start_posture
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +48,7 @@ class ImposedMotionParameters:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchLeg:
+class BenchLeg(Scenario):
     """One leg on a stand, stepping in the air.
 
     Attributes:
@@ -62,6 +56,9 @@ class BenchLeg:
         initial_phase: Phase at time 0; the first of the table if None.
         imposed_motion: Imposed motion, or None.
     """
+
+    kind: ClassVar[str] = "bench_leg"
+    surroundings: ClassVar[Surroundings] = Surroundings.STAND
 
     start_angles: tuple[float, float] = (math.radians(20.0), math.radians(10.0))
     initial_phase: str | None = None
@@ -72,36 +69,15 @@ class BenchLeg:
         """The stand is fixed."""
         return PelvisGuide.FIXED
 
-    def build(
-        self,
-        model: LegModel,
-        *,
-        friction: Mapping[JointName, FrictionLaw],
-        actuators: Mapping[JointName, ActuatorParameters],
-        stops: StopParameters,
-        ankle: AnkleParameters,
-        gravity: float,
-    ) -> World:
-        """Put a model on the stand.
+    def starting_in(self, postures: Mapping[Side, tuple[float, float]]) -> Self:
+        """The same stand with a leg that starts in another posture."""
+        return replace(self, start_angles=next(iter(postures.values())))
 
-        Args:
-            model: One leg with a fixed pelvis.
-            friction: True friction of hip and knee.
-            actuators: Motor and gear of hip and knee.
-            stops: Mechanical stops.
-            ankle: The orthosis, if the leg has one.
-            gravity: In [m] / [s²].
-
-        Returns:
-            The world.
-        """
+    def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
+        """Put a model of one leg on the stand."""
         require(len(model.legs) == 1, "legs", "one leg on the bench", len(model.legs))
         (side,) = model.sides
-        q = np.zeros(model.nv)
-        for joint, angle in zip((JointName.HIP, JointName.KNEE), self.start_angles, strict=True):
-            q[model.index(side, joint)] = angle
-        if model.legs[side].ankle is not None:
-            q[model.index(side, JointName.ANKLE)] = ankle.rest
+        q = start_posture(model, {side: self.start_angles}, ankle_rest)
         imposed_motion = None
         if self.imposed_motion is not None:
             index = model.index(side, self.imposed_motion.joint)
@@ -116,7 +92,7 @@ class BenchLeg:
             )
         return World(
             model=model,
-            plant=build_plant(model, friction=friction, actuators=actuators, stops=stops, ankle=ankle),
+            plant=plant,
             start_q=q,
             start_v=np.zeros(model.nv),
             initial_phases={side: self.initial_phase},

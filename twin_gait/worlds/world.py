@@ -172,3 +172,24 @@ def build_plant(
                 plant.friction = friction[joint].in_plant(actuators[joint].gear_efficiency)
                 plant.armature = actuators[joint].armature
     return result
+
+
+def start_posture(
+    model: LegModel, postures: Mapping[Side, tuple[float, float]], ankle_rest: float
+) -> np.ndarray:
+    """Coordinates with hip and knee of each leg in a posture, its ankle at rest, and the pelvis at 0.
+
+    Args:
+        postures: Hip and knee in [rad].
+        ankle_rest: In [rad].
+
+    Returns:
+        Shape ``(nv,)``.
+    """
+    q = np.zeros(model.nv)
+    for side, angles in postures.items():
+        for joint, angle in zip((JointName.HIP, JointName.KNEE), angles, strict=True):
+            q[model.index(side, joint)] = angle
+        if model.legs[side].ankle is not None:
+            q[model.index(side, JointName.ANKLE)] = ankle_rest
+    return q

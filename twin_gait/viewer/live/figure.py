@@ -24,7 +24,7 @@ from twin_gait.viewer.motion import (
 )
 from twin_gait.viewer.page import leg_entry, page_data
 from twin_gait.viewer.staging import build_scene
-from twin_gait.vocabulary import HOLD, Side
+from twin_gait.vocabulary import HOLD, Side, Surroundings
 
 _JOINTS = ("hip", "knee")
 _DEGREES = 180.0 / math.pi
@@ -61,6 +61,7 @@ class LiveFigure:
         subtitle: str = "",
         patient: Patient | None = None,
         slope: float = 0.0,
+        around: Surroundings | None = None,
         phases: Sequence[str] = (),
     ) -> None:
         """Draw.
@@ -68,6 +69,7 @@ class LiveFigure:
         Args:
             patient: The wearer to draw, or None.
             slope: By which the belt rises forwards in [rad].
+            around: What is drawn around the figure; None guesses it from the model.
 
         Raises:
             ModelError: If the URDF cannot be read.
@@ -75,7 +77,7 @@ class LiveFigure:
         """
         self.window = LiveWindow()
         self._model, self._phases, self._slope = model, (*phases, HOLD), slope
-        self._scene = build_scene(self.window, model, patient=patient, slope=slope)
+        self._scene = build_scene(self.window, model, around=around, patient=patient, slope=slope)
         self._time, self._travelled = 0.0, 0.0
         self._columns = {side: self._read_out(side) for side in model.sides}
         self._traced = 0
