@@ -72,3 +72,11 @@ class PelvisGuide(StrEnum):
     FIXED = "fixed"
     VERTICAL = "vertical"
     HARNESS = "harness"
+
+
+class Surroundings(StrEnum):
+    """What is drawn around a figure."""
+
+    TREADMILL = "treadmill"
+    STAND = "stand"
+    FLOOR = "floor"

@@ -192,6 +192,7 @@ def random_case(seed: int) -> CheckCase:
         experiment=experiment,
         limits=plain.limits,
         velocity_limits=plain.velocity_limits,
+        first_phases=plain.first_phases,
     )
 
 

@@ -91,24 +91,26 @@ def test_scenario_knows_speed_and_way_of_its_belt():
     scenario = load_experiment("treadmill_start_stop").experiment.scenario
     belt = scenario.belt
     middle = 0.5 * (belt.start + belt.stop)
-    assert scenario.belt_speed_at(belt.start + belt.delay) == 0.0
-    assert scenario.belt_speed_at(middle) == scenario.belt_speed
+    assert scenario.walking.belt_speed_at(belt.start + belt.delay) == 0.0
+    assert scenario.walking.belt_speed_at(middle) == scenario.belt_speed
     step = 1e-4
-    slope = (scenario.belt_travel(middle + step) - scenario.belt_travel(middle - step)) / (2.0 * step)
+    slope = (scenario.walking.belt_travel(middle + step) - scenario.walking.belt_travel(middle - step)) / (
+        2.0 * step
+    )
     assert slope == pytest.approx(scenario.belt_speed)
     even = replace(scenario, belt=None)
-    assert even.belt_travel(3.0) == 3.0 * even.belt_speed_at(3.0)
+    assert even.walking.belt_travel(3.0) == 3.0 * even.walking.belt_speed_at(3.0)
     assert even.steady == (0.0, math.inf)
 
 
 def test_marks_in_the_page_go_the_way_of_the_belt():
     scenario = load_experiment("treadmill_start_stop").experiment.scenario
-    track = _uneven_belt_track(20.0, scenario.belt_travel)
+    track = _uneven_belt_track(20.0, scenario.walking.belt_travel)
     times, places = track.times, track.values[:, 0]
     assert (np.diff(times) > 0.0).all()
     for time in (1.0, 5.0, 9.3, 19.0):
         behind = -np.interp(time, times, places)
-        wanted = scenario.belt_travel(time) % BELT_MARK_SPACING
+        wanted = scenario.walking.belt_travel(time) % BELT_MARK_SPACING
         assert behind == pytest.approx(wanted, abs=1e-3)
 
 
@@ -180,7 +182,7 @@ def assert_stands_on_both_feet(run):
     for side in run.sides:
         assert last[f"{side}_phase"] == STAND
         assert last[f"{side}_foot_normal_force_N"] > LEAST_LOAD * weight
-    assert run.experiment.scenario.belt_speed_at(run.duration) == 0.0
+    assert run.experiment.scenario.walking.belt_speed_at(run.duration) == 0.0
     assert run.switches[-1].time < run.duration - AT_EASE
 
 

@@ -96,6 +96,7 @@ def build_case(table: GaitTable, experiment: Experiment | None = None) -> CheckC
         experiment=driving,
         limits={joint: _angles(world, JointName(joint)) for joint in table.joints},
         velocity_limits={joint: _velocity(world, JointName(joint)) for joint in table.joints},
+        first_phases=tuple(name or table.phase_names[0] for name in world.initial_phases.values()),
     )
 
 

@@ -61,6 +61,7 @@ class CheckCase:
         experiment: What the table drives; None if it has joints that no leg model here has.
         limits: Lowest and highest angle of each joint of the table in [rad].
         velocity_limits: Highest speed of each joint of the table in [rad] / [s].
+        first_phases: In which the legs start, leg by leg; nothing without an experiment.
         shared: What one rule has worked out and another needs too.
     """
 
@@ -68,6 +69,7 @@ class CheckCase:
     experiment: Experiment | None
     limits: Mapping[str, tuple[float, float]]
     velocity_limits: Mapping[str, float] = field(default_factory=dict)
+    first_phases: tuple[str, ...] = ()
     shared: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property

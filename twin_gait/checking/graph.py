@@ -12,7 +12,6 @@ from twin_gait.checking.signals import OTHER_PHASE, Point, signal_space, swapped
 from twin_gait.gait.feasibility import OTHER_TIME, TIME, Requirement, translated
 from twin_gait.gait.guards import OTHER
 from twin_gait.gait.table import GaitTable, Transition
-from twin_gait.worlds.treadmill import Treadmill
 
 Pair = tuple[str, str]
 
@@ -175,14 +174,11 @@ class Step(NamedTuple):
 def starting_pairs(case: CheckCase) -> list[Pair]:
     """Pairs of phases that two legs can start in.
 
-    Those of a treadmill; else one leg in the first phase of the table and the other in any stance.
+    Those of the world; else one leg in the first phase of the table and the other in any stance.
     """
-    table = case.table
-    scenario = None if case.experiment is None else case.experiment.scenario
-    if isinstance(scenario, Treadmill):
-        phases = scenario.leading_phase, scenario.trailing_phase
-        if set(phases) <= set(table.phases):
-            return [phases]
+    table, starts = case.table, case.first_phases
+    if len(starts) == 2 and set(starts) <= set(table.phases):
+        return [(starts[0], starts[1])]
     first = table.phase_names[0]
     return [(first, phase) for phase in table.phases if not table.is_swing(phase)] or [(first, first)]
 

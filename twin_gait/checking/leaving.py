@@ -16,7 +16,6 @@ from twin_gait.checking.signals import LONGEST_STAY, SignalSpace, signal_space
 from twin_gait.gait.feasibility import OTHER_TIME, TIME
 from twin_gait.gait.guards import signal_scale
 from twin_gait.gait.table import TICK, DrivenBy
-from twin_gait.worlds import Treadmill
 
 _LOAD = "foot.load_bw"
 _POINT = 1e-7  # [rad]; half the width of a range that stands for one angle, beyond the rounding of sums
@@ -112,7 +111,7 @@ def _each_leaving(case: CheckCase) -> Iterator[_Leaving]:
 
 def _is_driven_by_contact(space: SignalSpace, leg: HangingLeg, index: int) -> bool:
     """Whether an exit is declared so, in a world that has ground and another leg."""
-    grounded = isinstance(leg.problem.experiment.scenario, Treadmill)
+    grounded = leg.problem.experiment.scenario.grounded
     return grounded and space.transition(index).driven_by is DrivenBy.CONTACT
 
 

@@ -19,7 +19,6 @@ from twin_gait.core.impedance import impedance_torque
 from twin_gait.gait.feasibility import TIME
 from twin_gait.gait.guards import OTHER, Comparison, atoms, signal_scale
 from twin_gait.parameters import FrictionLaw
-from twin_gait.worlds import Treadmill
 
 _STEPS = 2000
 _STILL = 1e-7  # [rad]; a step this small is the end of the search
@@ -33,9 +32,8 @@ _BESIDE = 1e-6  # in the unit of the signal: how far beside a threshold a sample
 
 
 def in_contact(leg: HangingLeg, phase: str) -> bool:
-    """Whether ground and other leg can move a leg in a phase: on a treadmill in all but swing."""
-    on_treadmill = isinstance(leg.problem.experiment.scenario, Treadmill)
-    return on_treadmill and not leg.problem.table.is_swing(phase)
+    """Whether ground and other leg can move a leg in a phase: on the ground in all but swing."""
+    return leg.problem.experiment.scenario.grounded and not leg.problem.table.is_swing(phase)
 
 
 def left_over_friction(leg: HangingLeg, phase: int) -> np.ndarray:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from pydantic import create_model
 
 from twin_gait.configuration.gait_table_file import gait_table_from_mapping
 from twin_gait.configuration.readers import section_of
@@ -16,7 +19,7 @@ from twin_gait.leg_model.urdf import find_urdf, urdf_hash
 from twin_gait.network.dbc import find_dbc
 from twin_gait.parameters import NetworkParameters
 from twin_gait.parameters.quantities import AsInFile, declarations
-from twin_gait.worlds import LegSource
+from twin_gait.worlds import LegSource, world_kinds, world_of
 
 
 class Converted(NamedTuple):
@@ -44,7 +47,7 @@ def experiment_from_mapping(
     Raises:
         ParameterFileError: If something is wrong; one line with file, key and value.
     """
-    entry: Any = validate(section_of(Experiment), data, source)
+    entry: Any = validate(_file_about(data.get("scenario"), source), data, source)
     # A table without a name has the experiment's.
     named = like if like is not None and entry.name == like.experiment.name else None
     table = (
@@ -52,7 +55,11 @@ def experiment_from_mapping(
         if named is not None and data["table"] is named.document["table"]
         else gait_table_from_mapping(entry.table, f"{source}: table", entry.name)
     )
-    found: dict[str, Any] = {"table": table}
+    if like is not None and data["scenario"] is like.document.get("scenario"):
+        scenario = like.experiment.scenario
+    else:
+        scenario = converting(source, "scenario", entry.scenario.convert)
+    found: dict[str, Any] = {"table": table, "scenario": scenario}
     for item in declarations(Experiment):
         key = next((key for key in item.keys if key in data), item.key)
         if item.mark(AsInFile) or key not in data:
@@ -69,6 +76,27 @@ def experiment_from_mapping(
         found["patient"] = None
     present = {name: value for name, value in found.items() if value is not MISSING}
     return converting(source, "", lambda: Experiment(**present))
+
+
+def _file_about(scenario: Any, source: str) -> Any:
+    """Section of an experiment in the world that it is about."""
+    kind = scenario.get("kind") if isinstance(scenario, Mapping) else None
+    known = ", ".join(world_kinds())
+    if scenario is None:
+        return section_of(Experiment)  # which says that it is missing
+    if not isinstance(kind, str):
+        key, given = ("scenario.kind", kind) if isinstance(scenario, Mapping) else ("scenario", scenario)
+        raise ParameterFileError(source, key, f"expected a kind of world, one of {known}, got {given!r}")
+    return _section_in(converting(source, "scenario.kind", lambda: world_of(kind)))
+
+
+@cache
+def _section_in(world: type[Any]) -> Any:
+    model: Any = create_model(
+        "Experiment", __base__=section_of(Experiment), scenario=(section_of(world), ...)
+    )
+    model.parameters = Experiment
+    return model
 
 
 def _value(entry: Any, item: Any, found: Mapping[str, Any], source: str, folder: Path) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.metadata import entry_points
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -25,8 +26,10 @@ from twin_gait.configuration.validation import converting, read_yaml, renamed
 from twin_gait.exceptions import ParameterError, ParameterFileError
 from twin_gait.experiment import Experiment
 from twin_gait.leg_model.urdf import find_urdf, urdf_hash
+from twin_gait.worlds.registry import load_plugin, words
 
 DEFAULT_PRESET = "treadmill"
+GROUP = "twin_gait.presets"  # of entry points, each of a package with YAML files in it
 
 
 @dataclass(frozen=True)
@@ -43,11 +46,13 @@ class LoadedExperiment:
 
 
 def presets() -> dict[str, str]:
-    """Names of the presets with their one-line descriptions."""
-    found = {}
-    for path in sorted(_folder().glob("*.yaml")):
-        found[path.stem] = " ".join(str(read_yaml(path).get("description", "")).split())
-    return found
+    """Names of the presets, those of other packages last, with their one-line descriptions."""
+    shipped = _shipped()
+    brought = {name: path for name, path in _brought().items() if name not in shipped}
+    return {
+        name: " ".join(str(read_yaml(path).get("description", "")).split())
+        for name, path in (shipped | brought).items()
+    }
 
 
 def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str] = ()) -> LoadedExperiment:
@@ -68,8 +73,7 @@ def load_experiment(source: str | Path = DEFAULT_PRESET, settings: Sequence[str]
         ParameterFileError: If the file has a mistake.
         ParameterError: If there is no such preset or file, or an assignment cannot be read.
     """
-    path = _find(source)
-    where = f"preset {path.stem}" if path.parent == _folder() else str(path)
+    path, where = _find(source)
     data = _resolve_preset(read_yaml(path), path)
     assignments = parse_assignments(settings)
     for keys, value in assignments:
@@ -123,21 +127,43 @@ def resolved_document(
     }
 
 
-def _folder() -> Path:
-    return Path(str(files("twin_gait.configuration"))) / "presets"
+def _shipped() -> dict[str, Path]:
+    return _files_in(Path(str(files("twin_gait.configuration"))) / "presets")
 
 
-def _find(source: str | Path) -> Path:
-    packaged = _folder() / f"{source}.yaml"
-    if isinstance(source, str) and "/" not in source and packaged.is_file():
-        return packaged
+def _brought() -> dict[str, Path]:
+    """Those in the packages that others name under the entry point ``twin_gait.presets``."""
+    found: dict[str, Path] = {}
+    for entry in entry_points(group=GROUP):
+        folders = getattr(load_plugin(entry), "__path__", ())
+        if not folders:
+            raise ParameterError(f"{words(entry)}: expected a package with presets; repair or uninstall it")
+        found |= _files_in(Path(folders[0]))
+    return found
+
+
+def _files_in(folder: Path) -> dict[str, Path]:
+    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+
+
+def _preset(name: str) -> Path | None:
+    """File of a preset; those of other packages are looked for only if none that ships has the name."""
+    return _shipped().get(name) or _brought().get(name)
+
+
+def _find(source: str | Path) -> tuple[Path, str]:
+    """File of an experiment, and what messages call it."""
     path = Path(source).expanduser()
+    preset = _preset(source) if isinstance(source, str) and path.name == source and not path.suffix else None
+    if preset is not None:
+        return preset, f"preset {source}"
     if path.is_dir() and (path / "experiment.yaml").is_file():
-        return path / "experiment.yaml"
+        path = path / "experiment.yaml"
     if path.is_file():
-        return path
-    names = ", ".join(item.stem for item in sorted(_folder().glob("*.yaml")))
-    raise ParameterError(f"{source}: neither a preset ({names}) nor an experiment file{renamed(source)}")
+        return path, str(path)
+    raise ParameterError(
+        f"{source}: neither a preset ({', '.join(presets())}) nor an experiment file{renamed(source)}"
+    )
 
 
 def _names_a_whole(keys: Sequence[str | int], value: Any) -> bool:
@@ -154,10 +180,11 @@ def _resolve_preset(data: dict[str, Any], path: Path) -> dict[str, Any]:
         data = {**data, "patient": _person(data["patient"], path, str(path))}
     if name is None:
         return data
-    if not isinstance(name, str) or not (_folder() / f"{name}.yaml").is_file():
+    below = _preset(name) if isinstance(name, str) else None
+    if below is None:
         known = ", ".join(presets())
         raise ParameterFileError(path, "preset", f"no preset {name!r}; there are {known}{renamed(name)}")
-    base = _resolve_preset(read_yaml(_folder() / f"{name}.yaml"), _folder() / f"{name}.yaml")
+    base = _resolve_preset(read_yaml(below), below)
     rest = {key: value for key, value in data.items() if key != "preset"}
     table = rest.pop("table", base.get("table"))
     if isinstance(table, dict) and not {"schema_version", "extends"} & set(table):

@@ -137,6 +137,7 @@ class ExperimentReader(Section):
 
     schema_version: Literal[1] = 1
     description: str = ""
+    scenario: Section
     table: dict[str, Any]
     provenance: ProvenanceEntry | None = None
 
@@ -146,6 +147,12 @@ class ExperimentReader(Section):
         if not name or any(character in name for character in "/\\\0\n"):
             raise ValueError(f"name: expected a plain name, got {name!r}")
         return self
+
+    @classmethod
+    def document(cls, parameters: Experiment) -> dict[str, Any]:
+        """As the mapping of a file, in SI, without the gait table."""
+        world = parameters.scenario
+        return {**super().document(parameters), "scenario": section_of(type(world)).document(world)}
 
 
 class _Bounded(Section):

@@ -10,6 +10,7 @@ from twin_gait.configuration.sections import LIMITS
 from twin_gait.experiment import Experiment
 from twin_gait.parameters.quantities import Word, declarations
 from twin_gait.vocabulary import JointName
+from twin_gait.worlds import world_kinds, world_of
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 # What a text of a guard looks like; which signals there are depends on the table.
@@ -35,6 +36,11 @@ def json_schema(kind: str) -> dict[str, Any]:
         return {"$schema": DIALECT, "title": "gait table of twin_gait", **table}
     schema: dict[str, Any] = _lenient(section_of(Experiment).model_json_schema())
     defined = schema["$defs"] | table.pop("$defs")
+    worlds = []
+    for kind_of_world in world_kinds():
+        world = _lenient(section_of(world_of(kind_of_world)).model_json_schema())
+        defined |= world.pop("$defs", {})
+        worlds.append(world)
     name = {"type": "string", "minLength": 1}
     person = defined["Patient"]
     person["properties"]["preset"] = name
@@ -43,6 +49,7 @@ def json_schema(kind: str) -> dict[str, Any]:
         "preset": name,
         "patient": {"anyOf": [name, {"$ref": "#/$defs/Patient"}, {"type": "null"}]},
         "table": {"anyOf": [name, {"$ref": "#/$defs/GaitTable"}]},
+        "scenario": {"anyOf": worlds},
     }
     for item in declarations(Experiment):
         word = item.mark(Word)

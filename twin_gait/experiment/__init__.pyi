@@ -8,7 +8,6 @@ from .integration import FINEST_STEP as FINEST_STEP
 from .integration import Engine as Engine
 from .integration import Integration as Integration
 from .integration import IntegrationMethod as IntegrationMethod
-from .integration import Scenario as Scenario
 from .integration import default_integration as default_integration
 from .plant import PlantParameters as PlantParameters
 from .problem import ActuatedJoint as ActuatedJoint

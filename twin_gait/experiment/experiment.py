@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -12,7 +11,6 @@ from twin_gait.experiment.integration import (
     Engine,
     Integration,
     IntegrationMethod,
-    Scenario,
     default_integration,
 )
 from twin_gait.experiment.plant import PlantParameters
@@ -29,8 +27,8 @@ from twin_gait.parameters.quantities import AsInFile, Notation, Parameters, Rang
 from twin_gait.vocabulary import JointName, PelvisGuide
 from twin_gait.worlds.bracing import brace_world, carries, rk4_growth, semi_implicit_euler_growth
 from twin_gait.worlds.faults import Fault, FaultKind, check_faults, parse_fault
-from twin_gait.worlds.treadmill import Treadmill
-from twin_gait.worlds.world import LegSource, World, build_leg_model
+from twin_gait.worlds.scenario import Scenario
+from twin_gait.worlds.world import LegSource, World, build_leg_model, build_plant
 
 # A log keeps about 1 kB a millisecond in memory; an hour of walking is 3 GB.
 LONGEST_RUN = 3600.0  # [s]
@@ -60,7 +58,7 @@ class Experiment(Parameters):
     """
 
     name: str
-    scenario: Scenario
+    scenario: Annotated[Scenario, AsInFile()]
     leg: LegSource
     table: Annotated[GaitTable, AsInFile()]
     duration: Annotated[Time, DURATIONS] = 20.0
@@ -79,8 +77,7 @@ class Experiment(Parameters):
         """Check the ranges, the joints of the table and the faults."""
         super().__post_init__()
         self._check_joints()
-        feet = isinstance(self.scenario, Treadmill)
-        check_faults(self.faults, self.leg.legs, feet, self.duration, self.joints)
+        check_faults(self.faults, self.leg.legs, self.scenario.grounded, self.duration, self.joints)
         for side, joint in (
             (side, joint) for side, angles in self.sensors.offset.items() for joint in angles
         ):
@@ -140,7 +137,7 @@ class Experiment(Parameters):
     @property
     def steady(self) -> tuple[float, float]:
         """From when to when in [s] the legs are to walk evenly."""
-        return self.scenario.steady if isinstance(self.scenario, Treadmill) else (0.0, math.inf)
+        return self.scenario.steady
 
     def build_world(self) -> World:
         """Build the world with its rigid-body model.
@@ -152,14 +149,15 @@ class Experiment(Parameters):
             ModelError: If the URDF cannot be used.
             ParameterError: If something does not fit together, or the step does not carry braces or bristles.
         """
-        world = self.scenario.build(
-            self._plant_model(Bodies.BOTH),
-            friction=self.plant.true_friction(),
-            actuators=self.plant.actuators,
-            stops=self.plant.stops,
-            ankle=self.plant.ankle,
-            gravity=self.plant.gravity,
+        model, plant = self._plant_model(Bodies.BOTH), self.plant
+        rows = build_plant(
+            model,
+            friction=plant.true_friction(),
+            actuators=plant.actuators,
+            stops=plant.stops,
+            ankle=plant.ankle,
         )
+        world = self.scenario.build(model, plant=rows, ankle_rest=plant.ankle.rest, gravity=plant.gravity)
         if self.interface is not None:
             device, wearer = self._plant_model(Bodies.DEVICE), self._plant_model(Bodies.WEARER)
             world = brace_world(world, device, wearer, self.interface)

@@ -9,8 +9,7 @@ from typing import Annotated
 from twin_gait.gait.table import TICK
 from twin_gait.parameters import require
 from twin_gait.parameters.quantities import Parameters, Range, Time
-from twin_gait.worlds.bench_leg import BenchLeg
-from twin_gait.worlds.treadmill import Treadmill
+from twin_gait.worlds.scenario import Scenario
 
 
 class Engine(StrEnum):
@@ -30,6 +29,7 @@ class IntegrationMethod(StrEnum):
 # In [s]. Finer steps gain nothing: rounding outgrows the integrator's error, and a second takes minutes.
 FINEST_STEP = 1e-7
 STEPS = Range(FINEST_STEP, TICK, words=f"{FINEST_STEP:g} to {TICK:g} s")
+_BRACED_STEP = 0.1e-3  # in [s] of the compiled engine
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,9 +61,6 @@ class Integration(Parameters):
         return round(TICK / self.step)
 
 
-Scenario = Treadmill | BenchLeg
-
-
 def default_integration(engine: Engine, scenario: Scenario, *, braced: bool = False) -> Integration:
     """Integrator and step where none is asked for.
 
@@ -79,5 +76,5 @@ def default_integration(engine: Engine, scenario: Scenario, *, braced: bool = Fa
     """
     if engine is Engine.PINOCCHIO:
         return Integration(method=IntegrationMethod.SEMI_IMPLICIT_EULER, step=0.25e-3)
-    step = 0.1e-3 if braced or isinstance(scenario, Treadmill) else 1e-3
+    step = min(_BRACED_STEP, scenario.step) if braced else scenario.step
     return Integration(method=IntegrationMethod.RK4, step=step)

@@ -18,7 +18,6 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.measures.reference import FASTEST, SLOWEST, reference_curve, reference_cycle_time
 from twin_gait.parameters import Patient
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds.treadmill import Treadmill
 
 PATH_SAMPLES = 101  # of a cycle, every percent
 _TRAILING_START = 0.5  # of the cycle, where the trailing leg begins
@@ -62,10 +61,8 @@ def reference_path(experiment: Experiment, sides: tuple[Side, ...]) -> Path:
     """
     scenario = experiment.scenario
     height = (experiment.patient or Patient()).height
-    speed, leading = SLOWEST, sides[0]
-    if isinstance(scenario, Treadmill):
-        speed = min(max(scenario.belt_speed, SLOWEST), FASTEST)
-        leading = scenario.leading
+    walking, leading = scenario.walking, scenario.leading_of(sides)
+    speed = SLOWEST if walking is None else min(max(walking.speed, SLOWEST), FASTEST)
     percent = np.linspace(0.0, 100.0, PATH_SAMPLES)
     joints = [JointName(name) for name in experiment.table.joints]
     angles = [reference_curve(joint, percent, speed=speed, height=height) for joint in joints]
@@ -102,16 +99,10 @@ def starting_on_path(experiment: Experiment) -> Experiment:
     """
     if experiment.control.mode is not ControlMode.POSITION:
         return experiment
-    scenario, sides = experiment.scenario, tuple(experiment.leg.legs)
+    sides = tuple(experiment.leg.legs)
     path = reference_path(experiment, sides)
     begin = {side: _posture(path, start) for side, start in zip(sides, path.starts, strict=True)}
-    if not isinstance(scenario, Treadmill):
-        return replace(experiment, scenario=replace(scenario, start_angles=begin[sides[0]]))
-    trailing = next(side for side in sides if side is not scenario.leading)
-    return replace(
-        experiment,
-        scenario=replace(scenario, leading_angles=begin[scenario.leading], trailing_angles=begin[trailing]),
-    )
+    return replace(experiment, scenario=experiment.scenario.starting_in(begin))
 
 
 def _posture(path: Path, start: float) -> dict[JointName, float]:

@@ -22,7 +22,6 @@ from twin_gait.gait.table import TICK, GaitTable
 from twin_gait.leg_model import LegModel
 from twin_gait.parameters import ActuatorParameters
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds.treadmill import Treadmill
 from twin_gait.worlds.world import World
 
 
@@ -146,14 +145,15 @@ def _path(experiment: Experiment, sides: tuple[Side, ...]) -> Path | None:
 
 def scaled_table(experiment: Experiment, world: World) -> GaitTable:
     """Gait table adapted to carried mass, belt speed and the height that the controller knows."""
-    if not isinstance(experiment.scenario, Treadmill):
+    walking = experiment.scenario.walking
+    if walking is None:
         return experiment.table
-    carried = world.model.total_mass * (1.0 - experiment.scenario.support.share)
+    carried = world.model.total_mass * walking.carried_share
     known = experiment.control.patient or experiment.patient
     return scale_table(
         experiment.table,
         carried_mass=carried,
-        speed=experiment.scenario.belt_speed,
+        speed=walking.speed,
         height=None if known is None else known.height,
     )
 

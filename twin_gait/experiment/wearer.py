@@ -16,7 +16,6 @@ from twin_gait.measures.reference import FASTEST, SLOWEST, normative_moment, ref
 from twin_gait.parameters import JointCondition, Patient
 from twin_gait.parameters.wearer import WEARER_JOINTS
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds.treadmill import Treadmill
 
 # Instants of healthy walking in [%] of the cycle (J. Perry: Gait analysis, Slack, 1992). First where stance
 # and swing begin and end, then what divides them, the coarsest division first: the heel rises, the other foot
@@ -127,14 +126,12 @@ def _moments(
 ) -> np.ndarray:
     """Normative moment by phase and hip angle: that of the instant of the phase with the nearest hip angle.
 
-    On a treadmill the legs carry what the support leaves, and stance moments shrink with it; a leg on its
-    stand carries nothing. A wearer who stands still leaves that to the device.
+    On the ground the legs carry what the support leaves, and stance moments shrink with it; a leg in the
+    air carries nothing. A wearer who stands still leaves that to the device.
     """
-    scenario = experiment.scenario
-    speed, carried = SLOWEST, 0.0
-    if isinstance(scenario, Treadmill):
-        speed = min(max(scenario.belt_speed, SLOWEST), FASTEST)
-        carried = 1.0 - scenario.support.share
+    walking, speed, carried = experiment.scenario.walking, SLOWEST, 0.0
+    if walking is not None:
+        speed, carried = min(max(walking.speed, SLOWEST), FASTEST), walking.carried_share
     postures = LOWEST_POSTURE + POSTURE_STEP * np.arange(POSTURES)
     rows = np.zeros((len(table.phases), POSTURES))
     for row, name in zip(rows, table.phase_names, strict=True):

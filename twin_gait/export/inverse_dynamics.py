@@ -42,7 +42,7 @@ from twin_gait.leg_model import LegModel
 from twin_gait.simulation.log import state_columns
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds import Treadmill, World
+from twin_gait.worlds import World
 
 MODEL_FILE, MOTION_FILE, MOMENTS_FILE = "model.osim", "motion.mot", "joint_moments.sto"
 LOADS_FILE, FORCES_FILE = "external_loads.xml", "external_loads.mot"
@@ -154,9 +154,9 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
     an acceleration at the tick is about that of the mean pull of both speeds. A belt that was changed by hand
     did not run as the scenario says; there the pull is the log's.
     """
-    scenario, contacts = run.experiment.scenario, GroundContacts(world)
-    assert isinstance(scenario, Treadmill)  # the only world whose pelvis moves
-    ground = world.ground()
+    walking, contacts, ground = run.experiment.scenario.walking, GroundContacts(world), world.ground()
+    if walking is None:
+        return {}
     points = [Point() for foot in contacts.feet.values() for _ in foot.points]
     positions, velocities = state_columns(world.model)
     if world.braces is not None:
@@ -173,13 +173,13 @@ def _ground_wrenches(run: Run, world: World) -> dict[Side, np.ndarray]:
         return np.concatenate([part @ axes for part in np.split(contacts.wrench(side), 2)])
 
     for tick in range(len(q)):
-        ground.belt_speed = scenario.belt_speed_at(tick * TICK, tripped)
+        ground.belt_speed = walking.belt_speed_at(tick * TICK, tripped)
         contacts.update(q[tick], v[tick], ground, points)
         loaded = {side: pressed(side) for side in found if contacts.wrench(side).any()}
         for side, wrench in loaded.items():
             found[side][tick] = wrench
             found[side][tick, 0] = logged[side][tick]
-        last, now = scenario.belt_speed_at(max(tick - 1, 0) * TICK, tripped), ground.belt_speed
+        last, now = walking.belt_speed_at(max(tick - 1, 0) * TICK, tripped), ground.belt_speed
         if last != now:
             ground.belt_speed = last
             contacts.update(q[tick], v[tick], ground, points)

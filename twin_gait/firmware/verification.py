@@ -17,7 +17,6 @@ from twin_gait.firmware.comparing import current_errors, differing, events_of, l
 from twin_gait.firmware.project import GAIT_CONTROLLER, JOINT_BOARD, print_project
 from twin_gait.firmware.vectors import record_vectors
 from twin_gait.simulation.run import Run
-from twin_gait.worlds import Treadmill
 from twin_gait.worlds.faults import Fault, FaultKind
 
 MOST_SHIFT = 1  # ticks between a switch in float and in double numbers
@@ -104,7 +103,7 @@ def cases_of(experiment: Experiment) -> Iterator[Experiment]:
     length = min(FAULT_RUN, experiment.duration)
     for kind in FaultKind:
         on_foot, on_supply = kind is FaultKind.FOOT_LOAD_STUCK, kind is FaultKind.SUPPLY_DIP
-        impossible = on_foot and not isinstance(experiment.scenario, Treadmill)
+        impossible = on_foot and not experiment.scenario.grounded
         impossible |= kind is FaultKind.ENCODER_MISSING and not experiment.control.safety.enabled
         if kind is not FaultKind.CONTROLLER_RUNAWAY and not impossible:
             side = None if on_supply else next(iter(experiment.leg.legs))

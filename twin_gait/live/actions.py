@@ -16,7 +16,6 @@ from twin_gait.live.protocol import (
     Value,
 )
 from twin_gait.live.protocol.to_page import checked
-from twin_gait.worlds import Treadmill
 from twin_gait.worlds.faults import FOOT, Fault, FaultKind, parse_fault
 
 LONGEST_PUSH = 2.0  # [s]
@@ -91,7 +90,7 @@ class Actions:
 
     @property
     def _has_feet(self) -> bool:
-        return isinstance(self._problem.experiment.scenario, Treadmill)
+        return self._problem.experiment.scenario.grounded
 
     def values_of(self, message: DoAction) -> dict[str, Value]:
         """Values of an action's fields, those left out as they begin.

@@ -33,12 +33,9 @@ from twin_gait.live.settings import (
     resolved_damping,
 )
 from twin_gait.vocabulary import JointName, Side
-from twin_gait.worlds import Treadmill
 
 _DEGREE = math.pi / 180.0
-KM_PER_H = 1.0 / 3.6
 TORQUE_STEP = 0.05  # [N m], the step of the thesis's monitor
-BELT_RANGE = (0.5, 1.5)  # of the preset's speed; tables are made for one speed
 
 
 class Quantity(NamedTuple):
@@ -133,38 +130,24 @@ class Panel:
                 default=self.preset.manual,
                 help="A leg at the end of stance waits for the step button, and the belt waits with it.",
             )
-        yield from self._treadmill_controls(settings)
+        yield from self._world_controls(settings)
 
-    def _treadmill_controls(self, settings: Settings) -> Iterator[Control]:
-        scenario, preset = settings.experiment.scenario, self.preset.experiment.scenario
-        if not isinstance(scenario, Treadmill) or not isinstance(preset, Treadmill):
-            return
-        begun = preset.belt_speed / KM_PER_H
-        yield Control(
-            name="belt_speed",
-            label="belt speed",
-            group="walk",
-            kind=ControlKind.NUMBER,
-            value=scenario.belt_speed / KM_PER_H,
-            default=begun,
-            unit="km/h",
-            least=BELT_RANGE[0] * begun,
-            largest=BELT_RANGE[1] * begun,
-            step=0.05,
-            help="The table's hip angles follow it by the table's own law.",
-        )
-        yield Control(
-            name="support_share",
-            label="body-weight support",
-            group="walk",
-            kind=ControlKind.NUMBER,
-            value=scenario.support.share,
-            default=preset.support.share,
-            least=0.0,
-            largest=1.0,
-            step=0.01,
-            help="Share of the weight of wearer and device that the ropes carry.",
-        )
+    def _world_controls(self, settings: Settings) -> Iterator[Control]:
+        presets = self.preset.experiment.scenario.adjustments
+        for now, begun in zip(settings.experiment.scenario.adjustments, presets, strict=True):
+            yield Control(
+                name=now.name,
+                label=now.label,
+                group="walk",
+                kind=ControlKind.NUMBER,
+                value=now.shown,
+                default=begun.shown,
+                unit=now.unit,
+                least=begun.least,
+                largest=begun.largest,
+                step=now.step,
+                help=now.help,
+            )
 
     def _table_controls(self, settings: Settings) -> Iterator[Control]:
         now = build_problem(settings.experiment)
@@ -281,8 +264,9 @@ class Panel:
         if control.name == "manual":
             return replace(settings, manual=bool(value))
         number = float(value)
-        if control.name in ("belt_speed", "support_share"):
-            return _on_treadmill(settings, control.name, number)
+        scales = {item.name: item.scale for item in settings.experiment.scenario.adjustments}
+        if control.name in scales:
+            return _adjusted(settings, control.name, number * scales[control.name])
         quantity = control.name.rpartition(".")[2]
         number *= QUANTITIES[quantity].scale
         assert control.joint is not None  # all other controls belong to a joint
@@ -324,12 +308,9 @@ class Panel:
             value = getattr(self.preset.monitor[joint], _FIELDS[quantity])
             item = replace(settings.monitor[joint], **{_FIELDS[quantity]: value})
             return replace(settings, monitor={**settings.monitor, joint: item})
-        scenario, begun_scenario = settings.experiment.scenario, self.preset.experiment.scenario
-        if isinstance(scenario, Treadmill) and isinstance(begun_scenario, Treadmill):
-            changed = {"belt_speed": "belt_speed", "support_share": "support"}.get(name)
-            if changed is not None:
-                scenario = replace(scenario, **{changed: getattr(begun_scenario, changed)})
-            settings = replace(settings, experiment=replace(settings.experiment, scenario=scenario))
+        begun_values = {item.name: item.value for item in self.preset.experiment.scenario.adjustments}
+        if name in begun_values:
+            return _adjusted(settings, name, begun_values[name])
         if name in ("mode", "manual"):
             settings = replace(settings, **{name: getattr(self.preset, name)})
         return settings
@@ -342,11 +323,9 @@ def _inertias(problem: Problem) -> dict[JointName, float]:
     return {item.joint: model.effective_inertia(q, item.control_coordinate) for item in problem.joints}
 
 
-def _on_treadmill(settings: Settings, name: str, value: float) -> Settings:
-    scenario = settings.experiment.scenario
-    assert isinstance(scenario, Treadmill)  # else there are no such controls
-    if name == "belt_speed":
-        scenario = replace(scenario, belt_speed=value * KM_PER_H)
-    else:
-        scenario = replace(scenario, support=replace(scenario.support, share=value))
-    return replace(settings, experiment=replace(settings.experiment, scenario=scenario))
+def _adjusted(settings: Settings, name: str, value: float) -> Settings:
+    """With another value of an adjustment of the world, in SI."""
+    experiment = settings.experiment
+    return replace(
+        settings, experiment=replace(experiment, scenario=experiment.scenario.adjusted(name, value))
+    )

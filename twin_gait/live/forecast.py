@@ -32,7 +32,7 @@ from twin_gait.measures.outcome import gait_verdict
 from twin_gait.runs.leg_summary import summarise_side
 from twin_gait.simulation.run import Run, RunStatus, log_table
 from twin_gait.vocabulary import Outcome
-from twin_gait.worlds import Treadmill
+from twin_gait.worlds.scenario import BELT_SPEED
 
 HORIZON = 20_000  # ticks that are looked ahead at most
 LEAST = 8_000  # ticks that are looked ahead in any case: four strides; a change that fells does so by then
@@ -178,10 +178,9 @@ def _records(shown: Run, first: int) -> list[LegRecord]:
 
 
 def _at_speed(experiment: Experiment, speed: float | None) -> Experiment:
-    scenario = experiment.scenario
-    if not speed or not isinstance(scenario, Treadmill):
+    if not speed or not experiment.scenario.adjusts(BELT_SPEED):
         return experiment
-    return replace(experiment, scenario=replace(scenario, belt_speed=speed))
+    return replace(experiment, scenario=experiment.scenario.adjusted(BELT_SPEED, speed))
 
 
 def _deviations(sides: list[dict[str, Any]]) -> dict[str, float | None]:

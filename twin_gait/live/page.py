@@ -29,13 +29,11 @@ from twin_gait.runs.run_page import belt_speed_of, describe, slope_of
 from twin_gait.viewer.live.figure import LiveFigure
 from twin_gait.viewer.live.page import panel_page
 from twin_gait.viewer.live.server import LiveServer, Panel
-from twin_gait.worlds import Treadmill
+from twin_gait.worlds.scenario import BELT_SPEED
 
 PERIOD = 0.03  # [s] between two looks at the session: some 33 frames a second
 READ_OUT = 100  # ticks between two read-outs of a panel
 EVENTS_SHOWN = 400  # to a page that comes late
-BELT_CONTROL = "belt_speed"
-_KM_PER_H = 1.0 / 3.6  # [m/s]
 
 
 class LivePage:
@@ -68,6 +66,7 @@ class LivePage:
             subtitle=describe(experiment.patient, self._belt_speed),
             patient=experiment.patient,
             slope=slope_of(experiment),
+            around=experiment.scenario.surroundings,
             phases=experiment.table.phase_names,
         )
         self.server = LiveServer(
@@ -110,12 +109,12 @@ class LivePage:
 
     def _belt_share(self, frame: Frame) -> float:
         """Share of the speed that is set which the belt has, by its profile and after a trip."""
-        scenario = self._scenario
-        if not isinstance(scenario, Treadmill):
+        walking = self._scenario.walking
+        if walking is None or walking.belt.cruise == 0.0:
             return 1.0
         if not frame.log["safety_state"]:
             self._walked_until = frame.time_s
-        return scenario.belt_speed_at(frame.time_s, self._walked_until) / scenario.belt_speed
+        return walking.belt_speed_at(frame.time_s, self._walked_until) / walking.belt.cruise
 
     async def close(self) -> None:
         """End the server."""
@@ -140,9 +139,10 @@ class LivePage:
         if known is not None and known.controls is state.controls and known.saved == state.saved:
             return  # only its serial number is new
         self._state = state
-        speeds = [item.value for item in state.controls if item.name == BELT_CONTROL]
-        if speeds:
-            self._belt_speed = float(speeds[0]) * _KM_PER_H
+        scales = {item.name: item.scale for item in self._scenario.adjustments}
+        for control in state.controls:
+            if control.name == BELT_SPEED:
+                self._belt_speed = float(control.value) * scales[BELT_SPEED]
         self.server.tell(state.to_dict(), key="state")
 
     def _greeting(self) -> Iterator[dict[str, Any]]:

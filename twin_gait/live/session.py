@@ -21,7 +21,6 @@ from twin_gait.files import write_new
 from twin_gait.gait.table import GaitTable
 from twin_gait.live.actions import Actions
 from twin_gait.live.can_link import CanLink
-from twin_gait.live.controls import KM_PER_H
 from twin_gait.live.events import EventBook
 from twin_gait.live.finishing import complete, complete_all
 from twin_gait.live.handle import LoopProcess
@@ -32,7 +31,6 @@ from twin_gait.live.tuning import Tuning
 from twin_gait.runs.folders import check_target, journal_of
 from twin_gait.runs.record import RUN_DIRECTORY
 from twin_gait.simulation.watching import ticks
-from twin_gait.worlds import Treadmill
 
 # Actions that go straight to the walk, whatever is being checked meanwhile.
 DIRECT = frozenset({Action.WALK, Action.PAUSE, Action.STEP, Action.STOP, Action.PUSH, Action.FAULT})
@@ -332,9 +330,8 @@ class LiveSession:
         """The command that runs a saved table as it walks now."""
         name, scenario = self._loaded.experiment.name, self._tuning.settings.experiment.scenario
         words = ["twin-gait simulate", name if name in presets() else "EXPERIMENT", f"--set table={path}"]
-        if isinstance(scenario, Treadmill) and scenario != self._loaded.experiment.scenario:
-            words.append(f"--set scenario.belt_speed_km_per_h={scenario.belt_speed / KM_PER_H:.6g}")
-            words.append(f"--set scenario.support.share={scenario.support.share:.6g}")
+        if scenario != self._loaded.experiment.scenario:
+            words += [f"--set scenario.{item.key}={item.shown:.6g}" for item in scenario.adjustments]
         return " ".join(words)
 
 

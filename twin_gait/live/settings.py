@@ -16,7 +16,6 @@ from twin_gait.experiment.problem import Problem, build_problem
 from twin_gait.gait.table import GaitTable, JointImpedance, PhaseParameters, Scaling
 from twin_gait.simulation.log import JOINT_COLUMNS
 from twin_gait.vocabulary import GaitPhase, JointName, Side
-from twin_gait.worlds import Treadmill
 
 # The step that waits for a hand in manual mode begins where this phase ends.
 HELD_PHASE = GaitPhase.LATE_STANCE
@@ -145,7 +144,7 @@ class LoopNumbers:
         phase_rows: k, b, θ0, G per joint and gravity share, by leg and phase.
         comparisons: Of the guards, with their thresholds.
         target_torque: In [N m], by joint.
-        belt_speed: In [m] / [s], or None on the bench; the belt stands while the monitor drives the joints.
+        belt_speed: In [m] / [s], or None without ground; the belt stands while the monitor drives the joints.
         support_force: In [N], or None on the bench.
         held_phase: Phase that waits for a hand, or None.
         watching: Whether the monitor watches how long a leg stays in a phase.
@@ -172,14 +171,13 @@ def loop_numbers(settings: Settings) -> LoopNumbers:
     """
     walk = build_problem(settings.experiment)
     driven = walk if settings.mode is Mode.WALK else build_problem(settings.driving)
-    scenario, pelvis = settings.experiment.scenario, walk.world.model.pelvis_index
-    treadmill, plant = isinstance(scenario, Treadmill), walk.world.plant
+    world, pelvis = walk.world, walk.world.model.pelvis_index
     return LoopNumbers(
         phase_rows=driven.phase_rows.tolist(),
         comparisons=walk.program.comparisons,
         target_torque=target_torques(settings, walk),
-        belt_speed=_belt_speed(settings, walk) if treadmill else None,
-        support_force=None if pelvis is None else plant[pelvis + walk.world.wearer_shift].spring.force,
+        belt_speed=None if world.contact is None else _belt_speed(settings, walk),
+        support_force=None if pelvis is None else world.plant[pelvis + world.wearer_shift].spring.force,
         held_phase=walk.table.phase_index(HELD_PHASE) if settings.manual else None,
         watching=settings.mode is Mode.WALK,
     )

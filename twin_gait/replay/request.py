@@ -18,7 +18,6 @@ from twin_gait.replay.reading import LogFormat, read_recording, shifted
 from twin_gait.replay.recording import Recording, mirrored
 from twin_gait.runs.record import EXPERIMENT_FILE, LOG_FILE
 from twin_gait.vocabulary import Side
-from twin_gait.worlds import Treadmill
 
 DEFAULT_TABLE = "treadmill"
 
@@ -119,11 +118,11 @@ def _open_run(directory: Path, request: ReplayRequest) -> _Walk:
     experiment = load_experiment(directory / EXPERIMENT_FILE).experiment
     world = experiment.build_world()
     recording = read_recording(directory / LOG_FILE, request.log_format)
-    scenario = experiment.scenario
+    walking = experiment.scenario.walking
     return _Walk(
         recording=replace(recording, source=str(directory)),
         table=experiment.table,
-        speed=scenario.belt_speed if isinstance(scenario, Treadmill) else None,
+        speed=None if walking is None else walking.speed,
         body_weight=world.body_weight,
         start_phases={side: str(phase) for side, phase in world.initial_phases.items()},
         fast_time_constant=experiment.sensors.fast_time_constant,

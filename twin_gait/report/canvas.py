@@ -25,7 +25,6 @@ from twin_gait.files import write_atomically
 from twin_gait.palette import HELD_COLOUR, phase_colour
 from twin_gait.report.words import wearer_words
 from twin_gait.simulation.run import Run
-from twin_gait.worlds import Treadmill
 
 FORMATS = ("pdf", "svg", "png")
 RESOLUTION = 130  # [dots per inch]
@@ -65,9 +64,10 @@ def describe(run: Run) -> str:
     """One line that says whose run it is."""
     experiment = run.experiment
     parts = [experiment.name, wearer_words(experiment.patient)]
-    if isinstance(experiment.scenario, Treadmill):
-        parts.append(f"{experiment.scenario.belt_speed:.2f} m/s")
-        parts.append(f"{100.0 * experiment.scenario.support.share:.0f} % of the weight supported")
+    walking = experiment.scenario.walking
+    if walking is not None:
+        parts.append(f"{walking.speed:.2f} m/s")
+        parts.append(f"{100.0 * walking.support_share:.0f} % of the weight supported")
     return " · ".join([*parts, f"{run.duration:.1f} s", str(run.verdict.outcome or run.status)])
 
 

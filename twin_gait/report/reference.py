@@ -17,15 +17,14 @@ from twin_gait.measures.reference import (
 from twin_gait.measures.strides import PERCENT, cadence
 from twin_gait.measures.walk import fore_aft_peaks, knee_shape, load_shape
 from twin_gait.vocabulary import JointName
-from twin_gait.worlds import Treadmill
 
 
 def _reference_walk(experiment: Experiment) -> tuple[float, float] | None:
-    """Belt speed in [m/s] and body height in [m]; None without them, or beyond the regression."""
-    scenario, patient = experiment.scenario, experiment.patient
-    if not isinstance(scenario, Treadmill) or patient is None:
+    """Speed in [m/s] and body height in [m]; None without them, or beyond the regression."""
+    walking, patient = experiment.scenario.walking, experiment.patient
+    if walking is None or patient is None:
         return None
-    return (scenario.belt_speed, patient.height) if reference_covers(scenario.belt_speed) else None
+    return (walking.speed, patient.height) if reference_covers(walking.speed) else None
 
 
 def reference_cycle(experiment: Experiment, joint: JointName) -> np.ndarray | None:

@@ -23,7 +23,6 @@ from twin_gait.viewer.animation import recorded_run
 from twin_gait.viewer.motion import frame_rate, held_rows, phase_changes
 from twin_gait.viewer.page import recorded_page
 from twin_gait.viewer.surroundings import Belt
-from twin_gait.worlds import Treadmill
 
 MOST_RUNS = 2
 
@@ -106,6 +105,7 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
             subtitle=describe(run.experiment.patient, belt),
             belt_speed=belt_motion_of(run.experiment, run.log),
             slope=slope_of(run.experiment),
+            around=run.experiment.scenario.surroundings,
             patient=run.experiment.patient,
             frames_per_second=frames_per_second,
             moments=moments,
@@ -121,21 +121,21 @@ def _entry(run: ShownRun, frames_per_second: float, moments: Sequence[float]) ->
 
 def belt_speed_of(experiment: Experiment) -> float:
     """Speed of the belt in [m] / [s], of one that starts and stops in between; 0 on the bench."""
-    scenario = experiment.scenario
-    return scenario.belt_speed if isinstance(scenario, Treadmill) else 0.0
+    walking = experiment.scenario.walking
+    return 0.0 if walking is None else walking.belt.cruise
 
 
 def slope_of(experiment: Experiment) -> float:
     """By which the ground rises forwards in [rad]; 0 on the bench."""
-    scenario = experiment.scenario
-    return scenario.slope if isinstance(scenario, Treadmill) else 0.0
+    walking = experiment.scenario.walking
+    return 0.0 if walking is None else walking.slope
 
 
 def belt_motion_of(experiment: Experiment, log: pd.DataFrame) -> Belt:
     """How the belt moved in a run, as the viewer takes it."""
-    scenario, tripped = experiment.scenario, trip_time_of(log)
-    if isinstance(scenario, Treadmill) and (scenario.belt is not None or math.isfinite(tripped)):
-        return partial(scenario.belt_travel, trip_time=tripped)
+    walking, tripped = experiment.scenario.walking, trip_time_of(log)
+    if walking is not None and (walking.belt.ramp > 0.0 or math.isfinite(tripped)):
+        return partial(walking.belt_travel, trip_time=tripped)
     return belt_speed_of(experiment)
 
 

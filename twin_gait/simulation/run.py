@@ -25,7 +25,6 @@ from twin_gait.measures.walk import WalkMeasures, WalkPower, Walkway, walk_measu
 from twin_gait.simulation.log import LogLayout
 from twin_gait.simulation.traffic import BusTraffic
 from twin_gait.vocabulary import GaitPhase, Outcome, Side
-from twin_gait.worlds import Treadmill
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -130,13 +129,13 @@ class Run:
     @cached_property
     def walkway(self) -> Walkway | None:
         """Belt and support under a walk; None on the bench, and where the support carries all weight."""
-        scenario = self.experiment.scenario
-        if not isinstance(scenario, Treadmill) or scenario.support.share == 1.0:
+        walking = self.experiment.scenario.walking
+        if walking is None or walking.support_share == 1.0:
             return None
-        contact = scenario.contact
+        contact = walking.contact
         return Walkway(
-            carried_weight=(1.0 - scenario.support.share) * self.body_weight or math.nan,
-            belt_speed=scenario.belt_speed,
+            carried_weight=walking.carried_share * self.body_weight or math.nan,
+            belt_speed=walking.belt.cruise,
             friction_coefficient=contact.friction_coefficient,
             transition_velocity=contact.transition_velocity,
         )

@@ -18,7 +18,6 @@ from twin_gait.simulation import Run, RunStatus
 from twin_gait.studies.episodes import run_episodes
 from twin_gait.studies.jobs import JobFailed, Workers
 from twin_gait.vocabulary import Outcome
-from twin_gait.worlds import Treadmill
 from twin_gait.worlds.faults import Fault, FaultKind
 
 _DEGREE = math.pi / 180.0
@@ -90,7 +89,7 @@ def draw_faults(experiment: Experiment, count: int, seed: int) -> list[Fault]:
             f"duration: expected {FIRST_TIME + REST:g} s or more for a fault campaign, "
             f"got {experiment.duration:g} s"
         )
-    feet = isinstance(experiment.scenario, Treadmill)
+    feet = experiment.scenario.grounded
     kinds = [kind for kind in FaultKind if feet or kind is not FaultKind.FOOT_LOAD_STUCK]
     return [_draw(experiment, kinds[index % len(kinds)], index, seed) for index in range(count)]
 

@@ -21,7 +21,7 @@ from twin_gait.viewer.page import leg_entry, packed, packed_json, page_data
 from twin_gait.viewer.scene import Scene
 from twin_gait.viewer.staging import build_scene
 from twin_gait.viewer.surroundings import Belt
-from twin_gait.vocabulary import HOLD, Side
+from twin_gait.vocabulary import HOLD, Side, Surroundings
 
 _CONTINUOUS = ("position", "quaternion", "scale")
 _SWITCH = 1e-4  # [s] in which a colour changes or the belt marks jump back
@@ -39,6 +39,7 @@ def recorded_run(
     subtitle: str = "",
     belt_speed: Belt = 0.0,
     slope: float = 0.0,
+    around: Surroundings | None = None,
     patient: Patient | None = None,
     moments: Sequence[float] = (),
     notes: Sequence[str] = (),
@@ -60,6 +61,7 @@ def recorded_run(
         belt_speed: Of the treadmill in [m] / [s], or the way that the belt has gone by a time; 0 on the
             bench.
         slope: By which the belt rises forwards in [rad].
+        around: What is drawn around the figure; None guesses it from the model.
         patient: The wearer to draw, or None.
         moments: Further moments to have a frame of, in [s].
         notes: What else a reader has to know.
@@ -76,7 +78,7 @@ def recorded_run(
     motion = read_motion(log, model, frames_per_second=frames_per_second, moments=moments, slope=slope)
     recorder = Recorder()
     drives = shown_joints(log, model.sides[0])
-    scene = build_scene(recorder, model, drives=drives, patient=patient, slope=slope)
+    scene = build_scene(recorder, model, drives=drives, around=around, patient=patient, slope=slope)
     scene.draw_trails(motion)
     scene.apply(scene.state_at(motion, 0, belt_speed))
     recorder.send(set_animation(list(_tracks(scene, motion, belt_speed)), frames_per_second))

@@ -19,7 +19,7 @@ from twin_gait.viewer.figure import Figure
 from twin_gait.viewer.harness import draw_harness
 from twin_gait.viewer.scene import FORCE_ROOT, RIGHT_SIDE, Scene, View
 from twin_gait.viewer.visuals import FIXED_JOINT, Visuals, load_visuals
-from twin_gait.vocabulary import JointName, PelvisGuide, Side
+from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
 
 _BAR_ABOVE_HEAD = 0.08  # [m]
 _FROM_THE_FRONT = (0.6, -1.0, 0.3)
@@ -30,14 +30,17 @@ def build_scene(
     model: LegModel,
     *,
     drives: Collection[str] = (JointName.HIP, JointName.KNEE),
+    around: Surroundings | None = None,
     patient: Patient | None = None,
     slope: float = 0.0,
 ) -> Scene:
     """Draw a leg model with its wearer and its surroundings.
 
     Args:
-        model: The model; with a guided pelvis it stands on a treadmill, one leg alone hangs on a bench.
+        model: The model.
         drives: Joints with a motor.
+        around: What is drawn around it. None guesses it from the model: with a guided pelvis it stands on a
+            treadmill, one leg alone hangs on a bench.
         patient: The wearer to draw, or None.
         slope: By which the treadmill rises forwards in [rad].
 
@@ -56,19 +59,26 @@ def build_scene(
     for side, leg in model.legs.items():
         scene.draw_arcs(side, leg, drives, visuals)
     top, bottom = _extent(scene.figure, model.legs)
-    if model.pelvis is not PelvisGuide.FIXED:
+    around = around or _around(model)
+    if around is Surroundings.TREADMILL:
         _surround_walker(window, scene, model.legs, top - bottom, slope)
         if patient is not None and len(model.legs) > 1:
             hooks = draw_harness(scene.figure, patient, trunk)
             scene.draw_ropes(trunk, hooks, _BAR_ABOVE_HEAD + patient.height)
             scene.view = _whole_walker(scene, patient)
-    elif len(model.legs) == 1:
+    elif around is Surroundings.STAND:
         _surround_bench_leg(window, scene, model.legs, top, bottom)
     else:
         surroundings.draw_floor(window, bottom - 0.02)
         height = top - bottom
         scene.view = View((0.0, 0.0, bottom + 0.62 * height), width=1.3 * height, height=1.5 * height)
     return scene
+
+
+def _around(model: LegModel) -> Surroundings:
+    if model.pelvis is not PelvisGuide.FIXED:
+        return Surroundings.TREADMILL
+    return Surroundings.STAND if len(model.legs) == 1 else Surroundings.FLOOR
 
 
 def build_urdf_scene(window: Window, model: pin.Model, urdf: Path, *, up_axis: str = "z") -> Scene:

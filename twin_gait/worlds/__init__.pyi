@@ -28,6 +28,13 @@ from .bench_leg import ImposedMotionParameters as ImposedMotionParameters
 from .faults import Fault as Fault
 from .faults import FaultKind as FaultKind
 from .faults import parse_fault as parse_fault
+from .registry import world_kinds as world_kinds
+from .registry import world_of as world_of
+from .scenario import Adjustment as Adjustment
+from .scenario import Posture as Posture
+from .scenario import Scenario as Scenario
+from .scenario import Walking as Walking
 from .treadmill import Treadmill as Treadmill
 from .world import LegSource as LegSource
 from .world import World as World
+from .world import start_posture as start_posture

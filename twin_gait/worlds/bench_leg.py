@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from dataclasses import dataclass, field, replace
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 
-from twin_gait.core.plant import ImposedMotion
+from twin_gait.core.plant import ImposedMotion, Plant
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import (
-    ActuatorParameters,
-    AnkleParameters,
-    FrictionLaw,
-    StopParameters,
-    require,
-)
+from twin_gait.parameters import require
 from twin_gait.parameters.quantities import (
     LATER,
     NOT_NEGATIVE,
@@ -29,10 +23,10 @@ from twin_gait.parameters.quantities import (
     RotaryDamping,
     RotaryStiffness,
     Time,
-    UnitInside,
 )
-from twin_gait.vocabulary import JointName, PelvisGuide
-from twin_gait.worlds.world import World, build_plant
+from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
+from twin_gait.worlds.scenario import Posture, Scenario
+from twin_gait.worlds.world import World, start_posture
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +56,7 @@ class ImposedMotionParameters(Parameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchLeg(Parameters):
+class BenchLeg(Scenario):
     """One leg on a stand, stepping in the air.
 
     Attributes:
@@ -71,8 +65,10 @@ class BenchLeg(Parameters):
         imposed_motion: Imposed motion, or None.
     """
 
-    kind: ClassVar = "bench_leg"
-    start_angles: Annotated[Mapping[JointName, Angle], UnitInside(), Key("start")] = field(
+    kind: ClassVar[str] = "bench_leg"
+    surroundings: ClassVar[Surroundings] = Surroundings.STAND
+
+    start_angles: Annotated[Posture, Key("start")] = field(
         default_factory=lambda: {JointName.HIP: math.radians(20.0), JointName.KNEE: math.radians(10.0)}
     )
     initial_phase: Annotated[str | None, Key("start_phase")] = None
@@ -83,36 +79,15 @@ class BenchLeg(Parameters):
         """The stand is fixed."""
         return PelvisGuide.FIXED
 
-    def build(
-        self,
-        model: LegModel,
-        *,
-        friction: Mapping[JointName, FrictionLaw],
-        actuators: Mapping[JointName, ActuatorParameters],
-        stops: StopParameters,
-        ankle: AnkleParameters,
-        gravity: float,
-    ) -> World:
-        """Put a model on the stand.
+    def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
+        """The same stand with a leg that starts in another posture."""
+        return replace(self, start_angles=next(iter(postures.values())))
 
-        Args:
-            model: One leg with a fixed pelvis.
-            friction: True friction of the joints with a drive.
-            actuators: Their motors and gears.
-            stops: Mechanical stops.
-            ankle: The orthosis, if the leg has one.
-            gravity: In [m] / [s²].
-
-        Returns:
-            The world.
-        """
+    def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
+        """Put a model of one leg on the stand."""
         require(len(model.legs) == 1, "legs", "one leg on the bench", len(model.legs))
         (side,) = model.sides
-        q = np.zeros(model.nv)
-        for joint, angle in self.start_angles.items():
-            q[model.index(side, joint)] = angle
-        if model.legs[side].ankle is not None:
-            q[model.index(side, JointName.ANKLE)] = ankle.rest
+        q = start_posture(model, {side: self.start_angles}, ankle_rest)
         imposed_motion = None
         if self.imposed_motion is not None:
             index = model.index(side, self.imposed_motion.joint)
@@ -127,7 +102,7 @@ class BenchLeg(Parameters):
             )
         return World(
             model=model,
-            plant=build_plant(model, friction=friction, actuators=actuators, stops=stops, ankle=ankle),
+            plant=plant,
             start_q=q,
             start_v=np.zeros(model.nv),
             initial_phases={side: self.initial_phase},

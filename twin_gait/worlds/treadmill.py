@@ -3,27 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
 
-from twin_gait.core.belt import Belt, treadmill_speed, treadmill_travel
+from twin_gait.core.belt import Belt
+from twin_gait.core.plant import Plant
 from twin_gait.leg_model import LegModel
-from twin_gait.parameters import (
-    ActuatorParameters,
-    AnkleParameters,
-    BeltProfile,
-    ContactParameters,
-    FrictionLaw,
-    StopParameters,
-    SupportParameters,
-    require,
-)
-from twin_gait.parameters.quantities import Angle, Key, Parameters, Range, Speed, Time, UnitInside
-from twin_gait.vocabulary import JointName, PelvisGuide, Side
-from twin_gait.worlds.world import World, build_plant
+from twin_gait.parameters import BeltProfile, ContactParameters, SupportParameters, require
+from twin_gait.parameters.quantities import Angle, Key, Range, Speed, Time
+from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
+from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE, Adjustment, Posture, Scenario, Walking
+from twin_gait.worlds.world import World, start_posture
 
 _DEGREE = math.pi / 180.0
 STEEPEST = math.radians(10.0)  # [rad]; treadmills rise to 15 % (8.5 deg) as a rule
@@ -32,10 +25,12 @@ FALL_SHARE = 0.75
 SPEEDS = Range(0.0, 2.0, above=True, words="a belt speed above 0 and at most 2 m/s (7.2 km/h)")
 RAMPS = Range(0.0, above=True, endless=True, words="a time above 0")
 SLOPES = Range(-STEEPEST, STEEPEST, words=f"{STEEPEST:.4f} rad (10 deg) at most, up or down")
+KM_PER_H = 1.0 / 3.6  # [m/s]
+BELT_RANGE = (0.5, 1.5)  # of the present speed, in which it may be set; tables are made for one speed
 
 
 @dataclass(frozen=True, kw_only=True)
-class Treadmill(Parameters):
+class Treadmill(Scenario):
     """Treadmill with body-weight support.
 
     The pelvis moves vertically, and in a harness fore-aft against a spring and a damper; guide or harness
@@ -59,7 +54,10 @@ class Treadmill(Parameters):
         trailing_phase: Phase of the trailing leg at the start.
     """
 
-    kind: ClassVar = "treadmill"
+    kind: ClassVar[str] = "treadmill"
+    step: ClassVar[float] = 0.1e-3  # stiff contacts open and close
+    surroundings: ClassVar[Surroundings] = Surroundings.TREADMILL
+
     belt_speed: Annotated[Speed, SPEEDS] = 1.5 / 3.6
     belt: BeltProfile | None = None
     stop_ramp: Annotated[Time, RAMPS] = 0.5
@@ -68,10 +66,10 @@ class Treadmill(Parameters):
     contact: ContactParameters = field(default_factory=ContactParameters)
     leading: Side = Side.LEFT
     # Between two steps of the default walk; both feet reach the belt, and the first swings clear it.
-    leading_angles: Annotated[Mapping[JointName, Angle], UnitInside(), Key("leading_start")] = field(
+    leading_angles: Annotated[Posture, Key("leading_start")] = field(
         default_factory=lambda: {JointName.HIP: 18.0 * _DEGREE, JointName.KNEE: 10.0 * _DEGREE}
     )
-    trailing_angles: Annotated[Mapping[JointName, Angle], UnitInside(), Key("trailing_start")] = field(
+    trailing_angles: Annotated[Posture, Key("trailing_start")] = field(
         default_factory=lambda: {JointName.HIP: -8.0 * _DEGREE, JointName.KNEE: 11.0 * _DEGREE}
     )
     leading_phase: str = "early_stance"
@@ -84,30 +82,6 @@ class Treadmill(Parameters):
             belt.ramp, belt.delay = self.belt.ramp, self.belt.delay
         return belt
 
-    def belt_speed_at(self, time: float, trip_time: float = math.inf) -> float:
-        """Speed of the belt at a time.
-
-        Args:
-            time: In [s].
-            trip_time: Of the trip that brings the belt to rest, in [s]; infinite if there is none.
-
-        Returns:
-            Speed in [m] / [s], backwards positive.
-        """
-        return treadmill_speed(self._belt(), time, trip_time)
-
-    def belt_travel(self, time: float, trip_time: float = math.inf) -> float:
-        """Way that the belt has gone since time 0.
-
-        Args:
-            time: In [s].
-            trip_time: As in :meth:`belt_speed_at`.
-
-        Returns:
-            Way in [m], backwards positive.
-        """
-        return treadmill_travel(self._belt(), time, trip_time)
-
     @property
     def steady(self) -> tuple[float, float]:
         """From when to when in [s] the belt runs evenly and the legs are told to walk."""
@@ -119,55 +93,83 @@ class Treadmill(Parameters):
         """How the pelvis is held."""
         return self.support.guide
 
-    def build(
-        self,
-        model: LegModel,
-        *,
-        friction: Mapping[JointName, FrictionLaw],
-        actuators: Mapping[JointName, ActuatorParameters],
-        stops: StopParameters,
-        ankle: AnkleParameters,
-        gravity: float,
-    ) -> World:
-        """Put a model on the treadmill.
+    @property
+    def walking(self) -> Walking:
+        """On the belt."""
+        return Walking(
+            speed=self.belt_speed,
+            support_share=self.support.share,
+            slope=self.slope,
+            contact=self.contact,
+            belt=self._belt(),
+        )
 
-        Args:
-            model: Both legs with a pelvis that moves.
-            friction: True friction of the joints with a drive.
-            actuators: Their motors and gears.
-            stops: Mechanical stops.
-            ankle: The orthosis.
-            gravity: In [m] / [s²].
+    @property
+    def adjustments(self) -> tuple[Adjustment, ...]:
+        """Speed and support."""
+        speed = self.belt_speed / KM_PER_H
+        return (
+            Adjustment(
+                name=BELT_SPEED,
+                value=self.belt_speed,
+                place="belt_speed",
+                key="belt_speed_km_per_h",
+                label="belt speed",
+                unit="km/h",
+                scale=KM_PER_H,
+                least=BELT_RANGE[0] * speed,
+                largest=BELT_RANGE[1] * speed,
+                step=0.05,
+                help="The table's hip angles follow it by the table's own law.",
+            ),
+            Adjustment(
+                name=SUPPORT_SHARE,
+                value=self.support.share,
+                place="support.share",
+                key="support.share",
+                label="body-weight support",
+                least=0.0,
+                largest=1.0,
+                step=0.01,
+                help="Share of the weight of wearer and device that the ropes carry.",
+            ),
+        )
 
-        Returns:
-            The world.
-        """
+    def leading_of(self, sides: Sequence[Side]) -> Side:
+        """Leg that starts in front."""
+        return self.leading
+
+    def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
+        """The same belt under legs that start in other postures."""
+        trailing = next(angles for side, angles in postures.items() if side is not self.leading)
+        return replace(self, leading_angles=postures[self.leading], trailing_angles=trailing)
+
+    def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
+        """Put a model on the treadmill; both legs, with a pelvis that moves."""
         require(len(model.legs) == 2, "legs", "two legs on a treadmill", len(model.legs))
         require(model.up_axis == "z", "up_axis", "z on a treadmill", model.up_axis)
         frames = {side: leg.contact_frames for side, leg in model.legs.items()}
         require(all(frames.values()), "contact_frames", "heel and toe frames on both feet", frames)
         weight = model.total_mass * gravity
         support_force = self.support.share * weight
-        rows = build_plant(model, friction=friction, actuators=actuators, stops=stops, ankle=ankle)
         pelvis = model.pelvis_index
         assert pelvis is not None  # the pelvis of this scenario moves
-        rows[pelvis].spring.damping, rows[pelvis].spring.force = self.support.damping, support_force
+        plant[pelvis].spring.damping, plant[pelvis].spring.force = self.support.damping, support_force
         if model.forward_index is not None:
-            harness = rows[model.forward_index].spring
+            harness = plant[model.forward_index].spring
             harness.stiffness, harness.damping = self.support.forward_stiffness, self.support.forward_damping
-        q = np.zeros(model.nv)
-        phases: dict[Side, str | None] = {}
+        postures, phases = {}, {}
         for side in model.sides:
             leads = side is self.leading
-            for joint, angle in (self.leading_angles if leads else self.trailing_angles).items():
-                q[model.index(side, joint)] = angle + (self.slope if joint is JointName.HIP else 0.0)
-            if model.legs[side].ankle is not None:
-                q[model.index(side, JointName.ANKLE)] = ankle.rest
+            angles = self.leading_angles if leads else self.trailing_angles
+            hip = angles.get(JointName.HIP, 0.0) + self.slope
+            postures[side] = {**angles, JointName.HIP: hip}
             phases[side] = self.leading_phase if leads else self.trailing_phase
+        q = start_posture(model, postures, ankle_rest)
         q[pelvis] = _stand_on_both_feet(model, q, math.tan(self.slope))
         return World(
             model=model,
-            plant=rows,
+            plant=plant,
             start_q=q,
             start_v=np.zeros(model.nv),
             initial_phases=phases,

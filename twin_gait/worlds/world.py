@@ -180,3 +180,24 @@ def build_plant(
                 plant.friction = friction[joint].in_plant(actuators[joint].gear_efficiency)
                 plant.armature = actuators[joint].armature
     return result
+
+
+def start_posture(
+    model: LegModel, postures: Mapping[Side, Mapping[JointName, float]], ankle_rest: float
+) -> np.ndarray:
+    """Coordinates with each leg in a posture, its ankle at rest unless that says more, and the pelvis at 0.
+
+    Args:
+        postures: Angles in [rad].
+        ankle_rest: In [rad].
+
+    Returns:
+        Shape ``(nv,)``.
+    """
+    q = np.zeros(model.nv)
+    for side, angles in postures.items():
+        if model.legs[side].ankle is not None:
+            q[model.index(side, JointName.ANKLE)] = ankle_rest
+        for joint, angle in angles.items():
+            q[model.index(side, joint)] = angle
+    return q

@@ -18,7 +18,7 @@ from twin_gait.parameters import HEAVIEST_WEARER, JointCondition, Patient
 from twin_gait.simulation import Run
 from twin_gait.simulation.together import EpisodeFailed, simulate_together
 from twin_gait.studies.compare.measures import Measures, run_measures
-from twin_gait.worlds import Treadmill
+from twin_gait.worlds.scenario import BELT_SPEED
 
 # By how much a day differs from the nominal one, either way, evenly distributed (assumptions): clothes and
 # luggage, warm or cold gears, a belt that is not quite what its display says, a good or a bad day.
@@ -236,7 +236,7 @@ def compare(
 
 
 def _check(experiment: Experiment, seeds: int) -> None:
-    if not isinstance(experiment.scenario, Treadmill):
+    if experiment.scenario.walking is None or not experiment.scenario.adjusts(BELT_SPEED):
         raise ParameterError(
             f"{experiment.name}: controllers are compared on the treadmill; name such a preset"
         )
@@ -253,10 +253,10 @@ def _ending(run: Run) -> dict[str, str]:
 
 def varied(experiment: Experiment, seed: int) -> Experiment:
     """The experiment on another day."""
-    scenario, patient, plant = experiment.scenario, experiment.patient, experiment.plant
+    walking, patient, plant = experiment.scenario.walking, experiment.patient, experiment.plant
     if seed == 0:
         return experiment
-    assert isinstance(scenario, Treadmill) and patient is not None  # the caller has checked
+    assert walking is not None and patient is not None  # the caller has checked
     draw = np.random.default_rng((experiment.seed, seed)).uniform(-1.0, 1.0, size=4).tolist()
     friction = {
         joint: (1.0 + FRICTION_SPREAD * draw[1]) * plant.friction_ratio.get(joint, 1.0)
@@ -267,7 +267,7 @@ def varied(experiment: Experiment, seed: int) -> Experiment:
         seed=experiment.seed + seed,
         patient=_on_another_day(patient, draw[0], draw[3]),
         plant=replace(plant, friction_ratio=friction),
-        scenario=replace(scenario, belt_speed=(1.0 + SPEED_SPREAD * draw[2]) * scenario.belt_speed),
+        scenario=experiment.scenario.adjusted(BELT_SPEED, (1.0 + SPEED_SPREAD * draw[2]) * walking.speed),
     )
 
 

@@ -43,7 +43,6 @@ from twin_gait.runs.leg_summary import blend_length, summarise_side
 from twin_gait.runs.run_page import belt_speed_of
 from twin_gait.simulation.run import Run
 from twin_gait.vocabulary import JointName, Outcome, Side
-from twin_gait.worlds import Treadmill
 
 LEAST_STRIDES = 2  # a leg that has made fewer after the first two has not walked
 
@@ -110,11 +109,11 @@ def _gait(run: Run, leg: _Leg, other: _Leg) -> Measures:
 
 def _mean_belt_speed(run: Run) -> float:
     """Speed of the belt in [m] / [s], over the whole run if it starts and stops; a walk has no trip."""
-    scenario = run.experiment.scenario
-    assert isinstance(scenario, Treadmill)  # there is a belt
-    if scenario.belt is None:
-        return scenario.belt_speed
-    return scenario.belt_travel(len(run.log) * TICK) / (len(run.log) * TICK)
+    walking = run.experiment.scenario.walking
+    assert walking is not None  # there is a belt
+    if walking.belt.ramp == 0.0:
+        return walking.belt.cruise
+    return walking.belt_travel(len(run.log) * TICK) / (len(run.log) * TICK)
 
 
 def _mean(values: np.ndarray) -> float:

@@ -10,7 +10,8 @@ from twin_gait.exceptions import ParameterError
 from twin_gait.experiment import Experiment
 from twin_gait.measures.reference import KILOMETRES_PER_HOUR
 from twin_gait.parameters import HEAVIEST_WEARER, LOADED_EFFICIENCY, Patient
-from twin_gait.worlds import Treadmill
+from twin_gait.worlds import Walking
+from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
 
 NOMINAL = "nominal"
 LOW_VOLTAGE, HIGH_VOLTAGE = 23.0, 33.6  # [V], an empty and a full battery
@@ -54,17 +55,18 @@ class Departure(NamedTuple):
     cases: tuple[Case, ...]
 
 
-def check_walker(experiment: Experiment) -> tuple[Treadmill, Patient]:
-    """Belt and wearer of an experiment.
+def check_walker(experiment: Experiment) -> tuple[Walking, Patient]:
+    """How an experiment walks, and its wearer.
 
     Raises:
         ParameterError: If it has no treadmill with a wearer.
     """
-    if not isinstance(experiment.scenario, Treadmill) or experiment.patient is None:
+    scenario, walking, patient = experiment.scenario, experiment.scenario.walking, experiment.patient
+    if walking is None or patient is None or not scenario.adjusts(BELT_SPEED, SUPPORT_SHARE):
         raise ParameterError(
             f"{experiment.name}: expected a treadmill with a wearer; there is nothing to tune"
         )
-    return experiment.scenario, experiment.patient
+    return walking, patient
 
 
 def search_cases(experiment: Experiment) -> tuple[Case, ...]:
@@ -112,7 +114,7 @@ def corner_cases() -> tuple[Case, ...]:
 
 def departures(experiment: Experiment) -> tuple[Departure, ...]:
     """How the world may depart from the one that a table is tuned for, one quantity at a time."""
-    scenario, patient = check_walker(experiment)
+    walking, patient = check_walker(experiment)
     masses = [patient.mass * factor for factor in (0.7, 0.85, 1.0, 1.15, 1.3)]
     masses = sorted({min(HEAVIEST_WEARER, mass) for mass in masses})
     heights = [patient.height + step for step in (-0.1, -0.05, 0.0, 0.05, 0.1)]
@@ -122,16 +124,16 @@ def departures(experiment: Experiment) -> tuple[Departure, ...]:
     actuators = experiment.plant.actuators
     efficiency = sum(item.gear_efficiency for item in actuators.values()) / len(actuators)
     efficiencies = sorted({LOW_EFFICIENCY, LOADED_EFFICIENCY, 0.9, 0.95, efficiency, 1.0})
-    share = scenario.support.share
+    share = walking.support_share
     shares = [share + step for step in (-0.2, -0.1, 0.0, 0.1, 0.2) if 0.0 <= share + step < 1.0]
-    speeds = [scenario.belt_speed * factor for factor in (0.7, 0.85, 1.0, 1.1, 1.2)]
+    speeds = [walking.speed * factor for factor in (0.7, 0.85, 1.0, 1.1, 1.2)]
     return (
         _departure("wearer's mass [kg]", patient.mass, masses, lambda x: _mass(experiment, x / patient.mass)),
         _departure("wearer's height [m]", patient.height, heights, _height),
         _departure("true friction over model", ratio, ratios, _friction),
         _departure("gear efficiency", efficiency, efficiencies, _efficiency),
         _departure("supported share of weight", share, shares, _support),
-        _departure("belt speed [m/s]", scenario.belt_speed, speeds, _speed),
+        _departure("belt speed [m/s]", walking.speed, speeds, _speed),
     )
 
 
@@ -220,26 +222,24 @@ def _voltage(volts: float) -> Change:
 
 def _support(share: float) -> Change:
     def change(walked: Experiment) -> Experiment:
-        scenario, _ = check_walker(walked)
-        return replace(walked, scenario=replace(scenario, support=replace(scenario.support, share=share)))
+        return replace(walked, scenario=walked.scenario.adjusted(SUPPORT_SHARE, share))
 
     return change
 
 
 def _more_support(experiment: Experiment, step: float) -> Change:
-    scenario, _ = check_walker(experiment)
-    return _support(min(0.95, max(0.0, scenario.support.share + step)))
+    return _support(min(0.95, max(0.0, check_walker(experiment)[0].support_share + step)))
 
 
 def _speed(speed: float) -> Change:
     def change(walked: Experiment) -> Experiment:
-        return replace(walked, scenario=replace(check_walker(walked)[0], belt_speed=speed))
+        return replace(walked, scenario=walked.scenario.adjusted(BELT_SPEED, speed))
 
     return change
 
 
 def _faster(experiment: Experiment, factor: float) -> Change:
-    return _speed(factor * check_walker(experiment)[0].belt_speed)
+    return _speed(factor * check_walker(experiment)[0].speed)
 
 
 def _noise(walked: Experiment) -> Experiment:

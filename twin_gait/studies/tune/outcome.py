@@ -127,7 +127,7 @@ def outcome(
         "version": __version__,
         "experiment": experiment.name,
         "wearer": wearer,
-        "belt_speed_m_per_s": check_walker(experiment)[0].belt_speed,
+        "belt_speed_m_per_s": check_walker(experiment)[0].speed,
         "reference": _reference_words(settings, experiment),
         "table_before": experiment.table.name,
         "joints": list(experiment.joints),
@@ -209,8 +209,8 @@ def gait_curves(
         By joint: ``reference``, and those of each side such as ``before left``, in [deg] at ``PERCENT``;
         a walk without a counted stride has no curve.
     """
-    scenario, patient = check_walker(experiment)
-    speed = settings.reference_speed or scenario.belt_speed
+    walking, patient = check_walker(experiment)
+    speed = settings.reference_speed or walking.speed
     curves: dict[str, dict[str, np.ndarray]] = {
         str(joint): {
             "reference": np.degrees(reference_curve(joint, PERCENT, speed=speed, height=patient.height))
@@ -229,7 +229,7 @@ def gait_curves(
 
 
 def _reference_words(settings: Settings, experiment: Experiment) -> str:
-    speed = settings.reference_speed or check_walker(experiment)[0].belt_speed
+    speed = settings.reference_speed or check_walker(experiment)[0].speed
     return (
         f"Koopman et al. (2014) at {speed * KILOMETRES_PER_HOUR:.3g} km/h, from foot contact to foot contact"
     )

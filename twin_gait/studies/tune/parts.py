@@ -36,7 +36,7 @@ from twin_gait.report.reference import reference_cycle, reference_measures
 from twin_gait.runs.leg_summary import by_contact, joint_motion, joint_saturation, torque_at_switches
 from twin_gait.simulation import Run, RunStatus
 from twin_gait.vocabulary import JointName
-from twin_gait.worlds import Treadmill
+from twin_gait.worlds.scenario import BELT_SPEED
 
 WORST = 60.0  # cost of the worst walk that does not fall
 FALL = 150.0  # cost of a fall at the start
@@ -335,8 +335,7 @@ def _as_referred(run: Run, reference_speed: float | None) -> Experiment:
     experiment = run.experiment
     if reference_speed is None:
         return experiment
-    assert isinstance(experiment.scenario, Treadmill)  # a walk to be tuned is on a belt
-    return replace(experiment, scenario=replace(experiment.scenario, belt_speed=reference_speed))
+    return replace(experiment, scenario=experiment.scenario.adjusted(BELT_SPEED, reference_speed))
 
 
 def _reference(run: Run, joint: JointName, reference_speed: float | None) -> np.ndarray | None:

@@ -24,7 +24,7 @@ from twin_gait.viewer.motion import (
 )
 from twin_gait.viewer.page import leg_entry, page_data
 from twin_gait.viewer.staging import build_scene
-from twin_gait.vocabulary import HOLD, JointName, Side
+from twin_gait.vocabulary import HOLD, JointName, Side, Surroundings
 
 _DEGREES = 180.0 / math.pi
 _UNUSED = "inertia_compensation"  # its gain is 0 in a live walk
@@ -61,6 +61,7 @@ class LiveFigure:
         subtitle: str = "",
         patient: Patient | None = None,
         slope: float = 0.0,
+        around: Surroundings | None = None,
         phases: Sequence[str] = (),
     ) -> None:
         """Draw.
@@ -69,6 +70,7 @@ class LiveFigure:
             drives: Joints with a motor.
             patient: The wearer to draw, or None.
             slope: By which the belt rises forwards in [rad].
+            around: What is drawn around the figure; None guesses it from the model.
 
         Raises:
             ModelError: If the URDF cannot be read.
@@ -77,7 +79,9 @@ class LiveFigure:
         self.window = LiveWindow()
         self._model, self._phases, self._slope = model, (*phases, HOLD), slope
         self._drives = tuple(drives)
-        self._scene = build_scene(self.window, model, drives=drives, patient=patient, slope=slope)
+        self._scene = build_scene(
+            self.window, model, drives=drives, around=around, patient=patient, slope=slope
+        )
         self._time, self._travelled = 0.0, 0.0
         self._columns = {side: self._read_out(side) for side in model.sides}
         self._traced = 0

@@ -1,0 +1,1 @@
+"""A world of another package: both legs step in the air, in a frame that holds the pelvis."""

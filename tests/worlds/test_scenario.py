@@ -1,0 +1,81 @@
+"""What a world answers to the rest of the program, and that nobody asks which one it is."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import twin_gait
+from twin_gait import load_experiment
+from twin_gait.vocabulary import JointName, Side
+from twin_gait.worlds import BenchLeg, Treadmill, world_kinds, world_of
+from twin_gait.worlds.scenario import BELT_SPEED, SUPPORT_SHARE
+
+# Its own module, and the list of public names.
+MAY_NAME = {
+    "worlds/treadmill.py",
+    "worlds/bench_leg.py",
+    "worlds/__init__.pyi",
+}
+
+
+def test_no_room_names_a_world():
+    package = Path(twin_gait.__file__).parent
+    naming = {
+        str(path.relative_to(package))
+        for path in package.rglob("*.py*")
+        if path.suffix in (".py", ".pyi") and re.search(r"\b(Treadmill|BenchLeg)\b", path.read_text())
+    }
+    assert naming == MAY_NAME
+
+
+def test_worlds_that_ship_are_found_by_their_kind():
+    assert world_kinds()[:2] == ("bench_leg", "treadmill")
+    assert world_of("treadmill") is Treadmill and world_of("bench_leg") is BenchLeg
+
+
+def test_an_adjusted_treadmill_is_one_with_that_number():
+    world = Treadmill(slope=0.05)
+    slower = world.adjusted(BELT_SPEED, 0.3)
+    assert slower == replace(world, belt_speed=0.3)
+    assert slower.adjusted(SUPPORT_SHARE, 0.2).support == replace(world.support, share=0.2)
+    speed, share = slower.adjustments
+    assert speed.shown == pytest.approx(1.08) and (speed.least, speed.largest) == pytest.approx((0.54, 1.62))
+    assert (share.value, share.shown) == (world.support.share, world.support.share)
+
+
+def test_only_what_a_world_offers_can_be_adjusted():
+    assert Treadmill().adjusts(BELT_SPEED, SUPPORT_SHARE) and not Treadmill().adjusts("gravity")
+    assert not BenchLeg().adjusts(BELT_SPEED)
+
+
+def test_keys_of_adjustments_are_keys_of_files():
+    loaded = load_experiment("treadmill")
+    scenario = loaded.experiment.scenario
+    for item, wanted in zip(scenario.adjustments, (1.2, 0.45), strict=True):
+        changed = load_experiment("treadmill", [f"scenario.{item.key}={wanted}"]).experiment.scenario
+        assert changed == scenario.adjusted(item.name, wanted * item.scale)
+
+
+def test_the_air_has_no_ground_and_the_belt_carries_what_the_ropes_leave():
+    bench, belt = BenchLeg(), Treadmill(slope=0.05)
+    assert bench.walking is None and not bench.grounded and bench.adjustments == ()
+    walking = belt.walking
+    assert belt.grounded and walking.speed == walking.belt.cruise == belt.belt_speed
+    assert walking.carried_share == 1.0 - belt.support.share and walking.slope == 0.05
+
+
+@pytest.mark.parametrize("leading", Side)
+def test_legs_start_in_the_postures_that_they_are_given(leading):
+    postures = {
+        Side.LEFT: {JointName.HIP: 0.1, JointName.KNEE: 0.2},
+        Side.RIGHT: {JointName.HIP: 0.3, JointName.KNEE: 0.4},
+    }
+    world = Treadmill(leading=leading).starting_in(postures)
+    trailing = next(side for side in Side if side is not leading)
+    assert (world.leading_angles, world.trailing_angles) == (postures[leading], postures[trailing])
+    right = {Side.RIGHT: postures[Side.RIGHT]}
+    assert BenchLeg().starting_in(right).start_angles == postures[Side.RIGHT]

@@ -1,0 +1,73 @@
+"""Which worlds there are: a module each of this package, and those that other packages bring."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from inspect import isabstract
+from pathlib import Path
+from pkgutil import iter_modules
+from typing import Any
+
+from twin_gait.exceptions import ParameterError
+from twin_gait.worlds.scenario import Scenario
+
+GROUP = "twin_gait.worlds"  # of entry points, each under the kind of its world
+
+
+@cache
+def _shipped() -> dict[str, type[Scenario]]:
+    names = [item.name for item in iter_modules([str(Path(__file__).parent)]) if not item.ispkg]
+    modules = [import_module(f"{__package__}.{name}") for name in sorted(names)]
+    return {item.kind: item for module in modules for item in vars(module).values() if _is_world(item)}
+
+
+def _is_world(item: Any) -> bool:
+    return isinstance(item, type) and issubclass(item, Scenario) and not isabstract(item)
+
+
+def world_kinds() -> tuple[str, ...]:
+    """Kinds of worlds that there are; those of other packages are not loaded for it."""
+    return (*_shipped(), *entry_points(group=GROUP).names)
+
+
+def world_of(kind: str) -> type[Scenario]:
+    """The class of a world.
+
+    Raises:
+        ParameterError: If there is no such world, or the package that brings it is broken.
+    """
+    if kind in _shipped():
+        return _shipped()[kind]
+    brought = tuple(entry_points(group=GROUP, name=kind))
+    if not brought:
+        raise ParameterError(
+            f"no world {kind!r}; there are {', '.join(world_kinds())}: install the package that has it"
+        )
+    world = load_plugin(brought[0])
+    if not _is_world(world) or getattr(world, "kind", None) != kind:
+        raise ParameterError(f"{words(brought[0])}: expected a Scenario with the kind {kind}; repair it")
+    found: type[Scenario] = world
+    return found
+
+
+def load_plugin(entry: EntryPoint) -> Any:
+    """What an entry point of another package names.
+
+    Raises:
+        ParameterError: If it cannot be imported.
+    """
+    try:
+        return entry.load()
+    except Exception as error:  # whatever the other package does when it is imported
+        problem = f"{type(error).__name__}: {error}"
+        raise ParameterError(
+            f"{words(entry)} cannot be loaded ({problem}); repair or uninstall it"
+        ) from error
+
+
+def words(entry: EntryPoint) -> str:
+    """An entry point in words, to begin a message with."""
+    package = "" if entry.dist is None else f" of the package {entry.dist.name}"
+    return f"plug-in {entry.value}{package}"

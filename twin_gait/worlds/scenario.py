@@ -1,0 +1,190 @@
+"""What all worlds have in common for the rest of the program, which knows none of them by name."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
+
+from twin_gait.core.belt import Belt, treadmill_speed, treadmill_travel
+from twin_gait.core.plant import Plant
+from twin_gait.leg_model import LegModel
+from twin_gait.parameters import ContactParameters
+from twin_gait.parameters.quantities import Angle, Parameters, UnitInside
+from twin_gait.vocabulary import JointName, PelvisGuide, Side, Surroundings
+from twin_gait.worlds.world import World
+
+Posture = Annotated[Mapping[JointName, Angle], UnitInside()]  # angles of the joints of a leg in [rad]
+# Names of adjustments that tuning and comparing ask a world for.
+BELT_SPEED, SUPPORT_SHARE = "belt_speed", "support_share"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walking:
+    """Walking on ground, where a world has some.
+
+    Attributes:
+        speed: Over the ground in [m] / [s].
+        support_share: Share of the weight of wearer and device that ropes carry.
+        slope: By which the ground rises forwards in [rad].
+        contact: Of heels and toes.
+        belt: What sets the speed of the ground; one at rest for ground that stays.
+    """
+
+    speed: float
+    support_share: float = 0.0
+    slope: float = 0.0
+    contact: ContactParameters = field(default_factory=ContactParameters)
+    belt: Belt = field(default_factory=Belt)
+
+    @property
+    def carried_share(self) -> float:
+        """Share of the weight that the legs carry."""
+        return 1.0 - self.support_share
+
+    def belt_speed_at(self, time: float, trip_time: float = math.inf) -> float:
+        """Speed of the belt at a time.
+
+        Args:
+            time: In [s].
+            trip_time: Of the trip that brings the belt to rest, in [s]; infinite if there is none.
+
+        Returns:
+            Speed in [m] / [s], backwards positive.
+        """
+        return treadmill_speed(self.belt, time, trip_time)
+
+    def belt_travel(self, time: float, trip_time: float = math.inf) -> float:
+        """Way that the belt has gone since time 0.
+
+        Args:
+            time: In [s].
+            trip_time: As in :meth:`belt_speed_at`.
+
+        Returns:
+            Way in [m], backwards positive.
+        """
+        return treadmill_travel(self.belt, time, trip_time)
+
+
+class Adjustment(NamedTuple):
+    """A number of a world that others may set: a live session, a search for a table, another day.
+
+    A walk that is under way takes over what follows of belt speed, support force and scaled gait table.
+
+    Attributes:
+        name: Of the control in a live session.
+        value: Present value in SI.
+        place: Of the number in the world, such as ``support.share``.
+        key: In a file, below ``scenario``.
+        label: In words.
+        least: Least value, in ``unit``.
+        largest: Largest value, in ``unit``.
+        step: Of the control, in ``unit``.
+        help: One sentence.
+        unit: Of the control.
+        scale: SI value of one unit.
+    """
+
+    name: str
+    value: float
+    place: str
+    key: str
+    label: str
+    least: float
+    largest: float
+    step: float
+    help: str
+    unit: str = ""
+    scale: float = 1.0
+
+    @property
+    def shown(self) -> float:
+        """Present value in the unit."""
+        return self.value / self.scale
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario(Parameters, ABC):
+    """A world with its parameters: the abstract base of all worlds.
+
+    A new world is a frozen dataclass of its own in a module of this package, or in another package under the
+    entry point ``twin_gait.worlds``. What it does not say is so in the air: no ground, nothing to adjust, and
+    a leg that always walks.
+
+    Attributes:
+        kind: Name of the world in files.
+        step: Of the compiled engine in [s] where none is asked for.
+        surroundings: What is drawn around the figure.
+    """
+
+    step: ClassVar[float] = 1e-3
+    surroundings: ClassVar[Surroundings] = Surroundings.FLOOR
+
+    @property
+    @abstractmethod
+    def pelvis(self) -> PelvisGuide:
+        """How the pelvis is held."""
+
+    @abstractmethod
+    def build(self, model: LegModel, *, plant: tuple[Plant, ...], ankle_rest: float, gravity: float) -> World:
+        """Put a model into the world.
+
+        Args:
+            model: The legs, with a pelvis that is held as the world has it.
+            plant: Friction, stops and ankle springs of every coordinate; what else acts may be added.
+            ankle_rest: Angle in [rad] at which the orthosis gives no torque.
+            gravity: In [m] / [s²].
+
+        Returns:
+            The world.
+
+        Raises:
+            ParameterError: If the model does not fit.
+        """
+
+    @abstractmethod
+    def starting_in(self, postures: Mapping[Side, Posture]) -> Self:
+        """The same world with legs that start in other postures."""
+
+    def leading_of(self, sides: Sequence[Side]) -> Side:
+        """Leg with which a cycle begins; the other is half a cycle behind."""
+        return sides[0]
+
+    @property
+    def walking(self) -> Walking | None:
+        """How legs walk on the ground; None in the air."""
+        return None
+
+    @property
+    def grounded(self) -> bool:
+        """Whether feet meet ground, and sensors in them the load."""
+        return self.walking is not None
+
+    @property
+    def steady(self) -> tuple[float, float]:
+        """From when to when in [s] the legs are to walk evenly."""
+        return (0.0, math.inf)
+
+    @property
+    def adjustments(self) -> tuple[Adjustment, ...]:
+        """What may be set to another value, in the order in which a page shows it."""
+        return ()
+
+    def adjusts(self, *names: str) -> bool:
+        """Whether there are adjustments of some names."""
+        return {*names} <= {item.name for item in self.adjustments}
+
+    def adjusted(self, name: str, value: float) -> Self:
+        """The same world with another value of an adjustment, in SI."""
+        place = next(item.place for item in self.adjustments if item.name == name)
+        changed: Self = _with_value(self, place, value)
+        return changed
+
+
+def _with_value(parameters: Any, place: str, value: float) -> Any:
+    first, _, rest = place.partition(".")
+    inner = _with_value(getattr(parameters, first), rest, value) if rest else value
+    return replace(parameters, **{first: inner})
