@@ -15,7 +15,8 @@ from enum import StrEnum
 
 from twin_gait.core import blending
 from twin_gait.exceptions import GaitTableError
-from twin_gait.gait.guards import OTHER, AllOf, Comparison, Guard, PhaseMembership, all_signal_names, atoms
+from twin_gait.gait.guards import AllOf, Comparison, Guard, PhaseMembership, atoms
+from twin_gait.gait.signals import OTHER, all_signal_names
 from twin_gait.parameters import require, require_non_negative, require_positive, require_share
 from twin_gait.vocabulary import PRE_SWING, Side
 
